@@ -1,11 +1,11 @@
-"""End friction taken out of specimens that another program made: errors, band, and its coverage over noisy draws.
+"""End friction taken out of another program's specimens: errors, band, its coverage over noisy draws.
 
     python -m benchmarks.baseline_specimens [--only yeoh/0.3] [--draws 100] [--workers 2]
 
 A row a specimen (`tests/reference/H_force.csv`, `A_force_radius.csv`, `G_friction_force.csv`) goes into
-`benchmarks/results/baseline_specimens.json` as soon as it is done; those that are there are not run again. The draws
-are five specimens of one material, their stiffness scattered by 2 % and each sample by 0.5 %, taken through the
-correction's own derivative.
+`benchmarks/results/baseline_specimens.json` as soon as it is done; those that are there are not run again.
+The draws are five specimens of one material, their stiffness scattered by 2 % and each sample by 0.5 %, taken
+through the correction's own derivative.
 """
 
 import argparse

@@ -20,7 +20,16 @@ from typing import Any
 import numpy as np
 
 from benchmarks.coverage_counts import summary
-from benchmarks.coverage_problem import BONDED, GROUP, SLIDING, FloatArray, drawn, experiment, simulate
+from benchmarks.coverage_problem import (
+    BONDED,
+    GROUP,
+    SLIDING,
+    FloatArray,
+    drawn,
+    experiment,
+    extrapolated,
+    simulate,
+)
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.settings import Settings
@@ -46,8 +55,9 @@ class Study:
     """The surrogate's mesh."""
     refined_mesh: tuple[int, int] = USUAL.refined_mesh
     """The mesh of the answer."""
-    truth_mesh: tuple[int, int] = (96, 129)
-    """The mesh of the truth, of F-bar elements."""
+    truth_mesh: tuple[int, int] = (128, 172)
+    """The finer mesh of the truth, of F-bar elements; the other has half as many elements either way, and
+    the truth is what both extrapolate to, see `benchmarks.coverage_problem.extrapolated`."""
     device: str = "cpu"
     """Where the identifications are run; one process a core on a CPU, each with one thread."""
     truth_device: str = "cpu"
@@ -62,6 +72,11 @@ class Study:
                 f"the truth's mesh has {self.truth_mesh[0]} elements across the radius, must have 1.5 times "
                 f"the {finest} of the identification: a truth as coarse as the answer flatters it"
             )
+
+    @property
+    def coarser_truth_mesh(self) -> tuple[int, int]:
+        """The mesh that the truth is extrapolated from, beside `truth_mesh`."""
+        return self.truth_mesh[0] // 2, self.truth_mesh[1] // 2
 
     @property
     def interface(self) -> str:
@@ -137,13 +152,17 @@ def make_truths(study: Study, folder: Path, numbers: list[int]) -> str:
     """Simulate the exact force and outline of some experiments of one group, and keep them."""
     started = time.perf_counter()
     pairs = [drawn(number, study.seed) for number in numbers]
-    seen = simulate(
-        pairs[0][0],
-        [truth for _, truth in pairs],
-        mesh=study.truth_mesh,
-        device=study.truth_device,
-        interface=study.interface,
+    fine, coarse = (
+        simulate(
+            pairs[0][0],
+            [truth for _, truth in pairs],
+            mesh=mesh,
+            device=study.truth_device,
+            interface=study.interface,
+        )
+        for mesh in (study.truth_mesh, study.coarser_truth_mesh)
     )
+    seen = [extrapolated(*both) for both in zip(fine, coarse, strict=True)]
     for number, (force, Z) in zip(numbers, seen, strict=True):
         place = _truth_file(study, folder, number)
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -203,7 +222,9 @@ def main() -> None:
     parser.add_argument("--experiments", type=int, default=200)
     parser.add_argument("--mesh", default=_written(Study.mesh), help="of the surrogate")
     parser.add_argument("--refined-mesh", default=_written(Study.refined_mesh), help="of the answer")
-    parser.add_argument("--truth-mesh", default=_written(Study.truth_mesh), help="of the truth, F-bar")
+    parser.add_argument(
+        "--truth-mesh", default=_written(Study.truth_mesh), help="finer one of the truth, F-bar"
+    )
     parser.add_argument("--device", default="cpu", help="of the identifications")
     parser.add_argument("--truth-device", help="of the truths; that of the identifications if left out")
     parser.add_argument("--workers", type=int, default=1, help="processes that identify")

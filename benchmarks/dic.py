@@ -4,6 +4,7 @@
     python -m benchmarks.dic --peer ../peer/bin/python          # pyvale too, in its own environment
     python -m benchmarks.dic --device cuda --points 1000000     # a GPU
     python -m benchmarks.dic --whole ../shared/data/shots/open-01    # a whole shot, stage by stage
+    python -m benchmarks.dic --whole ../shared/data/shots/open-01 --device cuda --repeats 1
 
 The pictures are those of `benchmarks.dic_problem`: 512² px, speckles of 5 px, noise of 2 grey levels, subsets
 of 21 px, guesses 0.3 px off. Pictures are prepared before; what a call of `correlate` does is timed, its
@@ -57,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if is_busy():
         print("This machine has other work: rates are too low.\n")
     if options.whole:
-        found = dic_whole.runs(options.whole, min(options.repeats, WHOLE))
+        found = dic_whole.runs(options.whole, min(options.repeats, WHOLE), device=options.device)
         if options.json:
             dic_whole.merged(options.json, found)
         return

@@ -6,20 +6,15 @@ their standard deviations in any component. Limits were chosen on the population
 "judged". The folder keeps a file a scene: called again, the study goes on where it stopped.
 """
 
-import argparse
-import json
-import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from benchmarks.outlier_scenes import RADIUS, drawn, followed, rig
+from benchmarks.resumable import answers, asked, told
 from dic.bodies.follow import TrackedBody
 from dic.chain.outliers import gate_epipolar, gate_residual, gate_surface
 from dic.outcome import PointOutcome
@@ -97,42 +92,16 @@ def table(counts: Iterable[Count]) -> str:
     return "\n".join(lines)
 
 
-def study(
-    population: str,
-    n: int,
-    out: Path,
-    *,
-    workers: int = 1,
-    device: str = "cpu",
-    say: Callable[[str], Any] = print,
-) -> list[Count]:
-    """Count all scenes; those whose file is there already are read."""
-    out.mkdir(parents=True, exist_ok=True)
-    files = {seed: out / f"{population}-{seed:04d}.json" for seed in range(n)}
-    missing = [seed for seed, file in files.items() if not file.exists()]
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        jobs = {seed: pool.submit(counted, population, seed, device) for seed in missing}
-        for seed, job in jobs.items():
-            files[seed].write_text(json.dumps(asdict(job.result())) + "\n")
-            say(f"{population} {seed}: {files[seed].read_text().strip()}")
-    return [Count(**json.loads(file.read_text())) for file in files.values()]
+def measured(population: str, seed: int, device: str) -> dict[str, Any]:
+    """`counted` as JSON can hold it."""
+    return asdict(counted(population, seed, device))
 
 
 def main() -> None:
     """Run the study and print its table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--population", choices=POPULATIONS, default="judged")
-    parser.add_argument("--n", type=int, default=24, help="scenes")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the answers")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--device", default="cpu")
-    options = parser.parse_args()
-    found = study(options.population, options.n, options.out, workers=options.workers, device=options.device)
-    text = table(found)
-    (options.out / f"{options.population}.md").write_text(text + "\n")
-    print(text)
+    o = asked(__doc__, POPULATIONS, 24)
+    found = answers(measured, o.population, o.n, o.out, workers=o.workers, device=o.device)
+    told(o, table(Count(**count) for count in found))
 
 
 if __name__ == "__main__":

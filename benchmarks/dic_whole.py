@@ -83,7 +83,7 @@ def shot_of(folder: Path, raw: Path) -> Path:
     return folder
 
 
-def runs(raw: Path, repeats: int, *, say: Callable[[str], Any] = print) -> list[Whole]:
+def runs(raw: Path, repeats: int, *, device: str = "cpu", say: Callable[[str], Any] = print) -> list[Whole]:
     """Run the command several times, once more before to compile and to warm up.
 
     Parameters
@@ -92,6 +92,8 @@ def runs(raw: Path, repeats: int, *, say: Callable[[str], Any] = print) -> list[
         The folder with open-01's raw files.
     repeats
         Runs that count.
+    device
+        Where pictures are correlated.
     say
         Told of each run.
     """
@@ -108,7 +110,7 @@ def runs(raw: Path, repeats: int, *, say: Callable[[str], Any] = print) -> list[
             wall, processor = time.perf_counter(), time.process_time()
             told = StringIO()
             with redirect_stdout(told), redirect_stderr(StringIO()):
-                dic(shot, out=folder / "out", again=True)
+                dic(shot, out=folder / "out", again=True, device=device)
             whole = Whole(
                 wall=time.perf_counter() - wall,
                 processor=time.process_time() - processor,

@@ -12,15 +12,15 @@ import json
 import statistics
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from benchmarks.forty_shots import KINDS, Answer, Study, one
 from kolsky.base.errors import InputError
 from kolsky.base.files import write_table
+from kolsky.base.process import process_pool
 from kolsky.virtual.make import make
 from kolsky.virtual.shot_folder import TRUTH
 from kolsky.virtual.specification import Series, SpecificationFile, read_specification
@@ -34,6 +34,8 @@ def series_of(study: Study) -> Series:
     """The population, with what the study changes of it."""
     series = read_specification(study.spec)
     content = dict(series.file.content)
+    if study.seed is not None:
+        content["seed"] = study.seed
     if study.truth_mesh is not None:
         content["truth"] = {**content.get("truth", {}), "mesh": list(study.truth_mesh)}
     content["cameras"] = {**content.get("cameras", {}), "write": not study.exports}
@@ -71,7 +73,7 @@ def answers_of(study: Study, names: list[str], workers: int) -> Iterator[Answer]
     if workers == 1:
         yield from (one(study, name) for name in names)
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with process_pool(workers) as pool:
         for future in as_completed([pool.submit(one, study, name) for name in names]):
             yield future.result()
 
@@ -100,9 +102,11 @@ def summary(study: Study, answers: list[Answer], missing: str) -> dict[str, Any]
     refused = [answer for answer in answers if answer.kind == "refused"]
     kept = Path(study.out) / MAKING
     return {
+        "seed": series_of(study).declared.seed,
         "shots": len(answers),
         **{kind: kinds.count(kind) for kind in KINDS},
         "share right": kinds.count("right") / len(answers) if answers else None,
+        **spread(answers),
         "refused, right with a cure": sum(answer.end.kind == "right" for answer in refused),
         "median time": statistics.median(answer.seconds for answer in answers) if answers else None,
         "making": json.loads(kept.read_text("utf-8")) if kept.exists() else [],
@@ -114,12 +118,24 @@ def summary(study: Study, answers: list[Answer], missing: str) -> dict[str, Any]
     }
 
 
+def spread(answers: list[Answer]) -> dict[str, float | None]:
+    """Errors of m over their standard uncertainties, of the answered shots: root mean square and largest."""
+    z = [(a.value - a.truth) / a.sigma for a in answers if a.answered and a.value is not None and a.sigma]
+    if not z:
+        return {"scatter": None, "largest": None}
+    return {
+        "scatter": statistics.fmean(one * one for one in z) ** 0.5,
+        "largest": max(abs(one) for one in z),
+    }
+
+
 def main() -> None:
     """Run what is not there yet, and print the table."""
     parser = argparse.ArgumentParser(description="From pictures and volts only to m, on a drawn population.")
     parser.add_argument("--spec", default=str(SPEC))
     parser.add_argument("--out", required=True)
     parser.add_argument("--only", default="", help="numbers and ranges, e.g. 1-8,12")
+    parser.add_argument("--seed", type=int, default=None, help="of the population, instead of its own")
     parser.add_argument("--exports", action="store_true", help="tables instead of pictures")
     parser.add_argument("--no-cures", action="store_true", help="leave refused shots alone")
     parser.add_argument("--mesh", default="24x32")
@@ -134,6 +150,7 @@ def main() -> None:
     study = Study(
         spec=given.spec,
         out=given.out,
+        seed=given.seed,
         exports=given.exports,
         mesh=texts.mesh("--mesh", given.mesh),
         refined_mesh=texts.mesh("--refined-mesh", given.refined_mesh),

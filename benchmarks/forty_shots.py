@@ -37,6 +37,8 @@ class Study:
 
     spec: str
     out: str
+    seed: int | None = None
+    """Seed of the population; None: that of the specification."""
     exports: bool = False
     mesh: tuple[int, int] = (24, 32)
     refined_mesh: tuple[int, int] = (64, 86)

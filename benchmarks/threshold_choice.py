@@ -13,7 +13,7 @@ from typing import Any
 
 from scipy.stats import binomtest
 
-from kolsky.diagnosis.causes import EVIDENCE
+from kolsky.diagnosis.cause_ranking import EVIDENCE
 from kolsky.diagnosis.thresholds import LIMITS, SLOW_LIMITS
 from kolsky.inverse.result import Identification
 

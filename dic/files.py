@@ -1,7 +1,9 @@
 """Files that are complete or not there at all, and text that a spreadsheet shows and does not evaluate."""
 
+import errno
 import os
 import secrets
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,6 +34,33 @@ def replacing(path: Path) -> Iterator[Path]:
             os.fsync(folder)
         finally:
             os.close(folder)
+
+
+KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+"""What may stand under a name beside regular files, in words."""
+
+
+def regular(path: Path | str) -> Path:
+    """The path of a regular file; whatever else it names is refused before it is opened.
+
+    A pipe that nobody writes to never answers, a device never ends, and links lead to both.
+
+    Raises
+    ------
+    OSError
+        If there is no such file, or it is a folder, a pipe, a socket or a device; `strerror` says which.
+    """
+    mode = os.stat(path).st_mode
+    if stat.S_ISREG(mode):
+        return Path(path)
+    kind = next((words for is_one, words in KINDS if is_one(mode)), "something else")
+    raise OSError(errno.EINVAL, f"it is {kind}, not a regular file", str(path))
 
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")

@@ -16,6 +16,7 @@ copyright = "2026, the kolsky developers"
 version = release = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
 
 extensions = [
+    "local_mathjax",
     "made_tables",
     "model_pages",
     "module_pages",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,7 @@ from doe.arrays import FloatArray
 
 APPLICATION = 0x6B6F6C73
 """SQLite's application id of a ledger: "kols"."""
-VERSION = 1
+VERSION = 2
 """Version of the table."""
 TABLE = """CREATE TABLE runs (
   key BLOB PRIMARY KEY NOT NULL CHECK (length(key) = 32),
@@ -32,8 +32,20 @@ TABLE = """CREATE TABLE runs (
   outcome TEXT NOT NULL,
   reason TEXT NOT NULL,
   results BLOB NOT NULL,
+  digest BLOB NOT NULL CHECK (length(digest) = 32),
   seconds REAL NOT NULL
 ) STRICT, WITHOUT ROWID"""
+FIRST_TABLE = """CREATE TABLE runs (
+  key BLOB PRIMARY KEY NOT NULL CHECK (length(key) = 32),
+  model BLOB NOT NULL CHECK (length(model) = 32),
+  parameters BLOB NOT NULL,
+  completed INTEGER NOT NULL CHECK (completed IN (0, 1)),
+  outcome TEXT NOT NULL,
+  reason TEXT NOT NULL,
+  results BLOB NOT NULL,
+  seconds REAL NOT NULL
+) STRICT, WITHOUT ROWID"""
+"""The table of version 1, which had no digests; it is rewritten when it is opened."""
 OLDEST = (3, 37, 0)
 """The first SQLite with STRICT tables."""
 LITTLE = np.dtype("<f8")
@@ -69,7 +81,8 @@ class Ledger:
     """A SQLite file of runs, held by one process at a time; a context manager.
 
     The file is in WAL mode and every `record` is one transaction with a sync: a process killed at any
-    moment leaves the chunks recorded before, whole. Nothing in the file is believed before it is checked.
+    moment leaves the chunks recorded before, whole. Nothing in the file is believed before it is checked: a
+    row carries the SHA-256 of its key and its results, and one that does not fit counts as not there.
 
     Parameters
     ----------
@@ -92,6 +105,8 @@ class Ledger:
         if sqlite3.sqlite_version_info < OLDEST:
             raise LedgerError(f"a ledger needs SQLite 3.37 or newer, this is {sqlite3.sqlite_version}")
         self.path, self.model = Path(path), bytes(model)
+        self.damaged: list[str] = []
+        """Beginnings of the keys of rows that were found damaged, in hexadecimal digits."""
         with self._refusing():
             self._sql = sqlite3.connect(self.path, isolation_level=None, timeout=0.0)
         try:
@@ -119,7 +134,9 @@ class Ledger:
             return int(self._sql.execute("SELECT count(*) FROM runs").fetchone()[0])
 
     def find(self, points: ArrayLike) -> list[Run | None]:
-        """The runs at some points of this model, None where there is none.
+        """The runs at some points of this model, None where there is none or the row is damaged.
+
+        A damaged row is named in `damaged`; to `record` the run again replaces it.
 
         Parameters
         ----------
@@ -129,14 +146,17 @@ class Ledger:
         Raises
         ------
         LedgerError
-            If a row found is not what was recorded under that key.
+            If the file cannot be read.
         """
         found: list[Run | None] = []
         with self._refusing():
             for point in np.asarray(points, dtype=np.float64):
                 key = run_key(self.model, point)
                 row = self._sql.execute(f"SELECT {_COLUMNS} FROM runs WHERE key = ?", (key,)).fetchone()
-                found.append(None if row is None else self._checked(row))
+                run = None if row is None else _run(row)
+                if row is not None and run is None:
+                    self.damaged.append(key.hex()[:12])
+                found.append(run)
         return found
 
     def record(self, points: ArrayLike, runs: Sequence[Run]) -> None:
@@ -155,7 +175,7 @@ class Ledger:
             If the file cannot be written.
         """
         rows = [
-            (
+            _row(
                 run_key(self.model, point),
                 self.model,
                 _floats(point + 0.0),
@@ -191,10 +211,13 @@ class Ledger:
         taken = 0
         with Ledger(path, self.model) as other, self._transaction():
             for row in other._rows():
-                theirs = other._checked(row)
+                theirs = _run(row)
+                if theirs is None:
+                    raise LedgerError(
+                        f"{path}: run {row[0].hex()[:12]} is damaged; run its sweep again: it is made anew"
+                    )
                 mine = self._sql.execute(f"SELECT {_COLUMNS} FROM runs WHERE key = ?", (row[0],)).fetchone()
-                if mine is not None:
-                    ours = self._checked(mine)
+                if mine is not None and (ours := _run(mine)) is not None:
                     if ours.completed and theirs.completed and mine[:-1] != row[:-1]:
                         raise LedgerError(
                             f"{path}: run {row[0].hex()[:12]} has other results than in {self.path}; "
@@ -210,9 +233,7 @@ class Ledger:
         """SHA-256 of every row but its seconds, in the order of the keys: equal for equal contents."""
         total = hashlib.sha256()
         for row in self._rows():
-            for entry in row[:-1]:
-                data = entry if isinstance(entry, bytes) else str(entry).encode()
-                total.update(len(data).to_bytes(8, "little") + data)
+            total.update(_digest(row[:-1]))
         return total.hexdigest()
 
     def _rows(self) -> Iterator[tuple[Any, ...]]:
@@ -229,7 +250,9 @@ class Ledger:
             self._sql.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
         )
         empty = not schema and stamp == (0, 0)
-        if not empty and (stamp != (APPLICATION, VERSION) or schema != [("table", "runs", TABLE)]):
+        first = stamp == (APPLICATION, 1) and schema == [("table", "runs", FIRST_TABLE)]
+        known = stamp == (APPLICATION, VERSION) and schema == [("table", "runs", TABLE)]
+        if not (empty or first or known):
             raise LedgerError(
                 f"{self.path}: is not a ledger of version {VERSION}; give another place for the ledger"
             )
@@ -240,23 +263,22 @@ class Ledger:
             self._sql.execute(TABLE)
             self._sql.execute(f"PRAGMA application_id = {APPLICATION}")
             self._sql.execute(f"PRAGMA user_version = {VERSION}")
+        if first:
+            self._rewrite_first()
         self._sql.execute("COMMIT")
         health = self._sql.execute("PRAGMA quick_check(1)").fetchone()[0]
         if health != "ok" or mode != "wal":
             raise LedgerError(f"{self.path}: is damaged ({health}, journal {mode}); restore it or remove it")
 
-    def _checked(self, row: tuple[Any, ...]) -> Run:
-        """A row as a run, if its types and lengths are right and its key is that of its contents."""
-        key, model, parameters, completed, outcome, reason, results, seconds = row
-        if (
-            key != hashlib.sha256(model + parameters).digest()
-            or len(parameters) % 8
-            or len(results) % 8
-            or not seconds >= 0.0
-        ):
-            raise LedgerError(f"{self.path}: run {key.hex()[:12]} is damaged; remove the file and run again")
-        numbers = np.frombuffer(results, dtype=LITTLE).astype(np.float64)
-        return Run(bool(completed), outcome, numbers, reason, seconds)
+    def _rewrite_first(self) -> None:
+        """Give the rows of version 1 their digests: they are believed as they stand."""
+        rows = self._sql.execute(f"SELECT {_COLUMNS.replace('digest, ', '')} FROM runs").fetchall()
+        self._sql.execute("DROP TABLE runs")
+        self._sql.execute(TABLE)
+        self._sql.executemany(
+            f"INSERT INTO runs ({_COLUMNS}) VALUES ({_MARKS})", [_row(*row) for row in rows]
+        )
+        self._sql.execute(f"PRAGMA user_version = {VERSION}")
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
@@ -279,8 +301,38 @@ class Ledger:
             raise LedgerError(f"{self.path}: {cure if busy else error}") from error
 
 
-_COLUMNS = "key, model, parameters, completed, outcome, reason, results, seconds"
-_MARKS = ", ".join("?" * 8)
+_COLUMNS = "key, model, parameters, completed, outcome, reason, results, digest, seconds"
+_MARKS = ", ".join("?" * 9)
+
+
+def _row(*entries: Any) -> tuple[Any, ...]:
+    """The entries of a row with their digest before the seconds."""
+    return (*entries[:-1], _digest(entries[:-1]), entries[-1])
+
+
+def _run(row: tuple[Any, ...]) -> Run | None:
+    """A row as a run; None if its digest is not its contents', or its key not its parameters'."""
+    key, model, parameters, completed, outcome, reason, results, digest, seconds = row
+    sound = (
+        digest == _digest(row[:-2])
+        and key == hashlib.sha256(model + parameters).digest()
+        and len(parameters) % 8 == 0
+        and len(results) % 8 == 0
+        and seconds >= 0.0
+    )
+    if not sound:
+        return None
+    numbers = np.frombuffer(results, dtype=LITTLE).astype(np.float64)
+    return Run(bool(completed), outcome, numbers, reason, seconds)
+
+
+def _digest(entries: Iterable[Any]) -> bytes:
+    """SHA-256 of entries, each behind its length."""
+    total = hashlib.sha256()
+    for entry in entries:
+        data = entry if isinstance(entry, bytes) else str(entry).encode()
+        total.update(len(data).to_bytes(8, "little") + data)
+    return total.digest()
 
 
 def _floats(values: ArrayLike) -> bytes:

@@ -6,15 +6,18 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import warp as wp
 
+WORKER = "WORKER_NUMBER"
+"""Variable of the environment that numbers the processes which share the GPUs of a machine, from 0."""
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 
 def select_device(name: str) -> Any:
-    """Start Warp quietly and return a device.
+    """Start Warp quietly and return a device: "cpu", "cuda:1", or by "cuda" this process's own (`own_gpu`).
 
     Raises
     ------
@@ -23,10 +26,16 @@ def select_device(name: str) -> Any:
     """
     _start()
     known = {"cpu"} | {device.alias for device in wp.get_cuda_devices()}
-    alias = "cuda:0" if name == "cuda" else name
+    alias = f"cuda:{own_gpu(len(wp.get_cuda_devices()))}" if name == "cuda" else name
     if alias not in known:
         raise ValueError(f"device must be one of {sorted(known)}, got {name!r}")
     return wp.get_device(alias)
+
+
+def own_gpu(count: int) -> int:
+    """Number of the GPU that a process takes which shares `count` of them with others: one after the other by
+    `WORKER`, the first where it is not set."""
+    return int(os.environ.get(WORKER, "0")) % max(count, 1)
 
 
 @cache
@@ -59,3 +68,15 @@ def _without(expected: str) -> Iterator[None]:
             for line in caught:
                 if expected not in line:
                     os.write(2, line.encode())
+
+
+def available() -> tuple[str, ...]:
+    """Names of the devices that a run may be given, the CPU first, each with what it is."""
+    _start()
+    return tuple(f"{device.alias} ({device.name})" for device in wp.get_devices())
+
+
+def kernel_cache() -> Path:
+    """The folder of compiled kernels."""
+    _start()
+    return Path(wp.config.kernel_cache_dir)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import warp as wp
@@ -122,6 +123,26 @@ def packs(n_samples: int, lanes: int, n_elements: int) -> list[tuple[Mapping, in
 
 def run_in_lanes(batch: PreparedBatch, threads: int, progress: Progress | None) -> dict[str, FloatArray]:
     """Packs of simulations, or simulations of packs of elements, shared out over threads."""
+    _work(lane_jobs(batch), threads, progress)
+    return histories_of(batch)
+
+
+def run_all_in_lanes(batches: Sequence[PreparedBatch], threads: int) -> list[dict[str, FloatArray]]:
+    """Batches of different models, the launches of all of them shared out over threads."""
+    _work([job for batch in batches for job in lane_jobs(batch)], threads, None)
+    return [histories_of(batch) for batch in batches]
+
+
+def histories_of(batch: PreparedBatch) -> dict[str, FloatArray]:
+    """What a batch on the CPU has recorded."""
+    return {name: getattr(batch.output, name).numpy().copy() for name in HISTORIES}
+
+
+def lane_jobs(batch: PreparedBatch) -> list[Callable[[], int]]:
+    """The launches of a batch on a CPU, in any order; each returns how many simulations it has run.
+
+    Kernels are generated and loaded here: a launch compiles nothing.
+    """
     kernel, model, numbers = batch.kernel, batch.model, batch.numbers
     lanes = PACK_BYTES // numbers.dtype().itemsize
     jobs = packs(batch.n_samples, lanes, model.mesh.n_elements)
@@ -137,13 +158,16 @@ def run_in_lanes(batch: PreparedBatch, threads: int, progress: Progress | None) 
         wp.launch(kernels[mapping], dim=1, inputs=inputs, device=batch.where, block_dim=1)
         return count
 
+    return [partial(one, *job) for job in jobs]
+
+
+def _work(jobs: Sequence[Callable[[], int]], threads: int, progress: Progress | None) -> None:
     if len(jobs) == 1:  # a thread takes longer to start than a tenth of a run
-        _report([one(*jobs[0])], progress)
-    else:
-        with ThreadPoolExecutor(min(threads, len(jobs))) as pool:
-            done = as_completed([pool.submit(one, *job) for job in jobs])
-            _report((future.result() for future in done), progress)
-    return {name: getattr(batch.output, name).numpy().copy() for name in HISTORIES}
+        _report([jobs[0]()], progress)
+        return
+    with ThreadPoolExecutor(min(threads, len(jobs))) as pool:
+        done = as_completed([pool.submit(job) for job in jobs])
+        _report((future.result() for future in done), progress)
 
 
 def _report(counts: Iterable[int], progress: Progress | None) -> None:

@@ -12,7 +12,14 @@ import warp as wp
 from explicit.arguments import batch_of, output_of
 from explicit.arrays import FloatArray
 from explicit.device import select_device
-from explicit.drivers import PreparedBatch, collect_from_gpu, launch_on_gpu, run_in_lanes, run_on_gpu
+from explicit.drivers import (
+    PreparedBatch,
+    collect_from_gpu,
+    launch_on_gpu,
+    run_all_in_lanes,
+    run_in_lanes,
+    run_on_gpu,
+)
 from explicit.energy import EnergyLedger
 from explicit.geometry import element_geometry
 from explicit.host_transfer import HISTORIES
@@ -100,10 +107,11 @@ def run_side_by_side(
     threads: int | None = None,
     modules: Path | str | None = None,
 ) -> list[Response]:
-    """Simulate batches of different models: on a GPU at the same time, on a CPU one after the other.
+    """Simulate batches of different models at the same time.
 
-    A simulation is one block of a GPU's threads, so that a batch of one leaves all other multiprocessors
-    idle; batches on streams of their own fill them. A response is the same bits as that of `run`.
+    A simulation is one block of a GPU's threads, or one core's work, so that a batch of one leaves all other
+    multiprocessors and cores idle; batches on streams of their own fill them, and on a CPU threads share the
+    simulations of all batches. A response is the same bits as that of `run`.
 
     Parameters
     ----------
@@ -118,12 +126,13 @@ def run_side_by_side(
         As `run`.
     """
     where = select_device(device)
-    if not where.is_cuda:
-        return [
-            run(one.model, one.samples, one.sampling, stepping=one.stepping, device=device, threads=threads)
-            for one in problems
-        ]
     found = [_prepared(problem, where, modules) for problem in problems]
+    if not where.is_cuda:
+        histories = run_all_in_lanes([one for one, _ in found], threads or os.cpu_count() or 1)
+        return [
+            _response(problem.model, problem.sampling, one.output, kept, nodes)
+            for problem, (one, nodes), kept in zip(problems, found, histories, strict=True)
+        ]
     for kernel, block in {(one.kernel.kernel, one.kernel.block) for one, _ in found}:
         # before the launches: loading waits for what runs, and compiling takes longer than most of it
         wp.load_module(kernel.module, device=where, block_dim=block)

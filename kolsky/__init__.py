@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from kolsky.inverse.settings import Settings
     from kolsky.inverse.side_surface import radius_at
     from kolsky.inverse.simulate import simulate, write_simulation
+    from kolsky.joint.identify_shots import identify_shots
+    from kolsky.joint.records import JointSettings
+    from kolsky.joint.slow_schema import read_slow_tests
     from kolsky.material.curves.uniaxial import UniaxialTest
     from kolsky.material.end_friction.problem import EndFriction
     from kolsky.material.fits.compare import compare_laws
@@ -28,6 +31,8 @@ if TYPE_CHECKING:
     from kolsky.material.fits.homogeneous_test import HomogeneousTest
     from kolsky.material.reference_curve import Treatment, reference_curve
     from kolsky.material.reference_curve_files import read_uniaxial_test
+    from kolsky.material.slow_compression import slow_compression
+    from kolsky.prediction.predict import predict, read_test
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import figures_of
     from kolsky.report.notebook import to_dataframe, to_xarray
@@ -39,6 +44,7 @@ if TYPE_CHECKING:
         write_waves_results,
     )
     from kolsky.report.study_folder import (
+        write_joint_results,
         write_plan_results,
         write_rate_results,
         write_sweep_results,
@@ -52,6 +58,7 @@ if TYPE_CHECKING:
     from kolsky.shot.repeated_tests import repeats
     from kolsky.shot.waves import waves
     from kolsky.studies.global_sensitivity import global_sensitivity, screening, solver_sensitivity
+    from kolsky.studies.paper_method import paper_method
     from kolsky.studies.planning.plan import plan
     from kolsky.studies.rates.rate import rate
     from kolsky.studies.sweep import sweep
@@ -65,6 +72,7 @@ _HOME = {
     "HomogeneousTest": "kolsky.material.fits.homogeneous_test",
     "Identification": "kolsky.inverse.result",
     "InputError": "kolsky.base.errors",
+    "JointSettings": "kolsky.joint.records",
     "Numerics": "kolsky.inverse.forward",
     "Settings": "kolsky.inverse.settings",
     "Shot": "kolsky.shot.records",
@@ -80,22 +88,28 @@ _HOME = {
     "fit_law": "kolsky.material.fits.fit",
     "global_sensitivity": "kolsky.studies.global_sensitivity",
     "identify": "kolsky.identification",
+    "identify_shots": "kolsky.joint.identify_shots",
     "load_pictures": "kolsky.shot.load",
     "load_shot": "kolsky.shot.load",
     "material_law": "kolsky.inverse.forward",
+    "paper_method": "kolsky.studies.paper_method",
     "plan": "kolsky.studies.planning.plan",
+    "predict": "kolsky.prediction.predict",
     "measured": "kolsky.shot.optical_data",
     "radius_at": "kolsky.inverse.side_surface",
     "rate": "kolsky.studies.rates.rate",
     "read_homogeneous_test": "kolsky.material.fits.homogeneous_files",
     "read_identification": "kolsky.results.hdf5",
     "read_identify_results": "kolsky.report.result_folder",
+    "read_test": "kolsky.prediction.predict",
     "read_uniaxial_test": "kolsky.material.reference_curve_files",
+    "read_slow_tests": "kolsky.joint.slow_schema",
     "reference_curve": "kolsky.material.reference_curve",
     "repeats": "kolsky.shot.repeated_tests",
     "save_figures": "kolsky.report.canvas",
     "screening": "kolsky.studies.global_sensitivity",
     "simulate": "kolsky.inverse.simulate",
+    "slow_compression": "kolsky.material.slow_compression",
     "solver_sensitivity": "kolsky.studies.global_sensitivity",
     "sweep": "kolsky.studies.sweep",
     "to_dataframe": "kolsky.report.notebook",
@@ -106,6 +120,7 @@ _HOME = {
     "write_dic_results": "kolsky.report.result_folder",
     "write_identification": "kolsky.results.hdf5",
     "write_identify_results": "kolsky.report.result_folder",
+    "write_joint_results": "kolsky.report.study_folder",
     "write_plan_results": "kolsky.report.study_folder",
     "write_rate_results": "kolsky.report.study_folder",
     "write_report": "kolsky.report.pages.identification",

@@ -16,12 +16,15 @@
 
 from dataclasses import replace
 
-from kolsky.diagnosis.causes import cause_warnings, find_causes
+from kolsky.base.records import FlyerMotion
+from kolsky.diagnosis.cause_words import cause_warnings
+from kolsky.diagnosis.causes import OtherStart, find_causes
 from kolsky.diagnosis.clocks import Reruns, clock_lags
 from kolsky.diagnosis.corrected import corrected
 from kolsky.diagnosis.fit_quality import fit_quality
+from kolsky.diagnosis.rate_advice import rate_advice, shot_branch_test
 from kolsky.diagnosis.sources import residual_sources
-from kolsky.diagnosis.verdicts import explained, fit_warnings, judged
+from kolsky.diagnosis.verdicts import explained, explains, fit_warnings, judged
 from kolsky.inverse.estimates import (
     comparison,
     curves,
@@ -112,11 +115,13 @@ def identify(
     )
     held = None if found.held is None else held_answer(found, answers[MOVED])
 
-    stages.progress("causes", 0, 1)
-    causes = find_causes(stages, fine.x, fine.check.response.select([0]))
     changes = residual_sources(sources)
     vector = fine.objective.vectors(prediction)[0]
     fit = fit_quality(fine.objective, vector, fine.jacobian, names=box.names, changes=changes)
+    stages.progress("causes", 0, 1)
+    beside = None if found.held is None or explains(fit) else found.held.refined
+    other = None if beside is None else OtherStart(beside.x, beside.response)
+    causes = find_causes(stages, fine.x, fine.check.response.select([0]), other=other)
     again = Reruns.of(stages, fine.x)
     clocks = clock_lags(shot, fine.check.response, fine.objective, fine.jacobian, changes, again=again)
 
@@ -143,14 +148,19 @@ def identify(
     )
     result = judged(add_method_comparison(known.added_to(result), stages, fine.objective))
     of_fit = (*fit_warnings(result), *cause_warnings(causes, explained=explained(result)))
+    if not explained(result):
+        asked = shot_branch_test(stages, fine.x, fine.objective, fine.jacobian, vector)
+        of_fit = (*of_fit, *rate_advice(asked))
     replicates = stages.replicates
     warnings = collect_warnings(
         result,
         checks=prepared.checks,
         interface=shot.interface,
         lost_replicates=0 if replicates is None else replicates.lost,
+        mesh=prepared.forward.mesh(settings.numerics.with_mesh(settings.refined_mesh)),
     )
-    return replace(result, warnings=(*of_fit, *warnings, *known.warnings, *found.freed.said(shot)))
+    noted = shot.flyer.notes if isinstance(shot.flyer, FlyerMotion) else ()
+    return replace(result, warnings=(*of_fit, *noted, *warnings, *known.warnings, *found.freed.said(shot)))
 
 
 LEADING = 2

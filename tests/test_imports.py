@@ -11,19 +11,23 @@ from typing import NamedTuple
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("kolsky", "dic", "explicit", "doe")
+PACKAGES = ("kolsky", "dic", "explicit", "implicit", "doe")
 
 MAY_IMPORT = {
-    "kolsky": {"kolsky", "dic", "explicit", "doe"},
+    "kolsky": {"kolsky", "dic", "explicit", "implicit", "doe"},
     "dic": {"dic"},
     "explicit": {"explicit"},
+    "implicit": {"implicit", "explicit"},
     "doe": {"doe"},
 }
-"""Which of the four packages each may import."""
+"""Which of the five packages each may import."""
+
+OF_EXPLICIT = ("explicit.materials", "explicit.arrays", "explicit.device", "explicit.precision")
+"""What `implicit` may import of `explicit`: its laws, and what both need of Warp and NumPy."""
 
 TABLES = tomllib.loads((ROOT / "docs" / "rooms.toml").read_text("utf-8"))
-ROOMS = {"kolsky": TABLES["room"], "dic": TABLES["dic"]}
-"""The rooms of two packages, in the order in which they may import each other; some with rooms inside."""
+ROOMS = {"kolsky": TABLES["room"], "dic": TABLES["dic"], "implicit": TABLES["implicit"]}
+"""The rooms of three packages, in the order in which they may import each other; some with rooms inside."""
 ORDER = {package: [room["name"] for room in rooms] for package, rooms in ROOMS.items()}
 INSIDE = {
     package: {room["name"]: room.get("inside", []) for room in rooms} for package, rooms in ROOMS.items()
@@ -57,7 +61,7 @@ class Import(NamedTuple):
 
 
 def repository_modules() -> dict[str, Path]:
-    """Dotted name -> file, of every module of the four packages."""
+    """Dotted name -> file, of every module of the five packages."""
     modules = {}
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
@@ -98,7 +102,7 @@ def _inside(module: str, room: str) -> bool:
 
 
 def room_violation(module: str, target: str) -> str | None:
-    """The rule of the rooms that an import inside `kolsky` or `dic` breaks, or None.
+    """The rule of the rooms that an import inside `kolsky`, `dic` or `implicit` breaks, or None.
 
     The package itself (its `__init__.py`) is the public API: it may name what every room offers, and no
     room may import it.
@@ -128,17 +132,19 @@ def violation(module: str, target: str) -> str | None:
     if target == "a name computed at run time":
         return "imports must be written out, so that they can be read"
     if top in PACKAGES and top not in MAY_IMPORT[package]:
-        return f"{package} may import of the four packages only {sorted(MAY_IMPORT[package])}"
+        return f"{package} may import of the five packages only {sorted(MAY_IMPORT[package])}"
+    if package == "implicit" and top == "explicit" and not any(_inside(target, x) for x in OF_EXPLICIT):
+        return f"implicit may import of explicit only {OF_EXPLICIT}"
     if package == top and package in ORDER:
         broken = room_violation(module, target)
         if broken:
             return broken
-    if _inside(module, "kolsky.readers") and top in {"dic", "explicit", "doe"}:
+    if _inside(module, "kolsky.readers") and top in {"dic", "explicit", "implicit", "doe"}:
         return "a reader knows one file format and no physics"
     if top == "warp":
         dic_kernel = package == "dic" and any("kernels" in part for part in module.split(".")[1:])
-        if package != "explicit" and not dic_kernel:
-            return "Warp belongs in explicit and in the kernels of dic"
+        if package not in ("explicit", "implicit") and not dic_kernel:
+            return "Warp belongs in explicit, in implicit and in the kernels of dic"
     if top == "h5py" and not any(_inside(module, place) for place in HDF5):
         return "files of results go through kolsky.base.hdf5"
     in_report = module == "kolsky.report" or module.startswith("kolsky.report.")
@@ -232,6 +238,9 @@ def test_every_exception_has_a_reason_and_is_used():
         ("doe.designs", "import warp.optim"),
         ("kolsky.identification", "def draw():\n    import matplotlib.pyplot as plt"),
         ("explicit.mesh", "import pyvista"),
+        ("implicit.solve", "import kolsky"),
+        ("implicit.solve", "from explicit.mesh import Mesh"),
+        ("implicit.elements", "from implicit.meshes import box"),
         ("kolsky.results.hdf5", "def f():\n    import h5py"),
         ("kolsky.readers.shot_tables", "from kolsky.inverse.misfit import phi_force"),
         ("kolsky.readers.shot_tables", "from ..bars import records"),

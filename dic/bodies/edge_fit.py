@@ -40,6 +40,8 @@ AT_END = 0.05
 """An edge so near to the end of the search was not found [px]."""
 ROOM = 1.0
 """Rows between an edge that is looked for and the end of a strip [px]."""
+CLEAR_OF_EDGE = 3.0
+"""Rows so far before an edge have the contrast of the body [px]."""
 BLOCK = 8.0
 """Width of the blocks of columns that count as independent [px]: more than a speckle."""
 BANDS = 6
@@ -60,6 +62,9 @@ class EdgeFit:
     """Parameter of the band's width, from 0 to 1 [-]."""
     contrast: float
     """Standard deviation of the body's paint over that of what is no paint [-]."""
+    gap: float
+    """Distance from where the rows' contrast falls to half that of the body to the place [px]: about none
+    where the paint reaches to the edge, as wide as the gap where it does not."""
 
 
 def strip_places(x: FloatArray, y: FloatArray, radius: float) -> FloatArray:
@@ -162,7 +167,30 @@ def fit_edge(
         sigma=sigma,
         band=float(best.x[8]) if free else 0.0,
         contrast=float(np.exp(best.x[4] - best.x[6])),
+        gap=gap_before(np.sqrt(np.mean(flat**2, axis=(0, 2))), u, float(best.x[0])),
     )
+
+
+def gap_before(spread: FloatArray, u: FloatArray, place: float) -> float:
+    """Distance from the last row of the body with half its contrast to an edge [px].
+
+    Parameters
+    ----------
+    spread
+        Standard deviation of every row, those of the body first, shape [n_rows].
+    u
+        Places of the rows [px], shape [n_rows].
+    place
+        The edge [px].
+    """
+    body = spread[u <= max(place - CLEAR_OF_EDGE, float(u[0]))]
+    half = 0.5 * float(np.median(body))
+    below = np.flatnonzero((spread < half) & (u > u[body.size - 1]))
+    if not below.size:
+        return 0.0
+    k = int(below[0])
+    last = float(u[k]) - float((half - spread[k]) / (spread[k - 1] - spread[k])) * float(u[k] - u[k - 1])
+    return max(place - last, 0.0)
 
 
 def without_shading(strips: FloatArray) -> FloatArray:

@@ -16,6 +16,11 @@ from dic.surfaces import Cylinder, SpecimenFrame, on_cylinder, test_frame
 
 MODEL = 0.06
 """Standard deviation of an edge for what the model leaves out [px]."""
+PHASES = (0.0, 0.5)
+"""Places of the strip that are tried [px]: what a fit is off by as its rows lie between those of the picture
+has the period of a pixel."""
+LEAST_GAP = 0.5
+"""A gap in the paint before the edge that says nothing [px]."""
 SHARE = 0.4
 """Half width of the strip across the axis in which an end is looked for, as a share of the radius."""
 FEWEST_COLUMNS = 16
@@ -159,20 +164,43 @@ def end_in_camera(
     half = SHARE * specimen
     x = np.arange(-half, half, 1.0 / scale)
     u = np.arange(-HALF, HALF + 1.0)
-    places = strip_places(x, y - u / scale, radius)
-    seen = in_view(camera, picture.shape, frame, places)
-    rows, columns = seen.any(axis=1), seen[seen.any(axis=1)].all(axis=0)
-    if u[rows].max(initial=-HALF) < LEAST_BEYOND or u[rows].min(initial=HALF) > -HALF:
-        return None
-    if columns.sum() < FEWEST_COLUMNS:
-        return None
-    strip = sampled(camera, picture, frame, places[np.ix_(rows, columns)])
     widest = 1.3 * scale * max(slope, 0.0) * (rim - specimen) + 0.3
-    fit = fit_edge(strip[None], u[rows], np.array([[0.0], [widest]]), reach=REACH)
-    if fit is None:
+    found = []
+    for phase in PHASES:
+        at = y + phase / scale
+        places = strip_places(x, at - u / scale, radius)
+        seen = in_view(camera, picture.shape, frame, places)
+        rows, columns = seen.any(axis=1), seen[seen.any(axis=1)].all(axis=0)
+        if u[rows].max(initial=-HALF) < LEAST_BEYOND or u[rows].min(initial=HALF) > -HALF:
+            continue
+        if columns.sum() < FEWEST_COLUMNS:
+            continue
+        strip = sampled(camera, picture, frame, places[np.ix_(rows, columns)])
+        fit = fit_edge(strip[None], u[rows], np.array([[0.0], [widest]]), reach=REACH)
+        if fit is not None:
+            found.append((phase - fit.place, fit.sigma, fit.gap))
+    if not found:
         return None
-    off = np.hypot(fit.sigma, MODEL) / scale
-    return y - fit.place / scale, float(np.hypot(off, min(slope, 0.0) * rim_sigma))
+    place, off = of_phases(np.array(found))
+    return y + place / scale, float(np.hypot(off / scale, min(slope, 0.0) * rim_sigma))
+
+
+def of_phases(found: FloatArray) -> tuple[float, float]:
+    """Place of an edge and its standard deviation [px], from fits to strips that differ in where their rows
+    lie between those of the picture.
+
+    To the fits' own standard deviation comes what the model leaves out: `MODEL`, half of what the fits differ
+    by, and a gap in the paint before the edge, anywhere in which the body may end (a uniform distribution).
+
+    Parameters
+    ----------
+    found
+        Place, standard deviation and gap of each fit [px], shape [n, 3].
+    """
+    place, sigma, gap = found.mean(axis=0)
+    apart = 0.5 * float(np.ptp(found[:, 0]))
+    open_gap = max(float(gap) - LEAST_GAP, 0.0) / 12.0**0.5
+    return float(place), float(np.sqrt(sigma**2 + MODEL**2 + apart**2 + open_gap**2))
 
 
 def past_the_ends(

@@ -11,12 +11,12 @@ from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.bodies.region import Region, grid_points, polygon_mask
 from dic.camera import StereoRig
 from dic.correlation import Correlation, Noise
-from dic.correlation.warp import gradient, identity
+from dic.correlation.warp import identity
 from dic.images import Pictures
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.stereo import Reconstruction, StereoMatch, match_stereo, reconstruct
 from dic.tracking import Track, Tracking, track
-from dic.tracking.matcher import shares
+from dic.tracking.matcher import in_material, shares
 from dic.tracking.rigid import track_rigid
 
 Progress = Callable[[str, int, int], None]
@@ -135,7 +135,10 @@ def follow_body(
     with ThreadPoolExecutor(2) as pool:  # the match releases the interpreter
         tracks = list(pool.map(one, (0, 1)))
     tracks[1] = _all_points(tracks[1], points, match)
-    common = None if rigid else _common(match, len(health[0]), material)
+    common = None
+    if not rigid:
+        lower = tracks[0].root if tracking.correlation.shape <= stereo.shape else None
+        common = _common(match, lower, len(health[0]))
     return TrackedBody(
         points=points,
         cell=cell,
@@ -169,17 +172,23 @@ def material_frame(health: tuple[IntArray, IntArray], wanted: int) -> int:
     return int(usable[np.argmin(np.abs(usable - wanted))])
 
 
-def _common(match: StereoMatch, n_frames: int, material: int) -> FloatArray:
+def _common(match: StereoMatch, root: FloatArray | None, n_frames: int) -> FloatArray:
     """Noise of the material picture's template, which both cameras' tracks begin with [px²], shape
-    [n_frames, n_points, 2, 2]: none in that picture itself, where the points were chosen."""
+    [n_frames, n_points, 2, 2], alike in all frames and held once. In that picture itself, where the points
+    were chosen, camera 0 has no noise to share, and `reconstruct` takes as much.
+
+    Where the shape functions differ, what is common is the error of the lower one (`carried_from`): that of
+    camera 0's track, its `root`, or that of the match between the cameras, None.
+    """
     valid = match.valid
-    A = gradient(match.warp[valid])
-    share = shares(match.warp[valid], identity(int(valid.sum())))[0][:, None, None]
-    back = np.linalg.inv(A)
-    common = np.zeros((n_frames, len(valid), 2, 2))
-    common[:, valid] = back @ (share * match.covariance[valid]) @ np.swapaxes(back, -1, -2)
-    common[material] = 0.0
-    return common
+    common = np.zeros((len(valid), 2, 2))
+    if root is not None:
+        known = valid & np.isfinite(root).all(axis=(1, 2))
+        common[known] = root[known]
+    else:
+        share = shares(match.warp[valid], identity(int(valid.sum())))[0][:, None, None]
+        common[valid] = in_material(share * match.covariance[valid], match.warp[valid])
+    return np.broadcast_to(common, (n_frames, *common.shape))
 
 
 def _followed(

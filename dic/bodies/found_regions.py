@@ -20,6 +20,7 @@ from scipy.ndimage import gaussian_filter1d
 from dic.arrays import BoolArray, FloatArray
 from dic.bodies.followed_edge import FollowedEdge, follow_edge
 from dic.bodies.region import Region
+from dic.bodies.rim_arc import end_arc
 from dic.images import PictureError, Pictures
 
 TURNS = {"up": 0, "right": 1, "down": 2, "left": 3}
@@ -34,6 +35,8 @@ BAND = 0.5
 """A row of a platen without speckles has less than this share of the specimen's contrast."""
 FLANK = 0.3
 """A column of the body has at least this share of the contrast of its middle."""
+ARC_CLEAR = 1.5
+"""Distance of the specimen's region from the arc of its lower end: its error and the blur [px]."""
 FASTEST = 6
 """Rows that the flyer's edge may go from frame to frame [px]."""
 MOST_COLUMNS = 64
@@ -98,7 +101,7 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
             LOOKS,
         )
     else:
-        top = _upper_end(mean[:, inner], followed)
+        top = _upper_end(mean[: bottom + 1, inner], followed)
         last, border = frames[-1], int(np.floor(followed.row[0]))
         picture = _turned(pictures.frame(last).astype(np.float64), toward)
         why = (
@@ -188,10 +191,10 @@ def _by_looks(
     problem: ValueError,
 ) -> tuple[int, tuple[int, FloatArray, int]]:
     """First row of the specimen at rest, and the flyer's edge in the last frame, by the looks of rows."""
-    likeness = row_correlation(mean[:, inner])
+    likeness = row_correlation(mean[: bottom + 1, inner])  # a platen without speckles is like nothing
     pairs = 0.5 * (likeness[:-1] + likeness[1:])
     try:
-        top = _dip(pairs[: len(mean) // 2], likeness, "where the flyer meets the specimen") + 2
+        top = _dip(pairs[: (bottom + 1) // 2], likeness, "where the flyer meets the specimen") + 2
         found = _followed(pictures, frames, toward, inner, top - 2, bottom - 2)
     except ValueError as error:
         raise ValueError(f"{problem}; and {error}") from error
@@ -206,17 +209,27 @@ def _lower_end(mean: FloatArray) -> tuple[int, float]:
     """Last row of the specimen at rest, and where it ends at the transmission platen [px]."""
     likeness = row_correlation(mean)
     contrast = np.std(mean - gaussian_filter1d(mean, EVEN, axis=1), axis=1)
-    typical = float(np.median(contrast))
+    typical = _painted(contrast)
     middle = len(mean) // 2
     pairs = 0.5 * (likeness[:-1] + likeness[1:])  # an edge lies between two rows: both span it
-    dull = np.flatnonzero(contrast[middle:] < BAND * typical)
-    if dull.size and np.all(contrast[middle + dull[0] :] < BAND * typical):
-        first = middle + int(dull[0])  # an even platen: where the contrast has fallen to half
+    first = int(np.flatnonzero(contrast >= BAND * typical)[-1]) + 1
+    if first < len(mean):  # an even platen: where the contrast has fallen to half
         before, after = contrast[first - 1], contrast[first]
         edge = first - 1 + float((before - BAND * typical) / (before - after))
+        arc = end_arc(mean, edge)  # a camera beside the plane of the end sees it, or the rim before it, bent
+        if arc is not None:
+            return int(np.floor(arc.min() - ARC_CLEAR)), float(arc[arc.size // 2])
     else:
         edge = middle + _dip(pairs[middle:], likeness, "where the specimen meets the platen") + 0.5
     return int(np.floor(edge - 1.0)), edge
+
+
+def _painted(contrast: FloatArray) -> float:
+    """Contrast of the rows that show speckles: the median over those with half that of the best tenth.
+
+    An even platen may fill more rows than the specimen.
+    """
+    return float(np.median(contrast[contrast >= BAND * np.percentile(contrast, 90.0)]))
 
 
 def _dip(pairs: FloatArray, likeness: FloatArray, where: str) -> int:
@@ -255,7 +268,7 @@ def _followed(
             steps = np.stack([_shifted(cost, step) for step in range(-1, FASTEST + 1)])
             back.append(np.argmin(steps, axis=0) - 1)
             cost = here + steps.min(axis=0)
-        kept.append((k, here, float(np.median(likeness))))
+        kept.append((k, here, float(np.median(likeness[:farthest]))))
     assert cost is not None  # a usable static frame was there
     row = int(np.argmin(cost))
     last, here, median = kept[-1]

@@ -6,6 +6,8 @@ it (`length_unit`, in m), and also keep what others ignore: the pose of camera 0
 `dic.StereoRig`, in m, rad and px.
 """
 
+import re
+
 import cv2
 import numpy as np
 
@@ -30,6 +32,11 @@ NAMES = {
 SIZE = ("imageSize", "image_size")
 MOST = 1024
 """Numbers that one entry may hold."""
+DEEPEST = 64
+"""Levels that entries may lie within each other; OpenCV's own parser has no limit and runs out of stack."""
+
+
+_LEVELS = re.compile(r"[\[\]{}]|</?[A-Za-z_]|^[ \t]*(?:-[ \t]+){2,}", re.MULTILINE)
 
 
 class OpenCV:
@@ -50,6 +57,12 @@ class OpenCV:
         """The rig."""
         if "<!ENTITY" in source.text:
             raise CameraFileError(source.path, "declares an XML entity, which no calibration does")
+        if _depth(source.text) > DEEPEST:
+            raise CameraFileError(
+                source.path,
+                f"nests its entries more than {DEEPEST} levels deep, which no calibration does",
+                cure="write the calibration again",
+            )
         try:
             storage = cv2.FileStorage(source.text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
         except (cv2.error, SystemError) as error:
@@ -180,3 +193,16 @@ def _collect(source: Source, name: str, node: cv2.FileNode, into: list[float]) -
         raise CameraFileError(
             source.path, f"{name} holds something that is no number", cure="write the calibration again"
         )
+
+
+def _depth(text: str) -> int:
+    """Levels of brackets, tags and dashes of lists within each other; unclosed ones count on."""
+    deepest = depth = 0
+    for match in _LEVELS.finditer(text):
+        found = match[0]
+        if "-" in found:
+            deepest = max(deepest, found.count("-"))
+        else:
+            depth += -1 if found in "]}" or found.startswith("</") else 1
+            deepest = max(deepest, depth)
+    return deepest

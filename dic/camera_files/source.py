@@ -11,6 +11,7 @@ import numpy as np
 
 from dic.arrays import FloatArray
 from dic.camera import Camera
+from dic.files import regular
 
 LARGEST = 16 * 2**20
 """Bytes that a camera file may have; a project of ten thousand pictures has one."""
@@ -50,7 +51,7 @@ class Source:
         """
         path = Path(path)
         try:
-            with path.open("rb") as file:
+            with regular(path).open("rb") as file:
                 data = file.read(LARGEST + 1)
         except OSError as error:
             raise CameraFileError(path, f"cannot be read ({error.strerror})", cure="check the path") from None

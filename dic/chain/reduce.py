@@ -48,7 +48,11 @@ def surface_of_flyer(inputs: Inputs, flyer: TrackedBody | None, placement: Place
 def outline_of(specimen: Body, settings: ChainSettings) -> tuple[CentrePoints, int]:
     """The outline on the centre line without rows of too large a sigma, and how many those were."""
     line = outline(
-        specimen.surface, specimen.points, half_width=settings.strip_half_width, subset=settings.subset
+        specimen.surface,
+        specimen.points,
+        half_width=settings.strip_half_width,
+        subset=settings.subset,
+        shape=max(settings.tracking.correlation.shape, settings.stereo.shape),
     )
     if settings.largest_sigma is None:
         return line, 0

@@ -103,16 +103,16 @@ class PictureStack:
                     f"picture {index} has shape {grey.shape}, those before have {shape}: "
                     "pictures of one stack come from one camera"
                 )
-            if not np.all(np.isfinite(grey)):
+            if not np.isfinite(grey.sum(dtype=np.float64)):
                 raise ValueError(f"picture {index} has grey values that are not finite")
-            planes.append(device_pictures.coefficients(grey, prefilter))
+            planes.append(device_pictures.coefficients(grey, prefilter, device))
         if shape is None:
             raise ValueError("a stack needs at least one picture")
         single = isinstance(noise, (int, float, Noise))
         given = [noise] * len(planes) if single else list(noise)  # type: ignore[arg-type]
         if len(given) != len(planes):
             raise ValueError(f"noise must be one value or {len(planes)}, one a picture; got {len(given)}")
-        coefficients = (device_pictures.upload(planes, device),)
+        coefficients = tuple(planes)
         return cls(
             n_pictures=len(planes),
             shape=shape,

@@ -15,6 +15,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.files import regular
 from dic.images.packed import packed_size, unpack
 from dic.images.series import (
     Grey,
@@ -122,7 +123,7 @@ def read(path: Path) -> CinePictures:
         If its headers are cut off or contradict themselves, or it holds compressed or colour pictures.
     """
     size = path.stat().st_size
-    with open(path, "rb") as file:
+    with open(regular(path), "rb") as file:
         head = file.read(_HEADER.size)
         _, _, compression, version, _, _, first, count, at_bitmap, at_setup, table, fraction, second = (
             _HEADER.unpack(head)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from dic.files import regular
 from dic.images import cine, hdf5, numbered, photron, tiff
 from dic.images.facts import declared
 from dic.images.series import PictureError, Pictures
@@ -82,7 +83,7 @@ def _opened(path: Path | str | Sequence[Path | str], pattern: str | None) -> Pic
     path = Path(path)
     if path.is_dir():
         return numbered.read_folder(path, pattern)
-    with open(path, "rb") as file:
+    with open(regular(path), "rb") as file:
         start = file.read(SNIFFED)
     if pattern is not None:
         if hdf5.sniff(path, start):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.files import regular
 from dic.images.series import (
     Grey,
     PictureError,
@@ -52,7 +53,7 @@ class Hdf5Pictures:
 
         index = checked_index(self.n_frames, index)
         try:
-            with h5py.File(self.path, "r") as file:
+            with h5py.File(regular(self.path), "r") as file:
                 picture = np.asarray(file[self.dataset][index])
         except Exception as error:  # whatever the library makes of a damaged file is the file's fault
             raise PictureError(self.path, f"cannot be read ({error})", frame=index) from error
@@ -82,7 +83,7 @@ def read(path: Path, dataset: str | None = None) -> Hdf5Pictures:
     import h5py
 
     try:
-        with h5py.File(path, "r") as file:
+        with h5py.File(regular(path), "r") as file:
             found = _pictures_in(file)
             names = [dataset] if dataset is not None else sorted(found)
             if len(names) != 1 or names[0].strip("/") not in found:

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.files import regular
 from dic.images import tiff
 from dic.images.series import Grey, PictureError, checked_bits, checked_frame, checked_index, checked_shape
 
@@ -230,7 +231,7 @@ def _matching(path: Path, pattern: str) -> list[tuple[int, Path]]:
 def _decode(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
     """Grey values of one file, and the bits that carry them."""
     try:
-        size = file.stat().st_size
+        size = regular(file).stat().st_size
         data = file.read_bytes() if size <= LARGEST_FILE else b""
     except OSError as error:
         raise PictureError(file, f"cannot be read ({error.strerror})", frame=index) from None

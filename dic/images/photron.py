@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.files import regular
 from dic.images.packed import packed_size, unpack
 from dic.images.series import (
     Grey,
@@ -90,7 +91,7 @@ def read_header(path: Path) -> Header:
         If it cannot be read, is too large, or is neither of the two.
     """
     try:
-        with open(path, "rb") as file:
+        with open(regular(path), "rb") as file:
             data = file.read(_LARGEST + 1)
     except OSError as error:
         raise PictureError(path, f"cannot be read ({error.strerror})") from None

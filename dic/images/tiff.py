@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.files import regular
 from dic.images.packed import packed_size, unpack
 from dic.images.series import (
     MOST_FRAMES,
@@ -144,7 +145,7 @@ def read(path: Path) -> TiffPictures:
 def _chain(path: Path) -> tuple[tuple[int, ...], int | None]:
     """Offsets of the page headers that are whole, and of the next if the chain was cut off before its end."""
     offsets: dict[int, None] = {}
-    with open(path, "rb") as file:
+    with open(regular(path), "rb") as file:
         size = file.seek(0, 2)
         file.seek(0)
         magic = file.read(4)

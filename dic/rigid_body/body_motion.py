@@ -80,7 +80,8 @@ class BodyMotion:
     rotation: FloatArray
     """Rotation vectors from the mean attitude at rest [rad], shape [n_frames, 3]."""
     covariance: FloatArray
-    """Of rotation [rad] and displacement [m] of all frames, shape [n_frames, 6, n_frames, 6]."""
+    """Of rotation [rad] and displacement [m] of the frames that have a pose, `frames`, shape [n, 6, n, 6]. If
+    given for all frames, as results of before have it, the others are left out."""
     n_points: IntArray
     """Points used in each frame, shape [n_frames]."""
     outcome: IntArray
@@ -89,6 +90,43 @@ class BodyMotion:
     """Sum of squared residuals in their declared sigmas over the degrees of freedom [-]."""
     noise_scale: float
     """Noise used over noise declared, at least 1 [-]."""
+
+    def __post_init__(self) -> None:
+        posed = self.frames
+        if len(self.covariance) == len(self.outcome) > len(posed):
+            six = np.arange(6)
+            object.__setattr__(self, "covariance", self.covariance[np.ix_(posed, six, posed, six)])
+
+    @property
+    def frames(self) -> IntArray:
+        """Frames that have a pose, shape [n]."""
+        return np.flatnonzero(self.outcome == FrameOutcome.VALID)
+
+    def covariance_of(self, component: int, frames: IntArray) -> FloatArray:
+        """Covariance between frames of one component of rotation (0 to 2) or displacement (3 to 5).
+
+        Parameters
+        ----------
+        component
+            0 to 5.
+        frames
+            Frames that have a pose, shape [k].
+
+        Returns
+        -------
+        NDArray
+            [rad²] or [m²], shape [k, k].
+
+        Raises
+        ------
+        ValueError
+            If a frame has none.
+        """
+        posed = self.frames
+        at = np.searchsorted(posed, frames)
+        if not np.all(np.isin(frames, posed)):
+            raise ValueError(f"frames {np.setdiff1d(frames, posed).tolist()} have no pose")
+        return np.asarray(self.covariance[:, component][:, :, component][np.ix_(at, at)])
 
     @property
     def displacement_sigma(self) -> FloatArray:
@@ -108,16 +146,21 @@ class BodyMotion:
         NDArray
             Displacements [m], shape [n_frames].
         NDArray
-            Covariance [m²], shape [n_frames, n_frames].
+            Covariance [m²], shape [n_frames, n_frames]; NaN for a frame without a pose.
         """
         unit = np.asarray(direction, dtype=np.float64)
         if unit.shape != (3,) or not abs(np.linalg.norm(unit) - 1.0) < 1e-9:
             raise ValueError(f"direction must be a unit vector of 3 components, got {unit}")
         block = self.covariance[:, 3:, :, 3:]
-        return self.displacement @ unit, np.einsum("a,kalb,b->kl", unit, block, unit, optimize=True)
+        n, posed = len(self.outcome), self.frames
+        between = np.full((n, n), np.nan)
+        between[np.ix_(posed, posed)] = np.einsum("a,kalb,b->kl", unit, block, unit, optimize=True)
+        return self.displacement @ unit, between
 
     def _sigma(self) -> FloatArray:
-        return np.sqrt(np.einsum("kaka->ka", self.covariance))
+        found = np.full((len(self.outcome), 6), np.nan)
+        found[self.frames] = np.sqrt(np.einsum("kaka->ka", self.covariance))
+        return found
 
 
 def body_motion(
@@ -277,9 +320,7 @@ def _from_rest(poses: Poses, at: FloatArray, rest: Sequence[int], n_frames: int)
     V = from_rest(V.reshape(n, 6, 6 * n)).reshape(6 * n, n, 6)
     V = from_rest(np.moveaxis(V, 0, 2)).reshape(n, 6, n, 6)
     scale = float(np.sqrt(max(1.0, poses.chi2_per_dof)))
-    covariance = np.full((n_frames, 6, n_frames, 6), np.nan)
-    six = np.arange(6)
-    covariance[np.ix_(k, six, k, six)] = scale**2 * V
+    covariance = scale**2 * V
     displacement, rotation = np.full((n_frames, 3), np.nan), np.full((n_frames, 3), np.nan)
     displacement[k] = arm + poses.p - at
     rotation[k] = Rotation.from_matrix(R @ mean.T).as_rotvec()

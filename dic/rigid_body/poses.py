@@ -117,6 +117,7 @@ def thinned(body: TrackedBody, most: int) -> TrackedBody:
             track,
             points=track.points[kept],
             excess=None if track.excess is None else track.excess[:, kept],
+            root=None if track.root is None else track.root[kept],
             **{
                 name: getattr(track, name)[:, kept]
                 for name in ("warp", "covariance", "zncc", "outcome", "reference")

@@ -18,6 +18,7 @@ from dic.stereo.kernels.launch import Curves
 from dic.stereo.kernels.launch import search as search_kernel
 from dic.stereo.template import Subsets, smoothed
 from dic.stereo.triangulation import midpoint
+from dic.stereo.visible import visible_piece
 
 RANGE = 20.0
 """Nearest and farthest distance that a whole curve is walked through, over that of the crossing axes."""
@@ -94,15 +95,15 @@ def search(
     seen = facet_geometry(rig, places, np.ones(n))
     own = np.eye(2) + wanted.reference[:, 2:6].reshape(-1, 2, 2)
     given = np.zeros((n, 2, 2)) if gradients is None else np.asarray(gradients)
+    piece = visible_piece(rig, seen.d, (picture1.shape[0], picture1.shape[1]), (near, far))
     angle = np.zeros((1, 2)) if turns is None or gradients is not None else np.asarray(turns)
     within, out = angle.T
     curves = Curves(
         camera=_numbers(rig),
         picture=np.ascontiguousarray(smoothed(picture1, wanted.stride)),
-        given=np.concatenate([seen.d, *(part.reshape(n, -1) for part in (seen.B, own, given))], axis=1),
+        given=np.concatenate([part.reshape(n, -1) for part in (seen.d, seen.B, own, given, piece)], axis=1),
         has_gradient=gradients is not None,
         turns=np.stack([np.cos(within), np.sin(within), np.cos(out), np.sin(out)], axis=1),
-        inverse=(1.0 / far, 1.0 / near),
         step=float(wanted.stride),
         xi=wanted.xi,
         template=wanted.template,

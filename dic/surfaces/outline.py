@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dic.arrays import FloatArray, IntArray
+from dic.correlation.warp import Shape
 from dic.outcome import PointOutcome
 from dic.surfaces.overlap import overlap_matrix
 from dic.surfaces.surface_history import CentrePoints, SurfaceHistory
@@ -42,6 +43,7 @@ def outline(
     *,
     half_width: float,
     subset: float,
+    shape: Shape = Shape.AFFINE,
     axis_x: float = 0.0,
     axis_Z: float = 0.0,
 ) -> CentrePoints:
@@ -62,6 +64,8 @@ def outline(
         Points within this distance of the centre plane in their frame are used [m].
     subset
         Side of the subsets in the material picture [px].
+    shape
+        Shape function of the matches, of tracking and stereo that of the higher order.
     axis_x, axis_Z
         Where the specimen's axis lies in the surface's frame [m].
 
@@ -97,7 +101,7 @@ def outline(
     radius = np.hypot(d, depth)
     with np.errstate(invalid="ignore"):
         sigma = np.hypot(d * surface.sigma[..., 0], depth * surface.sigma[..., 2]) / radius
-    parts = list(_means(used, rows_of(surface, grid), grid, subset, position[..., 1], radius, sigma))
+    parts = list(_means(used, rows_of(surface, grid), grid, (subset, shape), position[..., 1], radius, sigma))
     frame, y, Z, s = (np.concatenate(column) for column in zip(*parts, strict=True)) if parts else _NONE
     order = np.argsort(frame, kind="stable")
     lost = surface.outcome[:, np.abs(surface.X[:, 0] - axis_x) <= half_width]
@@ -119,7 +123,7 @@ def _means(
     used: NDArray[np.bool_],
     row: IntArray,
     grid: FloatArray,
-    subset: float,
+    subset: tuple[float, Shape],
     y: FloatArray,
     radius: FloatArray,
     sigma: FloatArray,
@@ -136,7 +140,7 @@ def _means(
         w = s**-2
         w = w / w.sum(axis=1, keepdims=True)
         noise = np.where(here, w * np.where(here, s, 0.0), 0.0)
-        correlation = overlap_matrix(grid[members], subset)
+        correlation = overlap_matrix(grid[members], *subset)
         means = [
             np.sum(w * np.where(here, value[np.ix_(frame, members)], 0.0), axis=1) for value in (y, radius)
         ]

@@ -6,13 +6,20 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from dic.arrays import FloatArray
+from dic.correlation.warp import Shape
 
 
-def overlap_correlation(first: ArrayLike, second: ArrayLike, subset: float) -> FloatArray:
-    """Correlation of the errors of points from the share of pixels their square subsets have in common.
+def overlap_correlation(
+    first: ArrayLike, second: ArrayLike, subset: float, shape: Shape = Shape.AFFINE
+) -> FloatArray:
+    """Correlation of the errors of points whose square subsets have pixels in common.
 
-    The error of a match is a sum over the subset of noise times gradient; with even speckle the
-    covariance of two sums is the common area over the area of one: (1 - |Δx|/s)(1 - |Δy|/s), s the side.
+    The error of a match is a sum over the subset of noise times gradient times a weight: that which a fit of
+    the shape function gives its value in the middle. For even speckle the covariance of two such sums is that
+    of the weights over the common area. A rigid or affine shape function weighs all pixels alike, which gives
+    (1 - |Δx|/s)(1 - |Δy|/s), s the side. A quadratic one weighs them with ``7/2 - 15/4 (ξ² + η²)``, ξ and η
+    from -1 to 1 over the subset: less than nothing in the corners, so that the errors of neighbours are less
+    alike, and opposite farther apart.
 
     Parameters
     ----------
@@ -20,6 +27,8 @@ def overlap_correlation(first: ArrayLike, second: ArrayLike, subset: float) -> F
         Places in the material picture [px], shapes [n, 2] and [m, 2].
     subset
         Side of the subsets [px].
+    shape
+        Shape function of the match.
 
     Returns
     -------
@@ -27,11 +36,26 @@ def overlap_correlation(first: ArrayLike, second: ArrayLike, subset: float) -> F
         Shape [n, m].
     """
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
-    across, down = (np.maximum(1.0 - np.abs(a[:, None, c] - b[None, :, c]) / subset, 0.0) for c in (0, 1))
-    return np.asarray(across * down)
+    return _alike(a[:, None, :] - b[None, :, :], subset, shape)
 
 
-def overlap_matrix(points: ArrayLike, subset: float) -> csr_array:
+def _alike(apart: FloatArray, subset: float, shape: Shape) -> FloatArray:
+    """Correlation of points that are `apart` [px], shape [..., 2]."""
+    share = np.maximum(1.0 - np.abs(apart) / subset, 0.0)
+    across, down = share[..., 0], share[..., 1]
+    if shape <= Shape.AFFINE:
+        return np.asarray(across * down)
+    # half the overlap h along an axis, and half the distance e, in halves of the side: means over the overlap
+    # of ξ² (alike for the other subset's, by symmetry) and of the product of both squares
+    e2 = (1.0 - share) ** 2
+    square = share**2 / 3.0 + e2
+    product = share**4 / 5.0 - 2.0 * e2 * share**2 / 3.0 + e2**2
+    x, y, xx, yy = square[..., 0], square[..., 1], product[..., 0], product[..., 1]
+    mean = 3.5**2 - 2.0 * 3.5 * 3.75 * (x + y) + 3.75**2 * (xx + yy + 2.0 * x * y)
+    return np.asarray(across * down * mean / 3.5)
+
+
+def overlap_matrix(points: ArrayLike, subset: float, shape: Shape = Shape.AFFINE) -> csr_array:
     """`overlap_correlation` of points with themselves, of the pairs alone whose subsets overlap.
 
     Parameters
@@ -40,6 +64,8 @@ def overlap_matrix(points: ArrayLike, subset: float) -> csr_array:
         Places in the material picture [px], shape [n, 2].
     subset
         Side of the subsets [px].
+    shape
+        Shape function of the match.
 
     Returns
     -------
@@ -50,9 +76,8 @@ def overlap_matrix(points: ArrayLike, subset: float) -> csr_array:
     grid = np.asarray(points, dtype=np.float64)
     tree = cKDTree(grid)
     pairs = tree.query_pairs(subset, p=np.inf, output_type="ndarray")
-    shares = np.maximum(1.0 - np.abs(grid[pairs[:, 0]] - grid[pairs[:, 1]]) / subset, 0.0)
-    value = shares[:, 0] * shares[:, 1]
-    some = value > 0.0
+    value = _alike(grid[pairs[:, 0]] - grid[pairs[:, 1]], subset, shape)
+    some = value != 0.0
     one, other, value = pairs[some, 0], pairs[some, 1], value[some]
     own = np.arange(len(grid))
     rows, columns = np.concatenate([own, one, other]), np.concatenate([own, other, one])

@@ -13,7 +13,7 @@ from dic.tracking.frame_match import FrameMatch
 from dic.tracking.frames import Picture, Scene, Series, count, read
 from dic.tracking.history import Track
 from dic.tracking.initial_guesses import Predictor
-from dic.tracking.matcher import Matcher, shares
+from dic.tracking.matcher import Matcher, carried_from, in_material
 from dic.tracking.neighbours import Neighbours, RetrySchedule
 from dic.tracking.references import References, Template
 from dic.tracking.settings import Tracking
@@ -195,12 +195,18 @@ class _Run:
         self.scene = Scene.of(picture)
         stack = self._prepared(picture)
         self.references.add(first, picture, stack)
-        before = none
-        if start_covariance is not None:
-            before = shares(warp, identity(n))[0][:, None, None] * np.asarray(start_covariance)
-        self.references.start(self._root(first, warp, before, own=start_covariance is None))
+        own = start_covariance is None
+        self.references.start(self._root(first, warp, none, own=own))
         rows = np.arange(n)
         match = self.matcher.match(stack, rows, warp, self.references.template(rows))
+        template = 0.5 * match.covariance  # of a picture with itself: the other half is that searched in
+        if start_covariance is not None:
+            before = carried_from(np.asarray(start_covariance), template, warp)
+            self.references.start(self._root(first, warp, before, own=own))
+        else:
+            blank = match.outcome != int(PointOutcome.VALID)
+            template[blank] = np.nan
+            self.track = replace(self.track, root=in_material(template, warp))
         self.predictor.add(first, rows, warp)
         track = self.track
         track.warp[first], track.zncc[first], track.outcome[first] = warp, match.zncc, match.outcome

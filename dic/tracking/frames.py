@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,6 +40,12 @@ def read(pictures: Series, index: int) -> Picture | None:
         return None
 
 
+def _mean_and_spread(grey: NDArray[np.float32]) -> tuple[float, float]:
+    """Mean and standard deviation of the grey values, in one pass."""
+    mean, spread = cv2.meanStdDev(grey)
+    return float(mean[0, 0]), float(spread[0, 0])
+
+
 @dataclass(frozen=True)
 class Scene:
     """Mean and contrast by which a picture of the specimen is recognised, from the material picture."""
@@ -51,8 +58,7 @@ class Scene:
     @classmethod
     def of(cls, picture: Picture) -> "Scene":
         """That of a picture, shape [rows, columns]."""
-        grey = np.asarray(picture, dtype=np.float32)
-        return cls(float(grey.mean()), float(grey.std()))
+        return cls(*_mean_and_spread(np.asarray(picture, dtype=np.float32)))
 
     def judge(self, picture: Picture | None) -> FrameOutcome:
         """Outcome of a picture: whether it shows a scene.
@@ -69,12 +75,12 @@ class Scene:
         if picture is None or picture.ndim != 2 or picture.size == 0:
             return FrameOutcome.UNREADABLE
         grey = np.asarray(picture, dtype=np.float32)
-        if not np.isfinite(float(grey.sum())):
+        mean, contrast = _mean_and_spread(grey)
+        if not np.isfinite(mean):
             return FrameOutcome.UNREADABLE
         top = float(grey.max())
-        if np.mean(grey >= 0.98 * top) >= CLIPPED and top > self.mean:
+        if np.count_nonzero(grey >= 0.98 * top) >= CLIPPED * grey.size and top > self.mean:
             return FrameOutcome.SATURATED
-        contrast = float(grey.std())
         if contrast <= CONTRAST * self.contrast:
             return FrameOutcome.BLACK
         lines = (grey[::THINNED], grey[:, ::THINNED].T)

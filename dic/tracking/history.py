@@ -28,3 +28,6 @@ class Track:
     """Variance of the residual beyond that of the noise, over the latter, the largest of all matches from the
     material picture on through the references used [-], shape [n_frames, n_points]; NaN where not found, None
     if nobody asked."""
+    root: FloatArray | None = None
+    """Covariance that the noise of the first reference alone gives the places, in the material picture [px²],
+    shape [n_points, 2, 2]; NaN where it has no template, None where it is not known."""

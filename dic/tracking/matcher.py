@@ -6,8 +6,10 @@ half a period per pixel comes back as another pattern, which changes from frame 
 the pixels, but it shows in the correlation: a match whose only error is noise of variance σ² per picture ends
 at ``2 (1 - ZNCC) var f = 2 σ²``. How much a larger residual moves the point was measured on rendered pictures
 (verification page of the tracking): its covariance grows by ``1 + κ e``, e the excess of the residual over
-the noise, with κ = `ALONG` in the direction that is flattened most and `ACROSS` at right angles to it. The
-match itself scales both by ``1 + e``, as if the residual were noise.
+the noise, with κ = `ALONG` in the direction that is flattened most, to half its length or less, and `ACROSS`
+at right angles to it. What residual a subset has that is not flattened, from interpolation or the shape
+function, moves it by less than noise would: both begin with `EVEN`, and change as the shortest side shrinks
+to half. The match itself scales both directions by ``1 + e``.
 """
 
 from dataclasses import dataclass, replace
@@ -20,12 +22,14 @@ from dic.correlation import Match, Noise, PictureStack, correlate
 from dic.correlation.settings import Correlation
 from dic.correlation.warp import apply
 from dic.tracking.frames import Picture
-from dic.tracking.references import References, Template, determinant, gradient, relative
+from dic.tracking.references import References, Template, determinant, gradient, principal, relative
 
 ALONG = 6.0
-"""κ in the direction of the smallest principal stretch."""
+"""κ in the direction of the smallest principal stretch, where that is half or less."""
 ACROSS = 1.0
-"""κ in the direction of the largest one."""
+"""κ in the direction of the largest one, there."""
+EVEN = 0.5
+"""κ in both directions of a subset that is not flattened (`benchmarks.dic_sigmas`, scenes "chosen")."""
 
 
 def local_variance(picture: Picture, places: FloatArray, side: int) -> FloatArray:
@@ -83,8 +87,11 @@ def enlarged(covariance: FloatArray, F: FloatArray, by: FloatArray) -> FloatArra
     # the principal directions as the picture shows them are those of F Fᵀ
     B = F @ np.swapaxes(F, -1, -2)
     largest = 0.5 * np.arctan2(2.0 * B[:, 0, 1], B[:, 0, 0] - B[:, 1, 1])
-    along = np.sqrt((1.0 + ALONG * by) / (1.0 + by))[:, None, None]
-    across = np.sqrt((1.0 + ACROSS * by) / (1.0 + by))[:, None, None]
+    flat = np.clip(1.0 / np.maximum(principal(F)[1], 1e-6) - 1.0, 0.0, 1.0)
+    along, across = (
+        np.sqrt((1.0 + (EVEN + (most - EVEN) * flat) * by) / (1.0 + by))[:, None, None]
+        for most in (ALONG, ACROSS)
+    )
     e = np.stack([np.cos(largest), np.sin(largest)], axis=-1)
     Q = along * np.eye(2) + (across - along) * e[:, :, None] * e[:, None, :]
     return np.asarray(Q @ covariance @ Q)
@@ -198,6 +205,36 @@ def shares(warp: FloatArray, reference_warp: FloatArray) -> tuple[FloatArray, Fl
     searched = 1.0 / np.minimum(np.abs(determinant(gradient(warp))), 1.0)
     total = template + searched
     return template / total, searched / total
+
+
+def in_material(covariance: FloatArray, warp: FloatArray) -> FloatArray:
+    """Covariances of places in a picture as such of the places in the material picture [px²], [n, 2, 2]."""
+    back = np.linalg.inv(gradient(warp))
+    return np.asarray(back @ covariance @ np.swapaxes(back, -1, -2))
+
+
+def carried_from(start: FloatArray, template: FloatArray, warp: FloatArray) -> FloatArray:
+    """Covariance that a track carries which begins where another match ended [px²], shape [n, 2, 2].
+
+    The match that led to the first picture had the noise of its own template and of that picture. The track
+    takes the picture's back, for it begins with a template of the same samples: wholly, if its shape function
+    is the match's. If one is of higher order, the lower one is the better estimate from the same samples,
+    whose errors have its own variance for their covariance with any other's (Gauss and Markov); so the
+    difference of the two variances remains.
+
+    Parameters
+    ----------
+    start
+        Of the match [px²], shape [n, 2, 2].
+    template
+        What that picture's noise gives as the template of the track [px²], shape [n, 2, 2].
+    warp
+        Total warps of the match, shape [n, 12].
+    """
+    own, searched = (share[:, None, None] for share in shares(warp, np.zeros_like(warp)))
+    size, axes = np.linalg.eigh(searched * start - template)
+    apart = (axes * np.abs(size)[:, None, :]) @ np.swapaxes(axes, -1, -2)
+    return np.asarray(own * start + apart)
 
 
 def compose(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("kolsky", "explicit", "doe", "dic")
+PACKAGES = ("kolsky", "explicit", "implicit", "doe", "dic")
 
 
 class Source(NamedTuple):

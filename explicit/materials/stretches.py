@@ -43,6 +43,12 @@ class StretchLaw(ClosedFormLaw):
         """See `explicit.materials.base.MaterialLaw`."""
         raise NotImplementedError
 
+    @classmethod
+    def stretch_functions(cls, precision: Precision) -> tuple[Any, Any]:
+        """The Warp functions ``(slopes, energy)`` of ``(ln b, row)`` with b = lam^2: the pair t = lam w'(lam)
+        and dt/dln lam, and w."""
+        raise NotImplementedError
+
     @property
     def shear_modulus(self) -> float:
         """mu_0 = (w''(1) + w'(1)) / 2 [Pa]."""

@@ -8,10 +8,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from dic.files import replacing, text_cell
+from dic.files import regular, replacing, text_cell
 from kolsky.base.errors import InputError
 
-__all__ = ["filling", "usable_folder", "write_table"]
+__all__ = ["filling", "regular", "usable_folder", "write_table"]
 
 CURE = "give another place with --out FOLDER"
 

@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 import h5py
 import numpy as np
 
-from dic.files import replacing
+from dic.files import regular, replacing
 from kolsky.base.errors import InputError
 
 STORED = {"f": "<f8", "i": "<i8", "b": "|b1", "u": "|u1"}
@@ -120,7 +120,7 @@ def reading(path: Path, form: Format, *, cure: str) -> Iterator[Place]:
         refused. The message is one line and ends in `cure`.
     """
     try:
-        with h5py.File(path, "r") as file:
+        with h5py.File(regular(path), "r") as file:
             name, version = (_attribute(file, key) for key in ("format", "format_version"))
             if not (name == form.name and version in form.readable):
                 known = " or ".join(map(str, form.readable))
@@ -141,7 +141,7 @@ def reading(path: Path, form: Format, *, cure: str) -> Iterator[Place]:
 def stored_attribute(path: Path, form: Format, name: str) -> object:
     """One attribute of a file; None if there is no such file, format, version or attribute."""
     try:
-        with h5py.File(path, "r") as file:
+        with h5py.File(regular(path), "r") as file:
             found = (_attribute(file, "format"), _attribute(file, "format_version"))
             return _attribute(file, name) if found == (form.name, form.version) else None
     except (OSError, RuntimeError, KeyError, TypeError, ValueError):

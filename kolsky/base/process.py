@@ -1,13 +1,22 @@
-"""Settings of the running process for a while: the garbage collector, the libraries' threads."""
+"""The running process and its workers: garbage collector, threads, how they end."""
 
 import gc
+import os
+import signal
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing import get_context, parent_process
+from threading import Thread
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-__all__ = ["infrequent_gc", "single_threaded_libraries"]
+__all__ = ["infrequent_gc", "process_pool", "single_threaded_libraries"]
 
+
+WORKER = "WORKER_NUMBER"
+"""Variable of the environment with a worker's number, as `explicit.device` and `dic` read it."""
 GC_THRESHOLD = 100_000
 """Objects made, less those gone, from one look for cycles to the next; Python looks after some hundred."""
 
@@ -39,3 +48,50 @@ def single_threaded_libraries() -> Iterator[None]:
             yield
     finally:
         cv2.setNumThreads(before)
+
+
+@contextmanager
+def process_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes of this machine that end with the block, and with this process however it ends.
+
+    If the block ends by an exception they are stopped in the middle of their work: nobody takes it any more.
+    They are not forked: a copy of a process that has started threads may hang. Each has its number in the
+    environment (`WORKER`), by which those that are told to work on "cuda" share out the GPUs.
+
+    Parameters
+    ----------
+    workers
+        Number of processes.
+    """
+    context = get_context("spawn")
+    started = context.Value("i", 0)
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker, initargs=(started,))
+    try:
+        yield pool
+    except BaseException:
+        for process in list((pool._processes or {}).values()):  # public from Python 3.14 on
+            process.terminate()
+        pool.shutdown(wait=True, cancel_futures=True)
+        raise
+    pool.shutdown(wait=True)
+
+
+def _start_worker(started: Any) -> None:
+    """Take the next number, and end with the parent."""
+    with started.get_lock():
+        os.environ[WORKER] = str(started.value)
+        started.value += 1
+    _follow_parent()
+
+
+def _follow_parent() -> None:
+    """End this worker at once when the process that started it is gone; Ctrl-C is the parent's to answer."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    assert parent is not None  # the pool starts it
+
+    def wait() -> None:
+        parent.join()
+        os._exit(1)
+
+    Thread(target=wait, daemon=True).start()

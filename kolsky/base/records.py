@@ -58,6 +58,8 @@ class FlyerMotion:
     """Standard deviation of each displacement [m], shape [n]."""
     zero_sigma: float = 0.0
     """Standard deviation of the place at rest that displacements count from, common to all after it [m]."""
+    notes: tuple[str, ...] = ()
+    """What was found in its record that its user should know, a sentence each."""
 
 
 @dataclass(frozen=True)

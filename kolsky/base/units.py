@@ -22,6 +22,7 @@ DIMENSIONS = {
     "kg": ("a mass", "7.1 g"),
     "N": ("a force", "12 N"),
     "m/N": ("a compliance", "0.2 um/N"),
+    "N/m": ("a stiffness", "5e8 N/m"),
     "Pa/m": ("a stress per length", "1e13 Pa/m"),
     "rad": ("an angle", "0.2 deg"),
     "V/s": ("a drift", "0.5 V/s"),
@@ -29,6 +30,8 @@ DIMENSIONS = {
 }
 """What this package measures: SI unit -> (dimension in words, an example)."""
 
+LONGEST = 200
+"""Longest text that is read as a quantity or a unit [characters]."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 # Pint evaluates whole expressions, towers of powers included; a unit is names, small powers, "*" and "/".
 _NAME = r"(?:1|[A-Za-zµμΩ%°]+(?:(?:\^|\*\*)[+-]?\d{1,2}|[²³])?)"
@@ -72,7 +75,7 @@ def unit_factor(text: str, unit: str) -> float:
     """
     import pint
 
-    if not _UNIT.fullmatch(text):
+    if len(text) > LONGEST or not _UNIT.fullmatch(text):
         raise UnitError(text, "is not a unit", unit)
     try:
         written = _registry().Quantity(1.0, _registry().parse_units(text))
@@ -110,7 +113,7 @@ def quantity(text: str, unit: str) -> float:
     """
     if not isinstance(text, str):
         raise UnitError(text, "has no unit", unit)
-    match = _NUMBER.fullmatch(text)
+    match = _NUMBER.fullmatch(text) if len(text) <= LONGEST else None
     if match is None:
         raise UnitError(text, "is not a number with a unit", unit)
     number, written = match.groups()

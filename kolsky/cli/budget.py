@@ -84,7 +84,7 @@ def budget(
     from kolsky.studies.budget.budget import budget as budget_of
     from kolsky.studies.budget.campaign import plan_campaign, shot_sigma
     from kolsky.studies.budget.factors import USUAL, factors_of
-    from kolsky.studies.budget.output import facts, printed
+    from kolsky.studies.budget.output import facts, made_with, printed
     from kolsky.virtual.specification import read_specification
 
     folder = usable_folder(out or (test if test.is_dir() else test.parent) / "results")
@@ -128,7 +128,9 @@ def budget(
             test, f"no campaign can be planned, and {folder / 'budget.html'} has none: {unplanned}"
         )
     summary = {**printed(found[0], campaign), "page": str(folder / "budget.html")}
-    said = jsonable({"budgets": [facts(one, campaign) for one in found]}, "budget") if as_json else None
+    how = made_with(analysis, refined, quantities.truth.mesh, draws, together)
+    budgets = [facts(one, campaign) for one in found]
+    said = jsonable({"made_with": how, "budgets": budgets}, "budget") if as_json else None
     print_result(summary, said, rest={"wall time": since(started)})
 
 

@@ -58,7 +58,7 @@ def channels(
 
 
 def _unit(channel: "ChannelInfo") -> str | None:
-    """The unit that the file states, or that the heading has in brackets, as the readers of tables take it."""
+    """The unit that the file states, or that its heading has in brackets."""
     from kolsky.readers.columns import heading_unit
 
     return channel.unit or heading_unit(channel.name)

@@ -1,9 +1,11 @@
 """The commands of `kolsky` in the order of `--help`, and what the program does before any of them."""
 
+import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from io import TextIOWrapper
+from types import FrameType
 from typing import Annotated
 
 import typer
@@ -14,17 +16,22 @@ from kolsky.cli.calibrate import calibrate
 from kolsky.cli.channels import channels
 from kolsky.cli.check import check
 from kolsky.cli.dic import dic
+from kolsky.cli.doctor import doctor
 from kolsky.cli.film import film
 from kolsky.cli.identify import identify
 from kolsky.cli.material_fit import material_fit
 from kolsky.cli.new import new
 from kolsky.cli.options import with_solver_options
 from kolsky.cli.plan import plan
+from kolsky.cli.predict import predict
 from kolsky.cli.rate import rate
 from kolsky.cli.reference_curve import reference_curve
 from kolsky.cli.repeats import repeats
 from kolsky.cli.report import report
 from kolsky.cli.simulate import simulate
+from kolsky.cli.specimen_fit import specimen_fit
+from kolsky.cli.specimen_plan import specimen_plan
+from kolsky.cli.specimen_simulate import specimen_simulate
 from kolsky.cli.sweep import sweep
 from kolsky.cli.virtual_make import virtual_make
 from kolsky.cli.virtual_new import virtual_new
@@ -47,11 +54,16 @@ COMMANDS: dict[str, Command] = {
     "report": report,
     "simulate": simulate,
     "plan": plan,
+    "predict": predict,
     "sweep": sweep,
     "budget": budget,
     "film": film,
+    "doctor": doctor,
     "material reference-curve": reference_curve,
     "material fit": material_fit,
+    "specimen fit": specimen_fit,
+    "specimen simulate": specimen_simulate,
+    "specimen plan": specimen_plan,
     "virtual new": virtual_new,
     "virtual make": virtual_make,
 }
@@ -59,6 +71,7 @@ COMMANDS: dict[str, Command] = {
 
 GROUPS = {
     "material": "The quasi-static tests of the material behind a shot.",
+    "specimen": "Whole specimens in slow tests, simulated and fitted.",
     "virtual": "The virtual laboratory: shots whose answer is known.",
 }
 """Groups of commands and their line of `--help`."""
@@ -67,12 +80,22 @@ FORMER_NAMES: dict[str, str] = {"material baseline": "material reference-curve"}
 """Words that commands had once: they still work, and `--help` does not show them."""
 
 
+TERMINATED = 128 + signal.SIGTERM
+"""Exit code of a command that was told to end, as shells give it."""
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """Told to end: by an exception, so that every block removes what it left half-made."""
+    raise SystemExit(TERMINATED)
+
+
 def main() -> None:
     """Entry point of the `kolsky` command."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             # A terminal without a character (± in an old code page) gets its escape, not a traceback.
             stream.reconfigure(errors="backslashreplace")
+    signal.signal(signal.SIGTERM, _end)
     app()
 
 
@@ -87,7 +110,6 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
     made = typer.Typer(
         name="kolsky",
         no_args_is_help=True,
-        add_completion=False,
         pretty_exceptions_enable=False,
         help="One impact test on a soft material, in; its dynamic stiffness with its uncertainty, out.",
     )
@@ -131,7 +153,9 @@ def _show_version(wanted: bool) -> None:
 def _kolsky(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and exit."),
+        typer.Option(
+            "--version", "-V", callback=_show_version, is_eager=True, help="Print the version and exit."
+        ),
     ] = False,
 ) -> None:
     pass

@@ -1,17 +1,36 @@
 """`kolsky identify`: load, identify, write, print."""
 
+from pathlib import Path
 from time import perf_counter
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from kolsky.cli import texts
-from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Figures, Mesh, Out, ShotPath, SolverOptions
+from kolsky.cli.identify_shots import (
+    CurveNodes,
+    GainEach,
+    JointOptions,
+    NoScatter,
+    Roughness,
+    SlowTests,
+    identify_shots,
+    refuse,
+)
+from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Figures, Mesh, Out, SolverOptions
 from kolsky.inverse.parameters import PARAMETERS
+
+if TYPE_CHECKING:
+    from kolsky.inverse.settings import Settings
+    from kolsky.inverse.staged_runs import Progress
+    from kolsky.shot.records import Shot
 
 
 def identify(
-    shot: ShotPath,
+    shots: Annotated[
+        list[Path],
+        typer.Argument(metavar="SHOT...", help="A shot's folder, or its shot.toml; several: together."),
+    ],
     free: Annotated[
         list[str] | None,
         typer.Option(
@@ -42,12 +61,33 @@ def identify(
         str,
         typer.Option(metavar="WHICH", help="surrogate, or all: least squares on the solver too (expensive)."),
     ] = "surrogate",
+    method: Annotated[
+        str,
+        typer.Option(
+            metavar="WHICH",
+            help="least-squares, or paper: beside it that of Mates et al., a factorial over friction and m, "
+            "a surface through Phi, a simplex; bounds by --free.",
+        ),
+    ] = "least-squares",
     solver: SolverOptions = SOLVER_DEFAULTS,
     bayes: Annotated[bool, typer.Option("--bayes", help="Sample the posterior too; needs emcee.")] = False,
     diagnose: Annotated[
         bool,
         typer.Option("--diagnose", help="Identify anew with each of the two likeliest causes put right."),
     ] = False,
+    relaxation: Annotated[
+        str,
+        typer.Option(
+            metavar="KIND",
+            help="What relaxes beside the curve, its constants free: prony, prony:2 or bergstrom_boyce.",
+            show_default="as [relaxation] of shot.toml says",
+        ),
+    ] = "",
+    slow_tests: SlowTests = None,
+    curve_nodes: CurveNodes = 0,
+    curve_roughness: Roughness = 0.1,
+    gain_each: GainEach = "",
+    no_scatter: NoScatter = False,
     pull: Annotated[str, typer.Option(help="The curve m refers to: first pull or conditioned.")] = "first",
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
@@ -60,6 +100,10 @@ def identify(
     damping keeps the shot's values, and the result says in any case what that would give.
 
     Writes identification.h5, report.html and CSV tables into SHOT/results.
+
+    Several shots of one material are identified together, with slow tests if there are some: shared
+    parameters, each shot's own clock and gain, the scatter between them. They leave joint.json, joint.html,
+    tables and the ledger joint.sqlite in the folder joint; the same command goes on where it ended.
     """
     started = perf_counter()
     ranges = texts.ranges("--free", free) if free else None
@@ -68,14 +112,42 @@ def identify(
     texts.finer("--refined-mesh", refined, "--mesh", coarse)
     formats = texts.figure_formats(figures)
     texts.one_of("--methods", methods, ("surrogate", "all"))
+    texts.one_of("--method", method, ("least-squares", "paper"))
     texts.one_of("--pull", pull, ("first", "conditioned"))
     texts.apart("--free", ranges or {}, "--hold", [*held, *kept])
     if bayes:
         texts.installed("--bayes", "emcee", "bayes")
+    joint = JointOptions(slow_tests, curve_nodes, curve_roughness, gain_each, no_scatter)
+    if len(shots) > 1 or joint.asked:
+        refuse(
+            {
+                "methods": methods != "surrogate",
+                "method": method != "least-squares",
+                "bayes": bayes,
+                "diagnose": diagnose,
+            }
+        )
+        chosen = joint.settings(
+            free=ranges,
+            held=held,
+            hold=kept,
+            numerics=solver.numerics(coarse),
+            refined=refined,
+            replicates=replicates,
+            seed=seed,
+        )
+        identify_shots(
+            shots, joint, chosen, relaxation=relaxation, pull=pull, out=out, formats=formats, as_json=as_json
+        )
+        return
     from kolsky.cli.inputs import load, usable
     from kolsky.cli.terminal import print_result, progress_bars, since
 
-    loaded, folder = load(shot, out)
+    loaded, folder = load(shots[0], out)
+    if relaxation:
+        from kolsky.inverse.relaxing import with_relaxation
+
+        loaded = with_relaxation(loaded, *texts.relaxation("--relaxation", relaxation))
     numerics = solver.numerics(coarse)
     from kolsky import identification
     from kolsky.inverse.settings import Settings
@@ -100,11 +172,39 @@ def identify(
         found = identification.identify(loaded, settings, progress=progress)
         if diagnose:
             found = identification.diagnose(found, loaded, settings, progress=progress)
+        paper = _paper_method(loaded, settings, folder, progress) if method == "paper" else None
     write_identify_results(folder, found, loaded, formats=formats)
+    beside, said, doubts = paper or ({}, {}, [])
     print_result(
-        printed.details(found),
-        to_json(found) if as_json else None,
+        {**printed.details(found), **beside},
+        {**to_json(found), **said} if as_json else None,
         answers=[*(printed.answer(e) for e in found.estimates.values()), fit_line(found)],
         rest={"report": folder / PAGE, "wall time": since(started)},
-        warnings=found.warnings,
+        warnings=[*found.warnings, *doubts],
+    )
+
+
+def _paper_method(
+    shot: "Shot", settings: "Settings", folder: Path, progress: "Progress"
+) -> tuple[dict[str, str], dict[str, Any], list[str]]:
+    """The paper's answer: rows to print, keys of the JSON object, warnings. Its files are written."""
+    from kolsky.shot.curve import with_pull
+    from kolsky.studies import paper_output
+    from kolsky.studies.paper_method import BOUNDS, paper_method
+
+    given = {name: span for name, span in (settings.free or {}).items() if span and name in BOUNDS}
+    found = paper_method(
+        with_pull(shot, settings.pull),
+        bounds=given,
+        held=settings.held,
+        numerics=settings.numerics,
+        refined_mesh=settings.refined_mesh,
+        ledger=folder / f"{paper_output.STEM}.sqlite",
+        progress=progress,
+    )
+    paper_output.write_paper_method(folder, found)
+    return (
+        paper_output.rows(found),
+        {paper_output.STEM: paper_output.to_json(found)},
+        paper_output.warnings(found),
     )

@@ -139,7 +139,7 @@ def material_fit(
     )
     tests, hashes = read_tests(files, columns, mean=mean)
     if specimen is not None:
-        from kolsky.cli.specimen_fit import fit_held_specimen
+        from kolsky.cli.held_specimen import fit_held_specimen
 
         fit_held_specimen(
             tests,
@@ -308,7 +308,8 @@ def _refuse_columns(path: Path, mode: "Mode", columns: "Columns") -> None:
         if mode is not Mode.UNIAXIAL or columns.area is None or columns.length is None:
             raise InputError(
                 texts.COMMAND_LINE,
-                f"{path}: --force and --displacement are of uniaxial tests and need --length, and --area or --diameter",
+                f"{path}: --force and --displacement are of uniaxial tests; they need --length, and --area or"
+                " --diameter",
                 cure="give the specimen's undeformed size",
             )
         return
@@ -345,9 +346,7 @@ def _lines(found: "Comparison") -> list[str]:
             f"{mark} {row.candidate.name:<19}{1e-3 * f.youngs_modulus:>9.4g}{1e-3 * f.rmse:>11.4g}"
             f"{f.r_squared:>9.5f}{f.aic:>9.1f}  {failure(row)}"
         )
-    lines.append(
-        "* least BIC of those determined and stable over the data; ? constants not determined or not confirmed"
-    )
+    lines.append("* least BIC of those determined and stable over the data; ? not determined or confirmed")
     if best is not None and best.fit is not None:
         for spec in best.fit.law.PARAMETERS:
             if spec.name in best.fit.free:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kolsky.base.errors import InputError
+from kolsky.base.files import regular
 
 if TYPE_CHECKING:
     from kolsky.shot.survey import Survey
@@ -97,6 +98,6 @@ def _text_of(series: Path) -> str:
 
     path = find_shot_file(series)
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return regular(path).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, f"cannot be read ({error})") from None

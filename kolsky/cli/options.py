@@ -34,7 +34,7 @@ Numbers = Annotated[
 ]
 Mesh = Annotated[str, typer.Option(metavar="NRxNY", help="Elements across the radius x along the length.")]
 Precision = Annotated[str, typer.Option(help="Arithmetic of the solver: fp64 or fp32.")]
-Device = Annotated[str, typer.Option(help='"cpu" or a CUDA device such as "cuda:0".')]
+Device = Annotated[str, typer.Option(help='"cpu", a CUDA device such as "cuda:0", or "cuda".')]
 Threads = Annotated[int | None, typer.Option(min=1, help="CPU threads.", show_default="all cores")]
 PastData = Annotated[
     str,

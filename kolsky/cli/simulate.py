@@ -1,5 +1,8 @@
 """`kolsky simulate`: one simulation of a shot, compared with its data."""
 
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
 from time import perf_counter
 from typing import Annotated, Any
 
@@ -16,16 +19,36 @@ def simulate(
     mesh: Mesh = "24x32",
     solver: SolverOptions = SOLVER_DEFAULTS,
     out: Out = None,
+    slow: Annotated[
+        bool,
+        typer.Option("--slow", help="The quasi-static test instead, as slow as --error asks for."),
+    ] = False,
+    strain: Annotated[
+        str,
+        typer.Option(
+            metavar="SHARE", help="Of --slow: last nominal compression.", show_default="where the shot ends"
+        ),
+    ] = "",
+    error: Annotated[
+        str, typer.Option(metavar="SHARE", help="Of --slow: wanted error of the force.", show_default="0.2 %")
+    ] = "",
     vtu: Annotated[bool, typer.Option("--vtu", help="Also write the deforming mesh for ParaView.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a shot once, e.g. -p stiffness_factor=1.1, and compare it with the data.
 
-    A run that fails is written up to its end; the exit code is then 1.
+    A run that fails is written up to its end; the exit code is then 1. With --slow its specimen is compressed
+    without inertia: slow.csv has force, stress and radius over the strain.
     """
     started = perf_counter()
     parameters = texts.values("--parameter", parameter or [])
     elements = texts.mesh("--mesh", mesh)
+    if slow:
+        wanted = _slow_options(parameters, strain, error, solver, vtu=vtu)
+        _slow(shot, out, parameters, elements, wanted, solver.threads, as_json=as_json)
+        return
+    if strain or error:
+        raise InputError(texts.COMMAND_LINE, "--strain and --error belong to --slow", cure="add --slow")
     if vtu and solver.nearly_incompressible:
         raise InputError(
             texts.COMMAND_LINE,
@@ -42,7 +65,7 @@ def simulate(
     from kolsky.base.json_types import jsonable
     from kolsky.inverse import simulate as simulation
     from kolsky.inverse.result import worst_imbalance
-    from kolsky.uncertainty.warnings.runs import hourglass, past_curve, sliding
+    from kolsky.uncertainty.warnings.runs import folded, hourglass, past_curve, sliding
 
     with usable(loaded), progress_bars() as progress:
         progress("simulation", 0, 1)
@@ -60,6 +83,7 @@ def simulate(
         *([] if ending.outcome.ok else [f"the simulation ended {ending.sentence}"]),
         *past_curve(share, float(run.response.largest_strain_measure[0]), run.prepared.checks),
         *hourglass(run.response),
+        *folded(run.response, run.prepared.forward.mesh(numerics), loaded.interface, list(parameters)),
         *sliding(loaded.interface, list(parameters)),
     ]
     summary = {
@@ -90,3 +114,74 @@ def _failure(ending: Any) -> dict[str, Any]:
         "cause": ending.outcome.cause,
         "cure": ending.outcome.cure,
     }
+
+
+SLOW_PARAMETERS = ("stiffness_factor", "friction", "poisson")
+"""Parameters that a slow test reads."""
+
+
+def _slow_options(
+    parameters: Mapping[str, float], strain: str, error: str, solver: SolverOptions, *, vtu: bool
+) -> tuple[float | None, float]:
+    """Last strain, None for the shot's, and wanted error of a slow test."""
+    for name in parameters:
+        if name not in SLOW_PARAMETERS:
+            cure = f"leave it out; a slow test reads {', '.join(SLOW_PARAMETERS)}"
+            raise InputError(texts.COMMAND_LINE, f"--parameter {name} has no effect with --slow", cure=cure)
+    for field in fields(SolverOptions):
+        if field.name != "threads" and getattr(solver, field.name) != getattr(SOLVER_DEFAULTS, field.name):
+            option = f"--{field.name.replace('_', '-')}"
+            raise InputError(texts.COMMAND_LINE, f"{option} has no effect with --slow", cure="leave it out")
+    if vtu:
+        raise InputError(texts.COMMAND_LINE, "--vtu has no effect with --slow", cure="leave it out")
+    last = None if not strain else texts.physical("--strain", strain, "1", positive=True)
+    if last is not None and not last < 1.0:
+        raise InputError(
+            texts.COMMAND_LINE, "is not allowed", key="--strain", value=strain, allowed="< 100 %"
+        )
+    return last, 2e-3 if not error else texts.physical("--error", error, "1", positive=True)
+
+
+def _slow(
+    shot: Path,
+    out: Path | None,
+    parameters: Mapping[str, float],
+    mesh: tuple[int, int],
+    wanted: tuple[float | None, float],
+    threads: int | None,
+    *,
+    as_json: bool,
+) -> None:
+    """The quasi-static test of a shot's specimen."""
+    started = perf_counter()
+    from kolsky.cli.inputs import load, usable
+    from kolsky.cli.terminal import print_result, since
+
+    loaded, folder = load(shot, out, "simulation")
+    from kolsky.base.files import filling
+    from kolsky.base.json_types import jsonable
+    from kolsky.inverse import slow
+    from kolsky.material.slow_compression import write_slow_compression
+
+    with usable(loaded):
+        found = slow.slow_test_of(
+            loaded, parameters, last=wanted[0], error=wanted[1], mesh=mesh, threads=threads
+        )
+    with filling(folder) as partial:
+        write_slow_compression(partial / "slow.csv", found)
+    warnings = slow.doubts(found)
+    summary = {
+        "shot": loaded.name,
+        **({"parameters": dict(parameters)} if parameters else {}),
+        "last_strain": float(found.strain[-1]),
+        "last_force": float(found.force[-1]),
+        "error": found.errors[-1],
+        "duration": f"{found.durations[-1]:.0f} passages of a wave, after {len(found.durations) - 1} shorter",
+        "kinetic_share": found.test.kinetic_share,
+        "face_difference": found.test.face_difference,
+        "extrapolated_share": found.test.past_data,
+        "file": str(folder / "slow.csv"),
+    }
+    listed = {**summary, "durations": found.durations, "errors": found.errors, "warnings": warnings}
+    said = jsonable(listed, "slow") if as_json else None
+    print_result(summary, said, rest={"wall time": since(started)}, warnings=warnings)

@@ -1,125 +1,166 @@
-"""The part of `kolsky material fit` that takes a specimen with held ends: inverse finite elements."""
+"""`kolsky specimen fit`: constants of a law fitted to whole specimens in slow tests."""
 
-import json
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from kolsky.base.errors import InputError
 from kolsky.cli import texts
+from kolsky.cli.options import AsJson, Device, Figures
 
 if TYPE_CHECKING:
-    from kolsky.material.end_friction.problem import ModelFit
-    from kolsky.material.fits.homogeneous_test import HomogeneousTest
+    from kolsky.specimen.reading import Specification
+    from kolsky.specimen.studies import StudyRow
 
-DEFAULT_LAWS = ("neo_hookean", "reduced_polynomial", "yeoh", "mooney_rivlin", "ogden1")
-"""Laws that are tried if none is named: those that a single compression test may determine."""
+SpecPath = Annotated[Path, typer.Argument(metavar="SPEC", help="A SPEC.toml: material, specimens, files.")]
+OutOfSpec = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="FOLDER", help="Where results go.", show_default="SPEC's name/results"),
+]
 
 
-def fit_held_specimen(
-    tests: Sequence["HomogeneousTest"],
-    *,
-    specimen: str,
-    ends: str,
-    laws: tuple[str, ...],
-    poisson: float | None,
-    hashes: dict[str, str],
+def specimen_fit(
+    spec: SpecPath,
+    out: OutOfSpec = None,
+    resolution: Annotated[
+        str,
+        typer.Option(
+            metavar="FACTORS", help="Also fit on meshes this many times as fine as 20 x 5 x 1 cells."
+        ),
+    ] = "",
+    noise: Annotated[
+        str, typer.Option(metavar="SIGMAS", help="Also fit with noise of these sizes added to the force [N].")
+    ] = "",
+    draws: Annotated[int, typer.Option(min=1, help="Draws of each size of --noise.")] = 3,
+    steps_alone: Annotated[
+        bool, typer.Option("--steps-alone", help="Of a sheet, also fit every step alone.")
+    ] = False,
+    stiffness_map: Annotated[
+        str,
+        typer.Option("--map", metavar="NXxNY", help="Of a sheet, also map its stiffness by so many blocks."),
+    ] = "",
+    vtu: Annotated[bool, typer.Option("--vtu", help="Also write the last sample for ParaView.")] = False,
+    device: Device = "cpu",
+    figures: Figures = "",
+    as_json: AsJson = False,
+) -> None:
+    """Fit a law to whole specimens: their force curves, or a sheet's displacement field and pad force.
+
+    Writes specimen.html, specimen.json, specimen.h5, tables, and the fitted law as curves that a shot.toml
+    can name as its [curve].
+    """
+    started = perf_counter()
+    formats = texts.figure_formats(figures)
+    factors = texts.whole_numbers("--resolution", resolution) if resolution else []
+    sigmas = texts.numbers("--noise", noise) if noise else []
+    blocks = texts.mesh("--map", stiffness_map) if stiffness_map else None
+    from kolsky.base.files import usable_folder
+    from kolsky.cli.terminal import print_result, since
+    from kolsky.specimen.reading import read_specification
+
+    read = read_specification(spec, device=device)
+    folder = usable_folder(out or read.toml.path.with_suffix("") / "results")
+    if read.declared.field is not None:
+        if factors or sigmas:
+            option = "--resolution" if factors else "--noise"
+            raise InputError(texts.COMMAND_LINE, "is for force curves", key=option, cure="remove it")
+        _fit_sheet(read, folder, started, formats, alone=steps_alone, blocks=blocks, vtu=vtu, as_json=as_json)
+        return
+    if steps_alone or blocks:
+        option = "--steps-alone" if steps_alone else "--map"
+        raise InputError(texts.COMMAND_LINE, "is for a sheet", key=option, cure="remove it")
+    from kolsky.report.pages.specimen import constant_rows, printed
+    from kolsky.report.specimen_folder import write_specimen_results
+    from kolsky.report.specimen_view import view_of
+    from kolsky.specimen import output
+    from kolsky.specimen.fit import fit
+
+    groups = read.declared.fit.together or {name: [name] for name in read.samples}
+    if not read.samples:
+        raise read.toml.error("tests", "have no data", cure="name a file, or `kolsky specimen simulate`")
+    fits = []
+    for name, members in groups.items():
+        others = [read.test(other) for other in read.samples if other not in members]
+        try:
+            fits.append(
+                fit(
+                    name,
+                    [read.test(member) for member in members],
+                    read.constants,
+                    predicted=others,
+                    starts=read.declared.fit.starts,
+                    seed=read.declared.fit.seed,
+                )
+            )
+        except ValueError as error:
+            raise read.toml.error(f"fit.together.{name}", f"cannot be fitted: {error}") from None
+    view = view_of(read.name, fits)
+    studies = _studies(read, factors, sigmas, draws)
+    write_specimen_results(folder, view, read.inputs, formats=formats, vtu=vtu, studies=studies)
+    rows = {
+        f"{row['fit']}: {row['name']}": f"{row['value']}, {row['interval']}, {row['verdict']}"
+        for row in constant_rows(view)
+    }
+    print_result(
+        rows | printed(view),
+        output.fits_json(fits, read.inputs) if as_json else None,
+        rest={"page": folder / "specimen.html", "wall time": since(started)},
+        warnings=view.warnings,
+    )
+
+
+def _studies(
+    read: "Specification", factors: list[int], sigmas: list[float], draws: int
+) -> "dict[str, list[StudyRow]]":
+    from kolsky.specimen.studies import noise_study, resolution_study
+
+    first = read.test(next(iter(read.samples)))
+    made = {}
+    if factors:
+        made["resolution"] = resolution_study(
+            first, read.constants, factors=factors, orders=("hex8", "hex27"), base=(20, 5, 1)
+        )
+    if sigmas:
+        made["noise"] = noise_study(first, read.constants, sigmas=sigmas, repeats=draws)
+    return made
+
+
+def _fit_sheet(
+    read: "Specification",
     folder: Path,
+    started: float,
+    formats: tuple[str, ...],
+    *,
+    alone: bool,
+    blocks: tuple[int, int] | None,
+    vtu: bool,
     as_json: bool,
 ) -> None:
-    """Fit laws to repeats of one compression test with held or rubbing ends; write and print the constants.
+    from kolsky.cli.terminal import print_result, since
+    from kolsky.report.pages.specimen import printed, sheet_rows
+    from kolsky.report.specimen_folder import write_sheet_results
+    from kolsky.report.specimen_view import sheet_view_of
+    from kolsky.specimen import output
+    from kolsky.specimen.field_fit import fit_field, fit_steps
+    from kolsky.specimen.field_reading import read_field
+    from kolsky.specimen.stiffness_map import stiffness_map as stiffness_map_of
 
-    `specimen` is "DIAMETER x LENGTH"; the tests are apparent nominal stresses, tension-positive.
-    """
-    import numpy as np
-
-    from kolsky.base.apparatus import Specimen
-    from kolsky.base.files import filling, write_table
-    from kolsky.cli.reference_curve import ends_of
-    from kolsky.cli.terminal import print_result
-    from kolsky.material.curves.uniaxial import UniaxialTest
-    from kolsky.material.end_friction.problem import CorrectionNumerics
-    from kolsky.material.end_friction.specimen_fit import fit_specimen
-    from kolsky.material.fits.modes import Mode
-    from kolsky.material.reference_curve import Treatment, reference_curve
-    from kolsky.material.reference_curve_files import model_summary
-
-    diameter, cross, length = specimen.partition(" x ")
-    if not cross:
-        raise InputError(
-            texts.COMMAND_LINE, f"--specimen {specimen!r} cannot be read", cure='write "9.5 mm x 6.5 mm"'
-        )
-    size = Specimen(
-        diameter=texts.physical("--specimen", diameter, "m", positive=True),
-        length=texts.physical("--specimen", length, "m", positive=True),
-        density=0.0,
-    )
-    held = ends_of(ends, 0.0)
-    if held is None or ends == "free":
-        raise InputError(
-            texts.COMMAND_LINE, "--specimen needs --ends", cure="write bonded, rough or Coulomb's coefficient"
-        )
-    for test in tests:
-        if test.mode is not Mode.UNIAXIAL or test.strain.min() > -1e-9:
-            raise InputError(texts.COMMAND_LINE, f"{test.name} is no compression test", cure="leave it out")
-    pushed = [UniaxialTest(t.name, -t.strain, -t.stress, compression=True) for t in tests]
+    measured = read_field(read)
     try:
-        mean = reference_curve(pushed, Treatment(points=40))
-        found = fit_specimen(
-            mean.band,
-            size,
-            held,
-            laws or DEFAULT_LAWS,
-            numerics=CorrectionNumerics(poisson=0.499 if poisson is None else poisson),
-        )
+        found = fit_field(measured.problem)
     except ValueError as error:
-        raise InputError(texts.COMMAND_LINE, str(error)) from error
-    said: dict[str, Any] = {"inputs": hashes, "ends": ends, "laws": [model_summary(one) for one in found]}
-    fitted = [one for one in found if not one.reason]
-    with filling(folder) as partial:
-        (partial / "specimen.json").write_text(
-            json.dumps(said, indent=2, allow_nan=False) + "\n", encoding="utf-8"
-        )
-        write_table(partial / "specimen_constants.csv", _constants(fitted))
-        curves: dict[str, list[Any]] = {
-            "nominal strain (1)": mean.band.strain.tolist(),
-            "apparent nominal stress (Pa)": mean.band.stress.tolist(),
-        }
-        curves |= {f"{one.name} without end friction (Pa)": np.asarray(one.stress).tolist() for one in fitted}
-        write_table(partial / "specimen_curves.csv", curves)
+        raise read.toml.error("field", f"cannot be fitted: {error}") from None
+    steps = fit_steps(found.problem) if alone else []
+    mapped = stiffness_map_of(found.problem, blocks) if blocks else None
+    view = sheet_view_of(read.name, measured, found, steps, mapped)
+    inputs = {**read.inputs, **measured.inputs}
+    write_sheet_results(folder, view, inputs, formats=formats, vtu=vtu)
+    rows = {row["name"]: f"{row['value']}, {row['interval']}, {row['verdict']}" for row in sheet_rows(view)}
     print_result(
-        {},
-        said if as_json else None,
-        answers=_lines(fitted),
-        rest={"constants": folder / "specimen_constants.csv"},
-        warnings=[*mean.remarks, *(f"{one.name} has no fit: {one.reason}" for one in found if one.reason)],
+        rows | printed(view),
+        output.field_json(found, steps) | {"inputs": inputs} if as_json else None,
+        rest={"page": folder / "specimen.html", "wall time": since(started)},
+        warnings=view.warnings,
     )
-
-
-def _constants(fitted: Sequence["ModelFit"]) -> dict[str, list[Any]]:
-    rows = [(one, name) for one in fitted for name in one.constants]
-    return {
-        "law": [one.name for one, _ in rows],
-        "constant": [name for _, name in rows],
-        "value (SI)": [one.constants[name] for one, name in rows],
-        "u (SI)": [one.sigma[name] for one, name in rows],
-        "weight of the law": [one.weight for one, _ in rows],
-        "misfit (rms)": [one.misfit for one, _ in rows],
-    }
-
-
-def _lines(fitted: Sequence["ModelFit"]) -> list[str]:
-    """Laws with their constants and the strongest correlation, for a terminal."""
-    import numpy as np
-
-    lines = []
-    for one in fitted:
-        lines.append(f"{one.name}: {100.0 * one.misfit:.2g} % from the test (rms), weight {one.weight:.2g}")
-        for name, value in one.constants.items():
-            lines.append(f"  {name} = {value:.5g} ± {2.0 * one.sigma[name]:.2g} (SI, k = 2)")
-        off = np.abs(np.triu(one.correlation, 1))
-        if off.size > 1 and off.max() > 0.0:
-            i, j = np.unravel_index(int(np.argmax(off)), off.shape)
-            names = list(one.constants)
-            lines.append(f"  correlation of {names[i]} and {names[j]}: {one.correlation[i, j]:+.3f}")
-    return lines

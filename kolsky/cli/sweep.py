@@ -111,8 +111,8 @@ def sweep(
     from kolsky.report.study_folder import write_sweep_results
     from kolsky.results.summary import failed_runs
     from kolsky.studies import sweep as sweeping
-    from kolsky.studies.sweep_analysis import analyse_sweep
-    from kolsky.uncertainty.warnings.runs import lost_runs, sliding
+    from kolsky.studies.sweep_analysis import analyse_sweep, surface_optimum
+    from kolsky.uncertainty.warnings.runs import lost_runs, run_again, sliding
 
     with usable(loaded), records.usable(), workers.executor() as executor, sweep_progress() as progress:
         result = sweeping.sweep(
@@ -126,7 +126,11 @@ def sweep(
             executor=executor,
             progress=progress,
         )
-    warnings = [*lost_runs(result.table), *sliding(loaded.interface, [*result.table.names, *held])]
+    warnings = [
+        *run_again(result.damaged),
+        *lost_runs(result.table),
+        *sliding(loaded.interface, [*result.table.names, *held]),
+    ]
     analysis = analyse_sweep(result.shot, chosen.box, result.table)
     write_sweep_results(folder, result, analysis, name=records.stem, warnings=warnings, formats=formats)
     summary = {
@@ -134,6 +138,7 @@ def sweep(
         **sweeping.counts(result),
         **({"left_out_by_constraints": chosen.settings["refused"]} if where else {}),
         **sweeping.least_misfit(result),
+        **surface_optimum(analysis),
         "file": str(folder / f"{records.stem}.csv"),
         "page": str(folder / f"{records.stem}.html"),
         **({} if place is None else {"ledger": str(place)}),

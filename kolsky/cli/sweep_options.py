@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kolsky.base.errors import InputError
+from kolsky.base.process import process_pool
 from kolsky.cli import texts
 
 if TYPE_CHECKING:
@@ -252,11 +253,7 @@ class Workers:
             with self._client() as client:
                 yield client.get_executor
         elif self.processes is not None:
-            from concurrent.futures import ProcessPoolExecutor
-            from multiprocessing import get_context
-
-            # Not forked: a copy of a process that has started threads may hang.
-            yield partial(ProcessPoolExecutor, self.processes, mp_context=get_context("spawn"))
+            yield partial(process_pool, self.processes)
         else:
             yield None
 

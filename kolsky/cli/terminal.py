@@ -1,6 +1,7 @@
 """Output on a terminal: progress of the work on stderr, the answer on stdout.
 
-Standard output holds the answer, with `--json` exactly one object; all else goes to standard error.
+Standard output holds the answer, with `--json` exactly one object; all else goes to standard error. Names
+come from files and folders of anybody: a character that would steer the terminal is shown as its escape.
 """
 
 import json
@@ -10,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from kolsky.base.errors import one_line
 from kolsky.report import printed
 from kolsky.report.nomenclature import STAGES
 
@@ -44,12 +46,12 @@ def print_result(
         What to know before using the answer.
     """
     if said is None:
-        print("\n".join([*answers, *printed.columns({**rows, **rest})]))
+        print("\n".join(map(one_line, [*answers, *printed.columns({**rows, **rest})])))
     else:
         print(json.dumps(said, indent=2, allow_nan=False))
-        print("\n".join(printed.columns(rest)), file=sys.stderr)
+        print("\n".join(map(one_line, printed.columns(rest))), file=sys.stderr)
     for warning in warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+        print(one_line(f"warning: {warning}"), file=sys.stderr)
 
 
 def since(started: float) -> str:

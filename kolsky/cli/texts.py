@@ -5,6 +5,7 @@ from math import prod
 from pathlib import Path
 
 from kolsky.base.errors import InputError
+from kolsky.base.relaxation import Kind
 
 COMMAND_LINE = Path("command line")
 
@@ -196,6 +197,22 @@ def one_of(option: str, text: str, choices: Sequence[str]) -> str:
         allowed = f"{', '.join(others)} or {last}"
         raise InputError(COMMAND_LINE, "is not known", key=option, value=text, allowed=allowed)
     return text
+
+
+def relaxation(option: str, text: str) -> tuple[Kind, int]:
+    """A kind of relaxation and its branches: "prony", "prony:2", "bergstrom_boyce".
+
+    Raises
+    ------
+    InputError
+        If it is none of these.
+    """
+    from kolsky.inverse.relaxing import parsed_kind
+
+    try:
+        return parsed_kind(text)
+    except ValueError as error:
+        raise InputError(COMMAND_LINE, f"{option}: {error}") from None
 
 
 def finer(option: str, refined: tuple[int, int], than: str, mesh: tuple[int, int]) -> None:

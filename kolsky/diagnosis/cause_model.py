@@ -13,6 +13,7 @@ from kolsky.diagnosis.alterations import UNALTERED, Alteration
 from kolsky.diagnosis.candidate_input import DECLARED, CandidateInput, Changed, together
 from kolsky.diagnosis.cause_fit import ExpectedResidual
 from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.launches import Launch, run_side_by_side
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.staged_runs import StagedRuns
@@ -25,6 +26,8 @@ FIRST_ORDER = 1.0
 """Order of the mesh error's common part: where the side surface rolls onto a platen it is 1, not 2."""
 SECOND_ORDER = 2.0
 """Order of what rings, whose phase differs from mesh to mesh."""
+MOST_KEPT = 64
+"""Runs that are kept, the latest, to be asked again: a search comes back to where its last step ended."""
 NEAR = 7
 """Bins over which the size of the mesh's error is averaged."""
 SHARES = {"damping": 1e-6, "friction": 0.02}
@@ -76,6 +79,7 @@ class CauseModel:
             self.upper = np.append(self.upper, first.highest)
         self.observations = _thinned(stages.observations)
         self.runs = 0
+        self._recent: dict[object, Response | None] = {}
         reference = self.respond([Point(x)])[0]
         if reference is None:
             raise ValueError("the run at the answer did not complete on the surrogate's mesh")
@@ -107,7 +111,9 @@ class CauseModel:
     def refined_run(self, point: Point) -> Response | None:
         """A run on the refined mesh; None if it does not complete."""
         settings = self.stages.settings
-        response = self._launched([self.whole(point)], settings.numerics.with_mesh(settings.refined_mesh))
+        (response,) = run_side_by_side(
+            [self._launch([self.whole(point)], settings.numerics.with_mesh(settings.refined_mesh))]
+        )
         return response if response.outcomes[0].ok else None
 
     def shift(self, alteration: Alteration) -> FloatArray:
@@ -118,22 +124,28 @@ class CauseModel:
         return self._shifts[alteration]
 
     def respond(self, points: Sequence[Point]) -> list[Response | None]:
-        """One response a point, None where it did not complete; as few launches as meshes and laws allow."""
-        points = [self.whole(point) for point in points]
-        found: list[Response | None] = [None] * len(points)
-        for rows in _alike([_launch(self.stages, point) for point in points]):
-            chosen = [points[i] for i in rows]
-            # Points that differ by what is made of a run alone share the run.
-            unique, where = _unique(chosen)
-            response = self._launched(unique)
-            for i, place in zip(rows, where, strict=True):
-                if response.outcomes[place].ok:
-                    found[i] = response.select([place])
-        return found
+        """One response a point, None where it did not complete.
 
-    def _launched(self, points: Sequence[Point], numerics: Numerics | None = None) -> Response:
+        Every group of runs that have mesh and laws in common is a launch, all of them side by side. Points
+        that differ by what is made of a run alone share it, and what was run lately is not run again.
+        """
+        points = [self.whole(point) for point in points]
+        keys = [(_in_common(self.stages, point), _run(point)) for point in points]
+        fresh: dict[object, dict[object, Point]] = {}
+        for key, point in zip(keys, points, strict=True):
+            if key not in self._recent:
+                fresh.setdefault(key[0], {})[key[1]] = point
+        made = run_side_by_side([self._launch(list(group.values())) for group in fresh.values()])
+        found = {key: self._recent[key] for key in keys if key in self._recent}
+        for (launch, group), response in zip(fresh.items(), made, strict=True):
+            self.runs += len(group)
+            for row, run in enumerate(group):
+                found[launch, run] = response.select([row]) if response.outcomes[row].ok else None
+        self._recent = dict([*self._recent.items(), *found.items()][-MOST_KEPT:])
+        return [found[key] for key in keys]
+
+    def _launch(self, points: Sequence[Point], numerics: Numerics | None = None) -> Launch:
         prepared, settings, names = self.stages.prepared, self.stages.settings, self.stages.box.names
-        self.runs += len(points)
         factors = {point.changed.motion: None for point in points}
         paths = tuple(prepared.path if f == 1.0 else prepared.path.scaled(f) for f in factors)
         forward = replace(_forward(prepared.forward, points[0].changed.specimen), paths=paths)
@@ -146,7 +158,7 @@ class CauseModel:
         named = {name for row in rows for name in row}
         values = {name: np.array([row.get(name, _declared(forward, name)) for row in rows]) for name in named}
         motion = [list(factors).index(point.changed.motion) for point in points]
-        return forward.run(values, numerics, motion=motion)
+        return Launch(forward, values, numerics, motion)
 
     def slopes(self, x: FloatArray, changed: Changed) -> list[Point]:
         """The points beside one, a step along each free parameter, for `columns`."""
@@ -261,28 +273,12 @@ def _declared(forward: Forward, name: str) -> float:
     return PARAMETERS[name].held(forward.shot)
 
 
-def _launch(stages: StagedRuns, point: Point) -> tuple[object, ...]:
+def _in_common(stages: StagedRuns, point: Point) -> tuple[object, ...]:
     """What all runs of one launch have in common."""
     named = [*stages.settings.held, *stages.box.names, *point.changed.values]
     return (tuple(sorted(point.changed.specimen.items())), any_slides(named))
 
 
-def _alike(keys: Sequence[tuple[object, ...]]) -> list[list[int]]:
-    groups: dict[tuple[object, ...], list[int]] = {}
-    for i, key in enumerate(keys):
-        groups.setdefault(key, []).append(i)
-    return list(groups.values())
-
-
-def _unique(points: Sequence[Point]) -> tuple[list[Point], list[int]]:
-    """The points whose runs differ, and the place of each point's run among them."""
-    places: dict[tuple[object, ...], int] = {}
-    unique: list[Point] = []
-    where = []
-    for point in points:
-        run = (tuple(point.x.tolist()), tuple(sorted(point.changed.values.items())), point.changed.motion)
-        if run not in places:
-            places[run] = len(unique)
-            unique.append(point)
-        where.append(places[run])
-    return unique, where
+def _run(point: Point) -> tuple[object, ...]:
+    """What tells a run of a launch from the others."""
+    return (tuple(point.x.tolist()), tuple(sorted(point.changed.values.items())), point.changed.motion)

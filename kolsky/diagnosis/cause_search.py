@@ -8,7 +8,7 @@ with runs of their own: a gain of 2 or a Poisson's ratio with another rhythm is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from kolsky.diagnosis.cause_fit import (
     fit_linear,
 )
 from kolsky.diagnosis.cause_model import CauseModel, Point
+from kolsky.diagnosis.cause_trial import Trial
 from kolsky.inverse.cause_results import COVERAGE
 from kolsky.inverse.staged_runs import StagedRuns
 
@@ -40,47 +41,6 @@ SETTLED = 0.1
 """And is at rest when a step makes the loss smaller by less."""
 DAMPED = (1.0, 0.3, 0.1)
 """Shares of a step of which the best is taken."""
-
-
-@dataclass(frozen=True)
-class Trial:
-    """An input at a value, with the free parameters that suit it."""
-
-    candidate: CandidateInput
-    """The input."""
-    x: FloatArray
-    """Free parameters in SI, shape [d]."""
-    u: float
-    """Coordinate of the input."""
-    misfits: FloatArray
-    """`ExpectedResidual.misfits` there, shape [2]."""
-    residual: FloatArray
-    """Prediction minus data there, shape [k]."""
-    fit: LinearFit | None = None
-    """The last linear fit about it."""
-    step: float = 0.0
-    """What that fit would still change the coordinate by."""
-    lost: str = ""
-    """Why it could not be tried; empty if it was."""
-
-    @property
-    def value(self) -> float:
-        """What the data prefer, in the input's unit."""
-        return self.candidate.value(self.u)
-
-    @property
-    def sigma(self) -> float:
-        """Standard uncertainty of the value, NaN if it is not known."""
-        if self.fit is None or self.lost:
-            return float("nan")
-        low, high = self.candidate.lowest, self.candidate.highest
-        one = float(np.sqrt(self.fit.covariance[-1, -1]))
-        if not np.isfinite(one):
-            return float("inf")
-        reach = max(min(one, self.u - low, high - self.u), 1e-3 * one, 1e-15)
-        up, down = min(self.u + reach, high), max(self.u - reach, low)
-        slope = abs(self.candidate.value(up) - self.candidate.value(down)) / (up - down)
-        return slope * one
 
 
 class CauseSearch:
@@ -130,6 +90,32 @@ class CauseSearch:
         self.bare = expected.misfits(fit_linear(here, self.slope, expected).residual)
         self.null = fit_linear(here, self.slope, expected, self.allowed())
         self.before = expected.misfits(self.null.residual)
+
+    def judge(self, answer: CauseSearch, trials: Sequence[Trial]) -> list[Trial]:
+        """Let evidence count against another search's answer, if that is the better one; its trials as here.
+
+        Parameters
+        ----------
+        answer
+            The search from the answer, of the same data; it counts all entries that count here.
+        trials
+            What it found.
+
+        Returns
+        -------
+        list of Trial
+            The same with the entries that count here, and their misfits by what is expected here.
+        """
+        kept = self.use[answer.use]
+        known = self.expected.misfits(answer.null.residual[kept])
+        if self.loss(known) < self.loss(self.before):
+            bare = fit_linear(answer.residual(answer.vector)[kept], answer.slope[kept], self.expected)
+            self.before, self.bare = known, self.expected.misfits(bare.residual)
+        found = []
+        for t in trials:
+            residual = t.residual[kept]
+            found.append(replace(t, residual=residual, misfits=self.expected.misfits(residual)))
+        return found
 
     def allowed(self, tried: CandidateInput | None = None) -> Allowances:
         """What may be off within its declared uncertainty, without the input that is tried."""

@@ -3,31 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import isfinite, nan
+from math import nan
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from explicit import Response
-from kolsky.base.arrays import FloatArray
+from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.diagnosis.candidate_input import DENSITY, SENSITIVITY, CandidateInput
-from kolsky.diagnosis.cause_fit import ExpectedResidual, chance, evidence, explained_share, holm
+from kolsky.diagnosis.cause_fit import ExpectedResidual
 from kolsky.diagnosis.cause_inputs import CANDIDATES
 from kolsky.diagnosis.cause_model import CauseModel, Point
-from kolsky.diagnosis.cause_search import FOLLOWED, UNEXPLAINED, CauseSearch, Trial
+from kolsky.diagnosis.cause_ranking import ranked
+from kolsky.diagnosis.cause_search import FOLLOWED, UNEXPLAINED, CauseSearch
+from kolsky.diagnosis.cause_trial import Trial
 from kolsky.inverse.cause_results import CauseFinding
 from kolsky.inverse.staged_runs import StagedRuns
-
-LEVEL = 0.01
-"""Probability, adjusted for all inputs tried, below which a change is significant."""
-EVIDENCE = 100.0
-"""Least evidence of a cause that is named; see docs/validation/wrong_inputs."""
-ALIKE = 10.0
-"""Inputs whose losses differ by less cannot be told apart: likelihoods within a factor of exp(5)."""
-LEAST_SHARE = 0.25
-"""Least share of the misfit that a cause explains that is named."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +40,31 @@ class CauseAnalysis:
         return tuple(finding for finding in self.findings if finding.named)
 
 
-def find_causes(stages: StagedRuns, x: FloatArray, refined: Response) -> CauseAnalysis:
+@dataclass(frozen=True)
+class OtherStart:
+    """Another point from which causes are searched, with a run of its own on the refined mesh."""
+
+    x: FloatArray
+    """Free parameters in SI, shape [d]."""
+    refined: Response
+    """The run there, a batch of one."""
+
+
+@dataclass(frozen=True)
+class Best:
+    """The best value of an input, of those that the searches found."""
+
+    seen: Trial
+    """As the search that ranks it sees it."""
+    own: Trial
+    """As its own search found it."""
+    search: CauseSearch
+    """That search."""
+
+
+def find_causes(
+    stages: StagedRuns, x: FloatArray, refined: Response, *, other: OtherStart | None = None
+) -> CauseAnalysis:
     """Try every input as the cause of the misfit.
 
     Parameters
@@ -58,30 +75,87 @@ def find_causes(stages: StagedRuns, x: FloatArray, refined: Response) -> CauseAn
         The answer in SI, shape [d].
     refined
         The run on the refined mesh there, a batch of one.
+    other
+        Where to search too, for an answer that the model does not explain: a wrong input may have led the
+        free parameters into a valley from which no step leads back once the input is put right.
     """
     started = time.perf_counter()
     try:
         with threadpool_limits(limits=1, user_api="blas"):
-            return _analysed(stages, x, refined)
+            return _analysed(stages, x, refined, other)
     except (ValueError, ArithmeticError) as error:
         return CauseAnalysis((), np.full(2, nan), str(error))
     finally:
         stages.seconds["causes"] = time.perf_counter() - started
 
 
-def _analysed(stages: StagedRuns, x: FloatArray, refined: Response) -> CauseAnalysis:
-    settings = stages.settings
-    model = CauseModel(stages, x, refined)
-    known = np.isfinite(model.vectors([Point(x)])[0])
-    expected = _counted(model.expected(settings.numerics.with_mesh(settings.replicate_mesh)), known)
+def _analysed(
+    stages: StagedRuns, x: FloatArray, refined: Response, other: OtherStart | None
+) -> CauseAnalysis:
     candidates = [c for c in CANDIDATES if c.here(stages)]
-    search = CauseSearch(stages, model, expected, known, candidates)
+    search = search_from(stages, CauseModel(stages, x, refined), candidates)
     trials = best_trials(search, candidates)
-    findings = ranked(search, trials)
-    if findings and findings[0].named:
-        first = next(t for t in trials if t.candidate.key == findings[0].key)
-        findings = beside(search, first, findings, [c for c in candidates if c is not first.candidate])
-    return CauseAnalysis(findings, search.before)
+    found = _findings(search, [Best(t, t, search) for t in trials], candidates)
+    if other is not None:
+        # At the answer the meshes are in step; at the other point the difference of its own two runs serves.
+        apart = StagedRuns(stages.prepared, stages.settings, stages.box, stages.progress, prior=stages.prior)
+        model = CauseModel(apart, other.x, other.refined)
+        second = search_from(apart, model, candidates, counted=search.use)
+        seen = second.judge(search, trials)
+        both = [Best(s, t, search) for s, t in zip(seen, trials, strict=True)]
+        both += [Best(t, t, second) for t in best_trials(second, candidates)]
+        more = _findings(second, best_of_each(both, second), candidates)
+        found = more if more and more[0].named else found
+    return CauseAnalysis(found, search.before)
+
+
+def search_from(
+    stages: StagedRuns,
+    model: CauseModel,
+    candidates: Sequence[CandidateInput],
+    *,
+    counted: BoolArray | None = None,
+) -> CauseSearch:
+    """The search from a model's own point.
+
+    Parameters
+    ----------
+    stages, model, candidates
+        As of `CauseSearch`.
+    counted
+        Entries of the data that may count, shape [k]; all that the model reaches if left out.
+    """
+    settings = stages.settings
+    known = np.isfinite(model.vectors([Point(model.x)])[0])
+    known &= True if counted is None else counted
+    expected = _counted(model.expected(settings.numerics.with_mesh(settings.replicate_mesh)), known)
+    return CauseSearch(stages, model, expected, known, candidates)
+
+
+def best_of_each(trials: Sequence[Best], judge: CauseSearch) -> list[Best]:
+    """Of each input the trial with the least loss; one that could be tried before one that could not."""
+    best: dict[str, Best] = {}
+    for one in trials:
+        key = one.seen.candidate.key
+        if key not in best or _badness(one.seen, judge) < _badness(best[key].seen, judge):
+            best[key] = one
+    return list(best.values())
+
+
+def _badness(t: Trial, judge: CauseSearch) -> tuple[bool, float]:
+    return bool(t.lost), judge.loss(t.misfits)
+
+
+def _findings(
+    judge: CauseSearch, trials: Sequence[Best], candidates: Sequence[CandidateInput]
+) -> tuple[CauseFinding, ...]:
+    """The ranked findings, the first of them renewed if it is a likely cause."""
+    findings = ranked(judge, [one.seen for one in trials])
+    if not (findings and findings[0].named):
+        return findings
+    first = next(one for one in trials if one.own.candidate.key == findings[0].key)
+    rest = [c for c in candidates if c is not first.own.candidate]
+    return beside(first.search, first.own, findings, rest)
 
 
 def beside(
@@ -90,7 +164,8 @@ def beside(
     """The findings with the first renewed on the refined mesh, and with what else is wrong beside it.
 
     A change that needs other runs has left the correction by the refined mesh behind: one run there renews
-    it. Then the first input is free as the parameters are, and the others are tried beside it.
+    it. Then the first input is free as the parameters are, and the others are tried beside it: with the first
+    put right, what they explained alone says nothing more of them.
     """
     c, stages = first.candidate, search.stages
     at, refined = np.append(search.model.x, c.start(stages)), search.model.refined
@@ -114,9 +189,26 @@ def beside(
         value=c.value(float(x[-1])),
         parameters=dict(zip(names, x[: len(names)].tolist(), strict=True)),
     )
-    more = [replace(f, beside=c.key) for f in ranked(second, best_trials(second, rest)) if f.named]
-    keys = {f.key for f in more}
-    return (renewed, *more, *(f for f in findings[1:] if f.key not in keys))
+    more = tuple(replace(f, beside=c.key) for f in ranked(second, best_trials(second, rest)))
+    return (renewed, *listed_beside(more, findings[1:]))
+
+
+def listed_beside(more: Sequence[CauseFinding], alone: Sequence[CauseFinding]) -> tuple[CauseFinding, ...]:
+    """What follows the first cause: likely ones beside it, likely ones in its place, the rest.
+
+    Parameters
+    ----------
+    more
+        Findings beside the first cause, in their order.
+    alone
+        The same inputs, each as the only cause, in their order; inputs that were not tried beside it too.
+    """
+    likely = [f for f in more if f.named]
+    likely += [f for f in alone if f.named and f.key not in {one.key for one in likely}]
+    known = {f.key for f in likely}
+    rest = [f for f in more if f.key not in known and not f.status]
+    known |= {f.key for f in rest}
+    return (*likely, *rest, *(f for f in alone if f.key not in known))
 
 
 def best_trials(search: CauseSearch, candidates: Sequence[CandidateInput]) -> list[Trial]:
@@ -156,165 +248,3 @@ def _counted(expected: ExpectedResidual, use: FloatArray) -> ExpectedResidual:
         channel=expected.channel[use],
         block=expected.block[use],
     )
-
-
-def ranked(search: CauseSearch, trials: Sequence[Trial]) -> tuple[CauseFinding, ...]:
-    """The findings in order, with probabilities for all tests together and what cannot be told apart.
-
-    An input whose preferred value lies within k = 2 of its declared uncertainty is never a likely cause: it
-    is listed with what it explains alone.
-    """
-    adjusted = holm([_chance(search, t) for t in trials])
-    entries = np.array([(search.expected.channel == c).sum() for c in range(2)])
-    rows = []
-    for t, probability in zip(trials, adjusted, strict=True):
-        gain = search.gain(t.misfits) if not t.lost else 0.0
-        share = explained_share(search.before, t.misfits, entries)
-        strong = not t.lost and probability < LEVEL and gain >= EVIDENCE and share >= LEAST_SHARE
-        alone = None if strong or t.candidate not in search.declared else search.alone(t.candidate)
-        if alone is not None and _within(search, alone):
-            t, gain = alone, evidence(search.bare, alone.misfits, search.expected.times)
-            share = explained_share(search.bare, alone.misfits, entries)
-        rows.append((t, probability, gain, share, strong and not _within(search, t)))
-    likely = [row for row in rows if row[-1]]
-    order = _in_groups(search, [row[0] for row in likely])
-    likely.sort(key=lambda row: order.index(row[0].candidate.key))
-    rest = sorted((row for row in rows if not row[-1]), key=lambda row: -row[2])
-    groups = [row[0] for row in likely]
-    return tuple(
-        _finding(search, *row, alike=_alike(search, row[0], groups) if row[-1] else ())
-        for row in (*likely, *rest)
-    )
-
-
-def _within(search: CauseSearch, t: Trial) -> bool:
-    """True if the value lies within k = 2 of what is declared."""
-    span = t.candidate.within(search.stages)
-    return span is not None and span[0] <= t.u <= span[1]
-
-
-def _in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
-    """Keys, the least loss first; of those that cannot be told from it the most usual error first."""
-    left, order = sorted(trials, key=lambda t: search.loss(t.misfits)), []
-    while left:
-        first = search.loss(left[0].misfits)
-        group = [t for t in left if search.loss(t.misfits) - first <= ALIKE]
-        order += [t.candidate.key for t in sorted(group, key=lambda t: _unusual(search, t))]
-        left = left[len(group) :]
-    return order
-
-
-def _unusual(search: CauseSearch, t: Trial) -> float:
-    """Size of the change over its declared uncertainty, or over what is usual."""
-    scale = t.candidate.sigma(search.stages) or t.candidate.typical
-    start = t.candidate.held(search.stages)
-    return abs(t.value - start) / scale if isfinite(start) and isfinite(scale) else float("inf")
-
-
-def _alike(search: CauseSearch, one: Trial, likely: Sequence[Trial]) -> tuple[str, ...]:
-    return tuple(
-        t.candidate.key
-        for t in likely
-        if t is not one and abs(search.loss(t.misfits) - search.loss(one.misfits)) <= ALIKE
-    )
-
-
-def _chance(search: CauseSearch, t: Trial) -> float:
-    """Probability of such a change if the input is right within its declared uncertainty."""
-    if t.lost or t.fit is None:
-        return 1.0
-    degrees = len(t.residual) / max(t.fit.inflation, 1.0) - len(t.fit.step)
-    start = t.candidate.held(search.stages)
-    if not isfinite(start):
-        return chance(np.sqrt(max(search.gain(t.misfits), 0.0)), 1.0, degrees=degrees)
-    return chance(
-        t.value - start, float(np.hypot(t.sigma, t.candidate.sigma(search.stages))), degrees=degrees
-    )
-
-
-def _finding(
-    search: CauseSearch,
-    t: Trial,
-    probability: float,
-    gain: float,
-    share: float,
-    named: bool,
-    *,
-    alike: tuple[str, ...],
-) -> CauseFinding:
-    names, c = search.stages.box.names, t.candidate
-    sigmas = (
-        {}
-        if t.fit is None or t.lost
-        else dict(zip(names, np.sqrt(np.diag(t.fit.covariance))[: len(names)].tolist(), strict=True))
-    )
-    return CauseFinding(
-        key=c.key,
-        words=c.words,
-        unit=c.unit,
-        exact=c.held(search.stages),
-        value=nan if t.lost else t.value,
-        sigma=nan if t.lost else t.sigma,
-        explained=share,
-        evidence=gain,
-        probability=probability,
-        parameters={} if t.lost else dict(zip(names, t.x[: len(names)].tolist(), strict=True)),
-        sigmas=sigmas,
-        named=named,
-        alike=alike,
-        status=t.lost,
-        declared_sigma=c.sigma(search.stages) or None,
-    )
-
-
-def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Iterator[str]:
-    """Say which inputs are likely to be wrong, the most likely first, or that none explains the misfit.
-
-    Parameters
-    ----------
-    analysis
-        All inputs that were tried.
-    explained
-        Whether the model explains force and outline on the refined mesh: then there is nothing that no input
-        explains.
-    """
-    if analysis.lost:
-        yield f"which input may be wrong could not be tried: {analysis.lost}"
-    checks = {c.key: c.check for c in CANDIDATES}
-    for finding in analysis.named:
-        told = ", ".join(f"{name} = {value:.5g}" for name, value in finding.parameters.items())
-        other = f" (the data cannot tell it from {' or '.join(finding.alike)})" if finding.alike else ""
-        also, whole = ("", "the misfit")
-        if finding.beside:
-            also, whole = f"beside {finding.beside}, ", "what is left of it"
-        yield (
-            f"{also}{sentence(finding)} explains {percent(finding.explained)} of {whole}{other}: "
-            f"{checks.get(finding.key, finding.key)}; with it {told}"
-        )
-    if not explained and not analysis.named and (analysis.misfits > UNEXPLAINED).any():
-        yield (
-            "no single change of an input explains the misfit (the residual is "
-            f"{' and '.join(f'{x**0.5:.2g}' for x in analysis.misfits)} times what a right model leaves, of "
-            "force and outline): more than one input may be wrong, or the model"
-        )
-
-
-SHOWN = {"s": (1e6, "us"), "m": (1e6, "um")}
-"""Factor and unit in which a value is written."""
-
-
-def sentence(finding: CauseFinding) -> str:
-    """The change in words: "a force gain of 0.498 ± 0.003 (k = 2)"."""
-    factor, unit = SHOWN.get(finding.unit, (1.0, "" if finding.unit == "1" else finding.unit))
-    half = 2.0 * factor * finding.sigma
-    value = factor * finding.value
-    digits = max(0, 1 - int(np.floor(np.log10(half)))) if isfinite(half) and half > 0.0 else 4
-    written = f"{value:.{min(digits, 7)}f}"
-    if isfinite(half) and half > 0.0:
-        written += f" ± {half:.{min(digits, 7)}f}"
-    return f"{finding.words} of {written} {unit}".rstrip() + " (k = 2)"
-
-
-def percent(share: float) -> str:
-    """A share in percent, with as many digits as tell it from 100 %."""
-    return f"{100.0 * share:.1f} %" if share > 0.95 else f"{100.0 * share:.0f} %"

@@ -4,7 +4,7 @@ A value is called identified only if the model explains force and outline, and t
 other. One that rests on a single channel is named after it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import inf
 
@@ -45,7 +45,12 @@ def verdict(result: Identification, e: Estimate) -> Verdict:
 
 def explained(result: Identification) -> bool:
     """True if the model explains every channel, and limits were set."""
-    return bool(result.fit) and all(f.explained and f.limit < inf for f in result.fit)
+    return explains(result.fit)
+
+
+def explains(fit: Sequence[FitQuality]) -> bool:
+    """True if every channel is explained within limits that were set."""
+    return bool(fit) and all(f.explained and f.limit < inf for f in fit)
 
 
 def contradicted(result: Identification, name: str) -> bool:

@@ -205,7 +205,9 @@ def comparison(prediction: Prediction, observations: Observations) -> Comparison
 
 def held_values(shot: Shot, box: Box, held: Mapping[str, float]) -> dict[str, float]:
     """The parameters that are not free, in SI: as the shot declares them, or held at another value."""
-    declared = {name: p.held(shot) for name, p in PARAMETERS.items() if name not in box.names}
+    declared = {
+        name: p.held(shot) for name, p in PARAMETERS.items() if name not in box.names and p.belongs_to(shot)
+    }
     return {**declared, **dict(held)}
 
 

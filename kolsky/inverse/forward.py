@@ -17,8 +17,11 @@ from kolsky.inverse.parameters import (
     Fields,
     any_slides,
     checked_value,
+    require_declared,
     require_effect,
 )
+from kolsky.inverse.relaxing import what_relaxes
+from kolsky.inverse.transducer_place import at_transducer
 from kolsky.shot.records import Shot
 
 MOTION_KNOTS = 2049
@@ -125,51 +128,84 @@ class Forward:
             If a name is unknown, a value is outside its allowed range, also that of `Numerics.compressible`,
             or a parameter would have no effect.
         """
+        problem = self.problem(points, numerics, motion=motion, material=material, all_nodes=all_nodes)
+        device, threads = numerics.device, numerics.threads
+        if numerics.compressible is None:
+            response = explicit.run(
+                problem.model,
+                problem.samples,
+                problem.sampling,
+                stepping=problem.stepping,
+                device=device,
+                threads=threads,
+                progress=progress,
+            )
+            return at_transducer(self.shot, response)
+        half, less = numerics.coarser()
+        corrected = explicit.run_nearly_incompressible(
+            problem.model,
+            (self.mesh(half), self.mesh(less)),
+            problem.samples,
+            replace(problem.sampling, all_nodes=False),
+            compressible=numerics.compressible,
+            stepping=problem.stepping,
+            device=device,
+            threads=threads,
+            progress=progress,
+        )
+        return at_transducer(self.shot, corrected.response)
+
+    def problem(
+        self,
+        points: Mapping[str, ArrayLike],
+        numerics: Numerics,
+        *,
+        motion: ArrayLike = 0,
+        material: ArrayLike = 0,
+        all_nodes: bool = False,
+    ) -> explicit.Problem:
+        """The batch that `run` simulates, for batches of several shots side by side.
+
+        Parameters
+        ----------
+        points, numerics, motion, material, all_nodes
+            As of `run`.
+
+        Raises
+        ------
+        ValueError
+            As `run`.
+        """
         interface = self.shot.interface
         require_effect(points, interface.faces, interface.side)
+        require_declared(points, self.shot)
         values = {name: np.asarray(value, dtype=float) for name, value in points.items()}
         for name, value in values.items():
             for x in value.ravel():
                 checked_value(name, float(x))
         fields: Fields = {}
         for name, p in PARAMETERS.items():
-            fields = p.entered(fields, values.get(name, p.held(self.shot)))
+            if p.belongs_to(self.shot):
+                fields = p.entered(fields, values.get(name, p.held(self.shot)))
+        fields, relaxing = what_relaxes(fields, self.shot.relaxation)
         samples = explicit.Samples.of(
             **fields,
             contact_stiffness=interface.contact_stiffness,
             motion=np.asarray(motion, dtype=np.int64),
             material=np.asarray(material, dtype=np.int64),
         )
-        model = self.model(numerics, sliding=any_slides(points))
+        model = replace(self.model(numerics, sliding=any_slides(points)), relaxation=relaxing)
         sampling = replace(self.sampling, ledger_every=1 if all_nodes else LEDGER_EVERY)
         stepping = explicit.Stepping(safety=numerics.safety, precision=numerics.precision)
-        device, threads = numerics.device, numerics.threads
-        if numerics.compressible is None:
-            return explicit.run(
-                model,
-                samples,
-                replace(sampling, all_nodes=all_nodes),
-                stepping=stepping,
-                device=device,
-                threads=threads,
-                progress=progress,
-            )
-        half, less = numerics.coarser()
-        return explicit.run_nearly_incompressible(
-            model,
-            (self.mesh(half), self.mesh(less)),
-            samples,
-            sampling,
-            compressible=numerics.compressible,
-            stepping=stepping,
-            device=device,
-            threads=threads,
-            progress=progress,
-        ).response
+        return explicit.Problem(model, samples, replace(sampling, all_nodes=all_nodes), stepping)
 
     def model(self, numerics: Numerics, *, sliding: bool = False) -> explicit.Model:
-        """The solver's model of the shot; `sliding` replaces the declared interface by Coulomb's law."""
+        """The solver's model of the shot; `sliding` replaces the declared interface by Coulomb's law.
+
+        What relaxes is as the shot declares it; samples that vary it bring their own, see `run`.
+        """
         shot = self.shot
+        relaxing = () if shot.relaxation is None else what_relaxes(shot.relaxation.values, shot.relaxation)[1]
         faces, side = (SLIDING_LAW, SLIDING_LAW) if sliding else (shot.interface.faces, shot.interface.side)
         return explicit.Model(
             mesh=self.mesh(numerics),
@@ -183,6 +219,7 @@ class Forward:
             past_data=numerics.past_data,
             element=numerics.element,
             hourglass_form=numerics.hourglass_form,
+            relaxation=relaxing,
         )
 
     def mesh(self, numerics: Numerics) -> explicit.Mesh:

@@ -9,6 +9,9 @@ default. What shot.toml declares of them is used for what it says:
 - no entry says nothing of how wrong the value may be, and it has no part: the parameter is uniform in the
   range of its design. A width that nobody stated would be ours, and would pull the answer.
 
+What relaxes is free where the shot's [relaxation] says so, and only where it has an outline: without one a
+branch and the stiffness factor are told apart by the force's fall alone.
+
 Where surfaces slide or let go the response is rough, contact and damping tell themselves apart badly, and the
 stiffness factor alone is free; so it is where no outline was measured, and nothing contradicts the force.
 """
@@ -96,19 +99,21 @@ def choose(settings: Settings, shot: Shot) -> Freed:
     """
     if settings.free is not None:
         return Freed(settings, by_default=False, reasons={})
-    reasons = {name: ASKED for name in (*settings.held, *settings.hold) if name in DEFAULT}
-    for name in DEFAULT:
+    relaxing = () if shot.relaxation is None else shot.relaxation.free_names
+    default = (*DEFAULT, *relaxing)
+    reasons = {name: ASKED for name in (*settings.held, *settings.hold) if name in default}
+    for name in default:
         if shot.uncertainty.get(name) == 0.0:
             reasons.setdefault(name, EXACT)
     if rough(shot, settings.held):
-        for name in DEFAULT:
+        for name in default:
             if name not in ALONE:
                 reasons.setdefault(name, SLIDES)
     if shot.centre_line is None:
-        for name in DEFAULT:
+        for name in default:
             if name not in ALONE:
                 reasons.setdefault(name, BLIND)
-    free = {name: None for name in DEFAULT if name not in reasons}
+    free = {name: None for name in default if name not in reasons}
     if not free:
         raise ValueError(f"nothing is free: {', '.join(f'{name} is {why}' for name, why in reasons.items())}")
     return Freed(replace(settings, free=free), by_default=True, reasons=reasons)

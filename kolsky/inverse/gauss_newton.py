@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from doe import Box, from_points, latin_hypercube
+from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum, surrogate_kind
 from kolsky.inverse.objective import Objective
@@ -25,11 +26,10 @@ from kolsky.inverse.observations import Prediction
 from kolsky.inverse.optimum import CorrectedSurrogate
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.refined_search import CONFIRMED, RefinedOptimum, refined_numerics
+from kolsky.inverse.refined_steps import foretold, lengthening
 from kolsky.inverse.staged_runs import CompletedRuns, StagedRuns
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
 
-LONGEST = 2.5
-"""Most by which a step is lengthened."""
 WORSE = 4.0
 """Rise of -2 ln L by a step that makes it too long [-]: two standard deviations. The slopes of the coarser
 mesh lead to a point that is not quite the least misfit, and near it a good step may rise by less."""
@@ -120,6 +120,8 @@ class Beside:
     """Where, shape [d]."""
     prediction: Prediction
     """What it predicts, one row."""
+    response: Response
+    """The run, a batch of one."""
 
 
 def search_by_gauss_newton(
@@ -148,7 +150,8 @@ def search_by_gauss_newton(
     if blind:
         raise ValueError(f"the data do not depend on {', '.join(blind)}: hold it (--hold {blind[0]})")
     slope, centre, objective = slopes(stages, coarse)
-    last, other = _on_refined(stages, objective, slope, coarse.x, beside)
+    start = np.clip(foretold(optima, numerics.mesh, stages.settings.refined_mesh), *_bounds(stages.box))
+    last, other = _on_refined(stages, objective, slope, start, beside, shift=start - coarse.x)
     for mesh, optimum in optima.items():
         stages.offset(mesh, optimum.x - last.x)
     return *_with_surrogate(stages, last, slope, centre, coarse), other
@@ -178,20 +181,29 @@ def slopes(stages: StagedRuns, optimum: MeshOptimum) -> tuple[FloatArray, FloatA
 
 
 def _on_refined(
-    stages: StagedRuns, objective: Objective, slope: FloatArray, start: FloatArray, beside: FloatArray | None
+    stages: StagedRuns,
+    objective: Objective,
+    slope: FloatArray,
+    start: FloatArray,
+    beside: FloatArray | None,
+    *,
+    shift: FloatArray,
 ) -> tuple[RefinedRun, Beside | None]:
-    """Steps on the refined mesh until a run leaves the optimum where it is."""
+    """Steps on the refined mesh until a run leaves the optimum where it is.
+
+    `shift` is by how much the start lies from the coarser mesh's optimum; where it is not known, zero.
+    """
     found, x, other = None, start, None
     for number in range(MOST_RUNS):
-        points = x[None]
-        if beside is not None and number == 1:
-            # The first step is the meshes' difference, and as good for a point not far away.
-            points = np.stack([_counterpart(stages, beside, x - start), x])
+        points, moved = x[None], x - start + shift
+        if beside is not None and other is None and (number > 0 or moved.any()):
+            # The meshes' difference at the optimum is as good for a point not far away.
+            points = np.stack([_counterpart(stages, beside, moved), x])
         check = _completed(stages, points)
         if len(check) == 2:
-            other = Beside(points[0], check[0].prediction)
+            other = Beside(points[0], check[0].prediction, check[0].response)
         run = _judged(stages, objective, slope, x, check[-1], found)
-        if run.confirmed and (beside is None or number > 0):
+        if run.confirmed and (beside is None or other is not None):
             return run, other
         if found is not None and _cost(run) > _cost(found) + WORSE:
             x = 0.5 * (found.x + run.x)  # the step was too long for a linear model
@@ -201,26 +213,13 @@ def _on_refined(
                 sigma = run.step.sigma
                 steps = found.step.change / sigma, run.step.change / sigma, (run.x - found.x) / sigma
                 factor = lengthening(*steps)
-            found, x = run, np.clip(run.x + factor * run.step.change, stages.box.lower, stages.box.upper)
+            found, x = run, np.clip(run.x + factor * run.step.change, *_bounds(stages.box))
     assert found is not None
     return found, other
 
 
-def lengthening(before: FloatArray, now: FloatArray, taken: FloatArray) -> float:
-    """By how much to lengthen a step of the chord method, 1 to `LONGEST` [-].
-
-    Along the last move the slopes of the coarser mesh fall short by a share that the steps asked for before
-    and after it tell: with ``now = before - s taken`` the step ``now / s`` would ask for no more along it.
-
-    Parameters
-    ----------
-    before, now
-        Steps asked for at the run before and at this one, in comparable units, shape [d].
-    taken
-        This run's point less that of the run before, shape [d].
-    """
-    share = float((before - now) @ taken) / max(float(taken @ taken), np.finfo(float).tiny)
-    return 1.0 / min(max(share, 1.0 / LONGEST), 1.0)
+def _bounds(box: Box) -> tuple[FloatArray, FloatArray]:
+    return np.array(box.lower), np.array(box.upper)
 
 
 def _counterpart(stages: StagedRuns, point: FloatArray, shift: FloatArray) -> FloatArray:

@@ -7,68 +7,18 @@ that a command line can list the names.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from kolsky.base.apparatus import SLIDING_LAW
+from kolsky.inverse.parameter import Fields as Fields
+from kolsky.inverse.parameter import Parameter as Parameter
+from kolsky.inverse.relaxation_parameters import RELAXING
 
 if TYPE_CHECKING:
     from doe import Box
     from kolsky.shot.records import Shot
-
-Fields = Mapping[str, Any]
-"""Fields of `explicit.Samples` by name: numbers, or arrays of shape [n_samples]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Parameter:
-    """One parameter of the simulated test."""
-
-    name: str
-    """Name at the API and the command line."""
-    words: str
-    """What it is, as tables and axes of the report write it."""
-    symbol: str
-    """Symbol in plain text of the command line."""
-    written: str
-    """Symbol in the text of pages."""
-    tex: str
-    """Symbol in figures and documentation, without dollar signs."""
-    unit: str = "1"
-    """SI unit, "1" if none."""
-    shown_unit: str = "1"
-    """Unit in which pages and figures show it."""
-    shown_factor: float = 1.0
-    """Shown number over the number in SI."""
-    lower: float
-    """Lower bound of the default design."""
-    upper: float
-    """Upper bound of the default design."""
-    allowed: tuple[float, float]
-    """Range outside which a value is refused."""
-    held: Callable[[Shot], float]
-    """The value that a shot declares for it."""
-    enters: Callable[[Fields, Any], Fields] | None = None
-    """The solver's samples with a value of it, from those without; None sets the field of its name."""
-    uncertainty: bool = False
-    """Whether [uncertainty] of shot.toml has a key of its name."""
-    slides: bool = False
-    """Whether naming it makes end faces and side surface slide by Coulomb's law, whatever is declared."""
-    read_by: str = ""
-    """Field of `explicit.contact.ContactLaw` that says whether a law reads it; empty if no contact law is
-    needed for it to have an effect."""
-    without: str = ""
-    """Why it has no effect where no contact law reads it, in words."""
-    scale: Callable[[float], float] | None = None
-    """A change from a value that counts as large, in its unit; None takes `explicit.stencils.scale_of`."""
-    changed: Callable[[Shot, float], Shot] | None = None
-    """The shot with another declared value; needed where naming the parameter does more than that."""
-
-    def entered(self, fields: Fields, value: Any) -> Fields:
-        """The solver's samples with a value of the parameter."""
-        return {**fields, self.name: value} if self.enters is None else self.enters(fields, value)
-
 
 MOVED = "stiffness_factor"
 """The parameter that every search of a shot moves, alone where the others are held."""
@@ -159,6 +109,7 @@ PARAMETERS: dict[str, Parameter] = {
             read_by="needs_release_stress",
             without="no face lets go",
         ),
+        *RELAXING,
     )
 }
 """The parameters by name."""
@@ -198,6 +149,24 @@ def checked_value(name: str, value: float) -> float:
 def any_slides(names: Iterable[str]) -> bool:
     """True if one of these parameters makes the surfaces slide by Coulomb's law once it is named."""
     return any(PARAMETERS[name].slides for name in names if name in PARAMETERS)
+
+
+def require_declared(names: Iterable[str], shot: Shot) -> None:
+    """Refuse constants of what relaxes that the shot does not have.
+
+    Raises
+    ------
+    ValueError
+        If one is named and the shot's [relaxation] has no such constant.
+    """
+    for name in names:
+        if parameter(name).belongs_to(shot):
+            continue
+        has = "no [relaxation]" if shot.relaxation is None else f"{shot.relaxation.words} in its [relaxation]"
+        raise ValueError(
+            f"{name} has no effect: the shot declares {has}; declare it there, or give --relaxation "
+            'prony, "prony:2" or bergstrom_boyce'
+        )
 
 
 def has_effect(p: Parameter, laws: Iterable[str]) -> bool:

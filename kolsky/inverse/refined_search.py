@@ -134,7 +134,7 @@ def search_by_single_runs(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedO
             model = model.through(point, vector)
         found, best = _judged(stages, coarse, objective, model, optimum, check, missed, wide)
         objective = found.objective
-        if found.moved <= CONFIRMED and len(wave) == 1:
+        if found.moved <= CONFIRMED:
             break
         optimum, wave = best, best[None]
     return found

@@ -20,7 +20,7 @@ from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.front_noise import data_change, front_modes, learn_front_noise, noise_of
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.parameters import MOVED
+from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.valleys import VALLEY, likelihoods, likely_valleys, valley_levels
 
@@ -50,13 +50,17 @@ class MeshOptimum:
 
 
 def search_box(box: Box) -> Box:
-    """The box in the coordinates of the search: 1 - 2 nu, logarithmic, in place of Poisson's ratio."""
+    """The box in the coordinates of the search: 1 - 2 nu, logarithmic, in place of Poisson's ratio.
+
+    What spans decades is logarithmic too.
+    """
     bounds = {name: (low, high) for name, low, high in zip(box.names, box.lower, box.upper, strict=True)}
-    if VALLEY not in bounds:
-        return box
-    low, high = bounds[VALLEY]
-    bounds[VALLEY] = 1.0 - 2.0 * high, 1.0 - 2.0 * low
-    return Box.of(bounds, logarithmic=[VALLEY])
+    decades = [name for name in box.names if PARAMETERS[name].logarithmic]
+    if VALLEY in bounds:
+        low, high = bounds[VALLEY]
+        bounds[VALLEY] = 1.0 - 2.0 * high, 1.0 - 2.0 * low
+        decades.append(VALLEY)
+    return Box.of(bounds, logarithmic=decades) if decades else box
 
 
 def to_search(box: Box, points: FloatArray) -> FloatArray:

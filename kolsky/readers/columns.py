@@ -13,6 +13,7 @@ from kolsky.base.units import DIMENSIONS, UnitError, unit_factor
 from kolsky.readers.contents import Channel, Contents, Layout
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.signalunits import si_unit, split_unit
+from kolsky.readers.text import matched
 
 _HEADING = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*")
 
@@ -85,7 +86,7 @@ def _find(contents: Contents, column: str) -> Channel | None:
 
 def _bare(channel: Channel) -> str:
     """Its name without the unit in brackets."""
-    match = _HEADING.fullmatch(channel.name)
+    match = matched(_HEADING, channel.name)
     return match.group(1) if match else channel.name
 
 
@@ -117,7 +118,7 @@ def _find_clock(contents: Contents, column: str, header_line: int | None) -> Cha
 
 
 def _factor(path: Path, channel: Channel, stated: str | None, base: str, what: str) -> float:
-    match = _HEADING.fullmatch(channel.name)
+    match = matched(_HEADING, channel.name)
     text = stated or channel.unit or (match.group(2) if match else None)
     if text == "-":
         text = "1"

@@ -10,6 +10,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.files import regular
 
 ColumnId = str | int
 """A column by its name in the file, or by its number, counted from 1."""
@@ -178,7 +179,7 @@ def file_hash(path: Path, *, limit: int = BINARY_LIMIT) -> str:
 def head_of(path: Path, size: int = 4096) -> bytes:
     """The first bytes of a file, for `sniff`; nothing if it cannot be read."""
     try:
-        with path.open("rb") as stream:
+        with regular(path).open("rb") as stream:
             return stream.read(size)
     except OSError:
         return b""

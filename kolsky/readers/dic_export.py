@@ -16,7 +16,7 @@ from kolsky.readers.dialect import find_dialect
 from kolsky.readers.dic_layouts import LAYOUTS, ExportLayout
 from kolsky.readers.header import uncommented
 from kolsky.readers.sheet import Sheet, first_samples, names_and_units
-from kolsky.readers.text import decode_text, lines_of, read_bytes
+from kolsky.readers.text import LONGEST_FIELD, decode_text, lines_of, read_bytes
 
 UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254}
 """Units of length that may be stated, in metres."""
@@ -163,7 +163,14 @@ def _one(path: Path, layout: str, said: Layout) -> _File:
     first = first_samples(path, lines, replace(dialect, empty=()), said)
     above = [uncommented(line, None) for line in lines[:first]]
     names, *_ = names_and_units(path, above, first, dialect, said)
-    sheet = Sheet(path, dialect, lines[first:], first + 1, tuple(_UNIT.sub("", name) for name in names), ())
+    sheet = Sheet(
+        path,
+        dialect,
+        lines[first:],
+        first + 1,
+        tuple(_UNIT.sub("", name) if len(name) <= LONGEST_FIELD else name for name in names),
+        (),
+    )
     chosen = next((form for form in LAYOUTS[layout] if _has(sheet, form)), None)
     if chosen is None:
         forms = " or ".join(

@@ -11,6 +11,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.files import regular
 from kolsky.readers.arrays import NamedArray, array_channels, column_of, columns_of, known_unit
 from kolsky.readers.contents import SAMPLES_LIMIT, Contents, Layout, file_hash, head_of
 
@@ -58,7 +59,7 @@ def inside(path: Path) -> tuple[list[NamedArray], dict[str, float], dict[str, st
     scalars: dict[str, float] = {}
     texts: dict[str, str] = {}
     try:
-        with h5py.File(path, "r") as file:
+        with h5py.File(regular(path), "r") as file:
             _attributes("/", file.attrs, scalars, texts)
             _walk(path, file, "", {}, arrays, scalars, texts)
     except (OSError, RuntimeError, KeyError, ValueError) as error:
@@ -139,7 +140,7 @@ def _values(path: Path, full: str, column: int | None, keys: dict[str, float]) -
     import h5py
 
     try:
-        with h5py.File(path, "r") as file:
+        with h5py.File(regular(path), "r") as file:
             array = file[full][()]
     except (OSError, KeyError, RuntimeError) as error:
         raise InputError(path, f"'{full}' cannot be read ({error})", cure="copy or export it again") from None

@@ -9,6 +9,7 @@ from pathlib import Path
 from kolsky.base.errors import InputError
 from kolsky.readers.dialect import Dialect
 from kolsky.readers.signalunits import si_unit
+from kolsky.readers.text import LONGEST_PAIR, matched
 
 INTERVAL_KEYS = (
     "deltax", "increment", "xincrement", "xincr", "xinc", "tinc", "sampleinterval", "samplinginterval",
@@ -157,13 +158,13 @@ def _of_channel(
 
 def _number(field: str) -> tuple[float, str, float] | None:
     """Number, unit behind it and last printed digit of a field such as "4.0E-10" or "20 ns"."""
-    match = _NUMBER.fullmatch(field.strip())
+    match = matched(_NUMBER, field.strip())
     if match is None:
         return None
     text, word = match.groups()
     mantissa, _, exponent = text.lower().partition("e")
     places = len(mantissa.partition(".")[2])
-    return float(text), word, 10.0 ** (int(exponent or 0) - places)
+    return float(text), word, float(f"1e{int(exponent or 0) - places}")
 
 
 COMMENTS = ("#", "%", "!", "//")
@@ -187,7 +188,8 @@ def key_lines(dialect: Dialect, lines: Iterable[str]) -> dict[str, list[str]]:
     metadata: dict[str, list[str]] = {}
     separator = dialect.delimiter if dialect.delimiter != " " else None
     for line in lines:
-        match = _PAIR.fullmatch(line.strip()) or _BLANKS.fullmatch(line.strip())
+        said = line.strip()
+        match = matched(_PAIR, said, longest=LONGEST_PAIR) or matched(_BLANKS, said, longest=LONGEST_PAIR)
         if match is None:
             continue
         key, rest = match.groups()

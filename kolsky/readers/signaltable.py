@@ -9,6 +9,7 @@ from kolsky.readers.contents import Channel, Clock, Layout, check_samples, state
 from kolsky.readers.header import header_clock, stated_samples, time_unit
 from kolsky.readers.sheet import Sheet
 from kolsky.readers.signalunits import si_unit, split_unit, time_factor
+from kolsky.readers.text import matched
 from kolsky.readers.timecolumn import column_clock, column_digits
 
 _TIME_NAME = re.compile(
@@ -171,4 +172,4 @@ def _is_time(name: str, unit: str | None) -> bool:
     if unit is not None:
         known = si_unit(unit)
         return known is not None and known[0] == "s"
-    return _TIME_NAME.fullmatch(split_unit(name)[0]) is not None
+    return matched(_TIME_NAME, split_unit(name)[0]) is not None

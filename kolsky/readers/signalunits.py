@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 from kolsky.base.errors import InputError
+from kolsky.readers.text import matched
 
 _PREFIXES = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6}
 _WORDS = {
@@ -49,10 +50,10 @@ def split_unit(heading: str) -> tuple[str, str | None]:
 
     "CH1 (mV)", "Time [s]", "Time/s", and by its last word "time_s", "strain_microstrain", "Zeit in ms".
     """
-    match = _BRACKETS.fullmatch(heading) or _SLASH.fullmatch(heading)
+    match = matched(_BRACKETS, heading) or matched(_SLASH, heading)
     if match is not None and si_unit(match.group(2)) is not None:
         return match.group(1).strip(), match.group(2)
-    tail = _TAIL.fullmatch(heading.strip())
+    tail = matched(_TAIL, heading.strip())
     if tail is not None and (known := si_unit(tail.group(2))) is not None:
         name, unit = tail.groups()
         of_time = known[0] == "s" and _TIME_WORDS.fullmatch(name) is not None

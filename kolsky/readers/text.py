@@ -2,6 +2,7 @@
 
 import codecs
 import hashlib
+import re
 import stat
 from pathlib import Path
 
@@ -13,11 +14,22 @@ SIZE_LIMIT = 200_000_000
 ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "cp1252", "latin-1", "cp932", "gb18030")
 """Encodings that may be stated; the first three and cp1252 are found without."""
 
+LONGEST_FIELD = 200
+"""Longest field that is searched for a name and a unit [characters]: no heading is longer, and what a search
+takes grows with a power of the length."""
+LONGEST_PAIR = 4000
+"""Longest line of a header that is searched for a key and its values [characters]."""
+
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF16_LE, "utf-16-le"),
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
+
+
+def matched(pattern: re.Pattern[str], field: str, *, longest: int = LONGEST_FIELD) -> re.Match[str] | None:
+    """The match of a pattern with a whole field; None for a field of more characters than `longest`."""
+    return pattern.fullmatch(field) if len(field) <= longest else None
 
 
 def read_text(path: Path, layout: Layout) -> tuple[str, list[str], str]:

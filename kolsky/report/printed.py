@@ -4,9 +4,10 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from kolsky.diagnosis.causes import percent, sentence
+from kolsky.diagnosis.cause_words import percent, sentence
 from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.relaxing import reference_words
 from kolsky.inverse.result import Estimate, Identification, Route, Verdict
 from kolsky.report import numbers
 from kolsky.report.display_units import estimate_in_display_units, in_display_units
@@ -34,6 +35,9 @@ def details(found: Identification) -> dict[str, str]:
     """Return verdict, interval, uncertainties, optima of all routes, fit and clocks: names and values."""
     found = in_display_units(found)
     rows = [("shot", found.shot)]
+    reference = reference_words((*found.estimates, *found.fixed))
+    if reference:
+        rows.append(("m refers to", plain(reference)))
     for name, e in found.estimates.items():
         symbol, U = _symbol(name), 2.0 * e.sigma
         symbol += "" if e.unit == "1" else f" ({plain(e.unit)})"

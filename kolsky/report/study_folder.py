@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kolsky.base.files import filling
+from kolsky.joint import output as joint_output
+from kolsky.joint.records import JointResult
 from kolsky.report.figures_alone import save_figures_alone
 from kolsky.studies.budget.campaign import Campaign
 from kolsky.studies.budget.records import Budget
@@ -67,6 +69,31 @@ def write_plan_results(folder: Path, found: Plan, *, formats: Sequence[str] = ()
         text = json.dumps(plan_output.to_json(found), indent=2, allow_nan=False)
         (partial / "plan.json").write_text(text, encoding="utf-8")
         save_figures_alone(partial, found, formats)
+
+
+def write_joint_results(folder: Path, found: JointResult, *, formats: Sequence[str] = ()) -> None:
+    """Write the results of several shots identified together: joint.json, joint.html, tables, figures.
+
+    Parameters
+    ----------
+    folder, formats
+        As of `kolsky.report.result_folder.write_identify_results`.
+    found
+        The joint identification.
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    from kolsky.report.figures import JOINT
+    from kolsky.report.pages.joint import write_page
+
+    with filling(folder) as partial:
+        joint_output.write_joint(partial, found)
+        write_page(partial / "joint.html", found)
+        registry = {name: kind for name, kind in JOINT.items() if kind.applies(found)}
+        save_figures_alone(partial, found, formats, registry=registry)
 
 
 def write_budget_results(

@@ -4,6 +4,7 @@ from typing import Any
 
 from kolsky.base.json_types import jsonable
 from kolsky.inverse.fit_results import FitQuality
+from kolsky.inverse.relaxing import reference_words
 from kolsky.inverse.result import Contribution, Identification, worst_imbalance
 from kolsky.inverse.run_table import DesignTable
 from kolsky.uncertainty.sensitivities import elasticity, relative_moves, unseen
@@ -37,6 +38,7 @@ def to_json(identification: Identification) -> dict[str, Any]:
         "methods": [vars(method) for method in result.methods],
         "terms": terms,
         "fixed": result.fixed,
+        "reference_curve": reference_words((*result.estimates, *result.fixed)) or "the quasi-static curve",
         "mesh": {"default": result.mesh, "refined": result.refined_mesh},
         "check_run": {
             "outcome": [outcome.name for outcome in response.outcomes],

@@ -19,6 +19,7 @@ from kolsky.shot.schema import fields as f
 from kolsky.shot.schema.apparatus import InterfaceSection, ModelSection, SpecimenSection, WindowSection
 from kolsky.shot.schema.curve import CurveSection, LawSection, chosen_baseline, one_baseline
 from kolsky.shot.schema.reading import Source, parsed
+from kolsky.shot.schema.relaxation import RelaxationSection, declared_relaxation
 from kolsky.shot.schema.section import Section
 from kolsky.shot.schema.uncertainty import UncertaintySection
 
@@ -106,6 +107,7 @@ class BarDrivenShotFile(Section):
     curve: CurveSection | None = None
     law: LawSection | None = None
     model: ModelSection
+    relaxation: RelaxationSection | None = None
     window: WindowSection = WindowSection()
     uncertainty: UncertaintySection = UncertaintySection()
 
@@ -158,7 +160,7 @@ def load_bar_driven(source: Source) -> Shot:
             force=bar_force(result.reduction, result.faces),
             curve=curve,
             inputs={**given.inputs, **curve_hashes},
-            uncertainty=declared.uncertainty.for_identify(),
+            **declared_relaxation(declared.relaxation, declared.uncertainty),
         )
         return driven_by_waves(base, result.reduction, result.faces, end=declared.window.end)
     except ValueError as error:

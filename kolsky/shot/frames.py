@@ -1,9 +1,11 @@
 """[frames] and [flyer]: times of the frames and the motion of the flyer at them, read and checked."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from kolsky.base.arrays import BoolArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import FlyerMotion
 from kolsky.base.units import in_us
@@ -11,6 +13,7 @@ from kolsky.readers.shot_tables import FlyerTable, FrameTimes, OutlineTable, rea
 from kolsky.readers.table import Column
 from kolsky.shot.schema.measured import FlyerSection
 from kolsky.shot.schema.reading import ShotToml
+from kolsky.shot.stray_frames import stray_frames
 
 MOTION_SIGMAS = 6.0
 """A displacement this many sigmas from rest is motion: noise does that once in 5e8 frames."""
@@ -61,8 +64,22 @@ def flyer_motion(
         displacement=sign * table.displacement,
         sigma=np.full(table.displacement.size, section.sigma),
     )
-    flyer_moves(table, flyer, section.sigma, toml)
+    stray, off = stray_frames(flyer.time, flyer.displacement, flyer.sigma)
+    flyer = replace(
+        flyer,
+        sigma=np.where(stray, np.abs(off), flyer.sigma),
+        notes=tuple(_stray_note(table, row, off[row]) for row in np.flatnonzero(stray)),
+    )
+    flyer_moves(table, flyer, section.sigma, toml, stray=stray)
     return flyer, table.sha256
+
+
+def _stray_note(table: FlyerTable, row: int, off: float) -> str:
+    return (
+        f"{table.path.name} line {table.line(row)}: frame {table.frame[row]} of the flyer is"
+        f" {off * 1e3:+.3g} mm off what the frames around it say; it was given no weight: look at it, or"
+        " correct the export"
+    )
 
 
 def frames_agree(table: FlyerTable | OutlineTable, frames: FrameTimes) -> None:
@@ -136,11 +153,15 @@ def flyer_covers(table: FlyerTable, frames: FrameTimes, toml: ShotToml) -> None:
     )
 
 
-def flyer_moves(table: FlyerTable, flyer: FlyerMotion, sigma: float, toml: ShotToml) -> None:
-    """At rest in the static frames, then toward the specimen, by less than its length."""
+def flyer_moves(
+    table: FlyerTable, flyer: FlyerMotion, sigma: float, toml: ShotToml, *, stray: BoolArray | None = None
+) -> None:
+    """At rest in the static frames, then toward the specimen, by less than its length; stray frames apart."""
     n_static = toml.declared.frames.static
     length = toml.declared.specimen.length
-    travel = flyer.displacement - flyer.displacement[:n_static].mean()
+    sound = np.ones(flyer.time.size, dtype=bool) if stray is None or stray[:n_static].all() else ~stray
+    travel = flyer.displacement - flyer.displacement[:n_static][sound[:n_static]].mean()
+    travel[~sound] = 0.0
     row = int(np.argmax(np.abs(travel)))
     if abs(travel[row]) >= length:
         raise InputError(

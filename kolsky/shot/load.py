@@ -16,6 +16,7 @@ from kolsky.shot.outline import check_outline, read_outline
 from kolsky.shot.picture_set import PictureSet, open_pictures
 from kolsky.shot.records import ForceChannel, ModelSettings, OpticalData, PicturedShot, Shot, ShotBase
 from kolsky.shot.schema.reading import ShotToml, Source, is_bar_driven, parsed, shot_toml
+from kolsky.shot.schema.relaxation import declared_relaxation
 from kolsky.shot.window import window
 
 if TYPE_CHECKING:
@@ -198,10 +199,11 @@ def _base(
         "interface": declared.interface.interface(),
         "support": declared.transmission.support,
         "transmission_bar": None if bar is None else Bar(**bar.model_dump()),
+        "transducer_depth": declared.transmission.transducer_depth or 0.0,
         "model": ModelSettings(**declared.model.model_dump()),
         "force": force,
         "curve": curve,
-        "uncertainty": {} if declared.uncertainty is None else declared.uncertainty.for_identify(),
+        **declared_relaxation(declared.relaxation, declared.uncertainty),
         "inputs": {
             toml.path.name: toml.sha256,
             declared.force.file: force.recording.sha256,

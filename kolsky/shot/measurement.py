@@ -17,6 +17,7 @@ from dic.full_field.settings import FullFieldSettings
 from dic.images import PictureError, Pictures
 from dic.tracking import Tracking
 from kolsky.base.errors import InputError, refuse
+from kolsky.base.files import regular
 from kolsky.base.process import infrequent_gc, single_threaded_libraries
 from kolsky.shot.picture_set import CAMERAS, digest, fits_sensor, matching
 from kolsky.shot.refined_rig import refined
@@ -235,7 +236,12 @@ def mask_of(measurement: Measurement) -> NDArray[np.bool_]:
         import cv2
 
         path = toml.path.parent / section.mask
-        picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        try:
+            picture = cv2.imread(str(regular(path)), cv2.IMREAD_GRAYSCALE)
+        except OSError as error:
+            raise InputError(
+                path, f"cannot be read ({error.strerror})", cure="export the mask as PNG"
+            ) from None
         if picture is None:
             raise InputError(path, "is no picture that can be read", cure="export the mask as PNG")
         if picture.shape != shape:

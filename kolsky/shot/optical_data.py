@@ -25,6 +25,7 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.base.process import infrequent_gc, single_threaded_libraries
 from kolsky.base.records import CentreLine, FlyerMotion
+from kolsky.shot.flyer_refusal import why_unknown
 from kolsky.shot.picture_set import PictureSet
 from kolsky.shot.records import OpticalData
 from kolsky.shot.refined_rig import refined
@@ -154,12 +155,10 @@ def measured(
     )
     result, number = found.result, pictures.frames.frame
     if result.axial_displacement is None or result.axial_displacement.t.size == 0:
-        raise pictures.toml.error(
-            "dic.flyer",
-            "was not followed back to rest, so how far it went is not known",
-            cure="declare a region clear of its edge, in a frame that shows much of it: "
-            f"`kolsky dic {pictures.toml.path.parent} --regions` draws it",
-        )
+        length = pictures.toml.declared.specimen.length
+        problem, cure = why_unknown(result, length, _length_sigma(pictures.toml))
+        draw = f"`kolsky dic {pictures.toml.path.parent} --regions` draws one"
+        raise pictures.toml.error("dic.flyer", problem, cure=f"{cure}; {draw}")
     line = result.centre
     return OpticalData(
         flyer=FlyerMotion(

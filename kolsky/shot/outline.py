@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kolsky.base.arrays import BoolArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine
 from kolsky.readers import shot_tables
@@ -14,6 +15,12 @@ from kolsky.shot.frames import frames_agree
 from kolsky.shot.schema.measured import CentreLineSection
 from kolsky.shot.schema.reading import ShotToml
 
+LEAST_HEIGHT = 0.2
+"""Least height that the outline at rest reaches above the transmission platen, over the declared length [-]:
+one that reaches a tenth is that of another length."""
+LARGEST_RADIUS = 3.0
+"""Largest radius that a specimen's outline reaches, over the declared one [-]: one that is compressed to a
+ninth of its length and slides freely."""
 RADIUS_TOLERANCE = 0.2
 """Largest disagreement of the outline at rest with the specimen's radius, relative to it."""
 
@@ -83,8 +90,16 @@ def check_outline(
     length, radius = toml.declared.specimen.length, 0.5 * toml.declared.specimen.diameter
     low, high = -0.1 * length, 1.1 * length
     cure = "check columns, units and offsets of [centre_line] in the shot file: are y and Z swapped?"
+    largest = LARGEST_RADIUS * radius
+    _check_height(line, path, line.time <= rest, length)
     for name, value, bad, allowed in (
         ("Z from the axis", line.Z, line.Z <= 0.0, "> 0 mm"),
+        (
+            "Z from the axis",
+            line.Z,
+            largest < line.Z,
+            f"at most {largest * 1e3:.6g} mm, {LARGEST_RADIUS:g} times the specimen's radius",
+        ),
         (
             "y above the transmission platen",
             line.y,
@@ -95,7 +110,7 @@ def check_outline(
         rows = np.flatnonzero(bad)
         if rows.size:
             row = int(rows[0])
-            message = f"{name} is {value[row] * 1e3:.6g} mm in frame {line.frame[row]}"
+            message = f"{name} is {1e3 * float(value[row]):.6g} mm in frame {line.frame[row]}"
             if rows.size > 1:
                 message += f" ({rows.size} such points)"
             raise InputError(
@@ -113,3 +128,17 @@ def check_outline(
             )
     if not np.any((line.time >= span[0]) & (line.time <= span[1])):
         raise InputError(path, "no point is inside the window", cure="export the frames of the test")
+
+
+def _check_height(line: CentreLine, path: Path, static: BoolArray, length: float) -> None:
+    """The outline at rest reaches as high as one of a specimen of this length."""
+    if not static.any():
+        return
+    height = float(line.y[static].max())
+    if height < LEAST_HEIGHT * length:
+        raise InputError(
+            path,
+            f"the outline at rest reaches {height * 1e3:.4g} mm above the transmission platen; it must reach"
+            f" at least {100 * LEAST_HEIGHT:g} % of the specimen's length of {length * 1e3:.6g} mm",
+            cure="is the unit of specimen.length right, and that of y in [centre_line]?",
+        )

@@ -13,6 +13,7 @@ from dic.outcome import FrameOutcome
 from dic.result import StereoResult
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError, refuse
+from kolsky.base.files import regular
 from kolsky.readers.shot_tables import FrameTimes
 from kolsky.shot.frames import read_frames
 from kolsky.shot.schema.pictures import PicturesSection, SeriesSection
@@ -142,7 +143,7 @@ def digest(files: list[Path]) -> str:
     digests = []
     for path in files:
         try:
-            with path.open("rb") as file:
+            with regular(path).open("rb") as file:
                 digests.append(hashlib.file_digest(file, "sha256").hexdigest())
         except OSError as error:
             raise InputError(path, f"cannot be read ({error.strerror})") from None

@@ -11,6 +11,7 @@ from kolsky.bars.signals.transducers import force_history, noise_correlation
 from kolsky.base.apparatus import Bar, Interface, Specimen, Transducer
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, FlyerMotion, ForceHistory, FrontVelocity, MaterialCurve, Recording
+from kolsky.base.relaxation import Relaxation
 from kolsky.shot import flyer_path
 from kolsky.shot.picture_set import PictureSet
 from kolsky.shot.schema.reading import TomlFile
@@ -96,6 +97,8 @@ class ShotBase:
     """What stands behind it: "rigid" or "bar"."""
     transmission_bar: Bar | None
     """The bar, where support is "bar"."""
+    transducer_depth: float = 0.0
+    """Distance of the transmitted force's transducer behind the platen's face, on that bar [m]."""
     model: ModelSettings
     """Material constants beside the curve."""
     force: ForceChannel | BarForce
@@ -106,6 +109,8 @@ class ShotBase:
     """Its shot file, parsed; None of a shot that was not read from one."""
     inputs: dict[str, str]
     """SHA-256 of every file that was read: name in the folder -> hex digest."""
+    relaxation: Relaxation | None = None
+    """What relaxes beside the long-term curve; None if nothing does."""
     uncertainty: Mapping[str, float] = field(default_factory=dict)
     """Declared standard uncertainties by their keys, SI or relative; an absent one was not declared."""
 

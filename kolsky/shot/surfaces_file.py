@@ -82,7 +82,7 @@ MOTION = Record(
         "at": Floats("m", "3"),
         "displacement": Floats("m", "frames 3"),
         "rotation": Floats("rad", "frames 3"),
-        "covariance": Floats("rad^2 m^2", "frames 6 frames 6"),
+        "covariance": Floats("rad^2 m^2", "posed 6 posed 6"),
         "n_points": Integers("1", "frames"),
         "outcome": Integers("1", "frames"),
         "chi2_per_dof": Floats("1"),

@@ -14,11 +14,12 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.files import regular
 from kolsky.base.units import UnitError, unit_factor
 from kolsky.readers.contents import Contents, Layout
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.table import read_table
-from kolsky.readers.text import ENCODINGS
+from kolsky.readers.text import ENCODINGS, matched
 
 SUFFIXES = (
     ".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", ".xls", ".xlsx", ".tdms", ".mat", ".lvm", ".wfm", ".isf",
@@ -272,13 +273,13 @@ def _units_below(path: Path, split, layout: Mapping[str, str | int]) -> list[str
     """The units of the columns where they stand on a line of their own."""
     if "units_line" not in layout:
         return []
-    text = path.read_text(encoding=str(layout.get("encoding", "utf-8-sig")))
+    text = regular(path).read_text(encoding=str(layout.get("encoding", "utf-8-sig")))
     return [cell.strip("()[] ") for cell in split(text.split("\n")[int(layout["units_line"]) - 1].strip())]
 
 
 def unit_in(heading: str) -> str:
     """The unit that a heading names: in brackets, behind a stroke, "in", or a last underscore."""
-    match = _UNIT.fullmatch(heading)
+    match = matched(_UNIT, heading)
     text = next((group for group in match.groups() if group), "") if match else ""
     text = "1" if text == "-" else text
     return text if dimension_of(text) else ""

@@ -8,6 +8,7 @@ import numpy as np
 
 from doe import Box, Design, from_points
 from kolsky.base.errors import InputError
+from kolsky.base.files import regular
 from kolsky.base.units import UnitError, quantity
 from kolsky.inverse.parameters import checked_value, parameter
 
@@ -28,7 +29,7 @@ def read_design(path: Path) -> Design:
         outside its allowed range, a column holds one value only, or there are too many points.
     """
     try:
-        with Path(path).open(newline="", encoding="utf-8-sig") as file:
+        with regular(path).open(newline="", encoding="utf-8-sig") as file:
             rows = csv.reader(file, strict=True)
             columns = _header(path, next(rows, []))
             points: list[list[float]] = []

@@ -2,7 +2,8 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -43,6 +44,8 @@ class Sweep:
     """Points, outcomes and misfits."""
     held: dict[str, float]
     """Parameters held at another value than the shot's."""
+    damaged: tuple[str, ...] = ()
+    """Beginnings of the keys of runs that the ledger held damaged and that were run again."""
 
 
 @dataclass(frozen=True)
@@ -167,18 +170,34 @@ def sweep(
             runs, design.points, chunk=chunk, ledger=book, executor=executor, retry=retry, progress=progress
         )
 
+    damaged: tuple[str, ...] = ()
     if ledger is None:
         if merge:
             raise ValueError("ledgers are merged into a ledger; name one")
         done = all_runs(None)
     else:
-        ledger.parent.mkdir(parents=True, exist_ok=True)
-        with Ledger(ledger, runs.model_hash()) as book:
-            for other in merge:
-                book.merge(other)
+        with _merged(ledger, runs.model_hash(), merge) as book:
             done = all_runs(book)
             _refuse_strangers(ledger, done)
-    return Sweep(shot=shot.name, table=_table(design, done), held=dict(held or {}))
+            damaged = tuple(book.damaged)
+    return Sweep(shot=shot.name, table=_table(design, done), held=dict(held or {}), damaged=damaged)
+
+
+@contextmanager
+def _merged(path: Path, model: bytes, others: tuple[Path, ...]) -> Iterator[Ledger]:
+    """A ledger that has taken over others; if one is refused, no ledger stays that was not there before."""
+    fresh = not path.exists()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with Ledger(path, model) as book:
+        try:
+            for other in others:
+                book.merge(other)
+        except LedgerError:
+            if fresh and not len(book):
+                book.close()
+                path.unlink(missing_ok=True)
+            raise
+        yield book
 
 
 def _refuse_strangers(ledger: Path, runs: list[Run]) -> None:
@@ -228,6 +247,16 @@ def counts(result: Sweep) -> dict[str, int]:
     """Number of runs, and of those that completed."""
     table = result.table
     return {"runs": len(table.outcomes), "completed": len(table.outcomes) - len(table.lost)}
+
+
+def costs(table: DesignTable) -> FloatArray:
+    """Phi of every run, Eq. (M.5) [-]; its force term alone where no outline was measured.
+
+    NaN where a run did not complete, shape [n_runs].
+    """
+    force = table.phi_force / SCALE_FORCE
+    phi = force + table.phi_shape / SCALE_SHAPE
+    return phi if np.isfinite(phi).any() else force
 
 
 def least_misfit(result: Sweep) -> dict[str, Any]:

@@ -1,10 +1,11 @@
 """The analysis of a sweep: maps of the misfits, main effects, shares of their variance."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from doe import Box, CostSurrogate
+from doe import Box, CostSurrogate, nelder_mead
 from doe.sensitivity import SobolIndices, sobol_indices
 from doe.surrogates import SurrogateError
 from kolsky.base.arrays import FloatArray
@@ -58,6 +59,22 @@ class Output:
 
 
 @dataclass(frozen=True)
+class SurfaceOptimum:
+    """Where an interpolant is least."""
+
+    output: str
+    """Key of `OUTPUTS`: "Phi", or "Phi_F" without an outline."""
+    at: dict[str, float]
+    """The parameters there, in their units."""
+    value: float
+    """The interpolant there, in the output's unit."""
+    at_bound: dict[str, str]
+    """ "lower" or "upper" for each parameter that lies at a bound of the box: its optimum may lie outside."""
+    converged: bool
+    """Whether the search ended by its own criterion."""
+
+
+@dataclass(frozen=True)
 class SweepAnalysis:
     """A sweep looked at as a whole."""
 
@@ -73,6 +90,13 @@ class SweepAnalysis:
     """Shares of the variance of the outputs with an interpolant; None without any, or one parameter."""
     best: int | None
     """Run with the smallest Phi (Phi_F without an outline); None if none completed."""
+    optimum: SurfaceOptimum | None = None
+    """Where the interpolant of Phi (Phi_F without an outline) is least; None without a good one."""
+
+    @property
+    def judged(self) -> str:
+        """The output by which runs are ranked: "Phi", or "Phi_F" where no outline was measured."""
+        return "Phi" if "Phi" in self.outputs else "Phi_F"
 
     def map(self, output: str, first: str, second: str) -> tuple[FloatArray, FloatArray, FloatArray]:
         """An output in the plane of two parameters, the others where the best run has them.
@@ -122,14 +146,49 @@ def analyse_sweep(shot: str, box: Box, table: DesignTable, *, rng: int = 1) -> S
         if np.isfinite(values).any()
     }
     ranked = phi if np.isfinite(phi).any() else table.phi_force
+    best = int(np.nanargmin(ranked)) if np.isfinite(ranked).any() else None
+    judged = outputs.get("Phi", outputs.get("Phi_F"))
     return SweepAnalysis(
         shot=shot,
         box=box,
         table=table,
         outputs=outputs,
         indices=_indices(box, outputs, rng),
-        best=int(np.nanargmin(ranked)) if np.isfinite(ranked).any() else None,
+        best=best,
+        optimum=None if judged is None or best is None else _optimum(judged, box, table.points[best]),
     )
+
+
+def _optimum(output: Output, box: Box, start: FloatArray) -> SurfaceOptimum | None:
+    """Least of an interpolant by downhill simplex from the best run, and from the best of a scan."""
+    surrogate = output.surrogate
+    if surrogate is None:
+        return None
+    scan = box.scale(np.random.default_rng(1).random((SAMPLE, box.dimension)))
+    starts = (start, scan[int(np.argmin(surrogate.predict(scan)[:, 0]))])
+    found = min((nelder_mead(surrogate.cost, box, start=x) for x in starts), key=lambda end: end.value)
+    return SurfaceOptimum(
+        output=output.name,
+        at=box.as_dict(found.x),
+        value=found.value,
+        at_bound=found.at_bound,
+        converged=found.outcome.ok,
+    )
+
+
+def surface_optimum(analysis: SweepAnalysis) -> dict[str, Any]:
+    """Least of the interpolant in plain types: where, how much, at which bounds; or why there is none.
+
+    The value is that of Phi (without an outline of Phi_F, in newtons).
+    """
+    found = analysis.optimum
+    if found is None:
+        output = analysis.outputs.get(analysis.judged)
+        why = "no run completed" if output is None else output.refused
+        return {"surface_optimum": None, "no_surface": why}
+    at_bound = {"surface_at_bound": found.at_bound} if found.at_bound else {}
+    force_alone = "" if found.output == "Phi" else "_force"
+    return {"surface_optimum": found.at, f"surface_phi{force_alone}": found.value, **at_bound}
 
 
 def _output(name: str, box: Box, points: FloatArray, values: FloatArray, rng: int) -> Output:

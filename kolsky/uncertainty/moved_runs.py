@@ -17,6 +17,7 @@ from explicit.materials import MaterialLaw
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.forward import Forward, material_law
+from kolsky.inverse.launches import Launch, run_side_by_side
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import PARAMETERS
@@ -93,9 +94,26 @@ class MovedRuns:
         """The value of a parameter that is not free."""
         return self.stages.settings.held.get(key, PARAMETERS[key].held(self.forward.shot))
 
-    @cached_property
+    @property
     def common(self) -> Response:
         """The common batch."""
+        return self._responses[""]
+
+    @cached_property
+    def _responses(self) -> dict[str, Response]:
+        """The common batch, and each changed shot's by key and sign: all of them side by side."""
+        keys, numerics = {"": self._common}, self.stages.settings.numerics
+        for key, step in self.steps.items():
+            if self._is_alone(key):
+                for sign in (1, -1):
+                    changed = self._changed(key, sign * step)
+                    if changed is not None:
+                        forward = replace(self.forward, shot=changed)
+                        keys[f"{key}{sign:+d}"] = Launch(forward, self.point, numerics)
+        return dict(zip(keys, run_side_by_side(list(keys.values())), strict=True))
+
+    @property
+    def _common(self) -> Launch:
         point = {**self.point, **{key: self.value(key) for key in self.named}}
         columns = {name: np.full(len(self.rows), value) for name, value in point.items()}
         material = np.zeros(len(self.rows), dtype=np.int64)
@@ -113,7 +131,7 @@ class MovedRuns:
             forward = replace(
                 forward, laws=(forward.laws[0], *(scaled_law(curve, 1.0 + s * step) for s in (1.0, -1.0)))
             )
-        return forward.run(columns, self.stages.settings.numerics, material=material)
+        return Launch(forward, columns, self.stages.settings.numerics, material=material)
 
     @property
     def _design(self) -> tuple[FloatArray, FloatArray]:
@@ -157,25 +175,29 @@ class MovedRuns:
 
     def moved(self, key: str, sign: int, step: float) -> FloatArray | None:
         """The predicted data vector with an input moved up or down; None where it cannot be."""
-        if key in SPECIMEN or (key in PARAMETERS and key not in self.named):
-            return self._alone(key, sign * step)
+        if self._is_alone(key):
+            if step != self.steps[key]:
+                raise ValueError(f"{key} was moved by {self.steps[key]:.6g}, not by {step:.6g}")
+            response = self._responses.get(f"{key}{sign:+d}")
+            return None if response is None else self._seen(response, 0, key)
         return self._vector((key, sign)) if (key, sign) in self.rows else None
 
-    def _alone(self, key: str, step: float) -> FloatArray | None:
-        """The predicted data vector of a changed shot; None where the value is not allowed."""
-        forward, shot = self.forward, self.forward.shot
+    def _is_alone(self, key: str) -> bool:
+        """Whether an input needs a model of its own."""
+        return key in SPECIMEN or (key in PARAMETERS and key not in self.named)
+
+    def _changed(self, key: str, step: float) -> Shot | None:
+        """The shot with an input moved by a step; None where the value is not allowed."""
+        shot = self.forward.shot
         if key in SPECIMEN:
             name = SPECIMEN[key]
             value = getattr(shot.specimen, name) * (1.0 + step)
-            changed: Shot = replace(shot, specimen=replace(shot.specimen, **{name: value}))
-        else:
-            p, value = PARAMETERS[key], self.value(key) + step
-            if not p.allowed[0] <= value <= p.allowed[1]:
-                return None
-            assert p.changed is not None  # else it joins the common batch
-            changed = p.changed(shot, value)
-        response = replace(forward, shot=changed).run(self.point, self.stages.settings.numerics)
-        return self._seen(response, 0, key)
+            return replace(shot, specimen=replace(shot.specimen, **{name: value}))
+        p, value = PARAMETERS[key], self.value(key) + step
+        if not p.allowed[0] <= value <= p.allowed[1]:
+            return None
+        assert p.changed is not None  # else it joins the common batch
+        return p.changed(shot, value)
 
     def _vector(self, key: tuple[str, int]) -> FloatArray:
         return self._seen(self.common, self.rows[key], key[0])

@@ -114,11 +114,12 @@ def _all_made(
         for batch in batches:
             yield from _made(batch, device, threads)
         return
-    from concurrent.futures import ProcessPoolExecutor, as_completed
-    from multiprocessing import get_context
+    from concurrent.futures import as_completed
+
+    from kolsky.base.process import process_pool
 
     share = threads or 1
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with process_pool(workers) as pool:
         if device == "cpu":
             for future in as_completed([pool.submit(_made, batch, device, share) for batch in batches]):
                 yield from future.result()

@@ -5,8 +5,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from explicit.materials.laws import AnyLaw, law_class
+from explicit.relaxation.base import RateDependence
+from explicit.relaxation.bergstrom_boyce import BergstromBoyce
 from explicit.relaxation.prony import PronySeries
 from kolsky.base.arrays import FloatArray
+from kolsky.base.relaxation import Relaxation
 
 
 def law_of(name: str, parameters: Mapping[str, float], shear_modulus: float) -> AnyLaw:
@@ -35,6 +38,31 @@ def relaxation_of(strengths: Sequence[float], times: Sequence[float]) -> tuple[P
     """
     series = PronySeries(tuple(strengths), tuple(times))
     return (series,) if len(series) else ()
+
+
+def what_relaxes(
+    declared: Relaxation | None, strengths: Sequence[float], times: Sequence[float]
+) -> tuple[RateDependence, ...]:
+    """What relaxes in a specimen; empty if nothing does.
+
+    Parameters
+    ----------
+    declared
+        By [relaxation] of its specification.
+    strengths, times
+        By its [material], where there is no [relaxation].
+
+    Raises
+    ------
+    ValueError
+        If the constants cannot be.
+    """
+    if declared is None:
+        return relaxation_of(strengths, times)
+    constants = list(declared.values.values())
+    if declared.kind == "bergstrom_boyce":
+        return (BergstromBoyce(*constants),)
+    return relaxation_of(constants[: declared.branches], constants[declared.branches :])
 
 
 def uniaxial_stress(law: AnyLaw, stretch: FloatArray) -> FloatArray:

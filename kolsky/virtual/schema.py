@@ -1,17 +1,21 @@
 """The tables of a specification: the true quantities that the virtual laboratory makes a shot of."""
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from kolsky.base.apparatus import HOLDING_LAW
 from kolsky.shot.schema import fields as f
 from kolsky.shot.schema.apparatus import TransmissionSection
+from kolsky.shot.schema.relaxation import RelaxationSection
 from kolsky.shot.schema.section import Section
 from kolsky.shot.schema.uncertainty import UncertaintySection
 from kolsky.virtual import fields as v
 from kolsky.virtual.cameras import CalibrationTable, CamerasTable, OpticsTable, SpeckleTable
 from kolsky.virtual.imperfections import Imperfections
+
+if TYPE_CHECKING:
+    from explicit.relaxation.base import RateDependence
 
 
 class SpecimenTable(Section):
@@ -220,6 +224,9 @@ class Specification(Section):
     seed: Annotated[int, Field(ge=0, le=2**32 - 1)] = 1
     specimen: SpecimenTable = SpecimenTable()
     material: MaterialTable = MaterialTable()
+    relaxation: RelaxationSection | None = None
+    """What truly relaxes beside the law, declared in the shot file with the same keys; none: nothing, or what
+    [material] says, of which the shot file says nothing."""
     quasi_static: QuasiStaticTable = QuasiStaticTable()
     interface: InterfaceTable = InterfaceTable()
     transmission: TransmissionSection = TransmissionSection(support="rigid")
@@ -237,3 +244,31 @@ class Specification(Section):
     uncertainty: UncertaintySection | None = None
     """Copied to the shot file's [uncertainty]."""
     truth: TruthTable = TruthTable()
+
+    @property
+    def relaxing(self) -> "tuple[RateDependence, ...]":
+        """What relaxes in the solver; empty if nothing does."""
+        from kolsky.virtual.material import what_relaxes
+
+        declared = None if self.relaxation is None else self.relaxation.declared()
+        return what_relaxes(declared, self.material.prony_strengths, self.material.prony_times)
+
+    @model_validator(mode="after")
+    def _no_transducer_in_the_bar(self) -> "Specification":
+        if self.transmission.transducer_depth is not None:
+            raise f.problem(
+                "is not made here: the made transducer sits behind a mass",
+                key="transmission",
+                cure="give [transmitted] platen_mass, the mass before it",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _relaxes_once(self) -> "Specification":
+        if self.relaxation is not None and self.material.prony_times:
+            raise f.problem(
+                "is given, and so is material.prony_times",
+                key="relaxation",
+                cure="keep one: [relaxation] is declared in the shot file too, [material] is not",
+            )
+        return self

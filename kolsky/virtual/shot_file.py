@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from kolsky.shot.schema.relaxation import RelaxationSection
 from kolsky.virtual.records import SurfaceHistory
 from kolsky.virtual.schema import ChannelTable, Specification
 from kolsky.virtual.scope_files import FORMATS
@@ -95,6 +96,8 @@ def shot_tables(quantities: Specification, surface: SurfaceHistory) -> dict[str,
             "mass_damping": f"{q.material.mass_damping:.9g} 1/s",
         },
     }
+    if q.relaxation is not None:
+        tables["relaxation"] = _relaxation(q.relaxation)
     if q.uncertainty is not None:
         tables["uncertainty"] = _uncertainty(q.uncertainty.model_dump(exclude_unset=True))
     return tables
@@ -107,6 +110,21 @@ def toml_text(tables: Tables, *, name: str, head: str = HEAD) -> str:
         lines = "".join(f"{key} = {_value(value)}\n" for key, value in table.items())
         parts.append(f"[{title}]\n{lines}")
     return "\n".join(parts)
+
+
+def _relaxation(declared: RelaxationSection) -> dict[str, Any]:
+    """[relaxation] as written, every quantity in its SI unit."""
+    units = {"times": " s", "sigma_times": " s", "resistance": " Pa", "sigma_resistance": " Pa"}
+
+    def text(key: str, value: Any) -> Any:
+        if key not in units:
+            return list(value) if isinstance(value, tuple) else value
+        if isinstance(value, tuple):
+            return [f"{one:.9g}{units[key]}" for one in value]
+        return f"{value:.9g}{units[key]}"
+
+    given = declared.model_dump(exclude_unset=True)
+    return {key: text(key, value) for key, value in given.items() if value is not None}
 
 
 def _exports(q: Specification) -> dict[str, dict[str, Any]]:

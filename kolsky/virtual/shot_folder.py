@@ -93,14 +93,24 @@ def _answer(shot: ShotSpecification) -> dict[str, Any]:
         "nu": material.poisson,
         "beta_s": material.damping,
         "friction": shot.quantities.imperfections.slip_friction or None,
+        **_relaxation(shot),
         "specification": shot.content,
         "specification_sha256": _hash(shot),
         "number": shot.number,
     }
 
 
+def _relaxation(shot: ShotSpecification) -> dict[str, Any]:
+    """The true constants of [relaxation] by their parameters' names; nothing where there is none."""
+    declared = shot.quantities.relaxation
+    return {} if declared is None else {"relaxation": dict(declared.declared().values)}
+
+
 def _hash(shot: ShotSpecification) -> str:
-    text = json.dumps(shot.quantities.model_dump(mode="json"), sort_keys=True) + f" {shot.number}"
+    content = shot.quantities.model_dump(mode="json")
+    if content["relaxation"] is None:  # folders made before there was such a table have none in their hash
+        del content["relaxation"]
+    text = json.dumps(content, sort_keys=True) + f" {shot.number}"
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -9,7 +9,7 @@ from scipy.integrate import cumulative_trapezoid
 import explicit
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import FloatArray
-from kolsky.virtual.material import law_of, relaxation_of
+from kolsky.virtual.material import law_of
 from kolsky.virtual.records import SurfaceHistory, Truth
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.truth_job import Job
@@ -133,7 +133,7 @@ def _problem(jobs: Sequence[Job], shift: Sequence[FloatArray]) -> explicit.Probl
     times = _force_times(last)
     surface = np.unique(np.concatenate([job.frames[job.frames > 0.0] for job in jobs]))
     material = [job.quantities.material for job in jobs]
-    relaxation = tuple(s for m in material for s in relaxation_of(m.prony_strengths, m.prony_times))
+    relaxation = tuple(one for job in jobs for one in job.quantities.relaxing)
     model = explicit.Model(
         mesh=_mesh(first),
         density=first.specimen.density,

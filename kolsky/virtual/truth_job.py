@@ -60,6 +60,7 @@ class Job:
     def group(self) -> Hashable:
         """Shots of one group share a model of the solver."""
         q = self.quantities
-        relaxing = len(q.material.prony_times)
+        kind = "prony" if q.relaxation is None else q.relaxation.kind
+        relaxing = kind, sum(len(one) for one in q.relaxing)
         support = q.transmission.model_dump_json()
         return (q.specimen, q.truth, q.material.law, relaxing, self.contact, support)

@@ -10,6 +10,7 @@ from dic.stereo.facet import FacetGeometry, distance_along, facet_geometry, grad
 from dic.stereo.rays import directions
 from dic.stereo.template import ROWS, Subsets, sample, smoothed
 from dic.stereo.triangulation import midpoint
+from dic.stereo.visible import visible_piece
 
 KNOTS = 65
 """Places a curve is followed through before it is divided into equal steps."""
@@ -47,7 +48,8 @@ def curve_distances(
     n = len(pixels0)
     near, far = limits if limits is not None else (_axes_meet(rig) / 20.0, _axes_meet(rig) * 20.0)
     # equal steps of 1/s are about equal steps along the curve: the disparity goes with 1/s
-    inverse = np.broadcast_to(np.linspace(1.0 / far, 1.0 / near, KNOTS), (n, KNOTS))
+    piece = visible_piece(rig, directions(rig.cameras[0], pixels0), shape1, (near, far))
+    inverse = piece[:, :1] + (piece[:, 1:] - piece[:, :1]) * np.linspace(0.0, 1.0, KNOTS)
     for _ in range(NARROWINGS):  # down to the piece of the curve that camera 1's picture shows
         seen = shows(rig.cameras[1], points_along(rig, pixels0, 1.0 / inverse), shape1)
         first = np.maximum(np.argmax(seen, axis=1) - 1, 0)

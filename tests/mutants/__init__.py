@@ -17,10 +17,15 @@ from tests.mutants.dic import FAULTS as DIC
 from tests.mutants.doe import FAULTS as DOE
 from tests.mutants.explicit import FAULTS as EXPLICIT
 from tests.mutants.fault import Fault
+from tests.mutants.folding import FAULTS as FOLDING
 from tests.mutants.full_field import FAULTS as FULL_FIELD
+from tests.mutants.implicit import FAULTS as IMPLICIT
 from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
+from tests.mutants.joint import FAULTS as JOINT
 from tests.mutants.material import FAULTS as MATERIAL
+from tests.mutants.paper_method import FAULTS as PAPER_METHOD
+from tests.mutants.prediction import FAULTS as PREDICTION
 from tests.mutants.rates import FAULTS as RATES
 from tests.mutants.refine import FAULTS as REFINE
 from tests.mutants.regions import FAULTS as REGIONS
@@ -28,6 +33,8 @@ from tests.mutants.report import FAULTS as REPORT
 from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.several_parameters import FAULTS as SEVERAL
 from tests.mutants.shot import FAULTS as SHOT
+from tests.mutants.slow_compression import FAULTS as SLOW_COMPRESSION
+from tests.mutants.transducer import FAULTS as TRANSDUCER
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 from tests.mutants.virtual import FAULTS as VIRTUAL
 from tests.mutants.virtual_pictures import FAULTS as VIRTUAL_PICTURES
@@ -46,10 +53,15 @@ FAULTS: tuple[Fault, ...] = (
     *DIC,
     *DOE,
     *EXPLICIT,
+    *FOLDING,
     *FULL_FIELD,
+    *IMPLICIT,
     *INPUTS,
     *INVERSE,
+    *JOINT,
     *MATERIAL,
+    *PAPER_METHOD,
+    *PREDICTION,
     *RATES,
     *SEVERAL,
     *SHOT,
@@ -57,6 +69,8 @@ FAULTS: tuple[Fault, ...] = (
     *REGIONS,
     *REPORT,
     *RESULTS,
+    *SLOW_COMPRESSION,
+    *TRANSDUCER,
     *UNCERTAINTY,
     *VIRTUAL,
     *VIRTUAL_PICTURES,

@@ -9,6 +9,8 @@ BUDGET = ("tests/unit/bars/test_waves_budget.py",)
 REPEATS = ("tests/unit/bars/test_waves_repeats.py",)
 FRONT = ("tests/unit/bars/test_front_path.py::test_noise_and_scale_are_told_apart",)
 UNSEEN = ("tests/unit/bars/test_flyer_unseen.py",)
+FLYER = "tests/unit/bars/test_flyer.py"
+FLIGHT = "tests/unit/shot/test_flight_report.py"
 CARRIED = "tests/unit/bars/test_carried_uncertainty.py"
 
 QUOTED = "kolsky/bars/reduction/quoted_values.py"
@@ -292,8 +294,8 @@ FAULTS = (
     Fault(
         name="a flyer's path: frames without a displacement tell of the noise",
         file="kolsky/bars/flyer/jerks.py",
-        right="own = np.where(data, noise, 1.0)",
-        wrong="own = np.where(data, noise, noise)",
+        right="own = np.where(data, noise.sum(axis=1), 1.0)",
+        wrong="own = noise.sum(axis=1)",
         tests=UNSEEN,
     ),
     Fault(
@@ -316,5 +318,33 @@ FAULTS = (
         right="moved = (motion.time > start)",
         wrong="moved = (motion.time > -np.inf)",
         tests=UNSEEN,
+    ),
+    Fault(
+        name="a flyer's path: noise of all frames taken for a share of each one's",
+        file="kolsky/bars/flyer/jerks.py",
+        right="np.column_stack([np.ones(weight.size), weight**2])",
+        wrong="np.column_stack([np.ones(weight.size), weight])",
+        tests=(f"{FLYER}::test_noise_of_all_frames_beside_the_declared_one",),
+    ),
+    Fault(
+        name="a flyer's path: its noise without the part that all frames have",
+        file="kolsky/bars/flyer/fit.py",
+        right="s = np.sqrt(parts @ np.exp(2.0 * log_scales))",
+        wrong="s = np.full(t.size, np.exp(log_scales[0]))",
+        tests=(f"{FLYER}::test_warm_air_in_well_seen_frames_is_no_fault_of_the_others",),
+    ),
+    Fault(
+        name="symmetry ends with three frames of another direction",
+        file="kolsky/bars/flyer/flight_report.py",
+        right="times_in_row=frames_in(over, time),",
+        wrong="times_in_row=FEWEST_IN_ROW,",
+        tests=(f"{FLIGHT}::test_a_short_swing_is_no_end_of_symmetry",),
+    ),
+    Fault(
+        name="another direction lasts a step less than the first took",
+        file="kolsky/bars/flyer/flight_report.py",
+        right="1 + int(np.ceil(span",
+        wrong="int(np.ceil(span",
+        tests=(f"{FLIGHT}::test_another_direction_must_last_as_long_as_the_first_took",),
     ),
 )

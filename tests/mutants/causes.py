@@ -2,6 +2,7 @@
 
 from tests.mutants.fault import Fault
 
+OTHER = ("tests/unit/diagnosis/test_other_start.py",)
 FIT = ("tests/unit/diagnosis/test_cause_fit.py",)
 ALTERED = ("tests/unit/diagnosis/test_alterations.py",)
 CAUSES = ("tests/unit/diagnosis/test_causes.py",)
@@ -115,21 +116,21 @@ FAULTS = (
     ),
     Fault(
         name="the unusual error first",
-        file="kolsky/diagnosis/causes.py",
+        file="kolsky/diagnosis/cause_ranking.py",
         right="sorted(group, key=lambda t: _unusual(search, t))",
         wrong="sorted(group, key=lambda t: -_unusual(search, t))",
         tests=CAUSES,
     ),
     Fault(
         name="a cause said at one sigma as k = 2",
-        file="kolsky/diagnosis/causes.py",
+        file="kolsky/diagnosis/cause_words.py",
         right="half = 2.0 * factor * finding.sigma",
         wrong="half = factor * finding.sigma",
         tests=CAUSES,
     ),
     Fault(
         name="inputs told apart by any difference",
-        file="kolsky/diagnosis/causes.py",
+        file="kolsky/diagnosis/cause_ranking.py",
         right="ALIKE = 10.0",
         wrong="ALIKE = 0.0",
         tests=CAUSES,
@@ -206,9 +207,37 @@ FAULTS = (
     ),
     Fault(
         name="a declared input listed by what it explains beside the others",
-        file="kolsky/diagnosis/causes.py",
+        file="kolsky/diagnosis/cause_ranking.py",
         right="t, gain = alone, evidence(search.bare, alone.misfits, search.expected.times)",
         wrong="t, gain = alone, evidence(search.before, alone.misfits, search.expected.times)",
         tests=DECLARED,
+    ),
+    Fault(
+        name="evidence against the other start's own misfit",
+        file="kolsky/diagnosis/cause_search.py",
+        right="if self.loss(known) < self.loss(self.before):",
+        wrong="if self.loss(known) > self.loss(self.before):",
+        tests=OTHER,
+    ),
+    Fault(
+        name="trials of the answer with entries that do not count",
+        file="kolsky/diagnosis/cause_search.py",
+        right="residual = t.residual[kept]",
+        wrong="residual = t.residual",
+        tests=OTHER,
+    ),
+    Fault(
+        name="the worse of two trials of an input",
+        file="kolsky/diagnosis/causes.py",
+        right="_badness(one.seen, judge) < _badness(best[key].seen, judge)",
+        wrong="_badness(one.seen, judge) > _badness(best[key].seen, judge)",
+        tests=OTHER,
+    ),
+    Fault(
+        name="what was likely in the first cause's place left out",
+        file="kolsky/diagnosis/causes.py",
+        right="likely += [f for f in alone if f.named and",
+        wrong="likely += [f for f in alone if not f.named and",
+        tests=OTHER,
     ),
 )

@@ -3,11 +3,13 @@
 from tests.mutants.fault import Fault
 
 GATES = ("tests/unit/dic/test_dic_gates.py",)
+ARC = "tests/unit/dic/test_dic_rim_arc.py"
 REGIONS = "tests/unit/dic/test_dic_found_regions.py"
 ORDER = ("tests/unit/dic/test_dic_pair_order.py",)
 RIM = ("tests/unit/dic/test_dic_rest_from_rim.py",)
 EDGE = "tests/unit/dic/test_dic_edge.py"
 TRAVEL = ("tests/unit/dic/test_dic_travel_checks.py",)
+SIGMAS = ("tests/unit/dic/test_dic_sigmas.py",)
 NOISE = ("tests/unit/dic/test_dic_noise_floor.py",)
 
 FAULTS = (
@@ -136,6 +138,55 @@ FAULTS = (
         tests=("tests/unit/dic/test_dic_epipolar_search.py",),
     ),
     Fault(
+        name="regions: an arc by plain least squares",
+        file="dic/bodies/rim_arc.py",
+        right='loss="soft_l1", f_scale=SPREAD',
+        wrong='loss="linear"',
+        tests=(f"{ARC}::test_one_block_that_ends_early_does_not_move_the_arc",),
+    ),
+    Fault(
+        name="regions: the edge of a block at another share",
+        file="dic/bodies/rim_arc.py",
+        right="SHARE = 0.5",
+        wrong="SHARE = 0.8",
+        tests=(f"{ARC}::test_an_edge_lies_where_the_departure_falls_to_half",),
+    ),
+    Fault(
+        name="regions: the lowest row of an arc, not the highest",
+        file="dic/bodies/found_regions.py",
+        right="np.floor(arc.min() - ARC_CLEAR)",
+        wrong="np.floor(arc.max() - ARC_CLEAR)",
+        tests=(f"{REGIONS}::test_a_specimen_ends_clear_of_the_arc_of_a_rim",),
+    ),
+    Fault(
+        name="regions: rows without speckles count in the typical contrast",
+        file="dic/bodies/found_regions.py",
+        right="np.median(contrast[contrast >= BAND * np.percentile(contrast, 90.0)])",
+        wrong="np.median(contrast)",
+        tests=(f"{REGIONS}::test_contrast_of_speckles_is_told_from_that_of_bare_rows",),
+    ),
+    Fault(
+        name="curve: its piece in the picture shut on the nearer side",
+        file="dic/stereo/visible.py",
+        right="high = np.minimum(high, -b / a)",
+        wrong="high = np.minimum(high, b / a)",
+        tests=("tests/unit/dic/test_dic_visible.py",),
+    ),
+    Fault(
+        name="curve: its piece in the picture open on the farther side",
+        file="dic/stereo/visible.py",
+        right="low = np.maximum(low, -b / a)",
+        wrong="low = np.maximum(low, b / a)",
+        tests=("tests/unit/dic/test_dic_visible.py",),
+    ),
+    Fault(
+        name="curve: a place behind camera 1 counts as seen",
+        file="dic/stereo/visible.py",
+        right="sides = [(e[2], v[:, 2])]",
+        wrong="sides = [(0.0, v[:, 2])]",
+        tests=("tests/unit/dic/test_dic_visible.py",),
+    ),
+    Fault(
         name="material frame: the farthest",
         file="dic/bodies/follow.py",
         right="np.argmin(np.abs(usable - wanted))",
@@ -238,8 +289,8 @@ FAULTS = (
     Fault(
         name="overlap: subsets share pixels up to twice their side",
         file="dic/surfaces/overlap.py",
-        right="grid[pairs[:, 1]]) / subset",
-        wrong="grid[pairs[:, 1]]) / (2.0 * subset)",
+        right="1.0 - np.abs(apart) / subset",
+        wrong="1.0 - np.abs(apart) / (2.0 * subset)",
         tests=(
             "tests/unit/dic/test_dic_cylinder.py::test_overlapping_subsets_promise_less_and_distant_ones_nothing_less",
         ),
@@ -449,5 +500,82 @@ FAULTS = (
         right="MOST_APART = 4.0",
         wrong="MOST_APART = 400.0",
         tests=(f"{RIM[0]}::test_cameras_that_disagree_give_no_rim",),
+    ),
+    Fault(
+        name="start of a track: variances of two shape functions added",
+        file="dic/tracking/matcher.py",
+        right="searched * start - template",
+        wrong="searched * start + template",
+        tests=SIGMAS,
+    ),
+    Fault(
+        name="covariance in the material: mapped forward instead of back",
+        file="dic/tracking/matcher.py",
+        right="back = np.linalg.inv(gradient(warp))",
+        wrong="back = gradient(warp)",
+        tests=SIGMAS,
+    ),
+    Fault(
+        name="residual: counts along a flattening whether there is one or not",
+        file="dic/tracking/matcher.py",
+        right="(most - EVEN) * flat",
+        wrong="(most - EVEN)",
+        tests=SIGMAS,
+    ),
+    Fault(
+        name="overlap: quadratic weights of both subsets taken for one's",
+        file="dic/surfaces/overlap.py",
+        right="2.0 * 3.5 * 3.75 * (x + y)",
+        wrong="3.5 * 3.75 * (x + y)",
+        tests=SIGMAS,
+    ),
+    Fault(
+        name="overlap: quadratic subsets as alike as their area",
+        file="dic/surfaces/overlap.py",
+        right="if shape <= Shape.AFFINE:",
+        wrong="if shape <= Shape.QUADRATIC:",
+        tests=SIGMAS,
+    ),
+    Fault(
+        name="lower end: contrast of all rows, the platen's too, taken for the specimen's",
+        file="dic/bodies/found_regions.py",
+        right="np.median(contrast[contrast >= BAND * np.percentile(contrast, 90.0)])",
+        wrong="np.median(contrast)",
+        tests=(REGIONS,),
+    ),
+    Fault(
+        name="lower end: fits to two strips add nothing to sigma by what they differ",
+        file="dic/bodies/ends.py",
+        right="+ apart**2",
+        wrong="",
+        tests=(EDGE,),
+    ),
+    Fault(
+        name="lower end: a gap in the paint taken for a standard deviation",
+        file="dic/bodies/ends.py",
+        right="LEAST_GAP, 0.0) / 12.0**0.5",
+        wrong="LEAST_GAP, 0.0)",
+        tests=(EDGE,),
+    ),
+    Fault(
+        name="crop offset along the lines: told at a tenth of its standard deviation",
+        file="dic/stereo/offsets.py",
+        right="np.abs(value) >= SURE * sigma) & (np.abs(value) >= LEAST_FAINT)",
+        wrong="np.abs(value) >= 0.1 * sigma)",
+        tests=("tests/unit/dic/test_dic_diagnose.py",),
+    ),
+    Fault(
+        name="crop offset along the lines: never told",
+        file="dic/stereo/offsets.py",
+        right="if sizes[1] > GONE * sizes[0]:",
+        wrong="if sizes[1] < GONE * sizes[0]:",
+        tests=("tests/unit/dic/test_dic_diagnose.py",),
+    ),
+    Fault(
+        name="lower end: gap measured from a quarter of the contrast",
+        file="dic/bodies/edge_fit.py",
+        right="half = 0.5 * float",
+        wrong="half = 0.25 * float",
+        tests=(EDGE,),
     ),
 )

@@ -2,6 +2,7 @@
 
 from tests.mutants.fault import Fault
 
+LEDGER = ("tests/unit/doe/test_doe_ledger.py",)
 VERDICTS = ("tests/unit/doe/test_doe_verdicts.py",)
 
 FAULTS = (
@@ -67,5 +68,12 @@ FAULTS = (
         right="return len(self.points) - len(self.coefficients)",
         wrong="return len(self.points) - len(self.coefficients) + 1",
         tests=("tests/unit/doe/test_doe_quadratic.py",),
+    ),
+    Fault(
+        name="a row of the ledger is believed whatever its digest",
+        file="doe/ledger.py",
+        right="digest == _digest(row[:-2])\n        and key",
+        wrong="len(digest) == 32\n        and key",
+        tests=LEDGER,
     ),
 )

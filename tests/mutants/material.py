@@ -108,6 +108,13 @@ FAULTS = (
     ),
     Fault("a misfit that is not in the band", FRICTION, "np.maximum(own, ", "np.minimum(own, ", CORRECTION),
     Fault(
+        "neighbouring misfits taken for independent",
+        FRICTION,
+        "LARGEST_LIKENESS = 0.9",
+        "LARGEST_LIKENESS = 0.0",
+        CORRECTION,
+    ),
+    Fault(
         "the spread of laws squared", FRICTION, "np.sqrt(w) * (row - mean)", "w * (row - mean)", CORRECTION
     ),
     Fault(

@@ -170,6 +170,20 @@ FAULTS = (
         tests=CHECKS,
     ),
     Fault(
+        name="a specimen ten times as long as its outline is taken",
+        file="kolsky/shot/outline.py",
+        right="LEAST_HEIGHT = 0.2",
+        wrong="LEAST_HEIGHT = 0.02",
+        tests=CHECKS,
+    ),
+    Fault(
+        name="a radius of ten specimens is taken",
+        file="kolsky/shot/outline.py",
+        right="LARGEST_RADIUS = 3.0",
+        wrong="LARGEST_RADIUS = 30.0",
+        tests=CHECKS,
+    ),
+    Fault(
         name="points below the transmission platen are taken",
         file="kolsky/shot/outline.py",
         right="-0.1 * length, 1.1 * length",
@@ -308,5 +322,26 @@ FAULTS = (
         right="return volts[0] if len(volts) == 1 else",
         wrong="return volts[0] if volts else",
         tests=NEW,
+    ),
+    Fault(
+        name="a stray frame of the flyer keeps its weight",
+        file="kolsky/shot/frames.py",
+        right="np.where(stray, np.abs(off), flyer.sigma)",
+        wrong="flyer.sigma",
+        tests=("tests/unit/shot/test_stray_frames.py",),
+    ),
+    Fault(
+        name="a stray frame is told from four neighbours",
+        file="kolsky/shot/stray_frames.py",
+        right="NEIGHBOURS = 6",
+        wrong="NEIGHBOURS = 4",
+        tests=("tests/unit/shot/test_stray_frames.py",),
+    ),
+    Fault(
+        name="a refused flyer: length and lower end added",
+        file="kolsky/shot/flyer_refusal.py",
+        right="float(np.hypot(length_sigma, lower))",
+        wrong="float(length_sigma + lower)",
+        tests=("tests/unit/shot/test_flyer_refusal.py",),
     ),
 )

@@ -32,7 +32,9 @@ def main() -> None:
             forces.append(f"{law},{friction},{strain:.6g},{force:.6g},{middle:.7g},{edge:.7g}")
             if np.abs(np.array(OUTLINES) - strain).min() < 1e-9:
                 outlines += [f"{law},{friction},{strain:.6g},{z:.6g},{r:.6g}" for r, z in runs[0]["side"][k]]
-    head = "# law, friction (1000: no slip), compression [-], force [N], radius at mid-height [m], of the edge [m]"
+    head = (
+        "# law, friction (1000: no slip), compression [-], force [N], radius at mid-height, of the edge [m]"
+    )
     (here / "H_force.csv").write_text("\n".join([head, *forces]) + "\n")
     head = "# law, friction, compression [-], height above mid-height [m], radius of the side [m]"
     (here / "H_outline.csv").write_text("\n".join([head, *outlines]) + "\n")

@@ -20,8 +20,10 @@ from benchmarks.coverage_problem import (  # noqa: E402
     FORCE_SIGMA,
     GROUP,
     NOISE,
+    TRUTH_ORDER,
     drawn,
     experiment,
+    extrapolated,
     stroke,
     template,
     velocity,
@@ -148,6 +150,15 @@ def test_the_flyer_moves_as_its_velocity_says() -> None:
 def test_a_truth_as_coarse_as_the_answer_is_refused() -> None:
     with pytest.raises(ValueError, match="64 of the identification"):
         Study((M,), truth_mesh=(64, 86))
+
+
+def test_a_truth_is_what_two_meshes_extrapolate_to() -> None:
+    h = np.array([1.0, 2.0])[:, None] ** TRUTH_ORDER
+    force, Z = np.array([3.0, 5.0]), np.array([6e-3, 7e-3])
+    fine, coarse = ((force + 0.1 * e, Z - 1e-4 * e) for e in h)
+    found = extrapolated(fine, coarse)
+    np.testing.assert_allclose(found[0], force, rtol=1e-12)
+    np.testing.assert_allclose(found[1], Z, rtol=1e-12)
 
 
 COARSE = Study((M,), mesh=(16, 22), refined_mesh=(24, 32), truth_mesh=(36, 48), seed=7)

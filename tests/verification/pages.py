@@ -56,6 +56,7 @@ TOPICS = [
     "fbar",
     "which_element",
     "incompressible",
+    "equilibrium",
     "viscoelastic",
     "batch",
     "derivatives",

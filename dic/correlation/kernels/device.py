@@ -8,20 +8,19 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
-import cv2
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from dic.correlation.kernels.pixel_noise import REACH
-from dic.correlation.kernels.spline import PAD
+from dic.correlation.kernels.prefilter import on_device, on_host
 
+WORKER = "WORKER_NUMBER"
+"""Variable of the environment that numbers the processes which share the GPUs of a machine, from 0."""
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 
 def select_device(name: str) -> Any:
-    """Start Warp quietly and return a device.
+    """Start Warp quietly and return a device: "cpu", "cuda:1", or by "cuda" this process's own (`own_gpu`).
 
     Raises
     ------
@@ -30,10 +29,16 @@ def select_device(name: str) -> Any:
     """
     _start()
     known = {"cpu"} | {device.alias for device in wp.get_cuda_devices()}
-    alias = "cuda:0" if name == "cuda" else name
+    alias = f"cuda:{own_gpu(len(wp.get_cuda_devices()))}" if name == "cuda" else name
     if alias not in known:
         raise ValueError(f"device must be one of {sorted(known)}, got {name!r}")
     return wp.get_device(alias)
+
+
+def own_gpu(count: int) -> int:
+    """Number of the GPU that a process takes which shares `count` of them with others: one after the other by
+    `WORKER`, the first where it is not set."""
+    return int(os.environ.get(WORKER, "0")) % max(count, 1)
 
 
 @cache
@@ -68,20 +73,13 @@ def _without(expected: str) -> Iterator[None]:
                     os.write(2, line.encode())
 
 
-def coefficients(grey: NDArray[np.float32], prefilter: float) -> NDArray[np.float32]:
-    """Coefficients of the quintic B-spline through a picture, with mirrored margins of `PAD`."""
-    smooth = grey.astype(np.float64)
-    if prefilter:
-        smooth = ndimage.gaussian_filter(smooth, prefilter, mode="mirror", truncate=REACH)
-    found = ndimage.spline_filter(smooth, order=5, output=np.float64, mode="mirror")
-    right = PAD + -(grey.shape[1] + 2 * PAD) % 16  # rows begin on a cache line
-    wide = cv2.copyMakeBorder(found.astype(np.float32), PAD, PAD, PAD, right, cv2.BORDER_REFLECT_101)
-    return np.asarray(wide)
-
-
-def upload(planes: list[NDArray[np.float32]], device: str) -> Any:
-    """The planes on a device, shape [n, rows + 2 PAD, columns + 2 PAD and more]."""
-    return wp.array(np.stack(planes), dtype=wp.float32, device=select_device(device), copy=False)
+def coefficients(grey: NDArray[np.float32], prefilter: float, device: str) -> Any:
+    """Coefficients of the quintic B-spline through a picture, with mirrored margins, on a device; shape
+    [1, rows + 2 PAD, columns + 2 PAD and more]."""
+    where = select_device(device)
+    if where.is_cuda:
+        return on_device(grey, prefilter, where)
+    return wp.array(on_host(grey, prefilter)[None], dtype=wp.float32, device=where, copy=False)
 
 
 def addresses(parts: Sequence[Any]) -> Any:

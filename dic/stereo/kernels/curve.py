@@ -10,8 +10,9 @@ KNOTS = 65
 """Places a curve is followed through before it is divided into equal steps."""
 NARROWINGS = 3
 """Times that the piece of a curve that lies in the picture is cut out anew, a few dozen times finer each."""
-GIVEN = 17
-"""Numbers of a point: ray, derivative of the ray by the pixel, gradient at the reference, gradient given."""
+GIVEN = 19
+"""Numbers of a point: ray, derivative of the ray by the pixel, gradient at the reference, gradient given, and
+the least and largest inverse distance."""
 FOUND = 10
 """Numbers written of a point: place, gradient, correlation, second peak, distance, steps of its curve."""
 
@@ -187,7 +188,7 @@ _SEARCH = """
         const long long at_sample = (long long)i * job.room;
         const samples wanted = {job.offsets.data, job.offsets.data + job.room, job.weight.data + at_sample,
                                 job.sample.data + at_sample, job.room, start, job.extent, job.seen.data[i]};
-        double X[3], in[3], at[2], low = job.inverse[0], high = job.inverse[1];
+        double X[3], in[3], at[2], low = given[17], high = given[18];
 
         // The piece of the curve that the picture shows, cut out of knots of equal steps of 1/s.
         for (int round = 0; round < NARROWINGS; ++round) {

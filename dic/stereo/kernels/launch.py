@@ -35,7 +35,6 @@ class CurveJob:
     has_gradient: int
     turns: wp.array(dtype=wp.float64)
     n_turns: int
-    inverse: wp.vec2d
     step: wp.float64
     offsets: wp.array(dtype=wp.float32)
     extent: wp.float32
@@ -62,8 +61,6 @@ class Curves:
     """True if these hold a gradient that is used all along the curve."""
     turns: NDArray[np.float64]
     """Cosine and sine of each turn within and out of the epipolar plane, shape [h, 4]."""
-    inverse: tuple[float, float]
-    """Inverse of the farthest and of the nearest distance [1/m]."""
     step: float
     """Along the curve [px]."""
     xi: NDArray[np.float64]
@@ -140,7 +137,7 @@ def _search(
         setattr(job, name, wp.array(np.ascontiguousarray(array), dtype=dtype, device=device, copy=False))
     job.rows, job.columns = curves.picture.shape
     job.has_gradient, job.n_turns = int(curves.has_gradient), len(curves.turns)
-    job.inverse, job.step = wp.vec2d(*curves.inverse), curves.step
+    job.step = curves.step
     job.extent, job.room, job.longest = float(np.abs(curves.xi).max(initial=0.0)), room, longest
     job.found = wp.empty(n * FOUND, dtype=wp.float64, device=device)
     kernel = curve_kernel()

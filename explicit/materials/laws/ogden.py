@@ -110,6 +110,11 @@ class _Ogden(StretchLaw):
         """See `explicit.materials.base.MaterialLaw`."""
         return _kernel_functions(cls.TERMS, precision)
 
+    @classmethod
+    def stretch_functions(cls, precision: Precision) -> tuple[Any, Any]:
+        """See `explicit.materials.stretches.StretchLaw`."""
+        return _stretch_functions(cls.TERMS, precision)
+
 
 def _sinhc(x: FloatArray) -> FloatArray:
     safe = np.where(np.abs(x) < 1e-4, 1.0, x)
@@ -249,3 +254,27 @@ def _kernel_functions(n_terms: int, precision: Precision) -> tuple[Any, Any, Any
         return total
 
     return stress, tangent, energy
+
+
+@cache
+def _stretch_functions(n_terms: int, precision: Precision) -> tuple[Any, Any]:
+    real = precision.real
+    zero, one, terms = real(0.0), real(1.0), int(n_terms)
+
+    @wp.func
+    def slopes(log_b: real, row: wp.array(dtype=real)):
+        t, h = zero, zero
+        for p in range(terms):
+            power = wp.exp(row[4 * p + 1] * log_b)
+            t += row[4 * p] * power
+            h += row[4 * p + 2] * power
+        return t, h
+
+    @wp.func
+    def energy(log_b: real, row: wp.array(dtype=real)):
+        total = zero
+        for p in range(terms):
+            total += row[4 * p + 3] * (wp.exp(row[4 * p + 1] * log_b) - one)
+        return total
+
+    return slopes, energy

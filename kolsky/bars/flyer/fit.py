@@ -4,7 +4,10 @@ The path is a cubic spline with a knot at every frame, so its jerk is constant b
 starts with x = v = a = 0. The jerks have a prior N(0, tau(t)^2): tau is large where the flyer is set in
 motion and falls by orders of magnitude afterwards, so it is a free function of time (log tau linear in the
 logarithm of the frames since the start, one control point an octave). tau and the noise are those of largest
-marginal likelihood, the noise not below the declared sigma; the path is the posterior mean, and its
+marginal likelihood, the noise not below the declared sigma. Where declared sigmas differ from frame to frame,
+the noise has two parts: the declared one, scaled, and one that is the same in all frames. Warm air before a
+camera is such a part: a scale alone would take what it adds to the well seen frames for a fault of all, and
+make the frames that show little of the flyer worse by as much. The path is the posterior mean, and its
 covariance the posterior one. The displacement's zero, which the static frames hold, is one more unknown.
 
 Why this way. On the known motion of two flyer shots (2.6 and 2.3 m/s within 50 and 60 us, noise 1 um,
@@ -29,7 +32,7 @@ not in the path's uncertainty either; `chi2_per_dof` above 1 at a trusted sigma 
 
 import numpy as np
 
-from kolsky.bars.flyer.jerks import ZERO_PRIOR, hat_functions, maximum_likelihood, posterior
+from kolsky.bars.flyer.jerks import ZERO_PRIOR, hat_functions, maximum_likelihood, noise_parts, posterior
 from kolsky.bars.flyer.path import FlyerPath, responses
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import FlyerMotion
@@ -82,16 +85,18 @@ def fit_flyer(motion: FlyerMotion, *, start: float, covariance: FloatArray | Non
     weight = unit / sigma
     G = np.column_stack([np.ones(t.size), responses(t, knots, 0) / frame**3]) * weight[:, None]
     hats = hat_functions((0.5 * (knots[1:] + knots[:-1]) - start) / frame)
-    log_scale, log_tau = maximum_likelihood(y, weight, np.diff(knots) / frame, hats)
-    s = np.exp(log_scale)
+    parts = noise_parts(weight)
+    log_scales, log_tau = maximum_likelihood(y, weight, np.diff(knots) / frame, hats, parts)
+    s = np.sqrt(parts @ np.exp(2.0 * log_scales))  # noise over declared sigma, frame by frame
     prior = np.concatenate([[ZERO_PRIOR], np.exp(hats @ log_tau)])
-    z, V, rest = posterior(y / s, G * (prior / s))
+    seen_by = G * prior / s[:, None]
+    z, V, rest = posterior(y / s, seen_by)
     effective = prior.size - float(np.trace(V))
     dof = motion.time.size - effective
     u = prior[1:] * unit / frame**3
     spread = u[:, None] * V[1:, 1:] * u
     if covariance is not None:
-        gain = u[:, None] * (V @ (G * (prior / s)).T)[1:] / (s * sigma)  # of the jerks by the displacements
+        gain = u[:, None] * (V @ seen_by.T)[1:] / (s * sigma)  # of the jerks by the displacements
         gain = gain[:, seen]
         spread = spread + gain @ (covariance - np.diag(motion.sigma**2)) @ gain.T
     return FlyerPath(
@@ -99,8 +104,8 @@ def fit_flyer(motion: FlyerMotion, *, start: float, covariance: FloatArray | Non
         jerk=u * z[1:],
         covariance=spread,
         zero=float(about + ZERO_PRIOR * unit * z[0]),
-        noise_scale=float(s),
-        chi2_per_dof=float(s**2 * (rest @ rest) / dof),
+        noise_scale=float(np.median(s[seen])),
+        chi2_per_dof=float(np.sum((s * rest) ** 2) / dof),
         dof=dof,
         static_scatter=float(np.sqrt(np.sum(y[static] ** 2) / ((static & seen).sum() - 1))),
     )

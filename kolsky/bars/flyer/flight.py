@@ -122,7 +122,7 @@ def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float, toward: FlyerMot
     own = np.flatnonzero(ok)
 
     def path(values: FloatArray, component: int, reach: float) -> FlyerPath:
-        C = body.covariance[:, component][own][:, :, component][:, own]
+        C = body.covariance_of(component, own)
         at, value, noise = own, values[ok], _own_noise(C)
         unseen = np.flatnonzero(~ok & (time <= start))
         if (time[own] <= start).sum() < FEWEST_STATIC and unseen.size:

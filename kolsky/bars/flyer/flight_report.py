@@ -17,7 +17,11 @@ from kolsky.base.records import FlyerMotion
 SHARE = 0.05
 """Part of the velocity across the first direction from which on symmetry has ended [-]: a twentieth, 3°."""
 SPAN = 0.1
-"""Displacement that gives the first direction, over the length of the specimen [-]."""
+"""Displacement that gives the first direction, over the length of the specimen [-]. As long another direction
+must last: warm air moves a flyer to and fro in the pictures by hundredths of a pixel, which over less travel
+is another direction too."""
+FEWEST_IN_ROW = 3
+"""Successive frames, at least, that must show another direction."""
 
 
 @dataclass(frozen=True)
@@ -87,10 +91,29 @@ def flight_of(result: StereoResult, length: float) -> FlightOfSpecimen | str:
     known = np.flatnonzero((time >= max(posed, time[fastest])) & np.all(sigma[:, 1:] < SHARE * speed, axis=1))
     symmetry = None
     if speed > 0.0 and known.size and time[known[0]] + SPAN * length / speed <= last:
+        over = SPAN * length / speed
         symmetry = symmetry_end(
-            flight, time, separation=float(time[known[0]]), over=SPAN * length / speed, share=SHARE
+            flight,
+            time,
+            separation=float(time[known[0]]),
+            over=over,
+            share=SHARE,
+            times_in_row=frames_in(over, time),
         )
     return FlightOfSpecimen(flight, time, length, posed, float(time[fastest]), symmetry)
+
+
+def frames_in(span: float, time: FloatArray) -> int:
+    """Successive frames that cover a span, at least `FEWEST_IN_ROW`.
+
+    Parameters
+    ----------
+    span
+        Time to be covered [s].
+    time
+        Frame times [s], shape [n].
+    """
+    return max(FEWEST_IN_ROW, 1 + int(np.ceil(span / float(np.median(np.diff(time))) - 1e-9)))
 
 
 def columns(found: FlightOfSpecimen) -> dict[str, FloatArray]:

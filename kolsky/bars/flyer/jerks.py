@@ -14,6 +14,10 @@ ZERO_PRIOR = 100.0
 """Prior standard deviation of the zero about the static frames' mean, in sigmas: practically free."""
 MOST_STARTS, SETTLED = 5, 1e-6
 """Starts of the search for the smoothness, and the relative gain of a start that ends it."""
+ALIKE = 0.05
+"""Sigmas that differ by a smaller share are alike."""
+ADDED, LEAST_ADDED = 0.3, 1e-3
+"""Noise that is the same in all frames, over the typical sigma: at the start of the search, and the least."""
 CHANGE_PER_OCTAVE = 2.0
 """Prior standard deviation of the change of log tau from one control point to the next."""
 
@@ -64,20 +68,41 @@ def posterior(y: FloatArray, G: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     return z, V, y - G @ z
 
 
-def maximum_likelihood(
-    y: FloatArray, weight: FloatArray, spans: FloatArray, hats: FloatArray
-) -> tuple[float, FloatArray]:
-    """Log noise scale (>= 0) and log tau at the control points, of largest marginal likelihood.
+def noise_parts(weight: FloatArray) -> FloatArray:
+    """Parts of each frame's variance over its declared one: that one, scaled, and one that is the same in all
+    frames.
 
     Parameters
     ----------
-    y, weight, spans, hats
+    weight
+        Typical sigma over sigma [-], shape [n_frames]; 0 where a frame has no displacement.
+
+    Returns
+    -------
+    NDArray
+        Shape [n_frames, 2], or [n_frames, 1] where the sigmas are alike and the two are one.
+    """
+    known = weight[weight > 0.0]
+    if np.ptp(known) <= ALIKE * known.max():
+        return np.ones((weight.size, 1))
+    return np.column_stack([np.ones(weight.size), weight**2])
+
+
+def maximum_likelihood(
+    y: FloatArray, weight: FloatArray, spans: FloatArray, hats: FloatArray, parts: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Log noise scales and log tau at the control points, of largest marginal likelihood.
+
+    Parameters
+    ----------
+    y, weight, spans, hats, parts
         As for `evidence`.
 
     Returns
     -------
-    tuple of float and NDArray
-        Log of noise over declared sigma; log tau at the control points, shape [n_controls].
+    tuple of NDArray
+        Log of noise over declared sigma, at least 0, and of what each further part adds, shape [n_parts];
+        log tau at the control points, shape [n_controls].
 
     Raises
     ------
@@ -86,16 +111,17 @@ def maximum_likelihood(
     """
     # Highest tau: the whole travel within a frame; lowest: no effect on the last frame.
     highest, lowest = np.log(max(np.ptp(y), 10.0)), np.log(0.06 / hats.shape[0] ** 3)
-    n = hats.shape[1]
-    x, value = np.concatenate([[0.0], np.linspace(0.0, 0.5 * lowest, n)]), np.inf
+    n, n_parts = hats.shape[1], 1 if parts is None else parts.shape[1]
+    begin = [0.0] + [np.log(ADDED)] * (n_parts - 1)
+    x, value = np.concatenate([begin, np.linspace(0.0, 0.5 * lowest, n)]), np.inf
     for _ in range(MOST_STARTS):
         best = minimize(
             evidence,
             x,
-            args=(y, weight, spans, hats),
+            args=(y, weight, spans, hats, parts),
             jac=True,
             method="L-BFGS-B",
-            bounds=[(0.0, None)] + [(lowest, highest)] * n,
+            bounds=[(0.0, None)] + [(np.log(LEAST_ADDED), None)] * (n_parts - 1) + [(lowest, highest)] * n,
             options={"ftol": 1e-8},
         )
         # A line search that round-off ends has arrived if a new start from there gains nothing.
@@ -105,11 +131,16 @@ def maximum_likelihood(
             break
     else:
         raise ValueError(f"the smoothness of the flyer's motion could not be found: {best.message}")
-    return float(best.x[0]), best.x[1:]
+    return best.x[:n_parts], best.x[n_parts:]
 
 
 def evidence(
-    theta: FloatArray, y: FloatArray, weight: FloatArray, spans: FloatArray, hats: FloatArray
+    theta: FloatArray,
+    y: FloatArray,
+    weight: FloatArray,
+    spans: FloatArray,
+    hats: FloatArray,
+    parts: FloatArray | None = None,
 ) -> tuple[float, FloatArray]:
     """-2 log of the marginal likelihood of log scale and log tau, with its gradient.
 
@@ -123,7 +154,7 @@ def evidence(
     Parameters
     ----------
     theta
-        Log noise scale, then log tau at the control points, shape [1 + n_controls].
+        Log noise scales, then log tau at the control points, shape [n_parts + n_controls].
     y
         Displacement over sigma, about the static frames' mean [-], shape [n_frames].
     weight
@@ -132,13 +163,18 @@ def evidence(
         Lengths of the spans in frames [-], shape [n_spans]; the frames before the last n_spans are static.
     hats
         Values of `hat_functions` at the spans [-], shape [n_spans, n_controls].
+    parts
+        Parts of each frame's variance (`noise_parts`), which the scales multiply, shape [n_frames, n_parts];
+        None: the declared one alone.
 
     Returns
     -------
     tuple of float and NDArray
-        The value, with the prior of the changes of log tau, and its gradient, shape [1 + n_controls].
+        The value, with the prior of the changes of log tau, and its gradient, shape [n_parts + n_controls].
     """
-    noise, variance = np.exp(2.0 * theta[0]), np.exp(2.0 * (hats @ theta[1:]))
+    parts = np.ones((y.size, 1)) if parts is None else parts
+    scales, tau = np.split(theta, [parts.shape[1]])
+    noise, variance = parts * np.exp(2.0 * scales), np.exp(2.0 * (hats @ tau))
     n, moving = y.size, slice(y.size - spans.size, y.size)
     kicks, steps = np.zeros((n, 4)), np.tile(np.eye(4), (n, 1, 1))
     steps[moving, 1, 2] = steps[moving, 2, 3] = kicks[moving, 3] = spans
@@ -148,7 +184,7 @@ def evidence(
     growth[moving] = variance[:, None, None] * kicks[moving, :, None] * kicks[moving, None, :]
     seen = weight[:, None] * np.array([1.0, 1.0, 0.0, 0.0])
     data = weight > 0.0
-    own = np.where(data, noise, 1.0)  # a frame without a displacement says nothing of the noise
+    own = np.where(data, noise.sum(axis=1), 1.0)  # a frame without a displacement says nothing of the noise
     S, K = np.empty(n), np.empty((n, 4))
     P = np.diag([ZERO_PRIOR**2, 0.0, 0.0, 0.0])
     for k, (z, step, new) in enumerate(zip(seen, steps, growth, strict=True)):
@@ -173,14 +209,14 @@ def evidence(
         N[k - 1] = by_frame[k] + back[k].T.dot(N[k]).dot(back[k])
     value = float(np.sum(np.log(S) + S * miss**2))
     by_frame_noise = 1.0 / S + np.einsum("ki,kij,kj->k", K, N, K) - (miss - np.sum(K * r, axis=1)) ** 2
-    by_noise = np.sum(by_frame_noise[data])
+    by_noise = by_frame_noise[data] @ noise[data]
     pushed, kicked = np.sum(seen * kicks, axis=1), (left @ kicks[:, :, None])[:, :, 0]
     by_variance = (
         pushed**2 / S
         + np.einsum("ki,kij,kj->k", kicked, N, kicked)
         - (pushed * miss + np.sum(kicked * r, axis=1)) ** 2
     )[moving]
-    change = np.diff(theta[1:]) / CHANGE_PER_OCTAVE
+    change = np.diff(tau) / CHANGE_PER_OCTAVE
     by_change = -2.0 / CHANGE_PER_OCTAVE * np.diff(change, prepend=0.0, append=0.0)
     by_tau = (2.0 * variance * by_variance) @ hats + by_change
-    return value + float(change @ change), np.concatenate([[2.0 * noise * by_noise], by_tau])
+    return value + float(change @ change), np.concatenate([2.0 * by_noise, by_tau])

@@ -24,7 +24,7 @@ class FlyerPath:
     zero: float
     """The recorded displacement at rest, subtracted from it [m]."""
     noise_scale: float
-    """Noise used over noise declared, at least 1 [-]."""
+    """Noise used over noise declared, at least 1; the median where it differs from frame to frame [-]."""
     chi2_per_dof: float
     """Residual sum of squares in declared sigmas over (frames - effective parameters); about 1 if the
     declared sigma is right [-]."""

@@ -64,7 +64,7 @@ class Deformation:
 
     @cached_property
     def axes(self) -> FloatArray:
-        """Directions dF of the components (11, 12, 21, 22, hoop) in the principal axes, shape [n, q, 5, 5]."""
+        """Directions dF of the components (11, 12, 21, 22, hoop) in principal axes, shape [n, q, 5, 5]."""
         (cu, su), (cv, sv) = np.moveaxis(self.left, -1, 0), np.moveaxis(self.right, -1, 0)
         u, v = ((cu, su), (-su, cu)), ((cv, sv), (-sv, cv))
         Q = np.zeros((*self.F.shape[:-1], 5, 5))

@@ -44,7 +44,7 @@ class Compression:
     bulge_by: FloatArray
     """Derivatives of the radius [m], shape [n, n_parameters]."""
     outline: FloatArray
-    """Undeformed nodes of the upper half of the side in the deformed state: r, z [m], shape [n, n_side, 2]."""
+    """Places r, z of the nodes of the side's upper half [m], shape [n, n_side, 2]."""
     largest_s: float
     """Largest sqrt(I1 - 3) of any Gauss point at the last strain [-]."""
     past: float

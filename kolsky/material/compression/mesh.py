@@ -1,4 +1,4 @@
-r"""Upper half of a cylinder in biquadratic axisymmetric elements, with everything that never changes in a run.
+r"""Upper half of a cylinder in biquadratic axisymmetric elements, with all that never changes in a run.
 
 The deformation gradient of an axisymmetric motion is (F_rr, F_rz, F_zr, F_zz, F_tt); it is linear in the
 nodes' displacements, :math:`F = F_0 + B u`, and B is kept for every Gauss point. The pressure of an element

@@ -2,9 +2,10 @@ r"""Contact of face and side with a flat rigid platen, node by node: no penetrat
 
 A node with the undeformed area :math:`A` that lies :math:`g` inside the platen feels
 :math:`N = N_0 + k A g` if that is positive, with :math:`N_0` its force at the last equilibrium (the augmented
-Lagrangian, one pass a step): what is left of the overclosure is that of one step. Across, :math:`T = -k A (x - a)` from its anchor :math:`a`, at most :math:`f N` in size,
-where the anchor then follows (return mapping; Wriggers, Computational Contact Mechanics, 2006, ch. 10). The
-penalty :math:`k` is `STIFF` times the specimen's shear modulus over the smallest element.
+Lagrangian, one pass a step): what is left of the overclosure is that of one step. Across,
+:math:`T = -k A (x - a)` from its anchor :math:`a`, at most :math:`f N` in size, where the anchor then follows
+(return mapping; Wriggers, Computational Contact Mechanics, 2006, ch. 10). The penalty :math:`k` is `STIFF`
+times the specimen's shear modulus over the smallest element.
 """
 
 from dataclasses import dataclass
@@ -127,8 +128,8 @@ class Platen:
     ) -> Grip:
         """What the nodes remember of an equilibrium.
 
-        `moved` and `down` are the derivatives of the nodes' radii and heights, `slid` those of their tangential
-        forces by the parameters, shape [n_contact, n_parameters].
+        `moved`, `down` and `slid` are the derivatives of the nodes' radii, heights and tangential forces by
+        the parameters, shape [n_contact, n_parameters].
         """
         r, k = x[self.nodes, 0], self.penalty
         touching = found.normal > 0.0

@@ -67,8 +67,7 @@ def youngs_modulus(strain: FloatArray, stress: FloatArray, *, upto: float = INIT
     Returns
     -------
     Measured or None
-        Modulus [Pa] with the regression's standard error; None with fewer than `FEWEST` different strains in the
-        range.
+        Modulus [Pa] with the regression's standard error; None with fewer than `FEWEST` strains in the range.
     """
     inside = np.abs(strain) <= upto * (1.0 + 1e-9)
     x, y = strain[inside], stress[inside]

@@ -1,18 +1,18 @@
 r"""End friction taken out of a compression test: the curve found from the test itself, by inverse elements.
 
-Faces that do not slide freely make a cylinder barrel, and its apparent nominal stress is above the material's:
-by 31 to 33 % at small strain for a bonded cylinder of 9.5 x 6.5 mm. The law is found whose simulated test,
-in equilibrium (`kolsky.material.compression`), gives the measured force and, where it was measured, radius:
-least squares with the derivatives of the simulated test,
+Faces that do not slide freely make a cylinder barrel, and its apparent nominal stress is above the
+material's: by 31 to 33 % at small strain for a bonded cylinder of 9.5 x 6.5 mm. The law is found whose
+simulated test, in equilibrium (`kolsky.material.compression`), gives the measured force and, where it was
+measured, radius: least squares with the derivatives of the simulated test,
 
 .. math:: \min_\theta \sum_i \left(\frac{\ln S_\theta(\epsilon_i) - \ln S_i}{\sigma_i}\right)^2
           + \text{prior}(\theta).                                                              \qquad (N.1)
 
 Two things no force tells: how the material goes on past the strains of the curve, where much of a barrelled
-specimen is, and how it behaves in other modes than uniaxial compression. So several laws are fitted, curves of
-nodes with several continuations and laws of the library, and averaged with the weights of Schwarz's criterion
-(N.2); their spread is part of the band. A force alone does not tell friction from the curve's shape either:
-the coefficient is free only where the radius at mid-height was measured, else it is declared.
+specimen is, and how it behaves in other modes than uniaxial compression. So several laws are fitted, curves
+of nodes with several continuations and laws of the library, and averaged with the weights of Schwarz's
+criterion (N.2); their spread is part of the band. A force alone does not tell friction from the curve's shape
+either: the coefficient is free only where the radius at mid-height was measured, else it is declared.
 """
 
 import numpy as np
@@ -43,13 +43,15 @@ from kolsky.material.end_friction.problem import (
 from kolsky.material.fits.compare import candidates
 
 LAWS_TRIED = ("yeoh", "mooney_rivlin", "ogden2", "gent")
-"""Laws of the library beside the curves of nodes: of the first invariant with two ways to go on, of both, of the
-stretches."""
+"""Laws of the library beside the curves of nodes: of the first invariant with two ways to go on, of both
+invariants, of the stretches."""
 LARGEST_MISFIT = 0.03
 """Root mean square misfit of the best law from which on a correction is refused [-]."""
 ORDER, SHARE = 2.0, 0.5 * 1.25
 """Order of the mesh error and its share that counts as standard uncertainty, as in
 `kolsky.identification`."""
+LARGEST_LIKENESS = 0.9
+"""Largest autocorrelation of the misfit that is believed [-]."""
 DISAGREE = 0.02
 """Difference of two laws that meet the test alike from which on it is said [-]."""
 
@@ -85,8 +87,8 @@ def correct_friction(
     Raises
     ------
     ValueError
-        If friction is free without a measured radius, the stress is not positive, no equilibrium exists, or no
-        law meets the test; the message says which, and where.
+        If friction is free without a measured radius, the stress is not positive, no equilibrium exists, or
+        no law meets the test; the message says which, and where.
     """
     test = tested(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
     try:
@@ -147,10 +149,10 @@ def _cause(best: Found, test: MeasuredSpecimen) -> str:
     share = worst / max(1, off.size - 1)
     guess = "a toe, or a force whose zero is off" if share < 0.2 else "ends that did not hold as declared"
     if share > 0.8:
-        guess = "ends that did not hold as declared, a side that landed otherwise, or damage: end the curve earlier"
+        guess = "ends that did not hold as declared, a side that landed otherwise, or damage"
     return (
-        f"no law meets the test: the best, {best.model.name}, misses it by {100.0 * best.misfit(test):.2g} % (rms),"
-        f" most at strain {test.strain[worst]:.3g} ({100.0 * off[worst]:+.1f} %), at most"
+        f"no law meets the test: the best, {best.model.name}, misses it by {100.0 * best.misfit(test):.2g} %"
+        f" (rms), most at strain {test.strain[worst]:.3g} ({100.0 * off[worst]:+.1f} %), at most"
         f" {100.0 * LARGEST_MISFIT:g} % is allowed; likely {guess}"
     )
 
@@ -226,10 +228,16 @@ def _chosen(band: CurveBand, test: MeasuredSpecimen) -> NDArray[np.int64]:
 
 
 def _noise(best: Found, test: MeasuredSpecimen, response: FloatArray, band: CurveBand) -> FloatArray:
-    """Modes of ln T by independent errors of the compared stresses: their noise, or the misfit if that is more."""
+    """Modes of ln T by errors of the stresses: their noise, or the misfit if that is more.
+
+    Misfits of neighbouring strains are alike by a coefficient rho, so fewer of them are independent: they
+    count as independent ones of (1 + rho) / (1 - rho) times the variance (Bartlett 1935).
+    """
     n = test.strain.size
     own = (band.noise / band.stress)[_chosen(band, test)]
-    size = np.maximum(own, best.misfit(test))
+    off = np.log(best.made.stress / test.stress)
+    alike = float(np.clip(off[1:] @ off[:-1] / max(off @ off, 1e-300), 0.0, LARGEST_LIKENESS))
+    size = np.maximum(own, best.misfit(test) * np.sqrt((1.0 + alike) / (1.0 - alike)))
     _, s, vt = np.linalg.svd((response[:, :n] * size).T, full_matrices=False)
     kept = s > 1e-4 * s[0]
     return np.asarray(s[kept, None] * vt[kept])
@@ -264,16 +272,17 @@ def _remarks(
     n = test.strain.size
     if found[best].chi2 > NOISE_LEFT * n:
         said.append(
-            f"the best law, {found[best].model.name}, misses the test by {100.0 * found[best].misfit(test):.2g} %"
-            " (rms), more than its noise; the band holds that misfit"
+            f"the best law, {found[best].model.name}, misses the test by"
+            f" {100.0 * found[best].misfit(test):.2g} % (rms), more than its noise; the band holds it"
         )
     alike = [k for k, one in enumerate(found) if one.chi2 < NOISE_LEFT * n]
     off = {k: float(np.abs(logs[k] - logs[best]).max()) for k in alike}
     if off and max(off.values()) > DISAGREE:
         k = max(off, key=lambda one: off[one])
         said.append(
-            f"{found[k].model.name} meets the test within its noise too and differs from {found[best].model.name} by"
-            f" {100.0 * off[k]:.2g} %: the choice between them rests on the number of constants (weight"
-            f" {weights[k]:.2g}); a test in another mode or the radius at mid-height would tell"
+            f"{found[k].model.name} meets the test within its noise too and differs from"
+            f" {found[best].model.name} by {100.0 * off[k]:.2g} %: the choice between them rests on their"
+            f" number of constants (weight {weights[k]:.2g}); a test in another mode or the radius at"
+            " mid-height would tell"
         )
     return tuple(said)

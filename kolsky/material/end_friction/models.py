@@ -20,8 +20,8 @@ from kolsky.material.fits.homogeneous import incompressible_stress
 from kolsky.material.fits.modes import Mode
 
 Continuation = Literal["tangent", "quadratic", "exponential", "level"]
-"""Courses of 2U' past the last node: straight in s, straight in I1 (two terms of Yeoh's law), exponential in I1
-(Fung's), constant (neo-Hookean)."""
+"""Courses of 2U' past the last node: straight in s, straight in I1 (two terms of Yeoh's law), exponential in
+I1 (Fung's), constant (neo-Hookean)."""
 CONTINUATIONS: tuple[Continuation, ...] = get_args(Continuation)
 
 

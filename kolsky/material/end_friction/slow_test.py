@@ -14,7 +14,7 @@ from math import pi, sqrt
 import numpy as np
 
 import explicit
-from explicit.materials import MarlowLaw
+from explicit.materials import MaterialLaw
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
 
@@ -68,11 +68,12 @@ class SlowTests:
 
 
 def slow_tests(
-    laws: Sequence[MarlowLaw],
+    laws: Sequence[MaterialLaw],
     specimen: Specimen,
     strain: FloatArray,
     *,
     faces: str,
+    side: str | None = None,
     friction: FloatArray | float = 0.0,
     numerics: SlowNumerics | None = None,
 ) -> SlowTests:
@@ -81,13 +82,15 @@ def slow_tests(
     Parameters
     ----------
     laws
-        A material for each test, shape [n_tests].
+        A material for each test, all of one class, shape [n_tests].
     specimen
         Its undeformed size; the density has no part in it.
     strain
         Nominal compressive strains to record, ascending, > 0 [-], shape [n].
     faces
-        Contact law of faces and side, a name of `explicit.contact.CONTACT_LAWS`.
+        Contact law of the faces, a name of `explicit.contact.CONTACT_LAWS`.
+    side
+        Contact law of the side surface; that of the faces if left out.
     friction
         Coulomb's coefficient where the law is "coulomb" [-], scalar or shape [n_tests].
     numerics
@@ -118,7 +121,7 @@ def slow_tests(
             materials=tuple(laws),
             motions=(motion,),
             faces=faces,
-            side=faces,
+            side=faces if side is None else side,
         ),
         explicit.Samples.of(
             poisson=numerics.poisson,

@@ -35,8 +35,8 @@ def fit_specimen(
     """Fit laws to a compressed cylinder, with intervals and correlations, greatest weight first.
 
     Levenberg and Marquardt's method (a trust region where a law has bounds) over the derivatives of the
-    simulated test, on a coarse mesh; the optimum is then moved to the refined one, and a share of that change is
-    in the uncertainties.
+    simulated test, on a coarse mesh; the optimum is then moved to the refined one, and a share of that change
+    is in the uncertainties.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def fit_specimen(
 
 
 def mesh_change(one: Found, test: MeasuredSpecimen) -> FloatArray:
-    """Change of the unknowns from the coarse to the refined mesh: the force that was too large is taken off."""
+    """Change of the unknowns from the coarse to the refined mesh."""
     fine = test.simulate(one.model, one.theta, refined=True, derivatives=False)
     rows = np.log(fine.stress / one.made.stress) / test.noise
     if test.bulge is not None:

@@ -25,7 +25,7 @@ class FitOutcome(Enum):
     """Outcome of a fit: whether the data determine the constants."""
 
     DETERMINED = "determined"
-    """One minimum, inside the bounds, that two starts or more agree on (or moduli alone, where there is one)."""
+    """One minimum, inside the bounds, that two starts agree on (moduli alone have one minimum)."""
     AT_BOUND = "at a bound"
     """The least sum of squares lies on a bound: the data ask for a constant outside."""
     UNCONFIRMED = "not confirmed"

@@ -97,7 +97,8 @@ def read_homogeneous_test(
 
 def _of_force(path: Path, columns: Columns) -> tuple[HomogeneousTest, str]:
     """A uniaxial test from displacement and force."""
-    assert columns.length is not None and columns.area is not None
+    assert columns.length is not None
+    assert columns.area is not None
     values, digest = read_columns(
         path,
         {"displacement": (columns.displacement, "m"), "force": (columns.force, "N")},

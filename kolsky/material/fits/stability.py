@@ -147,8 +147,8 @@ def drucker(
 def stable_over(
     law: Stretches, tests: Sequence[HomogeneousTest], *, volume: VolumetricLaw | None = None
 ) -> tuple[PathStability, ...]:
-    """Stability of a law from rest to the ends of tests; a path for each test and direction. With a volumetric
-    law the paths are those of the compressible solid.
+    """Stability of a law from rest to the ends of tests; a path for each test and direction. With a
+    volumetric law the paths are those of the compressible solid.
 
     Raises
     ------

@@ -55,7 +55,7 @@ def as_json(comparison: Comparison, hashes: dict[str, str]) -> dict[str, Any]:
 
 
 def _properties(test: HomogeneousTest) -> dict[str, Any]:
-    """Young's modulus from 0 to 5 %, Poisson's ratio by regression, fracture; None where the test has none."""
+    """Young's modulus from 0 to 5 %, Poisson's ratio by regression, fracture; None where there is none."""
     uniaxial = test.mode is Mode.UNIAXIAL
     sign = 1.0 if test.strain[np.argmax(np.abs(test.strain))] > 0.0 else -1.0
     modulus = youngs_modulus(test.strain, test.stress) if uniaxial else None
@@ -245,8 +245,10 @@ def remarks(found: Comparison) -> list[str]:
         said.append(f"{first.candidate.name} has the least AIC, but {why}")
     if best.fit.bounds_cost > COSTLY:
         said.append(
-            f"the bounds of a positive energy cost {best.candidate.name} a factor of {best.fit.bounds_cost:.3g} in the"
-            f" sum of squares ({', '.join(best.fit.at_bound)} at a bound): --free-bounds lifts them, and stability"
+            f"the bounds of a positive energy cost {best.candidate.name} a factor of"
+            f" {best.fit.bounds_cost:.3g}"
+            f" in the sum of squares ({', '.join(best.fit.at_bound)} at a bound): --free-bounds lifts them,"
+            " and stability"
             " is then to be looked at"
         )
     if best.fit.durbin_watson < CORRELATED:

@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from explicit.relaxation import BergstromBoyce, bergstrom_boyce_stress
 from kolsky.base.arrays import FloatArray
-from kolsky.material.relaxation.evidence import HistoryTest
+from kolsky.material.relaxation.evidence import HistoryTest, ScaledLaw
 
 NAMES = ("factor", "ratio", "resistance", "exponent")
 """The free parameters: on network A [-], s [-], tau_hat [Pa] and m [-]."""
@@ -91,7 +91,7 @@ def fit_bergstrom_boyce(
         rows = []
         for test, wanted in zip(tests, known, strict=True):
             # Only the law scales: the resistance is a stress of its own.
-            scaled = _Scaled(law, factor)
+            scaled = ScaledLaw(law, factor)
             stress = bergstrom_boyce_stress(scaled, network, test.time, test.stretch)[0]
             rows.append(((stress - test.stress) / test.sigma)[wanted])
         return np.concatenate(rows)
@@ -120,17 +120,6 @@ def fit_bergstrom_boyce(
         n_data=n_data,
         at_bound=tuple(name for name, end in zip(NAMES, ends, strict=True) if end),
     )
-
-
-@dataclass(frozen=True)
-class _Scaled:
-    """A law times a factor, as far as a homogeneous test asks."""
-
-    law: Any
-    factor: float
-
-    def stress(self, b_bar: FloatArray) -> FloatArray:
-        return np.asarray(self.factor * self.law.stress(b_bar))
 
 
 def _network(x: FloatArray, chain_exponent: float, first_creep: float) -> tuple[float, BergstromBoyce]:

@@ -26,6 +26,20 @@ class RateModel:
     """The branches."""
 
 
+@dataclass(frozen=True)
+class ScaledLaw:
+    """A law times a factor, as far as a homogeneous test asks."""
+
+    law: Any
+    """The law: an `explicit.materials.MaterialLaw`."""
+    factor: float
+    """The factor on all its stresses [-]."""
+
+    def stress(self, b_bar: FloatArray) -> FloatArray:
+        """Isochoric Kirchhoff stress [Pa], as of the law."""
+        return np.asarray(self.factor * self.law.stress(b_bar))
+
+
 class Evidence(Protocol):
     """Measured values and how a model predicts them."""
 

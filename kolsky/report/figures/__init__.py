@@ -10,14 +10,18 @@ from kolsky.report.figures import (
     comparison,
     flyer_test,
     full_field,
+    joint,
     material,
     misfit,
     plan,
+    prediction,
     rate_curves,
     rates,
     recordings,
     sensitivity,
+    sheet,
     simulation,
+    specimen,
     speckles,
     surface_motion,
     surface_points,
@@ -37,15 +41,20 @@ __all__ = [
     "CHECKS",
     "FLYER_TESTS",
     "FULL_FIELDS",
+    "JOINT",
     "MATERIALS",
     "MODULI",
     "PLANS",
+    "PREDICTIONS",
     "RATES",
     "RECORDINGS",
     "REGISTRY",
     "REPEATS",
+    "SCANS",
     "SENSITIVITY",
+    "SHEETS",
     "SHOWN_BY",
+    "SPECIMENS",
     "SPECKLES",
     "SURFACES",
     "SWEEPS",
@@ -75,6 +84,8 @@ def by_name(*files: Iterable[FigureKind[Any]]) -> Registry:
     return found
 
 
+JOINT = by_name(joint.FIGURES)
+"""Several shots identified together."""
 RECORDINGS = by_name(recordings.FIGURES)
 """Recordings behind an identification; shown before those of `REGISTRY`."""
 REGISTRY = by_name(comparison.FIGURES, misfit.FIGURES, uncertainty.FIGURES, simulation.FIGURES)
@@ -101,6 +112,10 @@ REPEATS = by_name([waves.REPEATED_TESTS])
 """Repeated tests."""
 PLANS = by_name(plan.FIGURES)
 """Plan of an experiment."""
+PREDICTIONS = by_name(prediction.FIGURES)
+"""Planned test."""
+SCANS = by_name(prediction.SCAN_FIGURES)
+"""Scan of a planned test."""
 RATES = by_name(rates.FIGURES, rate_curves.FIGURES)
 """Group of shots compared over their strain rates."""
 TRENDS = by_name(trends.FIGURES)
@@ -118,6 +133,11 @@ BUDGETS = by_name(budget.FIGURES)
 MODULI = by_name([rate_curves.MODULI])
 """Moduli of tests of every kind over their time scales."""
 
+SPECIMENS = by_name(specimen.FIGURES)
+"""Whole specimens fitted to forces."""
+SHEETS = by_name(sheet.FIGURES)
+"""Sheet fitted to a displacement field."""
+
 SHOWN_BY: dict[str, Registry] = {
     "dic.calibration.result.Calibration": CALIBRATION,
     "dic.chain.speckle_report.Speckles": SPECKLES,
@@ -126,10 +146,14 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.bars.result.FlyerResult": FLYER_TESTS,
     "kolsky.bars.result.WavesResult": WAVES,
     "kolsky.inverse.result.Identification": REGISTRY,
+    "kolsky.joint.records.JointResult": JOINT,
     "kolsky.material.fits.compare.Comparison": MATERIALS,
     "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
     "kolsky.report.full_field_view.FullFieldView": FULL_FIELDS,
+    "kolsky.report.specimen_view.SheetView": SHEETS,
+    "kolsky.report.specimen_view.SpecimenView": SPECIMENS,
     "kolsky.report.surface_view.SurfaceView": SURFACES,
+    "kolsky.prediction.predict.Prediction": PREDICTIONS,
     "kolsky.shot.recorded.Recorded": RECORDINGS,
     "kolsky.shot.bar_check.CheckedBars": BAR_CHECKS,
     "kolsky.shot.records.PicturedShot": CHECKS,

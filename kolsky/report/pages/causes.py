@@ -3,7 +3,7 @@
 from typing import Any
 
 from kolsky.diagnosis.cause_inputs import CANDIDATES, WITHOUT_TRACE
-from kolsky.diagnosis.causes import SHOWN
+from kolsky.diagnosis.cause_words import SHOWN
 from kolsky.inverse.cause_results import CauseFinding
 from kolsky.inverse.result import Identification
 from kolsky.report import numbers

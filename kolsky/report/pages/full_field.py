@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from dic.full_field.result import FullField
-from dic.outcome import FrameOutcome, PointOutcome
 from kolsky.report.figures import FULL_FIELDS
 from kolsky.report.full_field_view import FullFieldView
+from kolsky.report.pages import outcome_rows
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.shot.dic_summary import words
 from kolsky.shot.refined_rig import refinement_words
 
 AXES = {
@@ -43,7 +44,6 @@ def write_page(path: Path, shown: FullFieldView, inputs: Mapping[str, str]) -> N
 def render(shown: FullFieldView, inputs: Mapping[str, str]) -> str:
     """Return the page as HTML text; see `write_page`."""
     result = shown.result
-    total = max(result.surface.outcome.size, 1)
     return render_page(
         "full_field.html",
         kind=KINDS[result.kind],
@@ -52,17 +52,8 @@ def render(shown: FullFieldView, inputs: Mapping[str, str]) -> str:
         figures=draw_figures(FULL_FIELDS.values(), shown),
         rows=list(printed(result).items()),
         warnings=[f"{warning}." for warning in warnings(result)],
-        outcomes=[
-            {
-                "outcome": _words(outcome), "count": count, "share": f"{100.0 * count / total:.3g} %",
-                "cause": outcome.cause, "cure": outcome.cure, "ok": outcome.ok,
-            }
-            for outcome, count in sorted(result.outcomes().items())
-        ],
-        frames=[
-            (str(frame), _words(outcome), outcome.cause, outcome.cure)
-            for frame, outcome in result.bad_frames().items()
-        ],
+        outcomes=outcome_rows.of_points(result.outcomes(), result.surface.outcome.size),
+        frames=outcome_rows.of_frames(result.bad_frames()),
         settings=[
             (name.replace("_", " "), str(value))
             for name, value in result.facts.items()
@@ -98,10 +89,10 @@ def summary(result: FullField) -> dict[str, Any]:
     rows: dict[str, Any] = {
         "kind": result.kind,
         "frames": result.surface.n_frames,
-        "frames_not_usable": {str(k): _words(v) for k, v in result.bad_frames().items()},
+        "frames_not_usable": {str(k): words(v) for k, v in result.bad_frames().items()},
         "points": len(result.points),
         "points_found_share": float(valid.mean()) if valid.size else 0.0,
-        "points_lost": {_words(k): n for k, n in result.outcomes().items() if not k.ok},
+        "points_lost": {words(k): n for k, n in result.outcomes().items() if not k.ok},
         "grey_noise": result.noise.tolist(),
         f"sigma_u_v_w_{unit}": [_median(sigma[..., k]) for k in range(3)] if sigma.size else None,
         "strain_sigma": _median(result.strain.sigma),
@@ -175,7 +166,3 @@ def _median(values: np.ndarray) -> float | None:
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def _words(outcome: PointOutcome | FrameOutcome) -> str:
-    return outcome.name.lower().replace("_", " ")

@@ -8,6 +8,7 @@ import numpy as np
 from explicit import Ending
 from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.inverse.parameters import PARAMETERS, has_effect
+from kolsky.inverse.relaxing import reference_words
 from kolsky.inverse.result import Estimate, Identification, Verdict, worst_imbalance
 from kolsky.report import nomenclature, numbers
 from kolsky.report.nomenclature import name_of
@@ -126,6 +127,9 @@ def fixed(result: Identification) -> list[tuple[str, str, str]]:
         if record is not None and not has_effect(record, laws):
             text = f"not used: {record.without}"
         rows.append((name.words, name.symbol if name.symbol != name.words else "", text))
+    reference = reference_words((*result.estimates, *result.fixed))
+    if reference:
+        rows.append(("what m refers to", "", reference))
     return rows
 
 

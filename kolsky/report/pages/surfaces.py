@@ -8,6 +8,7 @@ from dic.outcome import FrameOutcome
 from dic.output import reporting
 from kolsky.bars.flyer import flight_report
 from kolsky.report.figures import SURFACES
+from kolsky.report.pages import outcome_rows
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
 from kolsky.report.surface_view import SurfaceView
 from kolsky.shot import dic_summary
@@ -46,9 +47,14 @@ def render(shown: SurfaceView, inputs: Mapping[str, str], *, processes: int = 1)
         subject="surfaces",
         figures=draw_figures(SURFACES.values(), shown, processes=processes),
         rows=list({**dic_summary.printed(result), **flight_report.printed(shown.flight)}.items()),
-        remarks=result.remarks,
+        warnings=[f"{r.name.capitalize()}. {r.text}. Cure: {r.cure}." for r in result.remarks],
         outcomes=_outcomes(shown),
-        frames=_frames(shown),
+        frames=outcome_rows.of_frames(
+            {
+                frame: FrameOutcome[name.upper().replace(" ", "_")]
+                for frame, name in dic_summary.bad_frames(result).items()
+            }
+        ),
         parts=[
             (part, [row for row in table if row.part == part])
             for part in dict.fromkeys(r.part for r in table)
@@ -60,31 +66,8 @@ def render(shown: SurfaceView, inputs: Mapping[str, str], *, processes: int = 1)
 
 def _outcomes(shown: SurfaceView) -> list[dict[str, Any]]:
     """Return the outcomes of points by body, with cause and cure."""
-    bodies = [("specimen", shown.result.specimen), ("flyer", shown.result.flyer)]
     rows = []
-    for name, body in bodies:
-        if body is None:
-            continue
-        total = max(body.surface.outcome.size, 1)
-        for outcome, count in sorted(body.outcomes().items()):
-            rows.append(
-                {
-                    "body": name,
-                    "outcome": dic_summary.words(outcome),
-                    "count": count,
-                    "share": f"{100.0 * count / total:.3g} %",
-                    "cause": outcome.cause,
-                    "cure": outcome.cure,
-                    "ok": outcome.ok,
-                }
-            )
-    return rows
-
-
-def _frames(shown: SurfaceView) -> list[tuple[str, str, str, str]]:
-    """Return the frames that gave no points: number, outcome, cause, cure."""
-    rows = []
-    for frame, name in dic_summary.bad_frames(shown.result).items():
-        outcome = FrameOutcome[name.upper().replace(" ", "_")]
-        rows.append((frame, name, outcome.cause, outcome.cure))
+    for name, body in (("specimen", shown.result.specimen), ("flyer", shown.result.flyer)):
+        if body is not None:
+            rows += outcome_rows.of_points(body.outcomes(), body.surface.outcome.size, body=name)
     return rows

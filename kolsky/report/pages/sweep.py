@@ -48,6 +48,7 @@ def render(result: SweepAnalysis, warnings: Sequence[str] = ()) -> str:
             ("runs", f"{n}, {completed} completed"),
             *((_named(name), _range(result, name)) for name in result.box.names),
             *([("smallest misfit", _best(result))] if result.best is not None else []),
+            *([("least of the interpolant", _surface(result))] if result.optimum is not None else []),
         ],
         outputs=[
             {
@@ -86,6 +87,17 @@ def _best(result: SweepAnalysis) -> str:
         for name, value in zip(result.box.names, point, strict=True)
     )
     return f"run {result.best}: {at}"
+
+
+def _surface(result: SweepAnalysis) -> str:
+    found = result.optimum
+    assert found is not None  # where it is asked for
+    at = ", ".join(
+        f"{_named(name)} = {numbers.plain(name_of(name).factor * value)}"
+        + (f" (at the {found.at_bound[name]} bound)" if name in found.at_bound else "")
+        for name, value in found.at.items()
+    )
+    return f"{WORDS[found.output]} = {numbers.plain(found.value)} at {at}"
 
 
 def _listed(result: SweepAnalysis) -> list[int]:

@@ -23,6 +23,7 @@ from kolsky.shot.schema.measured import (
     SurfaceSection,
 )
 from kolsky.shot.schema.pictures import CalibrationSection, DicSection, PicturesSection, ReportingSection
+from kolsky.shot.schema.relaxation import RelaxationSection
 from kolsky.shot.schema.section import Section
 from kolsky.shot.schema.uncertainty import UncertaintySection
 
@@ -56,6 +57,7 @@ class ShotFile(Section):
     curve: CurveSection | None = None
     law: LawSection | None = None
     model: ModelSection
+    relaxation: RelaxationSection | None = None
     window: WindowSection = WindowSection()
 
     @model_validator(mode="after")

@@ -74,6 +74,19 @@ def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
     }
 
 
+def made_with(
+    analysis: tuple[int, int], refined: tuple[int, int], truth: tuple[int, int], draws: int, together: int
+) -> dict[str, Any]:
+    """What the numbers rest on: meshes of the identification and of the truth, numbers of draws."""
+    return {
+        "mesh": list(analysis),
+        "refined_mesh": list(refined),
+        "truth_mesh": list(truth),
+        "draws": draws,
+        "together": together,
+    }
+
+
 def _planned(campaign: Campaign) -> dict[str, Any]:
     return {
         "campaign_shots": campaign.shots,

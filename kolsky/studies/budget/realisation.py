@@ -12,6 +12,7 @@ import numpy as np
 from doe.ledger import Run
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.files import regular
 from kolsky.inverse.free_parameters import DEFAULT
 from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
@@ -24,7 +25,7 @@ from kolsky.virtual.shot_folder import write_shot
 from kolsky.virtual.specification import ShotSpecification
 from kolsky.virtual.truth import TruthError, simulate_truths
 
-TRUE_TABLES = ("specimen", "material", "interface", "transmission", "motion", "frames", "truth")
+TRUE_TABLES = ("specimen", "material", "relaxation", "interface", "transmission", "motion", "frames", "truth")
 """Tables that change what the test truly did."""
 TRUE_KEYS = ("tilt", "off_centre", "slip_friction", "trigger")
 """Imperfections that do."""
@@ -125,7 +126,7 @@ class Realisations:
     def _motion_file(self) -> str | None:
         """SHA-256 of the sampled motion that the test names."""
         name = self.quantities.motion.file
-        return None if name is None else hashlib.sha256((self.folder / name).read_bytes()).hexdigest()
+        return None if name is None else hashlib.sha256(regular(self.folder / name).read_bytes()).hexdigest()
 
     def model_hash(self) -> bytes:
         """SHA-256 of all that a realisation depends on but its errors."""

@@ -3,13 +3,19 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from explicit import Mesh
 from kolsky.base.apparatus import Interface
 from kolsky.inverse.result import Identification
 from kolsky.uncertainty.warnings import answer, inputs, runs
 
 
 def collect_warnings(
-    result: Identification, *, checks: Mapping[str, float], interface: Interface, lost_replicates: int = 0
+    result: Identification,
+    *,
+    checks: Mapping[str, float],
+    interface: Interface,
+    lost_replicates: int = 0,
+    mesh: Mesh | None = None,
 ) -> tuple[str, ...]:
     """Collect the warnings of a result, gravest first.
 
@@ -23,12 +29,15 @@ def collect_warnings(
         The interface as the shot declares it.
     lost_replicates : int
         Runs of the noise stage that did not complete.
+    mesh
+        Of the check run; left out, its elements are not looked at.
 
     Returns
     -------
     tuple of str
         One sentence each, without a final stop; empty if there is nothing to say.
     """
+    named = [*result.estimates, *_held(result)]
     return tuple(
         [
             *answer.disagreement(result),
@@ -40,6 +49,7 @@ def collect_warnings(
             *inputs.conditioned(checks),
             *answer.energy(result),
             *runs.hourglass(result.response),
+            *([] if mesh is None else runs.folded(result.response, mesh, interface, named)),
             *answer.lost(result, lost_replicates),
             *answer.outside(result),
             *inputs.symmetry(checks),
@@ -48,7 +58,7 @@ def collect_warnings(
             *inputs.outline_noise(result),
             *answer.numerical(result),
             *answer.left_out(result),
-            *runs.sliding(interface, [*result.estimates, *_held(result)]),
+            *runs.sliding(interface, named),
         ]
     )
 

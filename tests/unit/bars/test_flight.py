@@ -1,5 +1,7 @@
 """The flyer's direction, tilt and end of symmetry from a body's motion that is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,8 +47,9 @@ START = T[STATIC - 1]
 
 def test_the_fit_of_the_flyer_takes_a_bodys_displacement_as_it_is():
     motion, velocity, _ = body(np.random.default_rng(0))
-    motion.outcome[40] = FrameOutcome.LOST
     motion.displacement[40] = np.nan
+    lost = np.where(np.arange(FRAMES) == 40, int(FrameOutcome.LOST), motion.outcome)
+    motion = replace(motion, outcome=lost)
     path = fit_flyer(flyer_motion(motion, T), start=START)
     late = T[STATIC:][20:]
     # Constant speed over 80 frames of 0.5 µm noise: mm/s; 0.5 % leaves room for the prior's bias.

@@ -9,7 +9,14 @@ import pytest
 from scipy.optimize import approx_fprime
 
 from kolsky.bars.flyer.fit import fit_flyer
-from kolsky.bars.flyer.jerks import CHANGE_PER_OCTAVE, ZERO_PRIOR, evidence, hat_functions, posterior
+from kolsky.bars.flyer.jerks import (
+    CHANGE_PER_OCTAVE,
+    ZERO_PRIOR,
+    evidence,
+    hat_functions,
+    noise_parts,
+    posterior,
+)
 from kolsky.bars.flyer.path import responses
 from kolsky.base.records import FlyerMotion
 
@@ -214,6 +221,45 @@ def test_posterior_and_marginal_likelihood_against_the_dense_gaussian():
     np.testing.assert_allclose(prior * z, prior**2 * (G.T @ np.linalg.solve(C, y)), rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(V, np.eye(z.size) - (G * prior).T @ np.linalg.solve(C, G * prior), atol=1e-6)
     np.testing.assert_allclose(rest, (y - G @ (prior * z)) / s, atol=1e-9)
+
+
+def test_noise_of_all_frames_beside_the_declared_one():
+    """The marginal likelihood of two parts of the noise against the dense Gaussian, and its gradient."""
+    theta, y, weight, spans, hats, G = small_problem()
+    parts = noise_parts(weight)
+    np.testing.assert_allclose(parts, np.column_stack([np.ones(y.size), weight**2]))
+    both = np.concatenate([[theta[0], -0.4], theta[1:]])
+    prior = np.concatenate([[ZERO_PRIOR], np.exp(hats @ theta[1:])])
+    C = np.diag(np.exp(0.4) + np.exp(-0.8) * weight**2) + (G * prior**2) @ G.T
+    dense = y @ np.linalg.solve(C, y) + np.linalg.slogdet(C)[1]
+    smooth = np.sum((np.diff(theta[1:]) / CHANGE_PER_OCTAVE) ** 2)
+    # Round-off of the dense solution: condition 1e9.
+    assert evidence(both, y, weight, spans, hats, parts)[0] == pytest.approx(dense + smooth, rel=1e-6)
+    numeric = approx_fprime(both, lambda q: evidence(q, y, weight, spans, hats, parts)[0], 1e-6)
+    slope = evidence(both, y, weight, spans, hats, parts)[1]
+    np.testing.assert_allclose(slope, numeric, atol=1e-3, rtol=1e-4)
+
+
+def test_sigmas_that_are_alike_have_one_part():
+    assert noise_parts(np.array([0.0, 1.0, 1.04, 1.0])).shape == (4, 1)
+    assert noise_parts(np.array([0.0, 1.0, 1.06, 1.0])).shape == (4, 2)
+
+
+def test_warm_air_in_well_seen_frames_is_no_fault_of_the_others():
+    """Sigmas of 2 um as the flyer comes into view and of 0.1 um later, and 0.3 um that all frames have:
+    the early noise stays what it is, the late one is found."""
+    late = FRAMES > FRAMES[60]  # noqa: SIM300
+    sigma = np.where(late, 0.1e-6, 2e-6)
+    noise = np.hypot(sigma, 0.3e-6) * np.random.default_rng(4).standard_normal(FRAMES.size)
+    path = fit_flyer(FlyerMotion(FRAMES, position(FRAMES) + noise, sigma), start=START)
+    # sqrt(1 + 9) in the late frames, which are two thirds; 125 of them know it to 6 %, three of that
+    assert path.noise_scale == pytest.approx(np.sqrt(10.0), rel=0.19)
+    t = np.linspace(START, FRAMES[58], 300)
+    spread = path.sigma_position(t)
+    # twelve static frames of 2 um know the zero to 0.6 um, the path is smooth: a scale of 3 on all frames
+    # would make that 1.8 um and more
+    assert np.median(spread) < 1.2e-6
+    assert np.abs((path.position(t) - position(t)) / np.maximum(spread, 1e-9)).max() < 4.0
 
 
 def test_gradient_of_the_marginal_likelihood():

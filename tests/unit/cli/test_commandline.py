@@ -36,7 +36,7 @@ def weigh(
 def with_weigh(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the sources with a command more: its file, and its line after "check"."""
     root = tmp_path_factory.mktemp("sources")
-    for package in ("kolsky", "dic", "explicit", "doe"):
+    for package in ("kolsky", "dic", "explicit", "implicit", "doe"):
         shutil.copytree(ROOT / package, root / package, ignore=shutil.ignore_patterns("__pycache__"))
     (root / "kolsky" / "cli" / "weigh.py").write_text(COMMAND, "utf-8")
     registry = root / "kolsky" / "cli" / "commandline.py"

@@ -177,6 +177,7 @@ def test_sweep(shot: Path) -> None:
     np.testing.assert_allclose([float(r["Phi (1)"]) for r in rows], phi, rtol=1e-7)  # nine digits
     assert said["smallest_phi"] == pytest.approx(min(phi))
     assert said["at"]["stiffness_factor"] == float(rows[int(np.argmin(phi))]["stiffness_factor (1)"])
+    assert said["surface_optimum"] is not None or said["no_surface"]
 
 
 @pytest.mark.parametrize("design", ["lhs", "sobol"])

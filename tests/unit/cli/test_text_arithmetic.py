@@ -112,3 +112,13 @@ def test_the_best_run_without_an_outline_and_without_a_run() -> None:
     assert (by_force["smallest_phi_force"], by_force["at"]) == (2000.0, {"friction": 0.3})
     none = found(phi_force=nothing, phi_shape=nothing, lost=(0, 1, 2))
     assert none == {"runs": 3, "completed": 0, "smallest_phi": None, "at": None}
+
+
+def test_a_name_cannot_steer_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    from kolsky.cli.terminal import print_result
+
+    evil = "shot\x1b[2J\x1b]0;owned\x07\u202etxt"
+    print_result({"shot": evil}, None, rest={"file": evil}, answers=[f"m of {evil}"], warnings=[f"{evil}!"])
+    shown = "".join(capsys.readouterr())
+    assert "owned" in shown
+    assert not set(shown) & set("\x1b\x07\u202e")

@@ -9,8 +9,10 @@ import pytest
 
 from kolsky.diagnosis.candidate_input import DENSITY, POISSON, SENSITIVITY
 from kolsky.diagnosis.cause_inputs import CANDIDATES
-from kolsky.diagnosis.cause_search import Trial
-from kolsky.diagnosis.causes import CauseAnalysis, _in_groups, cause_warnings, percent, sentence
+from kolsky.diagnosis.cause_ranking import in_groups
+from kolsky.diagnosis.cause_trial import Trial
+from kolsky.diagnosis.cause_words import cause_warnings, percent, sentence
+from kolsky.diagnosis.causes import CauseAnalysis
 from kolsky.inverse.cause_results import CauseFinding
 
 BY_KEY = {c.key: c for c in CANDIDATES}
@@ -54,9 +56,9 @@ def test_the_least_misfit_comes_first_and_of_equals_the_more_usual_error() -> No
         trial(DENSITY, 1.05, 0.0),
         trial("force.clock_offset", 2e-5, 30.0),
     )
-    order = _in_groups(search(), [late, density, gain])
+    order = in_groups(search(), [late, density, gain])
     assert order == [SENSITIVITY, DENSITY, "force.clock_offset"]
-    apart = _in_groups(search(), [trial(SENSITIVITY, 0.95, 11.0), density])
+    apart = in_groups(search(), [trial(SENSITIVITY, 0.95, 11.0), density])
     assert apart == [DENSITY, SENSITIVITY]
 
 

@@ -19,8 +19,9 @@ from kolsky.diagnosis.candidate_input import (
 )
 from kolsky.diagnosis.cause_fit import Allowances, ExpectedResidual, fit_linear
 from kolsky.diagnosis.cause_inputs import CANDIDATES
+from kolsky.diagnosis.cause_ranking import EVIDENCE, ranked
 from kolsky.diagnosis.cause_search import CauseSearch
-from kolsky.diagnosis.causes import EVIDENCE, best_trials, ranked
+from kolsky.diagnosis.causes import best_trials
 from kolsky.inverse.cause_results import CauseFinding
 
 FloatArray = NDArray[np.float64]

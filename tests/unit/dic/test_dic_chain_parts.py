@@ -12,6 +12,7 @@ from dic.chain import ChainError, ChainSettings
 from dic.chain.inspect_images import check_cameras, inspect_images
 from dic.chain.reduce import outline_of
 from dic.chain.stages import Clock
+from dic.correlation.warp import Shape
 from dic.images import PictureError
 from dic.outcome import FrameOutcome
 from dic.surfaces import outline
@@ -117,7 +118,14 @@ def test_cameras_that_never_saw_the_same_frame_are_refused():
 
 def test_rows_of_the_outline_above_the_largest_sigma_are_counted():
     body = synthetic_result().specimen
-    whole = outline(body.surface, body.points, half_width=SETTINGS.strip_half_width, subset=SETTINGS.subset)
+    whole = outline(
+        body.surface,
+        body.points,
+        half_width=SETTINGS.strip_half_width,
+        subset=SETTINGS.subset,
+        shape=Shape.QUADRATIC,  # that of the match between the cameras, the higher of both
+    )
+    assert SETTINGS.stereo.shape is Shape.QUADRATIC
     limit = float(np.median(whole.sigma))
     line, left_out = outline_of(body, replace(SETTINGS, largest_sigma=limit))
     assert left_out == np.sum(whole.sigma > limit) > 0

@@ -6,8 +6,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
-from dic.bodies.edge_fit import HALF, block_sigma, covariance, fit_edge, paint, without_shading
-from dic.bodies.ends import end_in_camera, weighted_mean
+from dic.bodies.edge_fit import HALF, block_sigma, covariance, fit_edge, gap_before, paint, without_shading
+from dic.bodies.ends import MODEL, end_in_camera, of_phases, weighted_mean
 from dic.camera import Camera
 from dic.surfaces import SpecimenFrame
 
@@ -134,3 +134,21 @@ def test_a_rim_that_hides_the_end(height):
     assert found is not None
     assert abs(found[0]) < 2.5 * found[1]
     assert found[1] < 7e-6  # a tenth of a pixel of 60 um
+
+
+def test_a_gap_before_the_edge_is_measured_from_where_half_the_contrast_is_left():
+    u = np.arange(-6.0, 7.0)
+    sharp = np.where(u <= 0.0, 10.0, 0.0)  # paint up to the edge at 0.5: half is left there
+    assert gap_before(sharp, u, 0.5) == pytest.approx(0.0)
+    # ends in a gap: 10, 10, 10, 10 at -3, 4 at -2: half of it at -3 + 5/6
+    fades = np.array([10.0, 10.0, 10.0, 10.0, 4.0, 2.0, 1.0, 0, 0, 0, 0, 0, 0])
+    assert gap_before(fades, u, -0.2) == pytest.approx(-0.2 + 3.0 - 5.0 / 6.0)
+    assert gap_before(np.full(13, 10.0), u, 2.0) == 0.0
+
+
+def test_phases_of_a_strip_add_what_they_differ_by_and_what_a_gap_leaves_open():
+    place, sigma = of_phases(np.array([[0.1, 0.03, 0.2], [0.5, 0.05, 0.4]]))
+    assert place == pytest.approx(0.3)
+    assert sigma == pytest.approx((0.04**2 + MODEL**2 + 0.2**2) ** 0.5)  # half of 0.4 px; gaps below 0.5 px
+    alone = of_phases(np.array([[0.1, 0.03, 2.0]]))[1]
+    assert alone == pytest.approx((0.03**2 + MODEL**2 + 1.5**2 / 12.0) ** 0.5)

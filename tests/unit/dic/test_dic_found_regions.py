@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dic.bodies.followed_edge import _last_edge, follow_edge
-from dic.bodies.found_regions import find_regions, row_correlation
+from dic.bodies.found_regions import _painted, find_regions, row_correlation
 from dic.images import PictureError
 from dic.synthetic.speckles import render, speckle_pattern
 
@@ -107,6 +107,15 @@ def test_edges_are_found_and_kept_clear_of(plain, platen):
     assert last - 3.0 < extent(found.flyer)[3] < last - 0.5
 
 
+def test_an_even_platen_may_fill_most_of_the_picture(plain):
+    """A short specimen: its rows are fewer than those of the platen, which alone are the usual ones."""
+    rng = np.random.default_rng(9)
+    below = 60.0 + 8.0 * np.sin(np.arange(SHAPE[1])) + rng.normal(0.0, 1.0, (110, SHAPE[1]))
+    found = search(Memory(tuple(np.vstack([picture, below]) for picture in plain.frames)))
+    assert extent(found.specimen)[3] in (82.0, 83.0)
+    assert found.edge[1] == pytest.approx(BOTTOM, abs=1.0)
+
+
 @pytest.mark.parametrize(("toward", "turns"), [("right", -1), ("down", 2), ("left", 1)])
 def test_any_direction(plain, toward, turns):
     turned = Memory(tuple(np.rot90(frame, turns) for frame in plain.frames))
@@ -192,3 +201,20 @@ def test_what_is_not_clear_is_refused_with_a_cure(plain):
         search(plain, "north")
     with pytest.raises(ValueError, match=r"needs? a usable static picture"):
         search(plain, usable=np.zeros(FRAMES, dtype=bool))
+
+
+def test_contrast_of_speckles_is_told_from_that_of_bare_rows():
+    assert _painted(np.repeat([1.0, 20.0, 22.0], [70, 15, 15])) == pytest.approx(21.0, abs=1.0)
+    assert _painted(np.repeat([20.0, 22.0], [50, 50])) == pytest.approx(21.0, abs=1.0)
+
+
+def test_a_specimen_ends_clear_of_the_arc_of_a_rim(plain):
+    """The platen's rim is 3 px higher in the middle than at the flanks."""
+    x = np.linspace(-1.0, 1.0, SHAPE[1])
+    rim = BOTTOM - 6.0 + 3.0 * x**2
+    share = np.clip(np.arange(SHAPE[0])[:, None] + 0.5 - rim, 0.0, 1.0)
+    rng = np.random.default_rng(6)
+    bent = [(1.0 - share) * p + share * (60.0 + rng.normal(0.0, 1.0, p.shape)) for p in plain.frames]
+    found = search(Memory(tuple(bent)))
+    assert found.edge[1] == pytest.approx(rim.min(), abs=1.0)
+    assert rim.min() - 4.0 < extent(found.specimen)[3] <= rim.min() - 1.0

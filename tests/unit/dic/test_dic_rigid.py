@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dic import Camera, FrameOutcome, PointOutcome, StereoRig
-from dic.rigid_body.body_motion import body_motion
+from dic.rigid_body.body_motion import BodyMotion, body_motion
 from dic.rigid_body.rigid_motion import rigid_motion
 from dic.stereo import reconstruct
 from dic.stereo.reconstruction import Reconstruction
@@ -225,3 +225,30 @@ def test_bodies_that_cannot_be_followed_are_refused():
     ):
         with pytest.raises(ValueError, match=message):
             body_motion(given, FRAME, **({"at": AT, "rest": range(STATIC)} | options))
+
+
+def test_the_covariance_of_a_motion_is_that_of_the_frames_with_a_pose():
+    """Four of twelve frames have a pose; a file of before holds all twelve."""
+    rng = np.random.default_rng(4)
+    posed, six = np.array([3, 5, 6, 10]), np.arange(6)
+    root = rng.normal(size=(24, 24))
+    small = (root @ root.T).reshape(4, 6, 4, 6)
+    whole = np.full((12, 6, 12, 6), np.nan)
+    whole[np.ix_(posed, six, posed, six)] = small
+    outcome = np.full(12, int(FrameOutcome.LOST))
+    outcome[posed] = int(FrameOutcome.VALID)
+    u = np.full((12, 3), np.nan)
+    u[posed] = rng.normal(size=(4, 3))
+    motion = BodyMotion(np.zeros(3), u, u, whole, np.zeros(12, int), outcome, 1.0, 1.0)
+    assert motion.covariance.nbytes == small.nbytes
+    np.testing.assert_array_equal(motion.covariance, small)
+    np.testing.assert_array_equal(motion.covariance_of(4, posed[1:3]), small[1:3, 4, 1:3, 4])
+    unit = np.array([0.6, 0.8, 0.0])
+    along, C = motion.along(unit)
+    expected = np.einsum("a,kalb,b->kl", unit, small[:, 3:, :, 3:], unit)
+    np.testing.assert_allclose(C[np.ix_(posed, posed)], expected, rtol=1e-12)
+    assert np.isnan(C[0]).all()
+    assert np.isnan(along[4])
+    np.testing.assert_allclose(motion.displacement_sigma[6, 1], small[2, 4, 2, 4] ** 0.5)
+    with pytest.raises(ValueError, match=r"frames \[4\] have no pose"):
+        motion.covariance_of(0, np.array([3, 4]))

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+import warp as wp
 from boards import averaged, dots, flat, pose
 from scipy import ndimage
 from scipy.special import ndtr
@@ -17,7 +18,8 @@ from dic.calibration.projection import View, derivatives, joined, poses_of, seen
 from dic.calibration.targets import FiducialDots
 from dic.camera import Camera
 from dic.correlation import Correlation, PictureStack, Shape, Templates, correlate
-from dic.correlation.kernels.device import coefficients
+from dic.correlation.kernels.device import select_device
+from dic.correlation.kernels.prefilter import on_device, on_host, response
 from dic.correlation.kernels.spline import PAD
 from dic.correlation.warp import identity
 from dic.images import PictureError
@@ -310,12 +312,49 @@ def test_two_by_two_matrices_in_closed_form_are_those_of_lapack():
     assert largest_eigenvalue(np.eye(2)[None]) == 1.0
 
 
+@pytest.mark.parametrize("where", ["host", "device"])
+@pytest.mark.parametrize("prefilter", [0.0, 0.8])
 @pytest.mark.parametrize("shape", [(8, 8), (9, 40), (SIDE, SIDE)])
-def test_margins_of_the_coefficients_are_mirrored(shape):
-    grey = np.random.default_rng(7).uniform(0.0, 255.0, shape).astype(np.float32)
-    plain = ndimage.spline_filter(grey.astype(np.float64), order=5, mode="mirror")
-    found = coefficients(grey, 0.0)
+def test_coefficients_are_those_of_the_recursive_filter(shape, prefilter, where):
+    grey = np.random.default_rng(7).uniform(3000.0, 4095.0, shape).astype(np.float32)
+    smooth = grey.astype(np.float64)
+    if prefilter:
+        smooth = ndimage.gaussian_filter(smooth, prefilter, mode="mirror", truncate=4.0)
+    plain = ndimage.spline_filter(smooth, order=5, mode="mirror")
+    if where == "host":
+        found = on_host(grey, prefilter)
+    else:  # the kernels of a GPU, on the processor
+        found = on_device(grey, prefilter, select_device("cpu")).numpy()[0]
     assert found.shape[1] % 16 == 0
     beyond = found.shape[1] - shape[1] - PAD  # a small picture is mirrored more than once
-    expected = np.pad(plain, ((PAD, PAD), (PAD, beyond)), mode="reflect").astype(np.float32)
-    np.testing.assert_array_equal(found, expected)
+    expected = np.pad(plain, ((PAD, PAD), (PAD, beyond)), mode="reflect")
+    # fp32 of a contrast of 550 grey, times the filter's 50 over both axes
+    np.testing.assert_allclose(found, expected, rtol=0, atol=0.01)
+    if not prefilter:  # and a spline through them is the picture again
+        again = ndimage.map_coordinates(
+            found[PAD:-PAD, PAD : PAD + shape[1]].astype(np.float64),
+            np.indices(shape, dtype=np.float64), order=5, mode="mirror", prefilter=False,
+        )  # fmt: skip
+        np.testing.assert_allclose(again, grey, rtol=0, atol=0.002)
+
+
+def test_a_picture_goes_to_a_device_in_two_launches(monkeypatch):
+    counted = []
+    launch = wp.launch
+
+    def noted(*given, **options):
+        counted.append(1)
+        return launch(*given, **options)
+
+    monkeypatch.setattr(wp, "launch", noted)
+    on_device(np.ones((40, 50), np.float32), 0.0, select_device("cpu"))
+    assert len(counted) == 2
+
+
+def test_the_response_of_the_filter_adds_up_to_one_and_is_the_inverse_of_the_spline():
+    side = response(0.0)
+    whole = np.concatenate([side[:0:-1], side])
+    assert whole.sum() == pytest.approx(1.0, abs=1e-14)
+    spline = np.array([1.0, 26.0, 66.0, 26.0, 1.0]) / 120.0  # the quintic B-spline at whole numbers
+    impulse = np.eye(1, len(whole) + 4, len(whole) // 2 + 2)[0]
+    assert np.convolve(whole, spline) == pytest.approx(impulse, abs=1e-7)

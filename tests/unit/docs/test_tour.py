@@ -37,7 +37,7 @@ def test_the_answer_is_there(question: str, file: str, name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "place", sorted(set(re.findall(r"`((?:kolsky|dic|explicit|doe|tests)/[\w/.]*)`", TOUR)))
+    "place", sorted(set(re.findall(r"`((?:kolsky|dic|explicit|implicit|doe|tests)/[\w/.]*)`", TOUR)))
 )
 def test_a_place_of_the_tour_is_there(place: str) -> None:
     assert (ROOT / place).exists()

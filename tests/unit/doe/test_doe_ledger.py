@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from doe.executors import Pace, run_chunks, shard
-from doe.ledger import Ledger, LedgerError, Run, run_key
+from doe.ledger import FIRST_TABLE, Ledger, LedgerError, Run, run_key
 
 ROOT = Path(__file__).resolve().parents[3]
 MODEL = b"\x01" * 32
@@ -164,7 +164,7 @@ def test_a_file_that_is_no_ledger_is_refused_and_left_alone(tmp_path: Path) -> N
         sql.execute("CREATE TABLE mine (x)")
     sql.close()
     before = other.read_bytes()
-    with pytest.raises(LedgerError, match="is not a ledger of version 1"):
+    with pytest.raises(LedgerError, match="is not a ledger of version 2"):
         Ledger(other, MODEL)
     assert other.read_bytes() == before
     with pytest.raises(LedgerError, match="unable to open"):
@@ -174,7 +174,7 @@ def test_a_file_that_is_no_ledger_is_refused_and_left_alone(tmp_path: Path) -> N
 FORGERIES = {
     "trigger": "CREATE TRIGGER t AFTER INSERT ON runs BEGIN DELETE FROM runs; END",
     "table": "CREATE TABLE more (x)",
-    "version": "PRAGMA user_version = 2",
+    "version": "PRAGMA user_version = 3",
 }
 
 
@@ -184,21 +184,68 @@ def test_a_forged_schema_is_refused(kind: str, tmp_path: Path) -> None:
     with sqlite3.connect(path) as sql:
         sql.execute(FORGERIES[kind])
     sql.close()
-    with pytest.raises(LedgerError, match="is not a ledger of version 1"):
+    with pytest.raises(LedgerError, match="is not a ledger of version 2"):
         Ledger(path, MODEL)
 
 
-@pytest.mark.parametrize("column", ["parameters", "results", "model"])
-def test_a_changed_row_is_refused(column: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("column", ["parameters", "results", "model", "outcome", "reason"])
+def test_a_changed_row_counts_as_not_there_and_is_named(column: str, tmp_path: Path) -> None:
     path = filled(tmp_path / "l.sqlite")
+    key = run_key(MODEL, POINTS[2])
     with sqlite3.connect(path) as sql:
-        short = b"\x00" * (32 if column == "model" else 13)
-        sql.execute(f"UPDATE runs SET {column} = ? WHERE key = ?", (short, run_key(MODEL, POINTS[2])))
+        (before,) = sql.execute(f"SELECT {column} FROM runs WHERE key = ?", (key,)).fetchone()
+        # One bit of the last byte, or a letter more: lengths and types stay those of a sound row.
+        after = before[:-1] + bytes([before[-1] ^ 1]) if isinstance(before, bytes) else before + "x"
+        sql.execute(f"UPDATE runs SET {column} = ? WHERE key = ?", (after, key))
+    sql.close()
+    asked: list[float] = []
+
+    def again(points: np.ndarray) -> list[Run]:
+        asked.extend(points[:, 0])
+        return square(points)
+
+    with Ledger(path, MODEL) as book:
+        found = run_chunks(again, POINTS, chunk=4, ledger=book)
+        assert book.damaged == [key.hex()[:12]]
+    assert asked == [POINTS[2, 0]]
+    np.testing.assert_array_equal(found[2].results, POINTS[2] ** 2)
+    with Ledger(path, MODEL) as book:
+        assert None not in book.find(POINTS)
+        assert not book.damaged
+
+
+def test_results_exchanged_between_two_runs_are_found(tmp_path: Path) -> None:
+    path = filled(tmp_path / "l.sqlite")
+    keys = [run_key(MODEL, point) for point in POINTS[2:]]
+    with sqlite3.connect(path) as sql:
+        rows = [
+            sql.execute("SELECT results, digest FROM runs WHERE key = ?", (key,)).fetchone() for key in keys
+        ]
+        for key, row in zip(keys, rows[::-1], strict=True):
+            sql.execute("UPDATE runs SET results = ?, digest = ? WHERE key = ?", (*row, key))
     sql.close()
     with Ledger(path, MODEL) as book:
-        assert book.find(POINTS[:2])[0] is not None
-        with pytest.raises(LedgerError, match="is damaged"):
-            book.find(POINTS)
+        assert [run is None for run in book.find(POINTS)] == [False, False, True, True]
+
+
+def test_a_ledger_of_version_1_is_taken_over(tmp_path: Path) -> None:
+    path = filled(tmp_path / "l.sqlite")
+    with Ledger(path, MODEL) as book:
+        before = book.find(POINTS)
+    with sqlite3.connect(path) as sql:
+        names = "key, model, parameters, completed, outcome, reason, results, seconds"
+        rows = sql.execute(f"SELECT {names} FROM runs").fetchall()
+        sql.execute("DROP TABLE runs")
+        sql.execute(FIRST_TABLE)
+        sql.executemany(f"INSERT INTO runs ({names}) VALUES (?, ?, ?, ?, ?, ?, ?, ?)", rows)
+        sql.execute("PRAGMA user_version = 1")
+    sql.close()
+    for _ in range(2):
+        with Ledger(path, MODEL) as book:
+            after = book.find(POINTS)
+        assert [(r.outcome, r.results.tolist()) for r in after if r] == [
+            (r.outcome, r.results.tolist()) for r in before if r
+        ]
 
 
 def test_a_torn_file_is_refused(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Estimates and their verdicts: sums of squares, the k = 2 interval, and each threshold from both sides."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -95,7 +96,8 @@ def test_a_held_value_stands_for_the_shots_own(monkeypatch: pytest.MonkeyPatch) 
 
     for name in PARAMETERS:
         monkeypatch.setitem(PARAMETERS, name, replace(PARAMETERS[name], held=lambda shot: 7.0))
-    found = held_values(None, BOX, {"poisson": 0.45})  # type: ignore[arg-type]
+    shot = SimpleNamespace(relaxation=None)
+    found = held_values(shot, BOX, {"poisson": 0.45})  # type: ignore[arg-type]
     assert found == {"poisson": 0.45, "damping": 7.0, "mass_damping": 7.0, "release_stress": 7.0}
 
 

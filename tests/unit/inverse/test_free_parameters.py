@@ -17,6 +17,7 @@ def shot(faces: str = "bonded", side: str = "bonded", **uncertainty: float) -> A
         interface=SimpleNamespace(faces=faces, side=side, friction=0.3, release_stress=0.0),
         model=SimpleNamespace(poisson=0.499, damping=25e-6, mass_damping=0.0),
         uncertainty=uncertainty,
+        relaxation=None,
         centre_line="seen",
     )
 

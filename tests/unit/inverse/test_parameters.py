@@ -13,9 +13,10 @@ OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 
 
 def test_every_parameter_is_one_of_the_solver_and_has_the_shots_value() -> None:
-    assert set(PARAMETERS) <= {f.name for f in fields(Samples)}
     shot = load_shot(OPEN_01)
-    declared = {name: p.held(shot) for name, p in PARAMETERS.items()}
+    own = {name: p for name, p in PARAMETERS.items() if p.belongs_to(shot)}
+    assert set(own) <= {f.name for f in fields(Samples)}
+    declared = {name: p.held(shot) for name, p in own.items()}
     # As written in its shot.toml; m is 1 by the meaning of the quasi-static curve.
     assert declared == pytest.approx(
         {

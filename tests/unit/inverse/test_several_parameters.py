@@ -11,14 +11,16 @@ from doe import Box
 from explicit import Ending, Outcome
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.gauss_newton import LONGEST, RefinedRun, Step, _on_refined, lengthening
+from kolsky.inverse.gauss_newton import RefinedRun, Step, _on_refined
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.refined_search import CONFIRMED
+from kolsky.inverse.refined_steps import LONGEST, foretold, lengthening
 from kolsky.inverse.run_table import RunTable
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.surrogate_mesh_search import (
+    MeshOptimum,
     from_search,
     search_box,
     search_meshes,
@@ -115,7 +117,8 @@ def test_steps_with_the_coarse_slopes_end_at_the_least_squares_of_the_refined_me
     slope = np.column_stack(
         [(ringing(start - SHIFT + d) - ringing(start - SHIFT - d))[0] / (2.0 * d.sum()) for d in np.diag(h)]
     )
-    found, other = _on_refined(made, one, slope, start, np.array([1.2, 0.499]))
+    beside, none = np.array([1.2, 0.499]), np.zeros(2)
+    found, other = _on_refined(made, one, slope, start, beside, shift=none)
     assert found.confirmed
     assert made.points[FINE] <= 5
     # The counterpart of the other point has moved with the stiffness, and nothing else of it.
@@ -129,6 +132,68 @@ def test_steps_with_the_coarse_slopes_end_at_the_least_squares_of_the_refined_me
     )
     full = np.linalg.lstsq(own, one.data - ringing(found.x)[0], rcond=None)[0]
     assert (np.abs(full) < 1.5 * CONFIRMED * found.step.sigma).all()
+
+
+def test_from_a_foretold_start_the_other_point_is_run_at_once() -> None:
+    made: Any = MadeUp()
+    one = Objective(made.observations, np.empty(0, dtype=bool))
+    h = 1e-6 * np.array([1.0, 0.01])
+    slope = np.column_stack(
+        [(ringing(TRUTH + d) - ringing(TRUTH - d))[0] / (2.0 * d.sum()) for d in np.diag(h)]
+    )
+    best, _ = _on_refined(made, one, slope, TRUTH, None, shift=-SHIFT)
+    made.points.clear()
+    found, other = _on_refined(made, one, slope, best.x, np.array([1.2, 0.499]), shift=-SHIFT)
+    assert found.confirmed
+    assert made.points[FINE] == 2
+    assert other is not None
+    np.testing.assert_allclose(other.x, [1.2 - 0.01, 0.499], rtol=1e-12)
+
+
+def test_the_refined_optimum_is_foretold_by_richardson() -> None:
+    """Errors of exactly second order, of meshes with 10, 20 and 40 elements across: 1/100, 1/400, 1/1600."""
+    limit, size = np.array([1.0, 0.5]), np.array([8.0, -4.0])
+
+    def optimum(n: int, converged: bool = True) -> MeshOptimum:
+        return MeshOptimum(limit + size / n**2, np.ones(2), 0.0, converged)
+
+    optima = {(10, 13): optimum(10), (20, 26): optimum(20)}
+    np.testing.assert_allclose(foretold(optima, (20, 26), (40, 52)), optimum(40).x, rtol=1e-14)
+    # One that did not come to rest, or that is alone, foretells nothing.
+    optima[10, 13] = optimum(10, converged=False)
+    np.testing.assert_array_equal(foretold(optima, (20, 26), (40, 52)), optimum(20).x)
+    np.testing.assert_array_equal(foretold({(20, 26): optimum(20)}, (20, 26), (40, 52)), optimum(20).x)
+
+
+class Chord:
+    """Ten bins of force that are the parameter x, of data that are zero: exact at x = 0."""
+
+    def __init__(self) -> None:
+        self.box, self.prior = Box.of({"damping": (-1e4, 1e4)}), None
+        self.settings = Settings(refined_mesh=FINE)
+        self.visited: list[float] = []
+
+    def run(self, stage: str, points: np.ndarray, numerics: Numerics, *, all_nodes: bool = False) -> Any:
+        self.visited += points[:, 0].tolist()
+        empty = np.empty((len(points), 0))
+        seen = Prediction(empty, points * np.ones((1, 10)), empty, empty.astype(bool))
+        response = SimpleNamespace(completed=np.ones(len(points), dtype=bool), select=lambda rows: None)
+        return response, np.arange(len(points)), seen
+
+
+@pytest.mark.parametrize(("rise", "taken_back"), [(3.0, False), (3.9, False), (4.1, True), (6.0, True)])
+def test_a_step_that_makes_the_misfit_worse_by_more_than_four_is_halved(
+    rise: float, taken_back: bool
+) -> None:
+    """With the discrepancy |x| of each of n = 10 bins -2 ln L is n ln x^2 + n. A slope of 1 / (1 + q) leads
+    from -10 to 10 q, where it is higher by 20 ln q; from there to -10 q^2, if that is not too much."""
+    made: Any = Chord()
+    q = np.exp(rise / 20.0)
+    slope = np.full((10, 1), 1.0 / (1.0 + q))
+    one = objective(np.zeros(10), np.empty(0))
+    _on_refined(made, one, slope, np.array([-10.0]), None, shift=np.zeros(1))
+    third = 0.5 * (-10.0 + 10.0 * q) if taken_back else -10.0 * q**2
+    assert made.visited[:3] == pytest.approx([-10.0, 10.0 * q, third], rel=1e-6)
 
 
 def test_a_step_is_lengthened_by_what_the_last_one_fell_short_of() -> None:

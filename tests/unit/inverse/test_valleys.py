@@ -82,6 +82,45 @@ def test_the_valley_nearest_to_the_declared_value_is_searched_too() -> None:
     assert likely_valleys(one, vectors, nearest) == [1, 3, 5, 9]
 
 
+def test_how_many_valleys_of_each_misfit_are_searched() -> None:
+    """Five valleys of each misfit, none in common: three of a frame as one entry, one of the
+    force, two of all entries, and the floor of either that is nearest to the declared value."""
+    rows = {"balanced": [1, 7, 13, 19, 25], "force": [3, 9, 15, 21, 27], "joint": [5, 11, 17, 23, 29]}
+    misfit = {name: np.full(31, 9.0) for name in rows}
+    for name, floors in rows.items():
+        misfit[name][floors] = np.arange(5.0)
+    one: Any = SimpleNamespace(
+        balanced_deviance=lambda vectors: misfit["balanced"],
+        deviance=lambda vectors, part="joint": misfit[part],
+    )
+    found = likely_valleys(one, np.zeros((31, 1)), np.abs(np.arange(31.0) - 28.6))
+    assert found == [1, 7, 13, 3, 5, 11, 29]
+    # The force's floors are none of those that the declared value may choose.
+    assert likely_valleys(one, np.zeros((31, 1)), np.abs(np.arange(31.0) - 26.4))[-1] == 25
+
+
+def test_motions_enough_for_every_pattern_of_an_onset() -> None:
+    """A residual of 12 independent patterns that the flyer's noise brings, and one as large that it does not.
+
+    The first is worth the logarithm of the variances less: the most that draws can tell is 110, which twice
+    as many give; 20 give 109, but 16 only 98 and 12 no more than 68."""
+    n, patterns = 40, 12
+    basis = 6.0 * np.linalg.qr(np.random.default_rng(5).standard_normal((n, n)))[0].T
+    brought, other = basis[:patterns].sum(axis=0), basis[patterns : 2 * patterns].sum(axis=0)
+
+    class Onset(Ringing):
+        def under_other_motions(self, points: Any, n: int, numerics: Numerics) -> list[Prediction | None]:
+            draws = np.random.default_rng(0).standard_normal((n, patterns))
+            moved = np.vstack([np.zeros((1, 40)), draws @ basis[:patterns]])
+            empty = np.empty((n + 1, 0))
+            seen = [Prediction(empty, own + moved, empty, empty.astype(bool)) for own in (brought, other)]
+            return list(seen)
+
+    made: Any = Onset()
+    found = likelihoods(made, np.zeros((2, 1)), Numerics(), np.empty(0, dtype=bool))
+    assert found[1] - found[0] > 105.0
+
+
 class Ringing:
     """Two points: one has rung as the flyer's noise lets it, the other is off by as much otherwise."""
 

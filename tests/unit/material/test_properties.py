@@ -1,4 +1,4 @@
-"""Young's modulus, Poisson's ratio, fracture, recovery; agreeing starts, the cost of bounds, compressible paths."""
+"""Moduli, ratios, fracture, recovery; agreeing starts, the cost of bounds, compressible paths."""
 
 from types import SimpleNamespace
 

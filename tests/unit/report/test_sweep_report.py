@@ -12,7 +12,7 @@ from kolsky.inverse.run_table import DesignTable
 from kolsky.report.canvas import build
 from kolsky.report.figures import SWEEPS
 from kolsky.report.pages.sweep import render, write_page
-from kolsky.studies.sweep_analysis import LEVELS, SweepAnalysis, analyse_sweep
+from kolsky.studies.sweep_analysis import LEVELS, SweepAnalysis, analyse_sweep, surface_optimum
 
 BOX = Box.of({"friction": (0.0, 1.0), "stiffness_factor": (0.5, 1.5), "damping": (1e-6, 1e-4)})
 EVIL = "<script>alert(1)</script>"
@@ -69,6 +69,33 @@ def test_maps_are_cuts_through_the_best_run() -> None:
     # Linear functions are interpolated to a fraction of a percent of their range.
     np.testing.assert_allclose(values, np.broadcast_to(1.0 + 2.0 * x + m, values.shape), atol=0.02)
     assert (y[0], y[-1]) == pytest.approx((1e-6, 1e-4))
+
+
+def test_the_least_of_the_interpolant_is_that_of_the_function() -> None:
+    # Phi = (1 + 2 f + m) / 1000 + 1000 ((m - 1)^2 + 0.1): least at f = 0 and 1 + 1e-3 / 2000 for m.
+    found = analysed().optimum
+    assert found is not None
+    assert found.output == "Phi"
+    assert found.at["stiffness_factor"] == pytest.approx(1.0, abs=0.01)  # an interpolant of 128 runs
+    assert found.value == pytest.approx(100.002, abs=1.0)
+    said = surface_optimum(analysed())
+    assert said["surface_optimum"] == found.at
+    assert said["surface_phi"] == found.value
+
+
+def test_an_optimum_on_a_face_is_said_and_without_a_surface_the_reason() -> None:
+    runs = table()
+    tilted = replace(runs, phi_shape=np.full(len(runs.points), np.nan))  # Phi_F = 1 + 2 f + m alone
+    found = surface_optimum(analyse_sweep("shot", BOX, tilted))
+    assert found["surface_phi_force"] == pytest.approx(1.5, abs=0.05)
+    assert {"friction": "lower", "stiffness_factor": "lower"}.items() <= found["surface_at_bound"].items()
+    rough = surface_optimum(
+        analyse_sweep("shot", BOX, replace(tilted, phi_force=table(rough=True).phi_force))
+    )
+    assert rough["surface_optimum"] is None
+    assert "of their standard deviation" in rough["no_surface"]
+    lost = surface_optimum(analyse_sweep("shot", BOX, table(lost=tuple(range(128)))))
+    assert lost == {"surface_optimum": None, "no_surface": "no run completed"}
 
 
 def test_a_rough_misfit_is_refused_with_the_runs_it_would_take() -> None:

@@ -309,6 +309,22 @@ def test_points_lie_before_the_axis_and_a_tenth_around_the_specimen() -> None:
     assert "file.csv line 8: Z from the axis is 0 mm" in refused(outlined, line([4e-3, 0.0]))
 
 
+def test_the_outline_at_rest_is_as_high_as_a_specimen_of_the_declared_length() -> None:
+    """The length is 5 mm: some point at 1 mm or above."""
+    outlined(line([4e-3, 4e-3], y=[1.001e-3, 0.2e-3]))
+    said = refused(outlined, line([4e-3, 4e-3], y=[0.999e-3, 0.2e-3]))
+    assert "reaches 0.999 mm above the transmission platen; it must reach at least 20 %" in said
+    assert "specimen's length of 5 mm" in said
+    outlined(line(4e-3, y=0.2e-3, time=0.5))  # no frame at rest says how high it is
+
+
+def test_no_point_is_further_out_than_three_radii() -> None:
+    """The radius is 4 mm: at most 12 mm."""
+    outlined(line([4e-3, 4e-3, 11.999e-3]))
+    for Z in (12.001e-3, 1e308):
+        assert "file.csv line 9: Z from the axis is" in refused(outlined, line([4e-3, 4e-3, Z]))
+
+
 def test_some_point_lies_in_the_window() -> None:
     outlined(line(4e-3, time=1.0))
     assert "no point is inside the window" in refused(outlined, line(4e-3, time=1.01))

@@ -113,3 +113,24 @@ def test_the_window_ends_with_symmetry(result, tmp_path):
     assert "where the flyer leaves" in next(symmetry({"symmetry_end": t[30], "window_end": ended[1]}))
     assert "end the window there" in next(symmetry({"symmetry_end": t[30], "window_end": t[-1]}))
     assert not list(symmetry({"symmetry_end": np.inf, "window_end": t[-1]}))
+
+
+def test_a_short_swing_is_no_end_of_symmetry(result):
+    """The flyer moves aside, by a third of its speed, within four frames: less than a tenth of the length."""
+    speed = np.gradient(displacement(np.maximum(result.t, 0.0)), result.t)
+    frames = 4.0 * np.diff(result.t)[0]
+    s = np.clip((result.t - result.t[20]) / frames, 0.0, 1.0)
+    aside = 0.3 * speed[20] * frames * (3.0 * s**2 - 2.0 * s**3)
+    u = result.motion.displacement + aside[:, None] * [1.0, 0.0, 0.0]
+    found = flight_of(replace(result, motion=replace(result.motion, displacement=u)), LENGTH)
+    assert found.symmetry is not None
+    beyond = found.symmetry.share - 2.0 * found.symmetry.sigma > SHARE
+    assert beyond.sum() >= 3  # it is seen
+    assert found.end is None
+
+
+def test_another_direction_must_last_as_long_as_the_first_took():
+    time = 10e-6 * np.arange(50)
+    assert flight_report.frames_in(100e-6, time) == 11  # eleven frames, ten steps
+    assert flight_report.frames_in(95e-6, time) == 11
+    assert flight_report.frames_in(1e-6, time) == 3

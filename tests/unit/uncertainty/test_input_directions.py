@@ -151,16 +151,25 @@ def test_friction_that_is_not_named_is_changed_in_the_shot(monkeypatch: pytest.M
     monkeypatch.setitem(PARAMETERS, "friction", replace(PARAMETERS["friction"], changed=changed))
     monkeypatch.setattr(
         "kolsky.uncertainty.moved_runs.replace",
-        lambda forward, shot: SimpleNamespace(run=lambda point, numerics: (point, shot.interface.friction)),
+        lambda forward, shot: SimpleNamespace(friction=shot.interface.friction),
+    )
+    monkeypatch.setattr(
+        "kolsky.uncertainty.moved_runs.run_side_by_side",
+        lambda launches: [(one.points, one.forward.friction) if one else None for one in launches],
     )
 
     class Told(MovedRuns):
+        _common: Any = None
+
         def _seen(self, response: Any, row: int, key: str) -> FloatArray:
             point, friction = response
             assert "friction" not in point
             return np.full(12, 3.0 * friction + 2.0 * friction**2)
 
-    np.testing.assert_allclose(runs(Told).change("friction", 0.1), 3.4 * 0.1, rtol=1e-12)
+    one = replace(runs(Told), steps={"friction": 0.1})
+    np.testing.assert_allclose(one.change("friction", 0.1), 3.4 * 0.1, rtol=1e-12)
+    with pytest.raises(ValueError, match=r"friction was moved by 0\.1, not by 0\.2"):
+        one.change("friction", 0.2)
 
 
 def linear(**changes: list[float]) -> InputDirections:

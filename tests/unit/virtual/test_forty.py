@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.forty import SPEC, series_of, spread
 from benchmarks.forty_shots import Answer, Study, cured_copy, flyer_region, one, said_on_purpose, with_subset
 from kolsky.base.errors import InputError
 
@@ -70,3 +71,22 @@ def test_cures_change_the_shot_file_alone(tmp_path: Path) -> None:
     assert "subset = 29" in (tmp_path / "copy" / "shot.toml").read_text("utf-8")
     assert "subset = 21" in (shot / "shot.toml").read_text("utf-8")
     assert not (tmp_path / "copy" / "results").exists()
+
+
+def test_errors_over_their_uncertainties() -> None:
+    """z of 1 and -3 have a root mean square of the root of 5; what is not answered has none."""
+    answers = [
+        replace(RIGHT, truth=1.0, value=1.01, sigma=0.01),
+        replace(RIGHT, truth=1.0, value=0.97, sigma=0.01),
+        replace(RIGHT, truth=1.0, value=2.0, sigma=0.01, answered=False),
+        replace(RIGHT, value=None, sigma=None, answered=False),
+    ]
+    assert spread(answers) == pytest.approx({"scatter": 5.0**0.5, "largest": 3.0})
+    assert spread(answers[2:]) == {"scatter": None, "largest": None}
+
+
+def test_a_seed_draws_another_population() -> None:
+    own, same, other = (series_of(Study(str(SPEC), "out", seed=seed)) for seed in (None, 2012, 7))
+    assert own.shot(3).quantities == same.shot(3).quantities
+    assert own.shot(3).quantities.specimen != other.shot(3).quantities.specimen
+    assert other.declared.seed == 7

@@ -149,7 +149,7 @@ def test_the_truth_is_read_by_nothing_else() -> None:
     named = re.compile(r"truth\.json|truth_surface|shot_folder import .*TRUTH")
     readers = {
         str(path.relative_to(ROOT))
-        for package in ("kolsky", "dic", "explicit", "doe")
+        for package in ("kolsky", "dic", "explicit", "implicit", "doe")
         for path in (ROOT / package).rglob("*.py")
         if named.search(path.read_text("utf-8"))
     }

@@ -1,0 +1,164 @@
+"""Equilibria of a pulled strip: seconds beside FElupe in the same run, and growth with the size.
+
+    python -m benchmarks.implicit                     # 25 515 displacements, 10 steps to 125 %, and a peer
+    python -m benchmarks.implicit --cells 20x5x1 --peer none
+    python -m benchmarks.implicit --growth 1e4 3e4 1e5 3e5 --peer none
+    python -m benchmarks.implicit --device cuda             # element kernels on a GPU
+    python -m benchmarks.implicit --linear amg --growth 1e6 --peer none
+    python -m benchmarks.implicit --kind tet4 --cells 73x18x8 --peer none   # 63 072 tetrahedra
+
+The strip is that of Schumacher and others (2020), 100 x 25 x 5 mm, bonded at both ends, of a neo-Hookean
+rubber with Poisson's ratio 0.45. `--peer felupe` (needs `pip install felupe`, which is not among the
+dependencies) solves the same mesh with the same element, law and steps; both take the same threads. It prints
+the seconds of both, their ratio and the largest difference of the forces. Let nothing else run meanwhile.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from explicit.arrays import FloatArray
+from explicit.materials import LAWS, bulk_modulus
+from implicit.conditions import Fixed, Prescribed
+from implicit.elements import element
+from implicit.laws.solid import Isotropic
+from implicit.laws.volumetric import bulk
+from implicit.meshes import Mesh, box
+from implicit.model import Model
+from implicit.newton import Newton
+from implicit.sensitivity import direct
+from implicit.solve import solve
+
+SIZE = (0.1, 0.025, 0.005)
+"""Of the strip [m]."""
+SHEAR, POISSON = 25e3, 0.45
+"""Shear modulus [Pa] and Poisson's ratio."""
+STRETCH = 1.25
+"""Nominal strain at the last step [-]."""
+
+
+def strip(cells: tuple[int, ...], kind: str, device: str = "cpu") -> Model:
+    """The model."""
+    bulk_value = float(bulk_modulus(SHEAR, POISSON))
+    solid = Isotropic(LAWS["neo_hookean"].of([SHEAR]), bulk(bulk_value))
+    conditions = (Fixed("left"), Fixed("right", (1, 2)), Prescribed("right", 0, "pull"))
+    return Model(box(SIZE, cells, kind=kind), solid, conditions, device=device)
+
+
+def ours(model: Model, pulls: FloatArray, linear: str) -> dict[str, Any]:
+    """Seconds, counts and forces of a solution, and seconds of its derivatives."""
+    options = Newton(tolerance=1e-8, linear=linear)
+    started = time.perf_counter()
+    found = solve(model, {"pull": pulls}, newton=options)
+    middle = time.perf_counter()
+    if linear in ("auto", "multifrontal"):
+        direct(found)
+    ended = time.perf_counter()
+    return {
+        "displacements": model.n_dofs,
+        "outcome": found.outcome.name,
+        "seconds": middle - started,
+        "seconds of derivatives": ended - middle,
+        "iterations": found.iterations,
+        "factorisations": found.factorisations,
+        "forces": found.reaction("right")[:, 0].tolist(),
+    }
+
+
+def felupe(mesh: Mesh, pulls: FloatArray) -> dict[str, Any]:
+    """The same with FElupe's 27-node hexahedra, law and Newton iteration, as its manual shows them."""
+    import felupe as fem
+
+    name, region_of = {
+        "hex27": ("hexahedron27", fem.RegionTriQuadraticHexahedron),
+        "hex8": ("hexahedron", fem.RegionHexahedron),
+    }[mesh.kind]
+    started = time.perf_counter()
+    region = region_of(fem.Mesh(mesh.points, mesh.cells, cell_type=name))
+    field = fem.FieldContainer([fem.Field(region, dim=3)])
+    boundaries = {
+        "left": fem.Boundary(field[0], fx=0.0),
+        "right": fem.Boundary(field[0], fx=SIZE[0], skip=(1, 0, 0)),
+        "move": fem.Boundary(field[0], fx=SIZE[0], skip=(0, 1, 1)),
+    }
+    umat = fem.NeoHooke(mu=SHEAR, bulk=float(bulk_modulus(SHEAR, POISSON)))
+    body = fem.SolidBody(umat, field)
+    forces = []
+    for pull in pulls:
+        boundaries["move"].update(pull)
+        loadcase = dict(zip(("dof0", "dof1"), fem.dof.partition(field, boundaries), strict=True))
+        loadcase["ext0"] = fem.dof.apply(field, boundaries, loadcase["dof0"])
+        answer = fem.newtonraphson(items=[body], tol=1e-8, verbose=False, **loadcase)
+        inner = body.assemble.vector(answer.x).toarray().reshape(-1, 3)
+        forces.append(float(inner[mesh.nodes("right"), 0].sum()))
+    return {"seconds": time.perf_counter() - started, "forces": forces}
+
+
+def cells_for(displacements: float, kind: str) -> tuple[int, int, int]:
+    """Cells of the strip's proportions 20 x 5 x 1 with about so many displacements."""
+    order = int(element(kind).exponents.max())
+    best = (20, 5, 1)
+    for n in range(1, 80):
+        cells = (20 * n, 5 * n, n)
+        count = 3 * float(np.prod([order * c + 1 for c in cells]))
+        if count > displacements * 1.3:
+            break
+        best = cells
+    return best
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.implicit",
+        description=__doc__,
+        formatter_class=argparse.RawTextHelpFormatter,
+    )
+    parser.add_argument("--cells", default="40x10x2")
+    parser.add_argument("--kind", default="hex27")
+    parser.add_argument("--steps", type=int, default=10)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--linear", default="auto", help="see implicit.linear.solvers")
+    parser.add_argument("--peer", choices=("felupe", "none"), default="felupe")
+    parser.add_argument("--growth", type=float, nargs="*", default=[], help="numbers of displacements")
+    parser.add_argument("--json", type=Path, help="write what was measured here")
+    given = parser.parse_args(arguments)
+    pulls = SIZE[0] * STRETCH * np.arange(1, given.steps + 1) / given.steps
+    small = strip((2, 1, 1), given.kind, given.device)
+    direct(solve(small, {"pull": [0.01]}))  # compiles
+    sizes = [cells_for(n, given.kind) for n in given.growth]
+    if not sizes:
+        sizes = [tuple(int(n) for n in given.cells.split("x"))]
+    report = []
+    for cells in sizes:
+        model = strip(cells, given.kind, given.device)
+        entry: dict[str, Any] = {"cells": list(cells), "kind": given.kind, "device": given.device}
+        entry |= ours(model, pulls, given.linear)
+        line = (
+            f"{'x'.join(map(str, cells))} {given.kind}: {entry['displacements']} displacements, "
+            f"{entry['outcome']}, {entry['seconds']:.2f} s ({entry['factorisations']} factorisations, "
+            f"{entry['iterations']} iterations), derivatives {entry['seconds of derivatives']:.2f} s"
+        )
+        print(line, flush=True)
+        if given.peer == "felupe":
+            entry["felupe"] = felupe(model.mesh, pulls)
+            other = np.array(entry["felupe"]["forces"])
+            entry["largest difference"] = float(np.abs(np.array(entry["forces"]) / other - 1.0).max())
+            print(
+                f"FElupe: {entry['felupe']['seconds']:.2f} s, "
+                f"{entry['felupe']['seconds'] / entry['seconds']:.1f} times ours; forces differ by at most "
+                f"{entry['largest difference']:.2g}",
+                flush=True,
+            )
+        report.append(entry)
+    if given.json is not None:
+        given.json.write_text(json.dumps(report, indent=1) + "\n", "utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,248 @@
+"""Planted Prony shots, three and a relaxation test: `python -m benchmarks.joint_coverage --out FOLDER`.
+
+Each draw is a material of its own (m, strength, time, Poisson's ratio, damping), three shots of it at speeds
+drawn between 1.2 and 3.5 m/s, made by the virtual laboratory with one slow curve, and a relaxation test.
+`identify_shots` answers with everything free, and says whether the data ask for what relaxes. With --elastic
+the same materials do not relax, and are identified as if they might. Counted is how often the 95 % interval
+holds the truth, and how often relaxation is asked for. The folder keeps every answer: called again, the study
+goes on where it stopped.
+"""
+
+import argparse
+import json
+import shutil
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import beta
+
+from explicit.relaxation import PronySeries
+from kolsky.cli.texts import mesh
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.relaxing import with_relaxation
+from kolsky.joint.identify_shots import identify_shots
+from kolsky.joint.output import to_json
+from kolsky.joint.records import JointSettings
+from kolsky.material.relaxation.evidence import HistoryTest, RateModel
+from kolsky.shot.load import load_shot
+from kolsky.virtual.make import make
+from kolsky.virtual.material import law_of
+from kolsky.virtual.schema import Specification
+from kolsky.virtual.specification import read_specification
+
+SHOTS = 3
+NAMES = ("stiffness_factor", "poisson", "damping", "prony_strength_1", "prony_time_1")
+SLOW_SIGMA = 50.0
+"""Noise of the relaxation test [Pa]: half a percent of its stress."""
+SPECIFICATION = """format = 1
+name = "draw"
+seed = {seed}
+[material]
+stiffness_factor = {stiffness_factor:.9g}
+poisson = {poisson:.9g}
+damping = "{damping:.9g} s"
+[motion]
+compression = "40 %"
+[truth]
+mesh = [{across}, {along}]
+{relaxation}
+[population]
+shots = {shots}
+[population.draw]
+"motion.speed" = {{ low = "1.2 m/s", high = "3.5 m/s" }}
+"""
+RELAXATION = """[relaxation]
+kind = "prony"
+free = true
+strengths = [{prony_strength_1:.9g}]
+times = ["{prony_time_1:.9g} s"]
+"""
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is asked; two studies that are equal here have the same draws and the same answers."""
+
+    elastic: bool = False
+    """Whether nothing relaxes."""
+    slow: bool = True
+    """Whether a relaxation test stands beside the shots."""
+    mesh: tuple[int, int] = (24, 32)
+    """Mesh of the search."""
+    refined_mesh: tuple[int, int] = (64, 86)
+    """Mesh of the answer."""
+    truth_mesh: tuple[int, int] = (128, 172)
+    """Mesh of the truth, of F-bar elements."""
+    device: str = "cpu"
+    """Of truths and identifications; one thread a process on a CPU."""
+    seed: int = 1
+    """Of materials and noise."""
+
+
+def truth(study: Study, number: int) -> dict[str, float]:
+    """The material of a draw."""
+    rng = np.random.default_rng([study.seed, number])
+    return {
+        "stiffness_factor": float(rng.uniform(0.9, 1.4)),
+        "poisson": float(0.5 - 0.5 * np.exp(rng.uniform(np.log(1.6e-3), np.log(6e-3)))),
+        "damping": float(rng.uniform(15e-6, 35e-6)),
+        "prony_strength_1": float(np.exp(rng.uniform(np.log(0.15), np.log(0.8)))),
+        "prony_time_1": float(np.exp(rng.uniform(np.log(1e-4), np.log(1.2e-3)))),
+    }
+
+
+def answer(study: Study, folder: Path, number: int) -> str:
+    """Make a draw's shots, identify them together, keep the answer."""
+    started, true, place = time.perf_counter(), truth(study, number), folder / f"draw-{number:03d}"
+    place.mkdir(parents=True, exist_ok=True)
+    threads = 1 if study.device == "cpu" else None
+    relaxation = "" if study.elastic else RELAXATION.format(**true)
+    across, along = study.truth_mesh
+    text = SPECIFICATION.format(
+        **true,
+        seed=1000 * study.seed + number,
+        across=across,
+        along=along,
+        relaxation=relaxation,
+        shots=SHOTS,
+    )
+    (place / "SPEC.toml").write_text(text)
+    made = make(
+        read_specification(place / "SPEC.toml"), place / "shots", device=study.device, threads=threads
+    )
+    folders = sorted(one.folder for one in made)
+    for other in folders[1:]:  # one material has one slow curve
+        shutil.copy(folders[0] / "quasi_static.csv", other / "quasi_static.csv")
+    # Where the search starts does not know the truth.
+    shots = [replace(with_relaxation(load_shot(one), "prony"), name=one.name) for one in folders]
+    settings = JointSettings(
+        numerics=Numerics(mesh=study.mesh, device=study.device, threads=threads),
+        refined_mesh=study.refined_mesh,
+        seed=study.seed + number,
+    )
+    said: dict[str, Any] = {"number": number, "truth": true, "elastic": study.elastic}
+    try:
+        slow = (relaxation_test(study, true, number),) if study.slow else ()
+        found = identify_shots(shots, settings, slow=slow, ledger=place / "joint.sqlite")
+        said |= {"found": to_json(found), "error": ""}
+    except ValueError as error:
+        said |= {"found": None, "error": str(error)}
+    said["seconds"] = time.perf_counter() - started
+    partial = folder / f"{number:03d}.part"
+    partial.write_text(json.dumps(said) + "\n")
+    partial.replace(folder / f"{number:03d}.json")
+    outcome = said["error"] or said["found"]["model_choice"]["sentence"]
+    return f"draw {number}: {outcome}; {said['seconds']:.0f} s"
+
+
+def relaxation_test(study: Study, true: dict[str, float], number: int) -> HistoryTest:
+    """20 % of compression reached in 50 us and held for a second, of the true law, with noise."""
+    times = np.geomspace(1e-4, 1.0, 40)
+    test = HistoryTest.relaxation(times, np.zeros(40), SLOW_SIGMA, stretch=0.8, rise=5e-5)
+    series = PronySeries((), ())
+    if not study.elastic:
+        series = PronySeries((true["prony_strength_1"],), (true["prony_time_1"],))
+    material = Specification().material
+    law = law_of(material.law, material.parameters, material.shear_modulus)
+    clean = test.predict(law, [RateModel(true["stiffness_factor"], series)])[0]
+    noise = np.random.default_rng([study.seed, number, 7]).standard_normal(len(clean))
+    return replace(test, stress=clean + SLOW_SIGMA * noise, label="relaxation")
+
+
+def summary(each: list[dict[str, Any]]) -> dict[str, Any]:
+    """Counts with their 95 % intervals (Clopper and Pearson): truths held, relaxation asked for."""
+    answered = [one for one in each if one["found"] is not None]
+    said: dict[str, Any] = {"draws": len(each), "answered": len(answered)}
+    for name in NAMES:
+        rows = [(one["truth"][name], one["found"]["estimates"][name]) for one in answered]
+        inside = sum(e["interval_95"][0] <= true <= e["interval_95"][1] for true, e in rows)
+        errors = np.array([(e["value"] - true) / e["sigma"] for true, e in rows])
+        said[name] = {
+            "held": share(inside, len(rows)),
+            "median error over sigma": float(np.median(errors)) if len(errors) else None,
+            "rms error over sigma": float(np.sqrt(np.mean(errors**2))) if len(errors) else None,
+            "median relative half width": float(
+                np.median([0.5 * (e["interval_95"][1] - e["interval_95"][0]) / true for true, e in rows])
+            )
+            if rows
+            else None,
+        }
+    asked = sum(one["found"]["model_choice"]["asked_for"] for one in answered)
+    said["relaxation asked for"] = share(asked, len(answered))
+    said["pairs within 2 sigma"] = share(sum(_pair(one) for one in answered), len(answered))
+    return said
+
+
+def _pair(one: dict[str, Any]) -> bool:
+    """Whether strength and time both lie within two standard uncertainties."""
+    found, true = one["found"]["estimates"], one["truth"]
+    return all(
+        abs(found[name]["value"] - true[name]) <= 2.0 * found[name]["sigma"]
+        for name in ("prony_strength_1", "prony_time_1")
+    )
+
+
+def share(count: int, of: int) -> dict[str, Any]:
+    """A count with the exact 95 % interval of its share."""
+    low = float(beta.ppf(0.025, count, of - count + 1)) if count else 0.0
+    high = float(beta.ppf(0.975, count + 1, of - count)) if count < of else 1.0
+    return {"count": count, "of": of, "interval": (low, high)}
+
+
+def main() -> None:
+    """Run a study, or what is left of it, and sum it up."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--draws", type=int, default=50)
+    parser.add_argument("--elastic", action="store_true", help="nothing relaxes: the control")
+    parser.add_argument("--without-slow", action="store_true", help="the shots alone")
+    parser.add_argument("--mesh", default="24x32", help="of the search")
+    parser.add_argument("--refined-mesh", default="64x86", help="of the answer")
+    parser.add_argument("--truth-mesh", default="128x172", help="of the truth, F-bar")
+    parser.add_argument("--device", default="cpu", help="of truths and identifications")
+    parser.add_argument("--workers", type=int, default=1, help="processes that share the draws")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--rows", help="FIRST:STOP, a part of the draws")
+    parser.add_argument("--out", type=Path, required=True, help="folder; a study that it holds is continued")
+    given = parser.parse_args()
+    study = Study(
+        elastic=given.elastic,
+        slow=not given.without_slow,
+        mesh=mesh("--mesh", given.mesh),
+        refined_mesh=mesh("--refined-mesh", given.refined_mesh),
+        truth_mesh=mesh("--truth-mesh", given.truth_mesh),
+        device=given.device,
+        seed=given.seed,
+    )
+    first, stop = map(int, (given.rows or f"0:{given.draws}").split(":"))
+    numbers = list(range(first, stop))
+    hold(study, given.out)
+    missing = [n for n in numbers if not (given.out / f"{n:03d}.json").exists()]
+    if given.workers == 1:
+        for n in missing:
+            print(answer(study, given.out, n), flush=True)
+    else:
+        with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
+            for done in as_completed([pool.submit(answer, study, given.out, n) for n in missing]):
+                print(done.result(), flush=True)
+    each = [json.loads((given.out / f"{n:03d}.json").read_text()) for n in numbers]
+    whole = {"study": asdict(study), **summary(each)}
+    print(json.dumps(whole, indent=1))
+    (given.out / "summary.json").write_text(json.dumps(whole, indent=1) + "\n")
+
+
+def hold(study: Study, folder: Path) -> None:
+    """Keep what is asked beside the answers; refuse a folder that holds another study."""
+    folder.mkdir(parents=True, exist_ok=True)
+    place, said = folder / "study.json", json.loads(json.dumps({**asdict(study), "device": ""}))
+    if place.exists() and json.loads(place.read_text()) != said:
+        raise SystemExit(f"{folder} holds another study: give another --out")
+    place.write_text(json.dumps(said) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,181 @@
+"""Stress and tangent at all Gauss points of a model, and their sums over each element."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from explicit.arrays import FloatArray
+from explicit.device import select_device
+from implicit.integration.contraction import element_forces, element_stiffness
+from implicit.integration.geometry import Geometry, geometry
+from implicit.integration.kernels.contraction import force_kernel, stiffness_kernel
+from implicit.laws.kernels.points import KINEMATICS, point_kernel, stress_kernel, volume_kernel
+from implicit.model import Model
+
+
+@dataclass(frozen=True)
+class PointState:
+    """State of the Gauss points."""
+
+    P: FloatArray
+    """First Piola-Kirchhoff stress, the pairs (i, J) in rows [Pa], shape [m, g, d D]."""
+    forces: FloatArray
+    """Forces of each element [N], shape [m, k d]."""
+    stiffness: FloatArray | None
+    """Its stiffness at fixed pressures [N/m], shape [m, k d, k d], if a tangent was asked for."""
+    H: FloatArray
+    """Mixed: dJ/dF [-]; plane stress: A_iJ33 / A_3333 [-]; shape [m, g, d D], otherwise [0, 0, 0]."""
+    J: FloatArray
+    """Volume ratio [-], shape [m, g]."""
+    energy: FloatArray
+    """Strain energy density without the volumetric part of a mixed model [Pa], shape [m, g]."""
+    thickness: FloatArray
+    """Thickness stretch of plane stress [-], else 1, shape [m, g]."""
+
+
+class Points:
+    """The Gauss points of a model: arrays on its device, kernels, and their evaluation."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.geometry: Geometry = geometry(
+            model.mesh, kinematics=model.kinematics, thickness=model.thickness, gauss=model.gauss
+        )
+        self.d, self.columns = KINEMATICS[model.kinematics]
+        self.device: Any = select_device(model.device)
+        self.E = wp.array(self.geometry.E, dtype=wp.float64, device=self.device)
+        self.cells = wp.array(model.mesh.cells.astype(np.int32), dtype=wp.int32, device=self.device)
+        self.mixed = model.volumetric == "mixed"
+        self.functions = model.solid.isochoric_functions() if self.mixed else model.solid.functions()
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Cells and Gauss points in each."""
+        return self.geometry.volumes.shape  # type: ignore[return-value]
+
+    @cached_property
+    def _volumes(self) -> Any:
+        return self._put(self.geometry.volumes)
+
+    @cached_property
+    def _none(self) -> tuple[Any, ...]:
+        return tuple(self._zeros((0,) * n) for n in (2, 3, 4))
+
+    def _zeros(self, shape: tuple[int, ...]) -> Any:
+        return wp.zeros(shape, dtype=wp.float64, device=self.device)
+
+    def _put(self, values: FloatArray) -> Any:
+        return wp.array(np.ascontiguousarray(values), dtype=wp.float64, device=self.device)
+
+    def rows(self, parameters: FloatArray) -> FloatArray:
+        """The kernels' row of each cell, shape [m, n_row]; the constants have shape [n_regions, n]."""
+        of_region = np.array([self.model.solid.with_parameters(p).row() for p in parameters])
+        return of_region[self.model.cell_regions]
+
+    def volume_ratios(self, u: FloatArray) -> FloatArray:
+        """J of displacements [m] of shape [n, d], shape [m, g]."""
+        J = self._zeros(self.shape)
+        kernel = volume_kernel(self.model.kinematics)
+        wp.launch(
+            kernel, self.shape, inputs=[self._put(u), self.cells, self.E], outputs=[J], device=self.device
+        )
+        return np.asarray(J.numpy())
+
+    def evaluate(
+        self,
+        u: FloatArray,
+        rows: FloatArray,
+        *,
+        tangent: bool,
+        pressure: FloatArray | None = None,
+        thickness: FloatArray | None = None,
+    ) -> PointState:
+        """Evaluate stress and, on demand, tangent, with the elements' forces and stiffness.
+
+        Parameters
+        ----------
+        u : array, shape [n, d]
+            Displacements [m].
+        rows : array, shape [m, n_row]
+            What `rows` gave.
+        tangent : bool
+            Whether the stiffness is wanted.
+        pressure : array, shape [m, g], optional
+            Pressure of a mixed model [Pa].
+        thickness : array, shape [m, g], optional
+            Thickness stretch to start from in plane stress [-].
+        """
+        (m, g), n = self.shape, self.d * self.columns
+        kernel = point_kernel(self.functions, self.model.kinematics, mixed=self.mixed)
+        two, three, four = self._none
+        stretch = self._put(np.ones((m, g)) if thickness is None else thickness)
+        P, J, W = self._zeros((m, g, n)), self._zeros((m, g)), self._zeros((m, g))
+        A = self._zeros((m, g, n, n)) if tangent else four
+        H = self._zeros((m, g, n)) if self.mixed or self.model.kinematics == "plane_stress" else three
+        p = self._put(pressure) if pressure is not None else two
+        wp.launch(
+            kernel,
+            (m, g),
+            inputs=[self._put(u), self.cells, self.E, self._put(rows), p, stretch, int(tangent)],
+            outputs=[P, A, H, J, W],
+            device=self.device,
+        )
+        forces, stiffness = (self._on_device if self.device.is_cuda else self._by_blas)(P, A, tangent)
+        return PointState(P.numpy(), forces, stiffness, H.numpy(), J.numpy(), W.numpy(), stretch.numpy())
+
+    def _by_blas(self, P: Any, A: Any, tangent: bool) -> tuple[FloatArray, FloatArray | None]:
+        E, volumes = self.geometry.E, self.geometry.volumes
+        forces = element_forces(E, P.numpy() * volumes[..., None]).reshape(len(E), -1)
+        if not tangent:
+            return forces, None
+        return forces, element_stiffness(E, A.numpy() * volumes[..., None, None])
+
+    def _on_device(self, P: Any, A: Any, tangent: bool) -> tuple[FloatArray, FloatArray | None]:
+        m, k = self.model.mesh.cells.shape
+        forces = self._zeros((m, k * self.d))
+        kernel = force_kernel(self.d, self.columns)
+        given = [self.E, self._volumes]
+        wp.launch(kernel, (m, k), inputs=[*given, P], outputs=[forces], device=self.device)
+        if not tangent:
+            return forces.numpy(), None
+        stiffness = self._zeros((m, k * self.d, k * self.d))
+        kernel = stiffness_kernel(self.d, self.columns)
+        wp.launch(kernel, (m, k, k), inputs=[*given, A], outputs=[stiffness], device=self.device)
+        return forces.numpy(), stiffness.numpy()
+
+    def stress_by_row(self, u: FloatArray, rows: FloatArray, thickness: FloatArray) -> FloatArray:
+        """Derivatives of the full 3 x 3 P by the numbers of the kernels' row at fixed deformation, by the
+        reverse of the law's own function, shape [m, g, 9, n_row]."""
+        (m, g), n_row = self.shape, rows.shape[1]
+        deformations, stresses = stress_kernel(self.functions[1], self.model.kinematics)
+        F = wp.zeros((m, g), dtype=wp.mat33d, device=self.device)
+        wp.launch(
+            deformations,
+            (m, g),
+            inputs=[self._put(u), self.cells, self.E, self._put(thickness)],
+            outputs=[F],
+            device=self.device,
+        )
+        F = F.flatten()
+        each = wp.array(np.repeat(rows, g, axis=0), dtype=wp.float64, device=self.device, requires_grad=True)
+        P = wp.zeros((m * g, 9), dtype=wp.float64, device=self.device, requires_grad=True)
+        found = np.empty((m, g, 9, n_row))
+        for component in range(9):
+            seed = np.zeros((m * g, 9))
+            seed[:, component] = 1.0
+            each.grad.zero_()
+            wp.launch(
+                stresses,
+                m * g,
+                inputs=[F, each],
+                outputs=[P],
+                adj_inputs=[None, each.grad],
+                adj_outputs=[self._put(seed)],
+                adjoint=True,
+                device=self.device,
+            )
+            found[:, :, component] = each.grad.numpy().reshape(m, g, n_row)
+        return found

@@ -1,0 +1,164 @@
+"""What an element asks of a material: named constants, and Warp functions of energy, stress and tangent.
+
+Two solids are offered: any law of `explicit.materials.laws` with a volumetric energy (`Isotropic`), and the
+neo-Hookean energy whose shear part is not isochoric (`CompressibleNeoHookean`), as in Schumacher and others
+(2020). Both take their functions from one definition of the energy; `tests/unit/implicit/test_solids.py`
+holds stress and tangent to finite differences of it.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, Self
+
+import numpy as np
+
+from explicit.arrays import FloatArray
+from explicit.materials.invariants import InvariantLaw
+from explicit.materials.laws import AnyLaw
+from implicit.laws.kernels.compressible import compressible_neo_hookean, with_volume
+from implicit.laws.kernels.invariants import invariant_point_functions
+from implicit.laws.kernels.stretches import stretch_point_functions
+from implicit.laws.volumetric import Volumetric
+
+
+class Solid(Protocol):
+    """A hyperelastic material with named constants."""
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the constants, in the order of `parameters`."""
+        ...
+
+    def parameters(self) -> FloatArray:
+        """The constants, in Pa or 1, shape [n_parameters]."""
+        ...
+
+    def with_parameters(self, values: FloatArray) -> Self:
+        """The material with other constants."""
+        ...
+
+    def row(self) -> FloatArray:
+        """The numbers that the Warp functions read, shape [n_row]."""
+        ...
+
+    def functions(self) -> tuple[Any, Any, Any]:
+        """Warp functions ``(energy, stress, tangent)`` of ``(F, row)``."""
+        ...
+
+    def isochoric_functions(self) -> tuple[Any, Any, Any]:
+        """The same without the volumetric energy, for a mixed formulation; a ValueError if it has none."""
+        ...
+
+    @property
+    def volumetric(self) -> Volumetric | None:
+        """The volumetric energy, if it is separate."""
+        ...
+
+    @property
+    def shear_modulus(self) -> float:
+        """At rest [Pa]."""
+        ...
+
+
+@dataclass(frozen=True)
+class Isotropic:
+    """A law of the isochoric invariants or stretches, and a volumetric energy."""
+
+    law: AnyLaw
+    """A member of `explicit.materials.LAWS`."""
+    volumetric: Volumetric
+    """The energy of the volume ratio."""
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """The law's constants, then the volumetric ones."""
+        return (*(spec.name for spec in self.law.PARAMETERS), *self.volumetric.names)
+
+    @property
+    def shear_modulus(self) -> float:
+        """At rest [Pa]."""
+        return self.law.shear_modulus
+
+    def parameters(self) -> FloatArray:
+        """See `Solid`."""
+        return np.concatenate([self.law.constants(), self.volumetric.values])
+
+    def with_parameters(self, values: FloatArray) -> Self:
+        """See `Solid`."""
+        n = len(self.law.PARAMETERS)
+        return replace(self, law=self.law.of(values[:n]), volumetric=self.volumetric.of(values[n:]))
+
+    def row(self) -> FloatArray:
+        """The law's row, then the volumetric constants."""
+        return np.concatenate([self.law.parameters(), self.volumetric.values])
+
+    def functions(self) -> tuple[Any, Any, Any]:
+        """See `Solid`."""
+        return with_volume(self.isochoric_functions(), self.volumetric.form, len(self.law.parameters()))
+
+    def isochoric_functions(self) -> tuple[Any, Any, Any]:
+        """See `Solid`."""
+        if isinstance(self.law, InvariantLaw):
+            return invariant_point_functions(type(self.law))
+        return stretch_point_functions(type(self.law))
+
+
+@dataclass(frozen=True)
+class CompressibleNeoHookean:
+    """mu/2 (I1 - 3 - 2 ln J) + lambda/2 (ln J)^2 (Schumacher and others 2020, Section III-C)."""
+
+    mu: float
+    """Shear modulus [Pa]."""
+    lam: float
+    """Lame's first constant [Pa]."""
+
+    def __post_init__(self) -> None:
+        if not (
+            np.isfinite([self.mu, self.lam]).all() and self.mu > 0.0 and 3.0 * self.lam + 2.0 * self.mu > 0.0
+        ):
+            raise ValueError(f"mu and 3 lam + 2 mu must be > 0 Pa, got mu = {self.mu}, lam = {self.lam}")
+
+    @classmethod
+    def from_young(cls, young: float, poisson: float) -> Self:
+        """From Young's modulus E [Pa] and Poisson's ratio in (-1, 0.5)."""
+        if not -1.0 < poisson < 0.5:
+            raise ValueError(f"poisson must be in (-1, 0.5), got {poisson}")
+        lam = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+        return cls(young / (2.0 * (1.0 + poisson)), lam)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """mu, lam."""
+        return "mu", "lam"
+
+    @property
+    def shear_modulus(self) -> float:
+        """At rest [Pa]."""
+        return self.mu
+
+    @property
+    def volumetric(self) -> Volumetric | None:
+        """None: shear and volume are coupled."""
+        return None
+
+    def parameters(self) -> FloatArray:
+        """See `Solid`."""
+        return np.array([self.mu, self.lam])
+
+    def with_parameters(self, values: FloatArray) -> Self:
+        """See `Solid`."""
+        return replace(self, mu=float(values[0]), lam=float(values[1]))
+
+    def row(self) -> FloatArray:
+        """mu, lam."""
+        return self.parameters()
+
+    def functions(self) -> tuple[Any, Any, Any]:
+        """See `Solid`."""
+        return compressible_neo_hookean()
+
+    def isochoric_functions(self) -> tuple[Any, Any, Any]:
+        """There are none."""
+        raise ValueError(
+            "the compressible neo-Hookean energy has no separate volumetric part: take volumetric = "
+            '"displacement", or Isotropic with the neo_hookean law'
+        )

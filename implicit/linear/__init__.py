@@ -1,0 +1,1 @@
+"""Linear systems with the tangent stiffness: `implicit.linear.factorise` chooses the solver."""

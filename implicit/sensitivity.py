@@ -1,0 +1,144 @@
+r"""Derivatives of equilibria by the constants, by the implicit function theorem.
+
+At an equilibrium f_int(u, p) = f_ext the unknowns follow the constants by
+
+    K du/dp = -df_int/dp                                                                       (S.1)
+
+(Schumacher and others 2020, Section IV-B), and the forces of the points by dF/dp = df_int/dp + K_F du/dp,
+held points included, where K_F is the tangent of F. A cost c(u, F) has the gradient
+dc/dp = (dc/dF - lam) . df_int/dp with
+
+    K^T lam = dc/du + K_F^T dc/dF                                                              (S.2)
+
+in the unknowns: one system a step for any number of constants.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from explicit.arrays import FloatArray
+from implicit.equations import Equations, State
+from implicit.solution import Solution
+
+
+@dataclass(frozen=True)
+class Sensitivities:
+    """Derivatives of a solution; steps that were not reached hold no numbers."""
+
+    names: tuple[str, ...]
+    """The constants, region by region, and then the histories asked for."""
+    displacements: FloatArray
+    """du/dp [m per unit], shape [n_steps, n_names, n, d]."""
+    forces: FloatArray
+    """Derivatives of `implicit.solution.Solution.forces` [N per unit], shape [n_steps, n_names, n, d]."""
+    solution: Solution
+    """Of what."""
+
+    def reaction(self, where: str) -> FloatArray:
+        """Derivatives of `Solution.reaction` [N per unit], shape [n_steps, n_names, d]."""
+        return np.asarray(self.forces[:, :, self.solution.model.mesh.nodes(where)].sum(axis=2))
+
+    def mean_displacement(self, where: str) -> FloatArray:
+        """Derivatives of `Solution.mean_displacement` [m per unit], shape [n_steps, n_names, d]."""
+        return np.asarray(self.displacements[:, :, self.solution.model.mesh.nodes(where)].mean(axis=2))
+
+
+def direct(solution: Solution, *, histories: tuple[str, ...] = ()) -> Sensitivities:
+    """Derivatives of all displacements and forces: one factorisation a step, a right-hand side a constant.
+
+    Parameters
+    ----------
+    solution : Solution
+        Equilibria.
+    histories : tuple of str
+        Histories by whose value at each step it is differentiated too (a force that is an unknown of a fit).
+    """
+    model = solution.model
+    equations = Equations(model, solution.parameters)
+    names = (*model.parameter_names, *histories)
+    shape = (len(solution.displacements), len(names), *model.mesh.points.shape)
+    du, df = np.full(shape, np.nan), np.full(shape, np.nan)
+    for step in range(solution.reached):
+        state = state_of(equations, solution, step)
+        elements = equations.stiffness(state, held=True)
+        own = equations.body.forces_by_parameters(state.body)
+        explicit = np.vstack([own, np.zeros((len(histories), own.shape[1]))])
+        right = equations.reduced(explicit)
+        moved = np.zeros_like(explicit)
+        for j, name in enumerate(histories, start=len(own)):
+            moved[j], right[j] = _by_history(equations, state, elements, name)
+        unknown = equations.factors(elements).solve(-right.T).T
+        moved += equations.expanded(unknown)
+        du[step] = moved.reshape(shape[1:])
+        for j, name in enumerate(histories, start=len(own)):
+            explicit[j] -= equations.carried_change(state, _unit_more(state, name))
+        forces = explicit + equations.times(equations.carried_stiffness(state), moved)
+        df[step] = forces.reshape(shape[1:])
+    return Sensitivities(names, du, df, solution)
+
+
+def adjoint(
+    solution: Solution,
+    by_displacements: FloatArray,
+    by_forces: FloatArray | None = None,
+) -> FloatArray:
+    """Gradient of a cost by the constants, by Eq. (S.2).
+
+    Parameters
+    ----------
+    solution : Solution
+        Equilibria.
+    by_displacements : array, shape [n_steps, n, d]
+        Derivative of the cost by the displacements [1/m].
+    by_forces : array, shape [n_steps, n, d], optional
+        Derivative of the cost by the forces of the points [1/N].
+
+    Returns
+    -------
+    array
+        dc/dp, region by region, shape [n_regions, n_parameters]; it sums over the steps that were reached.
+    """
+    model = solution.model
+    equations = Equations(model, solution.parameters)
+    gradient = np.zeros(solution.parameters.shape)
+    for step in range(solution.reached):
+        state = state_of(equations, solution, step)
+        weight = np.zeros(model.n_dofs) if by_forces is None else by_forces[step].reshape(-1)
+        by_carried = np.swapaxes(equations.carried_stiffness(state), 1, 2)
+        right = by_displacements[step].reshape(-1) + equations.times(by_carried, weight)
+        factors = equations.factors(equations.stiffness(state, held=True))
+        lam = factors.solve_transposed(equations.reduced(right))
+        test = weight - equations.expanded(lam)
+        elements = equations.body.element_forces_by_parameters(state.body)
+        each = np.einsum("mpa,ma->mp", elements, test[equations.body.pattern.dofs])
+        np.add.at(gradient, model.cell_regions, each)
+    return gradient
+
+
+def state_of(equations: Equations, solution: Solution, step: int) -> State:
+    """The state of a step, with its tangent."""
+    at = {name: float(values[step]) for name, values in solution.steps.items()}
+    multipliers = tuple(forces[step] for forces in solution.contact_forces)
+    return equations.evaluate(solution.displacements[step].reshape(-1), at, multipliers=multipliers)
+
+
+def _by_history(
+    equations: Equations, state: State, elements: FloatArray, name: str
+) -> tuple[FloatArray, FloatArray]:
+    """Prescribed displacements and the residual per unit of a history."""
+    model = equations.model
+    if name not in model.histories:
+        raise ValueError(f"histories must be out of {sorted(model.histories)}, got {name!r}")
+    moved = np.zeros(model.n_dofs)
+    for dofs, of, factor in model.unknowns.prescribed:
+        if of == name:
+            moved[dofs] = factor
+    if any(name == contact.plane.history for contact in equations.contacts):
+        raise ValueError(f"the travel {name!r} of a plane is no history to differentiate by")
+    residual = equations.reduced(equations.times(elements, moved))
+    return moved, residual - equations.external_change(state, _unit_more(state, name))
+
+
+def _unit_more(state: State, name: str) -> dict[str, float]:
+    return {**state.at, name: state.at[name] + 1.0}

@@ -1,0 +1,227 @@
+"""`kolsky identify SHOT SHOT...`: several shots of one material, and slow tests, together."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from kolsky.base.errors import InputError
+from kolsky.cli import texts
+
+if TYPE_CHECKING:
+    from kolsky.inverse.forward import Numerics
+    from kolsky.joint.records import JointResult, JointSettings
+    from kolsky.shot.records import Shot
+
+SlowTests = Annotated[
+    Path | None,
+    typer.Option("--slow-tests", metavar="TOML", help="Relaxation, ramps, oscillation of the same material."),
+]
+CurveNodes = Annotated[
+    int,
+    typer.Option(min=0, help="Free the curve too: at so many nodes of its strain, 4 to 24."),
+]
+Roughness = Annotated[
+    float,
+    typer.Option(
+        "--curve-roughness", help="Standard deviation of the second difference of the nodes' logarithms."
+    ),
+]
+GainEach = Annotated[
+    str,
+    typer.Option(metavar="PERCENT", help='Standard uncertainty of each shot\'s own gain, "0.5 %".'),
+]
+NoScatter = Annotated[
+    bool, typer.Option("--no-scatter", help="Shots differ by nothing but their noise: none is estimated.")
+]
+
+
+@dataclass(frozen=True)
+class JointOptions:
+    """What the command line says beside the options of one shot."""
+
+    slow_tests: Path | None
+    """List of slow tests."""
+    nodes: int
+    """Nodes of the curve."""
+    roughness: float
+    """Standard deviation of their second difference [-]."""
+    gain_each: str
+    """Standard uncertainty of each shot's own force scale, as written."""
+    no_scatter: bool
+    """Whether no scatter is estimated."""
+
+    @property
+    def asked(self) -> bool:
+        """True if something is asked for that one shot by itself has not."""
+        return self.slow_tests is not None or self.nodes > 0
+
+    def settings(
+        self,
+        *,
+        free: Mapping[str, tuple[float, float] | None] | None,
+        held: Mapping[str, float],
+        hold: tuple[str, ...],
+        numerics: "Numerics",
+        refined: tuple[int, int],
+        replicates: int,
+        seed: int,
+    ) -> "JointSettings":
+        """The settings of the library.
+
+        Raises
+        ------
+        InputError
+            If a value is not allowed.
+        """
+        from kolsky.joint.records import JointSettings
+
+        gain = texts.physical("--gain-each", self.gain_each, "1") if self.gain_each else 0.0
+        try:
+            return JointSettings(
+                free=free,
+                held=held,
+                hold=hold,
+                numerics=numerics,
+                refined_mesh=refined,
+                replicates=replicates,
+                curve_nodes=self.nodes,
+                curve_roughness=self.roughness,
+                scatter=not self.no_scatter,
+                gain_each=gain,
+                seed=seed,
+            )
+        except ValueError as error:
+            raise InputError(texts.COMMAND_LINE, str(error)) from None
+
+
+def identify_shots(
+    paths: Sequence[Path],
+    options: JointOptions,
+    settings: "JointSettings",
+    *,
+    relaxation: str,
+    pull: str,
+    out: Path | None,
+    formats: Sequence[str],
+    as_json: bool,
+) -> None:
+    """Load the shots, identify them together, write and print.
+
+    Raises
+    ------
+    InputError
+        If a shot, a slow test or the folder of results cannot be used, or the shots cannot be joined.
+    """
+    started = perf_counter()
+    from doe.ledger import LedgerError
+    from kolsky.base.files import usable_folder
+    from kolsky.cli.terminal import print_result, progress_bars, since
+    from kolsky.joint.identify_shots import identify_shots as together
+    from kolsky.joint.output import STEM, to_json
+    from kolsky.joint.slow_schema import read_slow_tests
+    from kolsky.report.study_folder import write_joint_results
+    from kolsky.shot.curve import with_pull
+
+    shots = [
+        with_pull(_relaxing(_loaded(path), relaxation), "conditioned" if pull == "conditioned" else "first")
+        for path in paths
+    ]
+    slow = () if options.slow_tests is None else read_slow_tests(options.slow_tests)
+    folder = usable_folder(out or Path(STEM))
+    folder.mkdir(parents=True, exist_ok=True)
+    with progress_bars() as progress:
+        try:
+            found = together(shots, settings, slow=slow, ledger=folder / f"{STEM}.sqlite", progress=progress)
+        except (ValueError, LedgerError) as error:
+            raise InputError(shots[0].folder, str(error)) from error
+    write_joint_results(folder, found, formats=formats)
+    print_result(
+        rows(found),
+        to_json(found) if as_json else None,
+        answers=answers(found),
+        rest={"report": folder / "joint.html", "wall time": since(started)},
+        warnings=found.warnings,
+    )
+
+
+def _loaded(path: Path) -> "Shot":
+    from kolsky.shot.load import load_shot
+
+    return load_shot(path)
+
+
+def _relaxing(shot: "Shot", text: str) -> "Shot":
+    from kolsky.inverse.relaxing import with_relaxation
+
+    return with_relaxation(shot, *texts.relaxation("--relaxation", text)) if text else shot
+
+
+def answers(found: "JointResult") -> list[str]:
+    """The answer's first lines: shared parameters with their 95 % intervals, the scatter, what relaxes."""
+    from kolsky.inverse.result import Verdict
+    from kolsky.report import numbers
+    from kolsky.report.nomenclature import name_of
+    from kolsky.report.printed import plain
+
+    said = []
+    for name, e in found.estimates.items():
+        known = name_of(name)
+        value, half = numbers.measured(known.factor * e.value, known.factor * found.expanded[name])
+        unit = "" if known.unit == "1" else f" {plain(known.unit)}"
+        line = f"{_symbol(name)} = {plain(value)} +- {plain(half)}{unit} (95 %, {len(found.shots)} shots)"
+        said.append(line if e.outcome is Verdict.IDENTIFIED else f"{line}: {e.outcome.value.upper()}")
+    if found.scatter is not None:
+        low, high = (100.0 * end for end in found.scatter.interval)
+        size = 100.0 * found.scatter.value
+        said.append(f"scatter between shots = {size:.2g} % (95 %: {low:.2g} to {high:.2g} %)")
+    if found.choice is not None:
+        said.append(found.choice.sentence)
+    return said
+
+
+def rows(found: "JointResult") -> dict[str, Any]:
+    """Names and values below the answer."""
+    from kolsky.inverse.relaxing import reference_words
+
+    said: dict[str, Any] = {"shots": len(found.shots)}
+    reference = reference_words((*found.estimates, *found.fixed))
+    if reference:
+        said["m refers to"] = reference
+    for p in found.shots:
+        said[p.name] = (
+            f"m = {p.factor:.4f}, chi2/n force {p.chi2_force:.3g}, outline {p.chi2_outline:.3g}, late by "
+            f"{1e6 * p.clock:.2g} us, gain {100.0 * p.gain:+.2g} %"
+        )
+    said |= {f"{name}, chi2/n": value for name, value in found.slow.items()}
+    if found.curve is not None:
+        c = found.curve
+        for strain, factor, sigma in zip(c.strain, c.factor, c.sigma_log, strict=True):
+            said[f"factor at strain {strain:.3f}"] = f"{factor:.4f} +- {2.0 * factor * sigma:.2g} (k = 2)"
+    return {**said, "simulations": found.runs}
+
+
+def refuse(given: Mapping[str, bool]) -> None:
+    """Refuse options that mean something for one shot alone.
+
+    Raises
+    ------
+    InputError
+        If one is given.
+    """
+    for name, there in given.items():
+        if there:
+            raise InputError(
+                texts.COMMAND_LINE,
+                f"--{name} is for one shot by itself",
+                cure="leave it out, or identify the shots one by one",
+            )
+
+
+def _symbol(name: str) -> str:
+    from kolsky.inverse.parameters import PARAMETERS
+
+    return PARAMETERS[name].symbol if name in PARAMETERS else name

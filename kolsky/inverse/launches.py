@@ -1,0 +1,50 @@
+"""Runs of several models of a shot at once: other specimens and meshes share the cores, or the GPU."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from numpy.typing import ArrayLike
+
+import explicit
+from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.transducer_place import at_transducer
+
+
+@dataclass(frozen=True)
+class Launch:
+    """Runs of one model, to be made at the same time as those of others, see `run_side_by_side`."""
+
+    forward: Forward
+    """The shot."""
+    points: Mapping[str, ArrayLike]
+    """As of `Forward.run`."""
+    numerics: Numerics
+    """As of `Forward.run`."""
+    motion: ArrayLike = 0
+    """As of `Forward.run`."""
+    material: ArrayLike = 0
+    """As of `Forward.run`."""
+
+
+def run_side_by_side(launches: Sequence[Launch]) -> list[explicit.Response]:
+    """Run several models at once, each with the same bits as `Forward.run` alone.
+
+    What is corrected for Poisson's ratio runs one after the other: it is three meshes already.
+
+    Raises
+    ------
+    ValueError
+        As `Forward.run`.
+    """
+    if len(launches) < 2 or any(one.numerics.compressible is not None for one in launches):
+        return [
+            one.forward.run(one.points, one.numerics, motion=one.motion, material=one.material)
+            for one in launches
+        ]
+    problems = [
+        one.forward.problem(one.points, one.numerics, motion=one.motion, material=one.material)
+        for one in launches
+    ]
+    numerics = launches[0].numerics
+    made = explicit.run_side_by_side(problems, device=numerics.device, threads=numerics.threads)
+    return [at_transducer(one.forward.shot, done) for one, done in zip(launches, made, strict=True)]

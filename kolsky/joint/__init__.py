@@ -1,0 +1,1 @@
+"""Several shots of one material, and slow tests beside them, identified together."""

@@ -1,0 +1,263 @@
+"""The story of a joint identification, top to bottom.
+
+1. What is shared and free: what every shot frees by itself.
+2. Scans of the stiffness, of what relaxes and of Poisson's valleys on the mesh of the search, then least
+   squares over all shots and slow tests together (`kolsky.joint.problem`).
+3. The weights learn the front faces' noise, clocks and scales at that point; least squares again.
+4. The optimum is moved to the refined mesh by chord steps with the slopes of the search's mesh. There the
+   scatter between the shots is estimated (`kolsky.joint.scatter`); the weights know it from then on.
+5. Its uncertainty: weights, residuals correlated in time, the curve's noise, the mesh
+   (`kolsky.joint.answer`); the curve, if it is free; what relaxes against the same shots without it
+   (`kolsky.joint.model_choice`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.free_parameters import Freed, choose
+from kolsky.inverse.parameters import MOVED, PARAMETERS, checked_value
+from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
+from kolsky.inverse.staged_runs import Progress
+from kolsky.joint.answer import answered
+from kolsky.joint.model_choice import chosen
+from kolsky.joint.optimum import Optimum
+from kolsky.joint.problem import JointProblem
+from kolsky.joint.records import JointResult, JointSettings, Scatter, Slow
+from kolsky.joint.runs import JointRuns
+from kolsky.joint.scatter import estimated
+from kolsky.joint.start import starts
+from kolsky.joint.unknowns import Unknowns
+from kolsky.joint.weights import SCATTER
+from kolsky.shot.records import Shot
+
+FIRST, AGAIN = 10, 6
+"""Trial points of the first search, and of those with better weights."""
+CHORDS = 8
+"""Most runs on the refined mesh."""
+CONFIRMED = 0.25
+"""Length of the last step there, in standard deviations, at which it is confirmed."""
+WORSE = 1.0
+"""Rise of the deviance beyond which a step was too long."""
+
+
+def identify_shots(
+    shots: Sequence[Shot],
+    settings: JointSettings | None = None,
+    *,
+    slow: Slow = (),
+    ledger: Path | None = None,
+    progress: Progress | None = None,
+) -> JointResult:
+    """Identify what several shots of one material share.
+
+    Parameters
+    ----------
+    shots
+        The shots, two or more; they may differ in specimen, speed, interface and instruments.
+    settings
+        What is free, what is held, numerical choices.
+    slow
+        Slow tests of the same material.
+    ledger
+        File that keeps every run; one that is there goes on where it ended.
+    progress
+        Called as ``progress(stage, runs done, runs in the stage)``.
+
+    Raises
+    ------
+    ValueError
+        If the shots cannot be joined, nothing is free, or too few runs complete.
+    """
+    settings = settings or JointSettings()
+    _joinable(shots, settings, slow)
+    prepared = [prepare_shot(shot) for shot in shots]
+    freed = [choose(settings.of_one(), shot) for shot in shots]
+    said: list[str] = []
+    problem = _problem(prepared, freed, settings, slow, ledger, progress, said)
+    found = search(problem)
+    choice = None
+    relaxing = [name for name in problem.unknowns.bounds if PARAMETERS[name].relaxes]
+    if relaxing and settings.choose:
+        bare = [replace(shot, relaxation=None) for shot in shots]
+        without = [
+            replace(p, forward=replace(p.forward, shot=s)) for p, s in zip(prepared, bare, strict=True)
+        ]
+        kept = {n: b for n, b in problem.unknowns.bounds.items() if n not in relaxing}
+        elastic = _joined(without, kept, freed[0], replace(settings, scatter=False), slow, ledger, progress)
+        choice = chosen(problem, found, elastic, search(elastic))
+    return answered(problem, found, choice, tuple(said))
+
+
+def search(problem: JointProblem) -> Optimum:
+    """The optimum on the refined mesh.
+
+    Raises
+    ------
+    ValueError
+        If no search can start, or a run beside the optimum does not complete.
+    """
+    numerics, settings = problem.mesh, problem.settings
+    x, _ = problem.search(starts(problem, numerics), numerics, FIRST)
+    problem.learn_noise(x, numerics)
+    x, sigma = problem.search(x[None], numerics, AGAIN)
+    _, slopes = problem.slopes(x, sigma, numerics)
+    found = _refined(problem, x, slopes)
+    if not settings.scatter or len(problem.stack.shots) < 2:
+        return found
+    scatter = _scatter(problem, found)
+    if scatter.value > 0.0:
+        found = _refined(problem, found.x, slopes)
+    return replace(found, start=x, scatter=scatter)
+
+
+def _scatter(problem: JointProblem, found: Optimum) -> Scatter:
+    """The scatter between the shots on the refined mesh; from here on the weights know it."""
+    stack, residual = problem.stack, found.vector - problem.stack.data
+    change = problem.unknowns.relative_stiffness(found.slopes, found.x)
+    patterns = np.array([stack.of_shot(k, change) for k in range(len(stack.shots))])
+    # Each shot's discrepancy is what is left once its own stiffness has followed.
+    whitening = stack.weighting(residual)
+    u, r = whitening.apply(patterns), whitening.apply(residual)
+    share = np.linalg.lstsq(u.T, r, rcond=None)[0]
+    objectives = stack.weighed(residual - share @ patterns)
+    between = estimated(residual, found.slopes, patterns, lambda more: stack.whitening(objectives, more))
+    if between.value > 0.0:
+        shots = []
+        for one, row in zip(stack.shots, stack.parts(between.value * change), strict=True):
+            whole = np.zeros(len(one.kept))
+            whole[one.kept] = row
+            shots.append(replace(one, own={**one.own, SCATTER: whole}))
+        problem.stack = replace(stack, shots=tuple(shots))
+    return between
+
+
+def _refined(problem: JointProblem, x: FloatArray, slopes: FloatArray) -> Optimum:
+    """Steps on the refined mesh with the slopes of the search's mesh and what the runs add to them."""
+    fine = problem.refined
+    lower, upper = np.array(problem.unknowns.box.lower), np.array(problem.unknowns.box.upper)
+    start, best, here = x, None, slopes
+    for _ in range(CHORDS):
+        vector = problem.predict("check", x[None], fine)[0]
+        if np.isnan(vector).any():
+            raise ValueError(
+                f"a run at the optimum on the refined mesh of {fine.mesh[0]} x {fine.mesh[1]} elements did "
+                "not complete: take another --refined-mesh"
+            )
+        cost = problem.deviance(vector)
+        if best is not None and cost > best.cost + WORSE:
+            x = 0.5 * (best.x + x)  # the step was too long for a linear model
+            continue
+        if best is not None:
+            here = _secant(here, best, x, vector)
+        residual = vector - problem.stack.data
+        whitening = problem.whitening(residual)
+        rows = whitening.apply(here.T)
+        normal = rows @ rows.T
+        step = -np.linalg.solve(normal, rows @ whitening.apply(residual))
+        # A bound that is reached is no reason to go on.
+        step = np.clip(x + step, lower, upper) - x
+        sigma = np.sqrt(np.diag(np.linalg.inv(normal)))
+        # Where a step has hardly gained anything the next one is half as long: they go to and fro.
+        gained = np.inf if best is None else best.cost - cost
+        best = _Chord(x, vector, cost, sigma, bool((np.abs(step) <= CONFIRMED * sigma).all()))
+        if best.confirmed:
+            break
+        x = x + (step if gained > WORSE else 0.5 * step)
+    assert best is not None  # the first run is the best so far
+    return Optimum(best.x, start, best.vector, slopes, None, best.confirmed)
+
+
+@dataclass(frozen=True)
+class _Chord:
+    """The best run on the refined mesh so far."""
+
+    x: FloatArray
+    vector: FloatArray
+    cost: float
+    sigma: FloatArray
+    confirmed: bool
+
+
+def _secant(slopes: FloatArray, before: _Chord, x: FloatArray, vector: FloatArray) -> FloatArray:
+    """The slopes that also explain the change since the run before: Broyden's, the unknowns in sigmas."""
+    step = (x - before.x) / before.sigma
+    if not step.any():
+        return slopes
+    missed = vector - before.vector - slopes @ (x - before.x)
+    return slopes + np.outer(missed, step / before.sigma) / float(step @ step)
+
+
+def _problem(
+    prepared: Sequence[PreparedShot],
+    freed: Sequence[Freed],
+    settings: JointSettings,
+    slow: Slow,
+    ledger: Path | None,
+    progress: Progress | None,
+    said: list[str],
+) -> JointProblem:
+    """The problem of all shots; what some shot holds is held, and said."""
+    bounds = dict(freed[0].free)
+    for one in freed:
+        for name in [n for n in bounds if n not in one.free]:
+            del bounds[name]
+            said.append(f"{name} is held at each shot's value: {one.reasons.get(name, 'one shot holds it')}")
+    if settings.curve_nodes:
+        bounds.pop(MOVED, None)
+    for name, value in settings.held.items():
+        checked_value(name, value)
+    if not bounds and not settings.curve_nodes:
+        raise ValueError("nothing is free in all of the shots")
+    return _joined(prepared, bounds, freed[0], settings, slow, ledger, progress)
+
+
+def _joined(
+    prepared: Sequence[PreparedShot],
+    bounds: Mapping[str, tuple[float, float] | None],
+    freed: Freed,
+    settings: JointSettings,
+    slow: Slow,
+    ledger: Path | None,
+    progress: Progress | None,
+) -> JointProblem:
+    unknowns = Unknowns(bounds, settings.curve_nodes)
+    runs = JointRuns(
+        prepared,
+        unknowns,
+        held=settings.held,
+        ledger=ledger,
+        replicates=settings.replicates,
+        seed=settings.seed,
+        **({} if progress is None else {"progress": progress}),
+    )
+    kept = replace(freed, settings=replace(freed.settings, free=dict(bounds)))
+    prior = kept.prior(prepared[0].forward.shot) if bounds else None
+    return JointProblem(runs, settings, slow, prior)
+
+
+def _joinable(shots: Sequence[Shot], settings: JointSettings, slow: Slow) -> None:
+    """Refuse shots that do not share what they are to share."""
+    if len(shots) < 2 and not slow and not settings.curve_nodes:
+        raise ValueError("one shot by itself is identified alone: give more shots, slow tests or curve nodes")
+    names = [shot.name for shot in shots]
+    double = sorted({name for name in names if names.count(name) > 1})
+    if double:
+        raise ValueError(f"two shots are called {double[0]}: a shot counts once; give each its own name")
+    kinds = {None if s.relaxation is None else (s.relaxation.kind, s.relaxation.branches) for s in shots}
+    if len(kinds) > 1:
+        raise ValueError(
+            "the shots' [relaxation] differ in kind or number of branches: they share one; declare the same, "
+            "or give --relaxation"
+        )
+    if settings.curve_nodes:
+        if slow:
+            raise ValueError("slow tests tell the slow curve: with free nodes of the curve leave them out")
+        ends = {float(np.sign(shot.curve.stretch[-1] - 1.0)) for shot in shots}
+        if len(ends) > 1:
+            raise ValueError("the shots' curves are of different branches: one curve cannot be free in all")

@@ -1,0 +1,113 @@
+"""A joint identification to its files: joint.json, and tables of parameters, shots and the curve."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from kolsky.base.files import write_table
+from kolsky.base.json_types import jsonable
+from kolsky.inverse.relaxing import reference_words
+from kolsky.joint.records import JointResult
+
+STEM = "joint"
+
+
+def to_json(found: JointResult) -> dict[str, Any]:
+    """The result as one object of JSON types; numbers that are not finite become null."""
+    names = list(found.estimates)
+    said = {
+        "estimates": {
+            name: {
+                "value": e.value,
+                "interval_95": (e.value - found.expanded[name], e.value + found.expanded[name]),
+                "sigma": e.sigma,
+                "sigma_noise": e.sigma_noise,
+                "sigma_numerical": e.sigma_numerical,
+                "on_mesh": e.on_mesh,
+                "mesh_correction": e.mesh_correction,
+                "noise_parts": e.noise_parts,
+                "numerical_parts": e.numerical_parts,
+                "unit": e.unit,
+                "outcome": e.outcome.value,
+            }
+            for name, e in found.estimates.items()
+        },
+        "reference_curve": reference_words((*names, *found.fixed)) or "the quasi-static curve",
+        "fixed": found.fixed,
+        "correlation": {"names": names, "matrix": found.correlation},
+        "shots": [vars(part) for part in found.shots],
+        "scatter_between_shots": None if found.scatter is None else vars(found.scatter),
+        "slow_tests": found.slow,
+        "model_choice": None if found.choice is None else vars(found.choice),
+        "curve": None
+        if found.curve is None
+        else {
+            "strain": found.curve.strain,
+            "factor": found.curve.factor,
+            "sigma_log_factor": found.curve.sigma_log,
+            "share_of_smoothness": found.curve.prior_share,
+        },
+        "mesh": {"search": found.mesh, "refined": found.refined_mesh},
+        "runs": found.runs,
+        "warnings": found.warnings,
+    }
+    return {key: jsonable(value, key) for key, value in said.items()}
+
+
+def write_joint(folder: Path, found: JointResult) -> None:
+    """Write joint.json, joint_parameters.csv, joint_shots.csv and, of a free curve, joint_curve.csv.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be written.
+    """
+    text = json.dumps(to_json(found), indent=1, allow_nan=False)
+    (folder / f"{STEM}.json").write_text(text, encoding="utf-8")
+    write_table(folder / f"{STEM}_parameters.csv", parameters(found))
+    write_table(folder / f"{STEM}_shots.csv", shots(found))
+    if found.curve is not None:
+        write_table(folder / f"{STEM}_curve.csv", curve(found))
+
+
+def parameters(found: JointResult) -> dict[str, list[Any]]:
+    """Columns of the shared parameters, SI."""
+    rows = found.estimates.values()
+    return {
+        "parameter": [e.name for e in rows],
+        "unit": [e.unit for e in rows],
+        "value (SI)": [e.value for e in rows],
+        "standard uncertainty (SI)": [e.sigma for e in rows],
+        "half width at 95 % (SI)": [found.expanded[e.name] for e in rows],
+        "verdict": [e.outcome.value for e in rows],
+    }
+
+
+def shots(found: JointResult) -> dict[str, list[Any]]:
+    """Columns of the shots."""
+    parts = found.shots
+    return {
+        "shot": [p.name for p in parts],
+        "m (1)": [p.factor for p in parts],
+        "sigma of its own part (1)": [p.sigma_factor for p in parts],
+        "gain (1)": [p.gain for p in parts],
+        "sigma gain (1)": [p.sigma_gain for p in parts],
+        "late by (s)": [p.clock for p in parts],
+        "sigma late by (s)": [p.sigma_clock for p in parts],
+        "chi2 per force bin (1)": [p.chi2_force for p in parts],
+        "chi2 per outline point (1)": [p.chi2_outline for p in parts],
+        "discrepancy of the force (N)": [p.discrepancy_force for p in parts],
+        "discrepancy of the outline (m)": [p.discrepancy_outline for p in parts],
+    }
+
+
+def curve(found: JointResult) -> dict[str, list[float]]:
+    """Columns of the curve that the impacts ask for."""
+    assert found.curve is not None  # the caller saw to it
+    c = found.curve
+    return {
+        "nominal strain (1)": (c.stretch - 1.0).tolist(),
+        "nominal stress (Pa)": c.stress.tolist(),
+        "lower end, k = 2 (Pa)": c.band[0].tolist(),
+        "upper end, k = 2 (Pa)": c.band[1].tolist(),
+    }

@@ -1,0 +1,252 @@
+"""The joint least-squares problem: what is unknown, what is predicted, and how it is weighed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.least_squares import least_squares
+from doe.whitening import Whitening
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.front_noise import front_modes, noise_of
+from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.prior import Prior
+from kolsky.joint.records import JointSettings, Slow
+from kolsky.joint.runs import JointRuns
+from kolsky.joint.slow_prediction import measured, predicted
+from kolsky.joint.unknowns import Unknowns, smoothness
+from kolsky.joint.weights import CLOCK, GAIN, ShotData, Stack
+
+STEP = 1e-3
+"""Half the distance of the differences in the unit box of the search."""
+AT_REST = 0.3
+"""Length of the next step, in standard deviations, at which a search is at rest."""
+NEIGHBOUR = 0.3
+"""Half the distance of the last differences, in standard deviations."""
+WIDEST = 0.05
+"""The same over the edge of the box, at most."""
+
+
+class JointProblem:
+    """Shots and slow tests as functions of the shared unknowns.
+
+    Parameters
+    ----------
+    runs
+        The shots' simulations.
+    settings
+        Noise, nodes, meshes.
+    slow
+        Slow tests.
+    prior
+        Of the parameters among the unknowns; None if nothing is known.
+    """
+
+    def __init__(self, runs: JointRuns, settings: JointSettings, slow: Slow, prior: Prior | None) -> None:
+        self.runs, self.settings, self.slow, self.prior = runs, settings, slow, prior
+        self.unknowns: Unknowns = runs.unknowns
+        self.first = runs.prepared[0].forward
+        values, sigma = measured(slow)
+        shots = []
+        for prepared in runs.prepared:
+            seen = prepared.observations
+            size = len(seen.bins.mean) + len(seen.centre_line.Z)
+            shots.append(ShotData(seen, np.ones(len(seen.centre_line.Z), bool), np.zeros((0, size))))
+        known = 0 if prior is None else len(prior.rows())
+        known += max(self.unknowns.nodes - 2, 0)
+        self.stack = Stack(tuple(shots), values, sigma, known)
+
+    @property
+    def mesh(self) -> Numerics:
+        """Numerics of the search."""
+        return self.settings.numerics
+
+    @property
+    def refined(self) -> Numerics:
+        """Numerics of the answer."""
+        return self.mesh.with_mesh(self.settings.refined_mesh)
+
+    def predict(self, stage: str, points: FloatArray, numerics: Numerics) -> FloatArray:
+        """All predictions in one vector, shape [n, k]; NaN in the row of a point with a run that is lost."""
+        vectors = self.runs.vectors(stage, points, numerics)
+        slow = np.array([self.slow_values(x) for x in points]).reshape(len(points), -1)
+        known = np.array([self.known(x) for x in points]).reshape(len(points), -1)
+        return self.stack.joined(vectors, slow, known)
+
+    def slow_values(
+        self, x: FloatArray, *, curve: int = 0, held: Mapping[str, float] | None = None
+    ) -> FloatArray:
+        """What the slow tests would have measured, shape [s]; `curve` is a draw of it, 0 the fitted one."""
+        values = {
+            **self.values(x),
+            **{k: v for k, v in (held or {}).items() if k not in self.unknowns.bounds},
+        }
+        law = self.runs.forwards[0].laws[curve]
+        return predicted(self.slow, law, self.first.shot.relaxation, values)
+
+    def values(self, x: FloatArray) -> Mapping[str, float]:
+        """Parameters by name at a point: free and held ones."""
+        free = dict(zip(self.unknowns.bounds, x.tolist(), strict=False))
+        return {**self.runs.held, **free}
+
+    def known(self, x: FloatArray) -> FloatArray:
+        """Residuals of what is known beforehand: declared values, smoothness of the nodes."""
+        n = self.unknowns.n_parameters
+        rows = [] if self.prior is None else [self.prior.residuals(x[:n])]
+        if self.unknowns.nodes:
+            rows.append(smoothness(self.unknowns.nodes, self.settings.curve_roughness) @ x[n:])
+        return np.concatenate(rows) if rows else np.zeros(0)
+
+    def deviance(self, vector: FloatArray) -> float:
+        """-2 ln L up to a constant; infinite for a run that is lost."""
+        if np.isnan(vector).any():
+            return float("inf")
+        residual = vector - self.stack.data
+        weights = self.stack.weighting(residual)
+        return float((weights.apply(residual) ** 2).sum()) + weights.log_determinant
+
+    def count(self, x: FloatArray, numerics: Numerics) -> None:
+        """Count, of every outline, the points that the run at a point reaches.
+
+        Raises
+        ------
+        ValueError
+            If a shot's run does not complete.
+        """
+        vectors = self.runs.vectors("design", x[None], numerics)
+        shots = []
+        for one, prepared, seen in zip(self.stack.shots, self.runs.prepared, vectors, strict=True):
+            if np.isnan(seen).all():
+                name = prepared.forward.shot.name
+                raise ValueError(f"{name}: the run at the start did not complete: `kolsky simulate` says why")
+            inside = ~np.isnan(seen[0, len(one.observations.bins.mean) :])
+            shots.append(replace(one, counted=inside))
+        self.stack = replace(self.stack, shots=tuple(shots))
+
+    def vector_for(self, stack: Stack, x: FloatArray, numerics: Numerics) -> FloatArray:
+        """All predictions at a point with the points that another stack counts and no prior, shape [k]."""
+        vectors = self.runs.vectors("search", x[None], numerics)
+        return stack.joined(vectors, self.slow_values(x)[None], np.zeros((1, stack.known)))[0]
+
+    def search(self, starts: FloatArray, numerics: Numerics, steps: int) -> tuple[FloatArray, FloatArray]:
+        """The best end of least squares from some points, and its standard deviations, shape [d] each."""
+        found = least_squares(
+            lambda points: self.predict("search", self.unknowns.from_search(points), numerics),
+            self.unknowns.inner,
+            self.unknowns.to_search(np.clip(starts, self.unknowns.box.lower, self.unknowns.box.upper)),
+            data=self.stack.data,
+            weighting=self.stack.weighting,
+            step=STEP,
+            max_steps=steps,
+            at_rest=AT_REST,
+        )[0]
+        width = np.array(self.unknowns.box.upper) - np.array(self.unknowns.box.lower)
+        change = self.unknowns.from_search(found.x + 1e-6 * found.sigma) - self.unknowns.from_search(found.x)
+        sigma = np.where(np.isfinite(found.sigma), np.abs(change) / 1e-6, width)
+        return self.unknowns.from_search(found.x), sigma
+
+    def slopes(self, x: FloatArray, sigma: FloatArray, numerics: Numerics) -> tuple[FloatArray, FloatArray]:
+        """The vector at a point, [k], and its derivatives by the unknowns, [k, d].
+
+        Raises
+        ------
+        ValueError
+            If a run beside the point does not complete.
+        """
+        lower, upper = np.array(self.unknowns.box.lower), np.array(self.unknowns.box.upper)
+        h = np.diag(np.clip(NEIGHBOUR * sigma, 1e-4 * (upper - lower), WIDEST * (upper - lower)))
+        up, down = np.minimum(x + h, upper), np.maximum(x - h, lower)
+        vectors = self.predict("slopes", np.concatenate([x[None], up, down]), numerics)
+        if np.isnan(vectors).any():
+            raise ValueError("a run beside the optimum did not complete: give narrower bounds with --free")
+        d = len(x)
+        rows = (vectors[1 : d + 1] - vectors[d + 1 :]) / (up - down).sum(axis=1)[:, None]
+        return vectors[0], rows.T
+
+    def learn_noise(self, x: FloatArray, numerics: Numerics) -> None:
+        """Let the weights know the front faces' noise, the clocks and the scales of the forces."""
+        n = self.settings.replicates
+        motion = np.arange(n + 1) if n else np.zeros(1, int)
+        points = np.tile(x, (len(motion), 1))
+        vectors = self.runs.vectors("noise", points, numerics, motion=motion.tolist())
+        shots = []
+        for one, prepared, seen in zip(self.stack.shots, self.runs.prepared, vectors, strict=True):
+            change = np.nan_to_num(seen[1:] - seen[0])
+            front = front_modes(change, noise_of(one.observations)) if n else one.front
+            shots.append(
+                replace(one, front=front, own=self._own(prepared.forward.shot.uncertainty, one, seen[0]))
+            )
+        self.stack = replace(self.stack, shots=tuple(shots))
+        self.stack = replace(self.stack, common=self._calibrations(), curve=self._curves(x, numerics))
+
+    def _curves(self, x: FloatArray, numerics: Numerics) -> FloatArray | None:
+        """Patterns of the slow curves' noise, one set a curve, [n, K + s]; None where none is drawn.
+
+        Shots of one curve and the slow tests, which are held against the first shot's, move together.
+        """
+        n = self.settings.replicates
+        if not n or self.unknowns.nodes:
+            return None
+        numbers = list(range(n + 1))
+        points = np.tile(x, (n + 1, 1))
+        vectors = self.runs.vectors("noise", points, numerics, material=numbers)
+        slow = np.array([self.slow_values(x, curve=k) for k in numbers]).reshape(n + 1, -1)
+        whole = self.stack.joined(vectors, slow, np.zeros((n + 1, 0)))
+        change = np.nan_to_num(whole[1:] - whole[0])
+        noise = np.concatenate([*(one.objective.noise for one in self.stack.shots), self.stack.slow_sigma])
+        groups: dict[bytes, NDArray[np.bool_]] = {}
+        start = 0
+        for k, (prepared, end) in enumerate(zip(self.runs.prepared, self.stack.ends, strict=True)):
+            curve = prepared.forward.shot.curve
+            key = np.concatenate([curve.stretch, curve.stress]).tobytes()
+            entries = groups.setdefault(key, np.zeros(change.shape[1], bool))
+            entries[start:end] = True
+            if k == 0:
+                entries[self.stack.ends[-1] :] = True
+            start = end
+        return np.concatenate([front_modes(change * entries, noise) for entries in groups.values()])
+
+    def _own(self, declared: Mapping[str, float], one: ShotData, vector: FloatArray) -> dict[str, FloatArray]:
+        """Patterns of a shot's own clock and gain over bins and all points."""
+        n, edges, found = len(one.observations.bins.mean), one.observations.bins.edges, {}
+        force = np.zeros_like(vector)
+        clock = declared.get("clock_offset", 0.0)
+        if clock > 0.0:
+            rate = np.gradient(vector[:n], 0.5 * (edges[1:] + edges[:-1]))
+            found[CLOCK] = force.copy()
+            found[CLOCK][:n] = -clock * rate
+        if self.settings.gain_each > 0.0:
+            found[GAIN] = force.copy()
+            found[GAIN][:n] = self.settings.gain_each * vector[:n]
+        return found
+
+    def _calibrations(self) -> FloatArray:
+        """A pattern a transducer: shots with one sensitivity share the error of its calibration, [n, K]."""
+        groups: dict[tuple[float, float], FloatArray] = {}
+        start = 0
+        for prepared, one, end in zip(self.runs.prepared, self.stack.shots, self.stack.ends, strict=True):
+            shot = prepared.forward.shot
+            sigma = max(shot.uncertainty.get("sensitivity", 0.0), one.observations.force_sigma_gain)
+            transducer = getattr(shot.force, "transducer", None)
+            if sigma > 0.0:
+                key = (float(getattr(transducer, "sensitivity", start)), sigma)
+                row = groups.setdefault(key, np.zeros(self.stack.ends[-1]))
+                n = one.objective.n_force
+                row[start : start + n] = sigma * one.objective.data[:n]
+            start = end
+        return np.array(list(groups.values())).reshape(len(groups), self.stack.ends[-1])
+
+    def whitening(self, residual: FloatArray, more: FloatArray | None = None) -> Whitening:
+        """The weights with the discrepancies that explain a residual."""
+        return self.stack.whitening(self.stack.weighed(residual), more)
+
+
+def started(unknowns: Unknowns, problem: JointProblem) -> FloatArray:
+    """The first shot's own values where it declares them, the curve as it is, shape [d]."""
+    shot = problem.first.shot
+    values = [PARAMETERS[name].held(shot) for name in unknowns.bounds] + [0.0] * unknowns.nodes
+    return np.clip(np.array(values), unknowns.box.lower, unknowns.box.upper)

@@ -1,0 +1,164 @@
+"""A file of slow tests: relaxation, ramps and oscillation of the same material, a table a test."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from kolsky.base.arrays import FloatArray
+from kolsky.base.errors import InputError
+from kolsky.joint.records import Slow
+from kolsky.material.relaxation.evidence import DynamicTest, Evidence, HistoryTest
+from kolsky.readers.table import Column, Table, read_table
+from kolsky.shot.schema import fields as f
+from kolsky.shot.schema.reading import TomlFile, parse_toml
+from kolsky.shot.schema.section import (
+    ColumnSection,
+    RatioColumn,
+    Section,
+    StressColumn,
+    TextLayoutSection,
+    TimeColumn,
+)
+
+NEEDED = {
+    "relaxation": ("time", "stress", "strain"),
+    "history": ("time", "stress", "strain_column"),
+    "oscillation": ("frequency", "storage", "loss"),
+}
+"""Keys that a kind of test needs."""
+_OWN = ("time", "stress", "strain", "strain_column", "frequency", "storage", "loss", "rise")
+_OPTIONAL = {"relaxation": ("rise",), "history": (), "oscillation": ()}
+
+
+def _frequency(text: object) -> float:
+    factors = {"Hz": 2.0 * np.pi, "rad/s": 1.0}
+    if not isinstance(text, str) or text not in factors:
+        raise f.problem("is not a unit of a frequency", allowed='"Hz", "rad/s"')
+    return float(factors[text])
+
+
+class FrequencyColumn(ColumnSection):
+    """A column of frequencies; once read, the factor that leads to rad/s."""
+
+    unit: Annotated[float, BeforeValidator(_frequency)]
+
+
+class SlowTest(Section):
+    """[test.NAME]: one slow test of the material, its file beside the list."""
+
+    kind: Literal["relaxation", "history", "oscillation"]
+    file: f.FileName
+    layout: TextLayoutSection | None = None
+    time: TimeColumn | None = None
+    stress: StressColumn | None = None
+    strain: f.Ratio | None = None
+    """Nominal strain that is held, a size; its sign is that of `branch`."""
+    strain_column: RatioColumn | None = None
+    rise: f.Time = 0.0
+    branch: Literal["compression", "tension"] = "compression"
+    convention: Literal["tension positive", "compression positive"] = "tension positive"
+    frequency: FrequencyColumn | None = None
+    storage: StressColumn | None = None
+    loss: StressColumn | None = None
+    relative_sigma: f.Share = 0.0
+    sigma_floor: f.Stress = 0.0
+
+    @model_validator(mode="after")
+    def _complete(self) -> "SlowTest":
+        needed = NEEDED[self.kind]
+        for name in needed:
+            if getattr(self, name) is None:
+                raise f.problem(f'is missing; kind = "{self.kind}" needs it', key=name, cure="add it")
+        for name in _OWN:
+            if name in self.model_fields_set and name not in (*needed, *_OPTIONAL[self.kind]):
+                raise f.problem(
+                    f'is given, but kind = "{self.kind}" does not read it, so it would have no effect',
+                    key=name,
+                    cure="remove it",
+                )
+        if self.relative_sigma == 0.0 and self.sigma_floor == 0.0:
+            raise f.problem(
+                "is zero and so is sigma_floor, as if the test had no uncertainty",
+                key="relative_sigma",
+                cure='write the noise of the test, e.g. "1 %", or sigma_floor = "50 Pa"',
+            )
+        if self.strain is not None and not (
+            0.0 < self.strain < (1.0 if self.branch == "compression" else 20.0)
+        ):
+            raise f.problem("is not allowed", key="strain", allowed="above 0, in compression below 100 %")
+        return self
+
+
+class SlowFile(Section):
+    """A list of slow tests."""
+
+    format: Literal[1]
+    test: dict[str, SlowTest] = Field(min_length=1)
+
+
+def read_slow_tests(path: Path) -> Slow:
+    """Read a list of slow tests and their files.
+
+    Raises
+    ------
+    InputError
+        If the list or a file cannot be used; the message names file, line, key and cure.
+    """
+    toml = parse_toml(path)
+    declared = toml.validated(SlowFile)
+    return tuple(_read(toml, name, test) for name, test in declared.test.items())
+
+
+def _read(toml: TomlFile, name: str, test: SlowTest) -> Evidence:
+    layout = None if test.layout is None else test.layout.as_layout()
+    table = read_table(toml.path.parent / test.file, layout=layout)
+    try:
+        if test.kind == "oscillation":
+            return _oscillation(name, test, table)
+        return _history(name, test, table)
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError(table.path, f"cannot be used as the slow test {name}: {error}") from error
+
+
+def _column(section: ColumnSection | None) -> Column:
+    assert section is not None  # the schema saw to it
+    return section.as_column()
+
+
+def _sigma(test: SlowTest, size: FloatArray) -> FloatArray:
+    return np.hypot(test.relative_sigma * np.abs(size), test.sigma_floor)
+
+
+def _history(name: str, test: SlowTest, table: Table) -> HistoryTest:
+    time, stress = table.values(_column(test.time)), table.values(_column(test.stress))
+    sign = 1.0 if test.convention == "tension positive" else -1.0
+    stress = sign * stress
+    sigma = _sigma(test, stress)
+    if test.kind == "relaxation":
+        assert test.strain is not None  # the schema saw to it
+        stretch = 1.0 + (test.strain if test.branch == "tension" else -test.strain)
+        made = HistoryTest.relaxation(time, stress, sigma, stretch=stretch, rise=test.rise)
+        return replace(made, label=name)
+    strain = sign * table.values(_column(test.strain_column))
+    # at rest nothing is measured that a law could explain: the sample only carries the history
+    told = np.where(stress == 0.0, np.inf, sigma) if test.sigma_floor == 0.0 else sigma
+    return HistoryTest(time, 1.0 + strain, stress, told, label=name)
+
+
+def _oscillation(name: str, test: SlowTest, table: Table) -> DynamicTest:
+    parts: dict[str, Any] = {
+        "angular_frequency": table.values(_column(test.frequency)),
+        "storage": table.values(_column(test.storage)),
+        "loss": table.values(_column(test.loss)),
+    }
+    return DynamicTest(
+        **parts,
+        sigma_storage=_sigma(test, parts["storage"]),
+        sigma_loss=_sigma(test, parts["loss"]),
+        label=name,
+    )

@@ -1,0 +1,115 @@
+"""A prediction as CSV tables and JSON."""
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kolsky.base.files import write_table
+from kolsky.base.json_types import jsonable
+from kolsky.prediction.design import Aim, Scan
+from kolsky.prediction.predict import Numbers, Prediction, doubts
+
+EVENTS = {
+    "incident_rise": "incident wave arrives at the flyer",
+    "striker_parts": "striker lets go",
+    "tensile_dip": "joint is pulled",
+    "separation": "flyer separates",
+    "arrest": "flyer is arrested",
+    "push_back": "specimen pushes it back",
+    "second_impact": "second impact on the incident bar",
+}
+"""Events in words."""
+EVERY = 1e-6
+"""Time from one row of the signals to the next [s]."""
+
+
+def signals(found: Prediction) -> dict[str, Any]:
+    """Signals of bars, flyer and specimen as named columns, SI, units in the names."""
+    bars, test = found.bars, found.test.declared
+    step = max(1, round(EVERY / float(bars.times[1])))
+    every = slice(None, None, step)
+    flyer = next(iter(test.flyer.values()))
+    return {
+        "time (s)": bars.times[every],
+        "incident bar, middle (N)": bars.incident.force(0.5 * test.incident.length)[every],
+        "striker on shaper (N)": bars.shaper_force[every],
+        "shaper compression (m)": bars.shaper_approach[every],
+        "joint (N)": bars.joint_force[every],
+        "joint gap (m)": bars.joint_gap[every],
+        "flyer's first part, middle (N)": bars.flyer.force(0.5 * flyer.length)[every],
+        "force on flyer (N)": bars.force_flyer[every],
+        "force on transmission platen (N)": bars.force_transmission[every],
+        "transmitted, at the sensor (N)": bars.transmission.force(found.test.sensor_depth())[every],
+        "incident bar's end (m/s)": bars.incident.velocity(test.incident.length)[every],
+        "flyer (m/s)": bars.flyer_velocity[every],
+        "flyer (m)": bars.flyer_path[every],
+        "transmission platen (m)": bars.support_path[every],
+        "compression (1)": (bars.compression / test.specimen.length)[every],
+    }
+
+
+def events_table(found: Prediction) -> dict[str, Any]:
+    """Events with their time and what flyer and specimen do then."""
+    bars, length = found.bars, found.test.declared.specimen.length
+    named = {words: getattr(found.events, name) for name, words in EVENTS.items()}
+    known = {words: time for words, time in named.items() if np.isfinite(time)}
+    at = np.round(np.array(list(known.values())) / bars.times[1]).astype(int)
+    return {
+        "event": list(known),
+        "time (s)": list(known.values()),
+        "flyer (m/s)": bars.flyer_velocity[at],
+        "compression (1)": bars.compression[at] / length,
+        "transmitted force (N)": bars.force_transmission[at],
+    }
+
+
+def outline_table(found: Prediction) -> dict[str, Any]:
+    """The specimen's outline at every recorded time; empty columns without finite elements."""
+    response = found.response
+    if response is None:
+        return {}
+    n, k = response.surface_r.shape[1:]
+    return {
+        "time (s)": np.repeat(response.surface_times, k),
+        "node": np.tile(np.arange(k), n),
+        "r (m)": response.surface_r[0].ravel(),
+        "y (m)": response.surface_y[0].ravel(),
+    }
+
+
+def scan_table(found: Scan) -> dict[str, Any]:
+    """One row a point of a scan."""
+    columns: dict[str, Any] = {
+        f"{one.key} ({one.unit or '1'})": found.points[:, i] for i, one in enumerate(found.varied)
+    }
+    return columns | {f"{field.name} (SI)": found.column(field.name) for field in fields(Numbers)}
+
+
+def to_json(found: Prediction, scanned: Scan | None = None, aimed: Aim | None = None) -> dict[str, Any]:
+    """Everything but the histories as one JSON object, SI; what is not known is null."""
+    said: dict[str, Any] = {
+        "test": found.test.declared.name,
+        "events": vars(found.events),
+        "numbers": vars(found.numbers),
+        "specimen": "static curve" if found.response is None else "finite elements",
+        "passes": len(found.changes),
+        "warnings": doubts(found),
+    }
+    if scanned is not None:
+        said["scan"] = scan_table(scanned)
+    if aimed is not None:
+        said["aim"] = {**vars(aimed), "numbers": vars(aimed.numbers), "reached": aimed.reached}
+    made: dict[str, Any] = jsonable(said, "prediction")
+    return made
+
+
+def write_tables(folder: Path, found: Prediction, scanned: Scan | None = None) -> None:
+    """Write signals.csv, events.csv, with finite elements outline.csv, of a scan scan.csv."""
+    write_table(folder / "signals.csv", signals(found))
+    write_table(folder / "events.csv", events_table(found))
+    if found.response is not None:
+        write_table(folder / "outline.csv", outline_table(found))
+    if scanned is not None:
+        write_table(folder / "scan.csv", scan_table(scanned))

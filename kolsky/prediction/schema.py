@@ -1,0 +1,147 @@
+"""The tables of TEST.toml: striker, pulse shaper, bars, flyer and specimen of a test that is planned."""
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from kolsky.shot.schema import fields as f
+from kolsky.shot.schema.section import Section
+from kolsky.virtual import fields as v
+from kolsky.virtual.schema import MaterialTable, SpecimenTable
+
+Force = Annotated[float, BeforeValidator(f.physical("N", ">= 0", "a force"))]
+Stiffness = Annotated[float, BeforeValidator(f.physical("N/m", "> 0", "a slope of force over compression"))]
+Opening = Annotated[float, BeforeValidator(f.physical("m", ">= 0", "the opening over which a joint fails"))]
+
+KINDS = {
+    "none": (),
+    "disc": ("diameter", "height", "shear_modulus"),
+    "table": ("file",),
+    "pulse": ("file", "speed"),
+}
+"""Kind of pulse shaper -> the keys that it needs."""
+
+
+class PartTable(Section):
+    """A uniform round part: a bar, a platen, a transducer."""
+
+    length: f.Length
+    diameter: f.Length
+    youngs_modulus: f.Modulus = 190e9
+    density: f.Density = 8048.0
+    poisson: f.Poisson = 0.29
+
+
+class StrikerTable(PartTable):
+    """[striker]."""
+
+    speed: f.Velocity
+    """At impact [m/s]."""
+
+
+class ShaperTable(Section):
+    """[shaper]: what lies between striker and incident bar."""
+
+    kind: Literal["none", "disc", "table", "pulse"]
+    """Nothing; a disc of rubber that slides on the steel; a measured table; a law found in a pulse."""
+    diameter: f.Length | None = None
+    height: f.Length | None = None
+    shear_modulus: f.Modulus | None = None
+    """Of the disc's rubber at the rate of the test [Pa]."""
+    file: f.FileName | None = None
+    """A table: compression (mm), force (N). A pulse: time (us), force (N) of the incident wave."""
+    speed: f.Velocity | None = None
+    """Of the striker in the test that the pulse was measured in [m/s]."""
+    unloading: Stiffness | None = None
+    """Slope of unloading; the loading curve's steepest if left out, or what the pulse shows."""
+
+    @model_validator(mode="after")
+    def _what_the_kind_needs(self) -> "ShaperTable":
+        needed = KINDS[self.kind]
+        for key in ("diameter", "height", "shear_modulus", "file", "speed"):
+            given = getattr(self, key) is not None
+            if given != (key in needed):
+                problem = "is missing" if key in needed else "has no effect"
+                cure = "add it" if key in needed else "remove it"
+                raise f.problem(f'{problem}; kind = "{self.kind}"', key=key, cure=cure)
+        if self.kind == "none" and self.unloading is not None:
+            raise f.problem('has no effect; kind = "none"', key="unloading", cure="remove it")
+        return self
+
+
+class JointTable(Section):
+    """[joint]: the adhesive between incident bar and flyer."""
+
+    strength: Force
+    """Tension at which it begins to fail [N]."""
+    opening: Opening = 0.0
+    """Gap over which its force falls to nothing [m]."""
+
+
+class RunTable(Section):
+    """[run]: how the test is integrated."""
+
+    duration: f.PositiveTime = 4e-3
+    """Last time since the striker touched [s]."""
+    step: f.PositiveTime = 1e-7
+    """Time step of the bars [s]."""
+    mesh: v.Mesh = (16, 22)
+    """Elements of the specimen across the radius and along the length."""
+    tolerance: Force = 0.02
+    """Largest change of a force from one pass of bars and specimen to the next [N]."""
+    passes: Annotated[int, Field(ge=2, le=200)] = 20
+    """Most passes."""
+
+
+class HoldTable(Section):
+    """[interface]: how the specimen holds to the platens; a law that lets it lift off."""
+
+    faces: f.ContactLawName = "rough"
+    side: f.ContactLawName = "rough"
+    friction: f.Friction = 0.0
+
+    @model_validator(mode="after")
+    def _lifts(self) -> "HoldTable":
+        from explicit.contact import CONTACT_LAWS
+
+        if CONTACT_LAWS[self.faces].carries_tension:
+            able = f.alternatives(name for name, law in CONTACT_LAWS.items() if not law.carries_tension)
+            raise f.problem(
+                "would hold the flyer back for ever: after the arrest the specimen pushes it away",
+                key="faces",
+                allowed=able,
+            )
+        return self
+
+
+class TestFile(Section):
+    """A whole test, in SI; parts of flyer and transmission side are named tables in their order."""
+
+    __test__ = False  # no test of pytest's
+
+    format: Literal[1] = 1
+    name: f.Name = "test"
+    striker: StrikerTable
+    shaper: ShaperTable
+    incident: PartTable
+    joint: JointTable
+    flyer: dict[str, PartTable]
+    """From the incident bar to the specimen."""
+    transmission: dict[str, PartTable]
+    """From the specimen on."""
+    sensor: f.Name | None = None
+    """The part of [transmission] whose middle shows the transmitted force; its first face if left out."""
+    specimen: SpecimenTable
+    material: MaterialTable
+    interface: HoldTable = HoldTable()
+    run: RunTable = RunTable()
+
+    @model_validator(mode="after")
+    def _whole(self) -> "TestFile":
+        for key in ("flyer", "transmission"):
+            if not getattr(self, key):
+                raise f.problem("has no part", key=key, cure=f"add a table such as [{key}.platen]")
+        if self.sensor is not None and self.sensor not in self.transmission:
+            allowed = f.alternatives(self.transmission)
+            raise f.problem("is no part of [transmission]", key="sensor", allowed=allowed)
+        return self

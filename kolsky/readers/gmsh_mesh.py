@@ -1,0 +1,115 @@
+"""Flat meshes of Gmsh, format 2.2 in text: points, triangles or quadrilaterals, and named groups.
+
+A physical group of curves names the points on it, one of surfaces the cells in it.
+"""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray, IntArray
+from kolsky.base.errors import InputError
+from kolsky.readers.text import decode, read_bytes
+
+SIZE_LIMIT = 500_000_000
+"""Largest file that is read [bytes]."""
+SURFACES = {2: 3, 3: 4, 9: 6, 10: 9, 16: 8}
+"""Number of points of the surface elements by Gmsh's number: triangles, quadrilaterals, and their quadratic
+forms."""
+CURVES = {1: 2, 8: 3}
+"""The same of the curve elements."""
+CURE = "save the mesh in Gmsh as Version 2 ASCII (-format msh22)"
+
+
+@dataclass(frozen=True)
+class GmshMesh:
+    """A flat mesh as the file has it."""
+
+    points: FloatArray
+    """In the file's unit, shape [n, 2]."""
+    cells: IntArray
+    """Points of each cell, shape [m, k]."""
+    point_groups: dict[str, IntArray]
+    """Points on each named group of curves."""
+    cell_groups: dict[str, IntArray]
+    """Cells in each named group of surfaces."""
+    sha256: str
+    """SHA-256 of the file, hex."""
+
+
+def read_gmsh(path: Path) -> GmshMesh:
+    """Read a mesh.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is of another format, is not flat, or has no surface elements or several
+        kinds of them.
+    """
+    raw = read_bytes(path, limit=SIZE_LIMIT)
+    blocks = _blocks(path, decode(path, raw).splitlines())
+    if not blocks.get("MeshFormat", [""])[0].startswith("2."):
+        raise InputError(path, "is no Gmsh mesh of format 2", cure=CURE)
+    names = {}
+    for line in blocks.get("PhysicalNames", ["0"])[1:]:
+        dimension, number, name = line.split(maxsplit=2)
+        names[int(dimension), int(number)] = name.strip('"')
+    try:
+        rows = np.array([line.split() for line in blocks["Nodes"][1:]], dtype=np.float64)
+        elements = [[int(word) for word in line.split()] for line in blocks["Elements"][1:]]
+    except (KeyError, ValueError) as error:
+        raise InputError(path, f"cannot be read as a Gmsh mesh: {error}", cure=CURE) from None
+    if np.ptp(rows[:, 3]) > 0.0:
+        raise InputError(path, "is not flat: its points have several z", cure="mesh it in the plane z = 0")
+    place = {int(number): k for k, number in enumerate(rows[:, 0])}
+    surfaces = [row for row in elements if row[1] in SURFACES]
+    kinds = {row[1] for row in surfaces}
+    if len(kinds) != 1:
+        raise InputError(
+            path, f"has {len(kinds)} kinds of surface elements; one is needed", cure="mesh with one kind"
+        )
+    cells, cell_groups = _numbered(surfaces, place, 2, names)
+    point_groups = {}
+    curves = [row for row in elements if row[1] in CURVES]
+    for group in {_group(row) for row in curves}:
+        named = names.get((1, group), str(group))
+        found = {place[n] for row in curves if _group(row) == group for n in row[3 + row[2] :]}
+        point_groups[named] = np.array(sorted(found), dtype=np.int64)
+    return GmshMesh(rows[:, 1:3], cells, point_groups, cell_groups, hashlib.sha256(raw).hexdigest())
+
+
+def _blocks(path: Path, lines: list[str]) -> dict[str, list[str]]:
+    """The lines of each block by its name."""
+    blocks: dict[str, list[str]] = {}
+    name = ""
+    for number, line in enumerate(lines, start=1):
+        text = line.strip()
+        if text.startswith("$End"):
+            name = ""
+        elif text.startswith("$"):
+            name = text[1:]
+            blocks[name] = []
+        elif name:
+            blocks[name].append(text)
+        elif text:
+            raise InputError(path, f"has a line outside of its blocks: {text[:40]!r}", line=number, cure=CURE)
+    return blocks
+
+
+def _group(row: list[int]) -> int:
+    """Physical group of an element; 0 if it is in none."""
+    return row[3] if row[2] else 0
+
+
+def _numbered(
+    rows: list[list[int]], place: dict[int, int], dimension: int, names: dict[tuple[int, int], str]
+) -> tuple[IntArray, dict[str, IntArray]]:
+    cells = np.array([[place[n] for n in row[3 + row[2] :]] for row in rows], dtype=np.int64)
+    groups = np.array([_group(row) for row in rows])
+    found = {
+        names.get((dimension, int(group)), str(group)): np.flatnonzero(groups == group)
+        for group in np.unique(groups)
+    }
+    return cells, found

@@ -1,0 +1,120 @@
+"""Page of whole specimens: fits to force curves, or of a sheet to a displacement field."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kolsky.report import numbers
+from kolsky.report.figures import SHEETS, SPECIMENS
+from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.specimen_view import SheetView, SpecimenView
+from kolsky.specimen.constants import ConstantSpec
+from kolsky.specimen.intervals import ConstantVerdict
+from kolsky.specimen.studies import cross_table
+
+
+def write_page(path: Path, shown: SpecimenView | SheetView, inputs: Mapping[str, str]) -> None:
+    """Write the page as a single HTML file without scripts or outside resources."""
+    write_html(path, render(shown, inputs))
+
+
+def render(shown: SpecimenView | SheetView, inputs: Mapping[str, str]) -> str:
+    """Return the page as HTML text; see `write_page`."""
+    sheet = isinstance(shown, SheetView)
+    rows = sheet_rows(shown) if isinstance(shown, SheetView) else constant_rows(shown)
+    tests: Sequence[str] = () if isinstance(shown, SheetView) else shown.tests
+    table: list[tuple[str, list[str]]] = []
+    if isinstance(shown, SpecimenView):
+        values = cross_table(shown.fits, tests)
+        table = [
+            (found.name, [numbers.plain(v) if np.isfinite(v) else numbers.NOTHING for v in row])
+            for found, row in zip(shown.fits, values, strict=True)
+        ]
+    return render_page(
+        "specimen.html",
+        kind="Sheet in a slow test" if sheet else "Whole specimens in slow tests",
+        heading=shown.name,
+        subject="fitted constants",
+        warnings=[f"{text[:1].upper()}{text[1:]}." for text in shown.warnings],
+        constants=rows,
+        tests=list(tests),
+        table=table,
+        facts=list(printed(shown).items()),
+        figures=draw_figures((SHEETS if sheet else SPECIMENS).values(), shown),
+        inputs=list(inputs.items()),
+    )
+
+
+def shown_value(spec: ConstantSpec, value: float | None) -> str:
+    """A constant as text, moduli in kPa."""
+    if value is None or not np.isfinite(value):
+        return numbers.NOTHING
+    return f"{numbers.plain(1e-3 * value)} kPa" if spec.unit == "Pa" else numbers.plain(value)
+
+
+def constant_rows(view: SpecimenView) -> list[dict[str, Any]]:
+    """Rows of the table of constants."""
+    rows = []
+    for found in view.fits:
+        for spec, one in zip(found.constants.free_specs, found.intervals.estimates, strict=True):
+            ends = f"{shown_value(spec, one.low)} to {shown_value(spec, one.high)}"
+            rows.append(
+                {
+                    "fit": found.name,
+                    "name": one.name,
+                    "value": shown_value(spec, one.value),
+                    "interval": ends if one.sigma is not None else numbers.NOTHING,
+                    "verdict": one.verdict.value,
+                    "ok": one.verdict is ConstantVerdict.IDENTIFIED,
+                }
+            )
+    return rows
+
+
+def sheet_rows(view: SheetView) -> list[dict[str, Any]]:
+    """Rows of the table of constants of a sheet."""
+    found = view.fit
+    words = "identified" if found.adequate else "of a model that does not explain the field"
+    return [
+        {
+            "fit": "all steps",
+            "name": spec.name,
+            "value": shown_value(spec, float(value)),
+            "interval": numbers.NOTHING
+            if held
+            else f"{shown_value(spec, float(value - 1.96 * sigma))} to "
+            f"{shown_value(spec, float(value + 1.96 * sigma))}",
+            "verdict": "at its bound" if held else words,
+            "ok": found.adequate and not held,
+        }
+        for spec, value, sigma, held in zip(
+            found.constants.free_specs, found.values, found.sigma, found.at_bound, strict=True
+        )
+    ]
+
+
+def printed(shown: SpecimenView | SheetView) -> dict[str, str]:
+    """The numbers of a result as terminal and page show them."""
+    if isinstance(shown, SheetView):
+        found = shown.fit
+        data = found.problem.data
+        return {
+            "kinematics": found.problem.sheet.kinematics.replace("_", " "),
+            "force from": found.problem.sheet.force_from,
+            "steps": str(len(data.pad)),
+            "misfit of the displacements": f"{numbers.percent(float(found.misfit.min()))} to "
+            f"{numbers.percent(float(found.misfit.max()))}",
+            "noise of a point": f"{1e6 * data.sigma_displacement:.3g} µm",
+            "simulations": str(found.simulations),
+        }
+    rows = {}
+    for found in shown.fits:
+        said = found.intervals
+        rows[found.name] = (
+            f"{found.constants.law}, {' + '.join(found.fitted)}; χ² / degrees of freedom "
+            f"{found.found.chi2 / said.degrees:.3g}, {found.found.simulations} simulations, "
+            f"{found.found.ended}"
+        )
+    return rows

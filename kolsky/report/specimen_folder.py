@@ -1,0 +1,119 @@
+"""Result folder of `kolsky specimen`: page, tables, HDF5 and VTU."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dic.files import replacing
+from implicit.solution import Solution
+from kolsky.base.arrays import FloatArray
+from kolsky.base.files import filling
+from kolsky.report.figures_alone import save_figures_alone
+from kolsky.report.specimen_view import SheetView, SpecimenView
+from kolsky.specimen import output
+from kolsky.specimen.studies import StudyRow
+
+
+def write_specimen_results(
+    folder: Path,
+    view: SpecimenView,
+    inputs: Mapping[str, str],
+    *,
+    formats: Sequence[str] = (),
+    vtu: bool = False,
+    studies: Mapping[str, Sequence[StudyRow]] | None = None,
+) -> None:
+    """Write specimen.html, .json, .h5, tables, curves for `identify` and, if asked for, figures and VTU.
+
+    Parameters
+    ----------
+    folder, formats
+        As of `kolsky.report.result_folder.write_identify_results`.
+    view
+        The fits with their simulations.
+    inputs
+        SHA-256 of the files that were read.
+    vtu
+        Also write the last sample of each test for ParaView.
+    studies
+        Further tables by name.
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    from kolsky.report.pages.specimen import write_page
+
+    with filling(folder) as partial:
+        output.write_fits(partial, view.fits)
+        _json(partial / "specimen.json", output.fits_json(view.fits, inputs))
+        write_page(partial / "specimen.html", view, inputs)
+        for name, rows in (studies or {}).items():
+            output.write_study(partial / f"{name}.csv", rows)
+        if vtu:
+            for name, solution in view.solutions.items():
+                write_solution_vtu(partial / f"{name}.vtu", solution)
+        save_figures_alone(partial, view, formats)
+
+
+def write_sheet_results(
+    folder: Path,
+    view: SheetView,
+    inputs: Mapping[str, str],
+    *,
+    formats: Sequence[str] = (),
+    vtu: bool = False,
+) -> None:
+    """Write the results of a sheet, as `write_specimen_results` those of force curves."""
+    from kolsky.report.pages.specimen import write_page
+
+    with filling(folder) as partial:
+        output.write_field(partial, view.fit, view.steps)
+        _json(partial / "specimen.json", output.field_json(view.fit, view.steps) | {"inputs": dict(inputs)})
+        if view.stiffness is not None:
+            output.write_map(partial / "map.csv", view.stiffness, view.mesh)
+        write_page(partial / "specimen.html", view, inputs)
+        if vtu:
+            fields = {
+                f"sensitivity of {name} (1/m3)": field
+                for name, field in zip(view.fit.constants.free, view.sensitivity, strict=True)
+            }
+            n = len(view.mesh.points)
+            for k, field in enumerate(view.before.field):
+                fields[f"before test {k + 1} (1/m3)"] = field.reshape(2, n).T
+            write_solution_vtu(partial / "sheet.vtu", view.fit.cost.state.solution, fields)
+        save_figures_alone(partial, view, formats)
+
+
+def write_solution_vtu(
+    path: Path, solution: Solution, fields: Mapping[str, FloatArray] | None = None
+) -> None:
+    """Write the last equilibrium of a solution for ParaView: displacement, nodal forces and further
+    fields."""
+    import pyvista  # heavy
+
+    mesh, last = solution.model.mesh, solution.reached - 1
+    k = mesh.cells.shape[1]
+    cells = np.column_stack([np.full(len(mesh.cells), k), mesh.cells]).ravel()
+    kinds = np.full(len(mesh.cells), mesh.element.vtk, dtype=np.uint8)
+    grid = pyvista.UnstructuredGrid(cells, kinds, _wide(mesh.points))
+    grid.point_data["displacement (m)"] = _wide(solution.displacements[last])
+    grid.point_data["internal force (N)"] = _wide(solution.forces[last])
+    for name, values in (fields or {}).items():
+        grid.point_data[name] = _wide(values)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as partial:
+        grid.save(partial)
+
+
+def _wide(values: FloatArray) -> FloatArray:
+    """Vectors with three components, shape [n, 3]."""
+    return np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
+
+
+def _json(path: Path, content: Mapping[str, Any]) -> None:
+    path.write_text(json.dumps(content, indent=2, allow_nan=False), encoding="utf-8")

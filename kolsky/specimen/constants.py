@@ -1,0 +1,176 @@
+r"""Constants of a compressible law: Poisson's ratio in place of the bulk modulus, and bounds.
+
+A fit in the constants of the energy can run to where no element is stable. Schumacher and others (2020,
+Table I) take the bulk modulus from linear elasticity instead,
+
+    K = 2 mu_0 (1 + nu) / (3 (1 - 2 nu)),   mu_0 the law's shear modulus at rest,               (S.I)
+
+hold nu (or bound it, 0 < nu < 1/2 - eps) and keep every constant that multiplies an energy non-negative.
+Their D1 is K/2. Three kinds of law are offered:
+
+- every law of `explicit.materials.LAWS` with K/2 (J - 1)^2,
+- "yeoh_d": Yeoh's with D1 (J - 1)^2 + D2 (J - 1)^4 + D3 (J - 1)^6,
+- "neo_hookean_coupled": mu/2 (I1 - 3 - 2 ln J) + lambda/2 (ln J)^2, fitted in E and nu; in a plane model it
+is
+  the law of Sutula and others (2020, Eq. 37).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from explicit.materials import LAWS
+from explicit.materials.volumetric import bulk_modulus
+from implicit.laws.solid import CompressibleNeoHookean, Isotropic, Solid
+from implicit.laws.volumetric import bulk, polynomial
+from kolsky.base.arrays import FloatArray
+
+POISSON = "poisson"
+"""Name of Poisson's ratio among the constants."""
+LARGEST_POISSON = 0.4999
+"""Upper bound of a free Poisson's ratio: 1/2 - eps."""
+YOUNG = "E"
+"""Name of Young's modulus, the other constant of the coupled law."""
+COUPLED, YEOH_D = "neo_hookean_coupled", "yeoh_d"
+DIFFERENCE = 1e-6
+"""Relative step of the derivatives of the map from fitted constants to those of the energy."""
+
+
+@dataclass(frozen=True)
+class ConstantSpec:
+    """One constant that may be fitted."""
+
+    name: str
+    unit: str
+    """ "Pa" or "1"."""
+    lower: float
+    upper: float
+
+
+def constants_of(law: str) -> tuple[ConstantSpec, ...]:
+    """Constants of a law by name, Poisson's ratio last.
+
+    Raises
+    ------
+    ValueError
+        If there is no such law; the message lists those there are.
+    """
+    poisson = ConstantSpec(POISSON, "1", 0.0, LARGEST_POISSON)
+    if law == COUPLED:
+        return ConstantSpec(YOUNG, "Pa", 0.0, np.inf), poisson
+    known = LAWS.get("yeoh" if law == YEOH_D else law)
+    if known is None:
+        raise ValueError(f"law must be one of {', '.join(sorted([*LAWS, COUPLED, YEOH_D]))}, got {law!r}")
+    own = [ConstantSpec(s.name, s.unit, s.lower, s.upper) for s in known.PARAMETERS]
+    if law == YEOH_D:
+        own += [ConstantSpec(name, "Pa", 0.0, np.inf) for name in ("D2", "D3")]
+    return (*own, poisson)
+
+
+def solid_of(law: str, values: Mapping[str, float]) -> Solid:
+    """The material with these constants, Eq. (S.I).
+
+    Raises
+    ------
+    ValueError
+        If they make no law: its shear modulus at rest is not > 0, or Poisson's ratio is outside [0, 0.5).
+    """
+    nu = values[POISSON]
+    if law == COUPLED:
+        return CompressibleNeoHookean.from_young(values[YOUNG], nu)
+    kind = LAWS["yeoh" if law == YEOH_D else law]
+    made = kind.of([values[spec.name] for spec in kind.PARAMETERS])
+    modulus = float(bulk_modulus(made.shear_modulus, nu))
+    volumetric = polynomial(0.5 * modulus, values["D2"], values["D3"]) if law == YEOH_D else bulk(modulus)
+    return Isotropic(made, volumetric)
+
+
+@dataclass(frozen=True)
+class Constants:
+    """A law's constants with their values, and which of them are free."""
+
+    law: str
+    """A name that `constants_of` knows."""
+    values: Mapping[str, float]
+    """Every constant, SI."""
+    free: tuple[str, ...]
+    """Names of those that are fitted."""
+
+    def __post_init__(self) -> None:
+        names = [spec.name for spec in self.specs]
+        for name in names:
+            if name not in self.values:
+                raise ValueError(f"{self.law} needs {name}; its constants are {', '.join(names)}")
+        for name in (*self.values, *self.free):
+            if name not in names:
+                raise ValueError(f"{self.law} has no constant {name}; it has {', '.join(names)}")
+        if len(set(self.free)) != len(self.free):
+            raise ValueError("a free constant is named twice")
+        for spec in self.specs:
+            if not spec.lower <= self.values[spec.name] <= spec.upper and spec.name in self.free:
+                raise ValueError(
+                    f"{spec.name} must start in [{spec.lower:g}, {spec.upper:g}], got "
+                    f"{self.values[spec.name]:g}"
+                )
+
+    @property
+    def specs(self) -> tuple[ConstantSpec, ...]:
+        """All constants."""
+        return constants_of(self.law)
+
+    @property
+    def free_specs(self) -> tuple[ConstantSpec, ...]:
+        """The free ones, in their order."""
+        known = {spec.name: spec for spec in self.specs}
+        return tuple(known[name] for name in self.free)
+
+    @property
+    def start(self) -> FloatArray:
+        """Values of the free constants, shape [n_free]."""
+        return np.array([self.values[name] for name in self.free])
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds of the free constants, each of shape [n_free], Table I."""
+        return (
+            np.array([spec.lower for spec in self.free_specs]),
+            np.array([spec.upper for spec in self.free_specs]),
+        )
+
+    @property
+    def scales(self) -> FloatArray:
+        """Sizes by which the free constants are compared: mu_0 of the start for moduli, 1 for numbers."""
+        shear = self.solid(self.start).shear_modulus
+        return np.array([shear if spec.unit == "Pa" else 1.0 for spec in self.free_specs])
+
+    def all(self, free: Sequence[float] | FloatArray) -> dict[str, float]:
+        """All constants with these values of the free ones."""
+        return {**self.values, **dict(zip(self.free, map(float, free), strict=True))}
+
+    def solid(self, free: Sequence[float] | FloatArray) -> Solid:
+        """The material with these values of the free constants."""
+        return solid_of(self.law, self.all(free))
+
+    def chain(self, free: Sequence[float] | FloatArray) -> FloatArray:
+        """Derivative of the material's own parameters by the free constants, shape [n_parameters, n_free].
+
+        A force's slope by what is fitted is its slope by the energy's constants times this. Central
+        differences of the closed form; one-sided where the other side is no law.
+        """
+        at = np.asarray(free, dtype=np.float64)
+        sizes = self.scales
+        columns = []
+        for j in range(len(at)):
+            step = DIFFERENCE * max(abs(at[j]), 1e-2 * sizes[j])
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = at.copy()
+                moved[j] += sign * step
+                try:
+                    ends.append((moved[j], self.solid(moved).parameters()))
+                except ValueError:
+                    ends.append((at[j], self.solid(at).parameters()))
+            (up, above), (down, below) = ends
+            columns.append((above - below) / (up - down))
+        return np.stack(columns, axis=-1)

@@ -1,0 +1,94 @@
+"""Solvers of the tangent against SciPy's dense one."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from implicit.integration.pattern import Pattern
+from implicit.linear.base import SingularError
+from implicit.linear.solvers import linear_solver
+from implicit.meshes import box
+
+MESH = box((3.0, 2.0, 1.0), (6, 4, 2), kind="hex8")
+DOFS = (MESH.cells[..., None] * 3 + np.arange(3)).reshape(len(MESH.cells), -1)
+
+
+def pattern(coupled: bool = False) -> Pattern:
+    """Unknowns of a box held at one end; `coupled`: its other end is one unknown along x."""
+    index = np.arange(MESH.points.size)
+    if coupled:
+        right = 3 * MESH.nodes("right")
+        index[right] = right[0]
+    index[(3 * MESH.nodes("left")[:, None] + np.arange(3)).ravel()] = -1
+    kept = np.unique(index[index >= 0])
+    index[index >= 0] = np.searchsorted(kept, index[index >= 0])
+    return Pattern(DOFS, index, len(kept))
+
+
+def elements(kind: str):
+    rng = np.random.default_rng(5)
+    A = rng.normal(size=(len(DOFS), 24, 24))
+    if kind == "definite":
+        return A @ np.swapaxes(A, 1, 2) + np.eye(24)
+    if kind == "indefinite":
+        return A + np.swapaxes(A, 1, 2)
+    return A + 8.0 * np.eye(24)
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+@pytest.mark.parametrize("kind", ["definite", "indefinite", "not symmetric"])
+@pytest.mark.parametrize("name", ["multifrontal", "superlu"])
+def test_against_a_dense_solver(name, kind, coupled, monkeypatch):
+    monkeypatch.setattr("implicit.linear.dissection.LEAF_COMPONENTS", 60)  # several levels of fronts
+    places, K = pattern(coupled), elements(kind)
+    dense = np.zeros((places.count, places.count))
+    for local, block in zip(places.index[DOFS], K, strict=True):
+        free = local >= 0
+        np.add.at(dense, np.ix_(local[free], local[free]), block[np.ix_(free, free)])
+    np.testing.assert_allclose(places.matrix(K).toarray(), dense, atol=1e-12)
+    solver = linear_solver(name, places, MESH.points, MESH.cells)
+    factors = solver.factors(K, symmetric=kind != "not symmetric")
+    right = np.random.default_rng(1).normal(size=(places.count, 3))
+    expected = scipy.linalg.solve(dense, right)
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(factors.solve(right), expected, atol=1e-8 * scale)
+    np.testing.assert_allclose(factors.solve(right[:, 0]), expected[:, 0], atol=1e-8 * scale)
+    transposed = scipy.linalg.solve(dense.T, right)
+    np.testing.assert_allclose(
+        factors.solve_transposed(right), transposed, atol=1e-8 * np.abs(transposed).max()
+    )
+
+
+def test_every_unknown_is_eliminated_once():
+    places = pattern()
+    solver = linear_solver("multifrontal", places, MESH.points, MESH.cells)
+    own = np.concatenate([front.unknowns[: front.eliminated] for front in solver.fronts])
+    np.testing.assert_array_equal(np.sort(own), np.arange(places.count))
+    assert sum(len(front.cells) for front in solver.fronts) == len(MESH.cells)
+    for front in solver.fronts:  # a boundary is eliminated later, in an ancestor
+        assert len(np.unique(front.unknowns)) == len(front.unknowns)
+
+
+def test_a_body_that_can_move_is_singular():
+    places = pattern()
+    A = elements("definite") * 0.0
+    A[:, :6, :6] = np.eye(6)
+    solver = linear_solver("multifrontal", places, MESH.points, MESH.cells)
+    with pytest.raises(SingularError):
+        solver.factors(A, symmetric=True)
+    A[0, 0, 0] = np.nan
+    with pytest.raises(SingularError, match="not finite"):
+        solver.factors(A, symmetric=True)
+    with pytest.raises(ValueError, match="linear must be one of"):
+        linear_solver("gauss", places, MESH.points, MESH.cells)
+
+
+def test_multigrid_solves_what_factors_solve():
+    pytest.importorskip("pyamg")
+    places, K = pattern(), elements("definite")
+    right = np.random.default_rng(1).normal(size=places.count)
+    found = [
+        linear_solver(name, places, MESH.points, MESH.cells).factors(K, symmetric=True).solve(right)
+        for name in ("amg", "multifrontal")
+    ]
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-6, atol=1e-8 * np.abs(found[1]).max())

@@ -1,0 +1,196 @@
+"""What relaxes in a shot: declared, refused, turned into the solver's series, free or held like the rest."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from explicit.relaxation import BergstromBoyce, PronySeries
+from kolsky.base.relaxation import NETWORK, Relaxation, prony_names
+from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.free_parameters import choose
+from kolsky.inverse.parameters import PARAMETERS, require_declared
+from kolsky.inverse.prepared_shot import prepare_shot
+from kolsky.inverse.relaxing import parsed_kind, reference_words, what_relaxes, with_relaxation
+from kolsky.inverse.settings import Settings
+from kolsky.inverse.surrogate_mesh_search import from_search, search_box, to_search
+from kolsky.shot.load import load_shot
+from kolsky.shot.schema.relaxation import RelaxationSection, declared_relaxation
+from kolsky.virtual.schema import Specification
+from kolsky.virtual.shot_file import toml_text
+
+OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
+PRONY = Relaxation("prony", dict(zip(prony_names(1), (0.3, 4e-4), strict=True)), free=True)
+
+
+def section(**given: Any) -> RelaxationSection:
+    return RelaxationSection.model_validate(given)
+
+
+@pytest.fixture(scope="module")
+def forward() -> Forward:
+    """A third of a shot, in which nothing is damped."""
+    shot = load_shot(OPEN_01)
+    first = shot.window[0]
+    shot = replace(shot, window=(first, first + 0.3 * (shot.window[1] - first)))
+    return prepare_shot(replace(shot, model=replace(shot.model, damping=0.0, poisson=0.49))).forward
+
+
+def force(forward: Forward, **points: float) -> np.ndarray:
+    response = forward.run(points, Numerics(mesh=(4, 6), threads=1))
+    assert response.completed.all()
+    return np.diff(response.impulse_transmission, axis=1)
+
+
+def relaxing(forward: Forward, strength: float, time: float) -> Forward:
+    values = dict(zip(prony_names(1), (strength, time), strict=True))
+    return replace(forward, shot=replace(forward.shot, relaxation=Relaxation("prony", values)))
+
+
+def test_a_branch_that_never_relaxes_is_a_stiffer_specimen(forward: Forward) -> None:
+    # Eq. (V.2) with t / tau = 0: G = G_inf (1 + c), and the bulk modulus follows the instantaneous one.
+    found = force(relaxing(forward, 0.25, 1e6), stiffness_factor=1.2)
+    np.testing.assert_allclose(found, force(forward, stiffness_factor=1.5), rtol=1e-6, atol=1e-9)
+
+
+def test_named_constants_stand_for_the_declared_ones(forward: Forward) -> None:
+    declared = relaxing(forward, 0.25, 4e-4)
+    named = force(relaxing(forward, 0.1, 1e-3), prony_strength_1=0.25, prony_time_1=4e-4)
+    np.testing.assert_array_equal(force(declared), named)
+    less = force(declared, prony_time_1=4e-5)
+    assert less.sum() < named.sum()  # the faster branch has given up more
+
+
+def test_a_batch_chooses_among_the_series_that_it_needs() -> None:
+    fields = {"poisson": 0.49, "prony_strength_1": np.array([0.3, 0.1, 0.3]), "prony_time_1": 4e-4}
+    rest, series = what_relaxes(fields, PRONY)
+    assert set(rest) == {"poisson", "relaxation"}
+    assert series == (PronySeries((0.1,), (4e-4,)), PronySeries((0.3,), (4e-4,)))
+    np.testing.assert_array_equal(rest["relaxation"], [1, 0, 1])
+    two = Relaxation("prony", dict(zip(prony_names(2), (0.1, 0.2, 1e-4, 2e-3), strict=True)))
+    assert what_relaxes(two.values, two) == ({"relaxation": 0}, (PronySeries((0.1, 0.2), (1e-4, 2e-3)),))
+    network = section(kind="bergstrom_boyce", ratio=0.5, resistance="8 kPa", exponent=3.0).declared()
+    assert what_relaxes(network.values, network)[1] == (BergstromBoyce(0.5, 8e3, 3.0, -1.0, 0.01),)
+    assert what_relaxes({"poisson": 0.49}, None) == ({"poisson": 0.49}, ())
+
+
+def test_the_table_is_read_in_si_and_its_sigmas_stand_with_the_others() -> None:
+    given = section(kind="prony", strengths=[0.3], times=["400 us"], sigma_times=["50 us"], free=True)
+    found = declared_relaxation(given, None)
+    assert found["relaxation"].values == pytest.approx({"prony_strength_1": 0.3, "prony_time_1": 4e-4})
+    assert found["uncertainty"] == pytest.approx({"prony_time_1": 5e-5})
+    assert found["relaxation"].free_names == ("prony_strength_1", "prony_time_1")
+    network = section(kind="bergstrom_boyce", ratio=0.5, resistance="8 kPa").declared()
+    assert tuple(network.values) == NETWORK
+    assert (network.values["creep_resistance"], network.free_names) == (8e3, ())
+    assert declared_relaxation(None, None) == {"relaxation": None, "uncertainty": {}}
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"kind": "prony", "strengths": [0.3]}, "is missing"),
+        ({"kind": "prony", "strengths": [0.3], "times": ["1 ms", "2 ms"]}, "has 2 entries, strengths has 1"),
+        ({"kind": "prony", "strengths": [-0.3], "times": ["1 ms"]}, "strength 0 must be >= 0"),
+        ({"kind": "prony", "strengths": [0.1] * 4, "times": ["1 ms"] * 4}, "is not a list of 1 to 3"),
+        ({"kind": "prony", "strengths": [0.3], "times": ["1 ms"], "ratio": 0.5}, "would have no effect"),
+        ({"kind": "bergstrom_boyce", "ratio": 0.5, "resistance": "0 Pa"}, "resistance must be > 0"),
+        (
+            {"kind": "prony", "strengths": [0.3], "times": ["1 ms"], "sigma_strengths": [-1.0]},
+            "standard uncertainty of prony_strength_1 is -1",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValidationError) as refused:
+        section(**given)
+    said = refused.value.errors()[0]
+    assert words in said.get("ctx", {}).get("message", said["msg"])
+
+
+def test_a_constant_that_the_shot_does_not_have_is_refused(forward: Forward) -> None:
+    with pytest.raises(ValueError, match=r"prony_time_1 has no effect: the shot declares no \[relaxation\]"):
+        force(forward, prony_time_1=1e-3)
+    shot = replace(forward.shot, relaxation=PRONY)
+    require_declared(["prony_time_1", "poisson"], shot)
+    with pytest.raises(ValueError, match="declares a Prony series of 1 branch"):
+        require_declared(["creep_ratio"], shot)
+    assert not PARAMETERS["creep_ratio"].belongs_to(shot)
+    with pytest.raises(ValueError, match="prony has the constants"):
+        Relaxation("prony", {"prony_strength_1": 0.1})
+
+
+def test_it_is_free_where_the_shot_says_so_and_held_as_asked() -> None:
+    shot: Any = SimpleNamespace(
+        interface=SimpleNamespace(faces="bonded", side="bonded"),
+        model=SimpleNamespace(poisson=0.499, damping=25e-6),
+        uncertainty={"prony_time_1": 5e-5, "prony_strength_1": 0.0},
+        relaxation=PRONY,
+        centre_line="seen",
+    )
+    found = choose(Settings(), shot)
+    # an uncertainty of 0 is an exact value; the other one is a prior about the declared time
+    assert list(found.free) == ["stiffness_factor", "poisson", "damping", "prony_time_1"]
+    prior = found.prior(shot)
+    assert prior is not None
+    np.testing.assert_array_equal(prior.mean, [0.0, 0.0, 0.0, 4e-4])
+    np.testing.assert_array_equal(prior.sigma, [np.inf, np.inf, np.inf, 5e-5])
+    assert "prony_time_1" not in choose(Settings(hold=("prony_time_1",)), shot).free
+    shot.relaxation = replace(PRONY, free=False)
+    assert list(choose(Settings(), shot).free) == ["stiffness_factor", "poisson", "damping"]
+    shot.relaxation, shot.centre_line = PRONY, None
+    assert list(choose(Settings(), shot).free) == ["stiffness_factor"]
+
+
+def test_a_search_moves_the_logarithm_of_a_time() -> None:
+    from kolsky.inverse.parameters import design_box
+
+    box = design_box({"prony_time_1": (1e-5, 1e-3), "poisson": (0.49, 0.499)})
+    inner = search_box(box)
+    middle = inner.scale(np.array([[0.5, 0.5]]))
+    np.testing.assert_allclose(from_search(box, middle)[0], [1e-4, 0.5 - 0.5 * np.sqrt(2e-2 * 2e-3)])
+    np.testing.assert_allclose(to_search(box, from_search(box, middle)), middle)
+
+
+def test_a_start_without_constants_of_its_own(forward: Forward) -> None:
+    span = forward.shot.window[1] - forward.shot.window[0]
+    found = with_relaxation(forward.shot, "prony", 2).relaxation
+    assert found is not None
+    assert found.free
+    assert list(found.values.values()) == pytest.approx([0.2, 0.2, 0.08 * span, 0.6 * span])
+    network = with_relaxation(forward.shot, "bergstrom_boyce").relaxation
+    assert network is not None
+    assert network.values["creep_resistance"] == pytest.approx(0.5 * np.abs(forward.shot.curve.stress).max())
+    with pytest.raises(ValueError, match="needs 1 to 3 branches, got 4"):
+        with_relaxation(forward.shot, "prony", 4)
+    assert parsed_kind("prony:2") == ("prony", 2)
+    assert parsed_kind("bergstrom_boyce") == ("bergstrom_boyce", 1)
+    with pytest.raises(ValueError, match=r'must be prony, prony:2.* got "prony:7"'):
+        parsed_kind("prony:7")
+
+
+def test_the_answer_says_that_m_is_of_the_long_term_curve() -> None:
+    assert reference_words(["stiffness_factor", "poisson"]) == ""
+    assert "long-term curve, beside which a Prony series" in reference_words(["prony_time_1"])
+    assert "network creeps" in reference_words(["poisson", "creep_ratio", "creep_exponent"])
+
+
+def test_a_specification_declares_it_once_and_writes_it() -> None:
+    from kolsky.virtual.shot_file import _relaxation
+
+    given = {"kind": "prony", "strengths": [0.3], "times": ["400 us"], "free": True}
+    made = Specification.model_validate({"relaxation": given})
+    assert made.relaxing == (PronySeries((0.3,), (4e-4,)),)
+    assert made.relaxation is not None
+    text = toml_text({"relaxation": _relaxation(made.relaxation)}, name="x")
+    assert '[relaxation]\nkind = "prony"\nfree = true\nstrengths = [0.3]\ntimes = ["0.0004 s"]' in text
+    with pytest.raises(ValidationError) as twice:
+        Specification.model_validate(
+            {"relaxation": given, "material": {"prony_strengths": [0.1], "prony_times": ["1 ms"]}}
+        )
+    assert "material.prony_times" in twice.value.errors()[0]["ctx"]["message"]
+    assert Specification().relaxing == ()

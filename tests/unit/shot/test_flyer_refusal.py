@@ -1,0 +1,55 @@
+"""Why a flyer's displacement is not known: the reason and its cure, by what the pictures gave."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic import LENGTH
+from synthetic_dic import synthetic_result
+
+from dic.outcome import PointOutcome
+from kolsky.shot.flyer_refusal import why_unknown
+
+
+@pytest.fixture(scope="module")
+def result():
+    return replace(synthetic_result(), axial_displacement=None, motion=None)
+
+
+def late(result, first: int):
+    """Both cameras see the flyer from a frame on."""
+    outcome = result.flyer.surface.outcome.copy()
+    outcome[:first] = int(PointOutcome.OUT_OF_VIEW)
+    surface = replace(result.flyer.surface, outcome=outcome)
+    return replace(result, flyer=replace(result.flyer, surface=surface))
+
+
+def with_lower_end(result, sigma: float):
+    """The lower end is known to so much [m]."""
+    covariance = np.diag([0.0, 0.0, 0.0, 0.0, sigma**2, 0.0])
+    frame = replace(result.placement.frame, covariance=covariance)
+    return replace(result, placement=replace(result.placement, frame=frame))
+
+
+def test_a_flyer_that_no_two_cameras_see(result):
+    for none in (replace(result, flyer=None), late(result, len(result.t))):
+        problem, cure = why_unknown(none, LENGTH, 0.0)
+        assert "no point that both cameras see" in problem
+        assert "crop_offset" in cure
+
+
+def test_a_length_that_is_not_known_well_enough(result):
+    # 0.2 % of the length is allowed: 13 um; 3 and 4 in quadrature are 5
+    seen = with_lower_end(late(result, 22), 0.8 * 0.002 * LENGTH)
+    problem, cure = why_unknown(seen, LENGTH, 0.6 * 0.002 * LENGTH * 1.01)
+    assert "frame 22" in problem
+    assert f"allowed {2e3 * LENGTH:.1f} um" in problem
+    assert "uncertainty.specimen_length" in cure
+    problem, _ = why_unknown(seen, LENGTH, 0.6 * 0.002 * LENGTH * 0.99)
+    assert "rim of its face" in problem
+
+
+def test_a_rim_that_is_not_clear(result):
+    problem, cure = why_unknown(with_lower_end(late(result, 15), 1e-6), LENGTH, 1e-6)
+    assert problem.startswith("is first seen by both cameras in frame 15")
+    assert "2 to 8 pixels" in cure

@@ -1,0 +1,174 @@
+"""Sheets: forces, mass, tractions in closed form; adjoint against direct; planted constants come back."""
+
+import numpy as np
+import pytest
+
+from implicit.meshes import Mesh, rectangle
+from kolsky.specimen.field_fit import fit_field, fit_steps
+from kolsky.specimen.field_problem import FieldProblem
+from kolsky.specimen.sheet import Sheet, cells_inside, mass_matrix, sheet_state
+from kolsky.specimen.tractions import boundary_edges, traction_force
+from tests.unit.specimen.sheets import PAD, TRUE, constants, made, small_mesh
+
+
+def _sheet(**options: object) -> Sheet:
+    given = {"kinematics": "plane_stress", "thickness": 1e-3, "moving": "moving", "fixed": "rest", **options}
+    return Sheet(small_mesh(), **given)  # type: ignore[arg-type]
+
+
+def test_mass_of_a_triangle() -> None:
+    mesh = Mesh(np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 3.0]]), np.array([[0, 1, 2]]), "tri3")
+    expected = 3.0 / 12.0 * np.array([[2.0, 1.0, 1.0], [1.0, 2.0, 1.0], [1.0, 1.0, 2.0]])
+    assert mass_matrix(mesh, np.array([True])).toarray() == pytest.approx(expected)
+    assert mass_matrix(mesh, np.array([False])).nnz == 0
+
+
+def test_cells_inside_take_whole_cells() -> None:
+    mesh = rectangle((4.0, 1.0), (4, 1), kind="quad4")
+    inside = cells_inside(mesh, np.array([0.9, -0.1]), np.array([3.1, 1.1]))
+    assert inside.sum() == 2
+
+
+def test_traction_of_a_uniform_strain() -> None:
+    # P = mu (F - F^-T) + lambda ln J F^-T with F = diag(a, b) on a face of length 0.02 and normal (-1, 0).
+    mesh, (a, b), (mu, lam) = small_mesh(), (1.2, 0.9), (1e4, 2e4)
+    mesh = mesh.with_set("face", lambda x: x[:, 0] < 1e-9)
+    u = mesh.points * (np.array([a, b]) - 1.0)
+    force, slopes = traction_force(mesh, boundary_edges(mesh, "face"), (mu, lam), u, np.zeros((2, *u.shape)))
+    by_mu, by_lam = a - 1.0 / a, np.log(a * b) / a
+    assert force == pytest.approx([-0.02 * (mu * by_mu + lam * by_lam), 0.0], abs=1e-9)
+    assert slopes[:, 0] == pytest.approx([-0.02 * by_mu, -0.02 * by_lam])
+
+
+def test_traction_slopes_follow_the_displacements() -> None:
+    mesh = small_mesh().with_set("face", lambda x: x[:, 0] < 1e-9)
+    edges = boundary_edges(mesh, "face")
+    rng = np.random.default_rng(1)
+    u, du = (1e-4 * rng.standard_normal((n, *mesh.points.shape)) for n in (1, 2))
+    _, slopes = traction_force(mesh, edges, (1e4, 2e4), u[0], du)
+    for k in range(2):
+        ends = [
+            traction_force(
+                mesh,
+                edges,
+                (1e4 + (h if k == 0 else 0.0), 2e4 + (h if k == 1 else 0.0)),
+                u[0] + h * du[k],
+                du,
+            )[0]
+            for h in (1e-4, -1e-4)
+        ]
+        assert slopes[k] == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=1e-5)
+
+
+def test_the_sheet_in_tension_pulls_back() -> None:
+    state = sheet_state(_sheet(), constants(), constants().start, -PAD)
+    assert not isinstance(state, str)
+    assert (state.force < 0.0).all()  # the pad goes to -x and so does the force on the sheet there
+    # Under prescribed displacements the force is proportional to E and the field does not see it.
+    assert state.force_by_constants[:, 0] == pytest.approx(state.force / TRUE["E"], rel=1e-6)
+    assert np.abs(state.by_constants[:, 0]).max() * TRUE["E"] < 1e-6 * np.abs(state.displacements).max()
+
+
+def test_adjoint_gradient_is_the_direct_one() -> None:
+    problem = made(_sheet(kinematics="plane_strain"))
+    cost = problem.cost(problem.constants.start)
+    assert not isinstance(cost, str)
+    assert problem.adjoint_gradient(cost) == pytest.approx(cost.gradients.sum(axis=0), rel=1e-7)
+
+
+def test_gradient_is_that_of_the_cost() -> None:
+    problem = made(_sheet())
+    start = problem.constants.start
+    cost = problem.cost(start)
+    assert not isinstance(cost, str)
+    for j, step in enumerate((2.0, 2e-5)):
+        values = []
+        for sign in (1.0, -1.0):
+            moved = start.copy()
+            moved[j] += sign * step
+            found = problem.cost(moved)
+            assert not isinstance(found, str)
+            values.append(found.value)
+        slope = (values[0] - values[1]) / (2.0 * step)
+        assert cost.gradients.sum(axis=0)[j] == pytest.approx(slope, rel=1e-4)
+
+
+@pytest.mark.parametrize("kinematics", ["plane_stress", "plane_strain"])
+def test_planted_constants_come_back(kinematics: str) -> None:
+    found = fit_field(made(_sheet(kinematics=kinematics)))
+    assert found.converged
+    assert found.values == pytest.approx([TRUE["E"], TRUE["poisson"]], rel=1e-6)
+    assert found.adequate
+    assert found.warnings == []
+    # Without misfit the second derivatives are those of Gauss and Newton.
+    assert found.hessian == pytest.approx(found.cost.gauss_newton, rel=2e-3)
+
+
+def test_the_wrong_kinematics_is_another_answer() -> None:
+    # The field of plane stress fitted in plane strain: the constants of one are not those of the other.
+    data = made(_sheet()).data
+    other = fit_field(FieldProblem(_sheet(kinematics="plane_strain"), data, constants()))
+    assert abs(other.values[1] / TRUE["poisson"] - 1.0) > 0.05
+
+
+def test_a_held_region_keeps_its_material() -> None:
+    mesh = small_mesh()
+    regions = (mesh.points[mesh.cells].mean(axis=1)[:, 0] > 0.02).astype(np.int64)
+    stiff = constants(E=9e4, poisson=0.2)
+    sheet = _sheet(regions=regions, held={1: stiff.solid(stiff.start)})
+    found = fit_field(made(sheet))
+    assert found.values == pytest.approx([TRUE["E"], TRUE["poisson"]], rel=1e-5)
+
+
+def test_a_misfit_is_called_a_misfit_and_widens() -> None:
+    problem = made(_sheet(), noise=2e-6, force_noise=1e-4)
+    clean = fit_field(problem)
+    assert clean.adequate
+    assert clean.scales[1] < 4.0
+    data = problem.data
+    bent = data.displacements.copy()
+    bent[..., 0] += 3e-4 * np.sin(80.0 * problem.sheet.mesh.points[:, 1])
+    wrong = fit_field(
+        FieldProblem(problem.sheet, type(data)(**{**vars(data), "displacements": bent}), problem.constants)
+    )
+    assert not wrong.adequate
+    assert "does not explain" in wrong.warnings[0]
+    assert wrong.sigma[1] > 5.0 * clean.sigma[1]
+    assert len(fit_steps(problem)) == 2
+
+
+def test_sensitivity_predicts_the_change_of_a_fit() -> None:
+    # Eq. (K.19): another measured field, another force, and the fit repeated.
+    problem = made(_sheet())
+    before = fit_field(problem)
+    data = problem.data
+    moved = data.displacements.copy()
+    moved[1, :, 1] *= 1.0 + 1e-3
+    after = fit_field(
+        FieldProblem(problem.sheet, type(data)(**{**vars(data), "displacements": moved}), problem.constants)
+    )
+    told = np.einsum("pai,ai->p", before.by_displacement[1], moved[1] - data.displacements[1])
+    assert after.values[1] - before.values[1] == pytest.approx(told[1], rel=0.02)
+    force = data.force + np.array([0.0, 1e-3 * data.force[1]])
+    pulled = fit_field(
+        FieldProblem(problem.sheet, type(data)(**{**vars(data), "force": force}), problem.constants)
+    )
+    change = before.by_force[1] * (force[1] - data.force[1])
+    assert pulled.values[0] - before.values[0] == pytest.approx(change[0], rel=0.01)
+
+
+def test_a_constant_on_its_bound_is_held_and_said() -> None:
+    # A field without any contraction across the pull asks for nu <= 0: the bound holds, E is still known.
+    problem = made(_sheet())
+    data = problem.data
+    flat = data.displacements.copy()
+    flat[..., 1] = 0.0
+    found = fit_field(
+        FieldProblem(problem.sheet, type(data)(**{**vars(data), "displacements": flat}), problem.constants)
+    )
+    assert found.at_bound == (False, True)
+    assert found.converged
+    assert found.sigma[0] > 0.0
+    assert found.sigma[1] == 0.0
+    assert "poisson is at its bound" in found.warnings[0]
+    assert (found.relative_by_force(1.0)[:, 1] == 0.0).all()
