@@ -39,17 +39,17 @@ tests/validation/baseline_page.py` this page.
 ## Against other programs
 
 Specimens of known laws, compressed by programs that share no code with this package (`tests/reference`,
-tables A, G and H): FElupe and DOLFINx, or GetFEM with Coulomb's law exact at every node. "bonded" is f = 1000 where
-GetFEM made it. Their forces are taken for a measured test without its law, and the friction is taken out
-({{doc}}`../howto/reference_curve`). Error of the nominal stress found, with the k = 2 band [%]:
+tables A, G and H): FElupe and DOLFINx, or GetFEM with Coulomb's law exact at every node. "bonded" is f = 1000
+where GetFEM made it. Their forces are taken for a measured test without its law, and the friction is taken
+out ({{doc}}`../howto/reference_curve`). Error of the nominal stress found, with the k = 2 band [%]:
 
 | law | size [mm] | ends | made by | {head} | in the band | coverage |
 | --- | --- | --- | --- | {" | ".join(["---"] * len(SHOWN))} | --- | --- |
 {chr(10).join(rows)}
 {left}
-Coverage: share of strains and of 100 draws whose band holds the truth. A draw is {SPECIMENS} specimens whose
-stiffness scatters by {100 * SCATTER:g} % and every sample by {100 * NOISE:g} %, taken through the derivative of
-the correction.
+Coverage: share of strains and of 100 draws whose band holds the truth. A draw is {SPECIMENS} specimens
+whose stiffness scatters by {100 * SCATTER:g} % and every sample by {100 * NOISE:g} %, taken through the
+derivative of the correction.
 
 ## What a force cannot tell
 
