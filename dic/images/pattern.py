@@ -65,7 +65,7 @@ def coverage_and_diameter(f: FloatArray, level: FloatArray, used: Mask, sigma: f
     """
     import cv2
 
-    even = f / np.maximum(level, np.finfo(float).tiny)
+    even = np.divide(f, level, out=np.zeros(f.shape), where=used & (level > 0.0))
     low, high = np.percentile(even[used], (0.1, 99.9))
     if high <= low:
         return float("nan"), float("nan")

@@ -7,8 +7,9 @@ line, ``<!-- commands kolsky -->`` the commands of the command line,
 law that the tests of the doors make up, ``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a
 registry of the solver, ``<!-- causes kolsky -->`` the inputs that are tried as causes of a misfit,
 ``<!-- wrong NAME -->`` the table of a study of wrong inputs, ``<!-- budget NAME -->`` that of an error
-budget, ``<!-- drawn NAME -->`` that of a population of drawn shots: benchmarks/results/NAME.json. Anywhere in
-a line, ``<!-- names laws -->`` becomes their names.
+budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` and
+``<!-- changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->`` shots and their
+mean: benchmarks/results/NAME.json. Anywhere in a line, ``<!-- names laws -->`` becomes their names.
 """
 
 import ast
@@ -22,7 +23,9 @@ from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
 LINE = re.compile(
-    r"^<!-- (rooms|public|commands|law|parameters|table|causes|wrong|budget|drawn) (\w+) -->$", re.MULTILINE
+    r"^<!-- (rooms|public|commands|law|parameters|table|causes|wrong|budget|drawn|answers|changes|pooled)"
+    r" (\w+) -->$",
+    re.MULTILINE,
 )
 NAMES = re.compile(r"<!-- names (\w+) -->")
 
@@ -232,7 +235,41 @@ def drawn(name: str) -> str:
     return "\n".join(lines)
 
 
+def _not_yet(name: str) -> str:
+    return f"There is no `benchmarks/results/{name}.json`: the study was not run yet."
+
+
+def answers(name: str) -> str:
+    """Answers of known shots beside their truths, as `benchmarks.answers` prints them."""
+    from benchmarks.answers import table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else table({one["name"]: one for one in made["answers"]})
+
+
+def changes(name: str) -> str:
+    """What a change of the program has done to them."""
+    from benchmarks.answers import changes
+
+    made = _results(name)
+    if made is None or "before" not in made:
+        return _not_yet(name)
+    now, before = ({one["name"]: one for one in made[key]} for key in ("answers", "before"))
+    return changes(now, before)
+
+
+def pooled(name: str) -> str:
+    """Shots of one known stiffness factor and their mean, as `benchmarks.pooled_shots` prints them."""
+    from benchmarks.pooled_shots import table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else table(made)
+
+
 TABLES = {
+    "answers": answers,
+    "changes": changes,
+    "pooled": pooled,
     "budget": budget,
     "drawn": drawn,
     "causes": causes,

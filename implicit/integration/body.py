@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicit.arrays import FloatArray
-from implicit.integration.contraction import element_forces, element_stiffness
+from implicit.integration.contraction import element_forces
 from implicit.integration.mixed import MixedField
 from implicit.integration.pattern import Pattern
 from implicit.integration.points import Points, PointState
@@ -48,7 +48,6 @@ class Body:
         `BodyState.inverted`.
         """
         at = u.reshape(-1, self.model.dimension)
-        volumes, E = self.points.geometry.volumes, self.points.geometry.E
         pressure = None
         if self.field is not None:
             J = self.points.volume_ratios(at)
@@ -59,26 +58,25 @@ class Body:
         state = self.points.evaluate(at, self.rows, tangent=False, pressure=pressure, thickness=thickness)
         if not (state.J > 0.0).all():
             return self._inverted(u, state.J)
-        forces = element_forces(E, state.P * volumes[..., None]).reshape(len(E), -1)
-        return BodyState(u, self.pattern.vector(forces), state)
+        return BodyState(u, self.pattern.vector(state.forces), state)
 
     def stiffness(self, state: BodyState) -> FloatArray:
         """Element stiffness of a state [N/m], shape [m, k d, k d]."""
         at = state.u.reshape(-1, self.model.dimension)
-        volumes, E = self.points.geometry.volumes, self.points.geometry.E
         pressure, curvature = None, None
         if self.field is not None:
             pressure, curvature = self.field.pressures(state.points.J)
         thickness = state.points.thickness
         points = self.points.evaluate(at, self.rows, tangent=True, pressure=pressure, thickness=thickness)
-        stiffness = element_stiffness(E, points.A * volumes[..., None, None])
+        stiffness = points.stiffness
+        assert stiffness is not None
         if self.field is not None and curvature is not None:
             stiffness += self.field.stiffness(points.H, curvature)
         return stiffness
 
     def _inverted(self, u: FloatArray, J: FloatArray) -> BodyState:
         nothing = np.zeros(0)
-        state = PointState(nothing, nothing, nothing, J, nothing, nothing)
+        state = PointState(nothing, nothing, None, nothing, J, nothing, nothing)
         return BodyState(u, np.full(len(u), np.nan), state)
 
     def energy(self, state: BodyState) -> float:

@@ -1,4 +1,4 @@
-"""Stress and tangent at all Gauss points of a model, by the kernels of `implicit.laws.kernels`."""
+"""Stress and tangent at all Gauss points of a model, and their sums over each element."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,7 +9,9 @@ import warp as wp
 
 from explicit.arrays import FloatArray
 from explicit.device import select_device
+from implicit.integration.contraction import element_forces, element_stiffness
 from implicit.integration.geometry import Geometry, geometry
+from implicit.integration.kernels.contraction import force_kernel, stiffness_kernel
 from implicit.laws.kernels.points import KINEMATICS, point_kernel, stress_kernel, volume_kernel
 from implicit.model import Model
 
@@ -20,8 +22,10 @@ class PointState:
 
     P: FloatArray
     """First Piola-Kirchhoff stress, the pairs (i, J) in rows [Pa], shape [m, g, d D]."""
-    A: FloatArray
-    """dP/dF [Pa], shape [m, g, d D, d D]; of shape [0] if no tangent was asked for."""
+    forces: FloatArray
+    """Forces of each element [N], shape [m, k d]."""
+    stiffness: FloatArray | None
+    """Its stiffness at fixed pressures [N/m], shape [m, k d, k d], if a tangent was asked for."""
     H: FloatArray
     """Mixed: dJ/dF [-]; plane stress: A_iJ33 / A_3333 [-]; shape [m, g, d D], otherwise [0, 0, 0]."""
     J: FloatArray
@@ -51,6 +55,10 @@ class Points:
     def shape(self) -> tuple[int, int]:
         """Cells and Gauss points in each."""
         return self.geometry.volumes.shape  # type: ignore[return-value]
+
+    @cached_property
+    def _volumes(self) -> Any:
+        return self._put(self.geometry.volumes)
 
     @cached_property
     def _none(self) -> tuple[Any, ...]:
@@ -85,7 +93,7 @@ class Points:
         pressure: FloatArray | None = None,
         thickness: FloatArray | None = None,
     ) -> PointState:
-        """Evaluate stress and, on demand, tangent.
+        """Evaluate stress and, on demand, tangent, with the elements' forces and stiffness.
 
         Parameters
         ----------
@@ -94,7 +102,7 @@ class Points:
         rows : array, shape [m, n_row]
             What `rows` gave.
         tangent : bool
-            Whether A is wanted.
+            Whether the stiffness is wanted.
         pressure : array, shape [m, g], optional
             Pressure of a mixed model [Pa].
         thickness : array, shape [m, g], optional
@@ -115,7 +123,28 @@ class Points:
             outputs=[P, A, H, J, W],
             device=self.device,
         )
-        return PointState(P.numpy(), A.numpy(), H.numpy(), J.numpy(), W.numpy(), stretch.numpy())
+        forces, stiffness = (self._on_device if self.device.is_cuda else self._by_blas)(P, A, tangent)
+        return PointState(P.numpy(), forces, stiffness, H.numpy(), J.numpy(), W.numpy(), stretch.numpy())
+
+    def _by_blas(self, P: Any, A: Any, tangent: bool) -> tuple[FloatArray, FloatArray | None]:
+        E, volumes = self.geometry.E, self.geometry.volumes
+        forces = element_forces(E, P.numpy() * volumes[..., None]).reshape(len(E), -1)
+        if not tangent:
+            return forces, None
+        return forces, element_stiffness(E, A.numpy() * volumes[..., None, None])
+
+    def _on_device(self, P: Any, A: Any, tangent: bool) -> tuple[FloatArray, FloatArray | None]:
+        m, k = self.model.mesh.cells.shape
+        forces = self._zeros((m, k * self.d))
+        kernel = force_kernel(self.d, self.columns)
+        given = [self.E, self._volumes]
+        wp.launch(kernel, (m, k), inputs=[*given, P], outputs=[forces], device=self.device)
+        if not tangent:
+            return forces.numpy(), None
+        stiffness = self._zeros((m, k * self.d, k * self.d))
+        kernel = stiffness_kernel(self.d, self.columns)
+        wp.launch(kernel, (m, k, k), inputs=[*given, A], outputs=[stiffness], device=self.device)
+        return forces.numpy(), stiffness.numpy()
 
     def stress_by_row(self, u: FloatArray, rows: FloatArray, thickness: FloatArray) -> FloatArray:
         """Derivatives of the full 3 x 3 P by the numbers of the kernels' row at fixed deformation, by the

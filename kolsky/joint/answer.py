@@ -10,7 +10,6 @@ import numpy as np
 from doe import Box
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.estimates import estimates, held_values
-from kolsky.inverse.front_noise import replicate_uncertainty
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.relaxing import reference_words
@@ -45,14 +44,18 @@ def answered(
     rows = whitening.apply(found.slopes.T)
     gain = np.linalg.solve(rows @ rows.T, whitening.precision(found.slopes.T))
     cov = covariance(found.slopes, residual, whitening, stack)
+    plain = np.diag(np.linalg.inv(rows @ rows.T))
     between = np.zeros(len(found.x))
     if any(SCATTER in one.own for one in stack.shots):
-        plain, bare = np.linalg.inv(rows @ rows.T), _without_scatter(stack, residual, found.slopes)
-        between = np.sqrt(np.maximum(np.diag(plain) - np.diag(bare), 0.0))
+        between = np.maximum(plain - _without(stack, residual, found.slopes, SCATTER), 0.0)
+    curves = np.zeros(len(found.x))
+    if stack.curve is not None:
+        bare = replace(stack, curve=None)
+        curves = np.maximum(plain - _without(bare, residual, found.slopes, ""), 0.0)
     noise = {
-        "force and shape": np.sqrt(np.maximum(np.diag(cov) - between**2, 0.0)),
-        "scatter between shots": between,
-        "material curve": replicate_uncertainty(_curve_changes(problem, found.x) @ gain.T),
+        "force and shape": np.sqrt(np.maximum(np.diag(cov) - between - curves, 0.0)),
+        "scatter between shots": np.sqrt(between),
+        "material curve": np.sqrt(curves),
         **declared_parts(problem, found, gain),
     }
     mesh = _mesh_change(problem, found)
@@ -96,32 +99,20 @@ def answered(
     )
 
 
-def _without_scatter(stack: Stack, residual: FloatArray, slopes: FloatArray) -> FloatArray:
-    """Covariance with the same discrepancies, as if the shots did not differ, shape [d, d]."""
+def _without(stack: Stack, residual: FloatArray, slopes: FloatArray, name: str) -> FloatArray:
+    """Variances with the same discrepancies, as if the shots had no unknown of a name, shape [d]."""
     bare = []
     for one, o in zip(stack.shots, stack.weighed(residual), strict=True):
-        rest = {name: row for name, row in one.own.items() if name != SCATTER}
+        rest = {key: row for key, row in one.own.items() if key != name}
         sizes = {"force_discrepancy": o.force_discrepancy, "shape_discrepancy": o.shape_discrepancy}
         bare.append(replace(replace(one, own=rest).objective, **sizes))
     rows = stack.whitening(bare).apply(slopes.T)
-    return np.linalg.inv(rows @ rows.T)
+    return np.diag(np.linalg.inv(rows @ rows.T))
 
 
 def _unasked(e: Estimate) -> Estimate:
     """A constant of what relaxes that the data do not ask for is not seen by them."""
     return replace(e, outcome=Verdict.NOT_SEEN) if PARAMETERS[e.name].relaxes else e
-
-
-def _curve_changes(problem: JointProblem, x: FloatArray) -> FloatArray:
-    """Changes of all data by the curves' noise, a row a draw, [n, k]; nothing where the curve is free."""
-    n, stack = problem.settings.replicates, problem.stack
-    if not n or problem.unknowns.nodes:
-        return np.zeros((1, len(stack.data)))
-    curves = list(range(n + 1))
-    vectors = problem.runs.vectors("noise", np.tile(x, (n + 1, 1)), problem.mesh, material=curves)
-    slow = np.array([problem.slow_values(x, curve=k) for k in curves]).reshape(n + 1, -1)
-    whole = stack.joined(vectors, slow, np.zeros((n + 1, stack.known)))
-    return np.nan_to_num(whole[1:] - whole[0])
 
 
 def _mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
@@ -237,6 +228,12 @@ def _warnings(
     reference = reference_words(shared)
     if reference:
         said.append(f"m refers to {reference}")
+    m, size = shared.get(MOVED), 0.0 if found.scatter is None else found.scatter.value
+    if m is not None and 0.0 < size * m.value <= m.sigma_numerical:
+        said.append(
+            f"the scatter between the shots, {100.0 * size:.2g} %, is within the uncertainty of the mesh, "
+            "which errs differently at other speeds: refine both meshes before it is called scatter"
+        )
     if found.scatter is not None and found.scatter.value > 0.0 and len(problem.stack.shots) < FEW_SHOTS:
         low, high = (100.0 * end for end in found.scatter.interval)
         said.append(

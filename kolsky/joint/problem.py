@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from doe.least_squares import least_squares
 from doe.whitening import Whitening
@@ -180,7 +181,34 @@ class JointProblem:
                 replace(one, front=front, own=self._own(prepared.forward.shot.uncertainty, one, seen[0]))
             )
         self.stack = replace(self.stack, shots=tuple(shots))
-        self.stack = replace(self.stack, common=self._calibrations())
+        self.stack = replace(self.stack, common=self._calibrations(), curve=self._curves(x, numerics))
+
+    def _curves(self, x: FloatArray, numerics: Numerics) -> FloatArray | None:
+        """Patterns of the slow curves' noise, one set a curve, [n, K + s]; None where none is drawn.
+
+        Shots of one curve and the slow tests, which are held against the first shot's, move together.
+        """
+        n = self.settings.replicates
+        if not n or self.unknowns.nodes:
+            return None
+        numbers = list(range(n + 1))
+        points = np.tile(x, (n + 1, 1))
+        vectors = self.runs.vectors("noise", points, numerics, material=numbers)
+        slow = np.array([self.slow_values(x, curve=k) for k in numbers]).reshape(n + 1, -1)
+        whole = self.stack.joined(vectors, slow, np.zeros((n + 1, 0)))
+        change = np.nan_to_num(whole[1:] - whole[0])
+        noise = np.concatenate([*(one.objective.noise for one in self.stack.shots), self.stack.slow_sigma])
+        groups: dict[bytes, NDArray[np.bool_]] = {}
+        start = 0
+        for k, (prepared, end) in enumerate(zip(self.runs.prepared, self.stack.ends, strict=True)):
+            curve = prepared.forward.shot.curve
+            key = np.concatenate([curve.stretch, curve.stress]).tobytes()
+            entries = groups.setdefault(key, np.zeros(change.shape[1], bool))
+            entries[start:end] = True
+            if k == 0:
+                entries[self.stack.ends[-1] :] = True
+            start = end
+        return np.concatenate([front_modes(change * entries, noise) for entries in groups.values()])
 
     def _own(self, declared: Mapping[str, float], one: ShotData, vector: FloatArray) -> dict[str, FloatArray]:
         """Patterns of a shot's own clock and gain over bins and all points."""

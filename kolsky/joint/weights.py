@@ -69,6 +69,8 @@ class Stack:
     """Rows of prior knowledge, residuals of unit variance, at the end."""
     common: FloatArray | None = None
     """Changes of the shots' counted entries by one standard deviation of what several share, [n, K]."""
+    curve: FloatArray | None = None
+    """The same of the slow curves' noise, slow tests behind the shots, [n, K + s]."""
 
     @cached_property
     def ends(self) -> tuple[int, ...]:
@@ -112,8 +114,9 @@ class Stack:
             rows.append(np.zeros((len(objective.front_noise), len(sigma))))
             rows[-1][:, start:end] = objective.front_noise
             start = end
-        if self.common is not None:
-            rows.append(np.pad(self.common, ((0, 0), (0, len(sigma) - self.ends[-1]))))
+        for shared in (self.common, self.curve):
+            if shared is not None:
+                rows.append(np.pad(shared, ((0, 0), (0, len(sigma) - shared.shape[1]))))
         if more is not None:
             rows.append(more)
         return Whitening(sigma, np.concatenate(rows))

@@ -19,6 +19,7 @@ from tests.mutants.explicit import FAULTS as EXPLICIT
 from tests.mutants.fault import Fault
 from tests.mutants.folding import FAULTS as FOLDING
 from tests.mutants.full_field import FAULTS as FULL_FIELD
+from tests.mutants.implicit import FAULTS as IMPLICIT
 from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.joint import FAULTS as JOINT
@@ -34,6 +35,7 @@ from tests.mutants.several_parameters import FAULTS as SEVERAL
 from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.slow_compression import FAULTS as SLOW_COMPRESSION
 from tests.mutants.specimen import FAULTS as SPECIMEN
+from tests.mutants.transducer import FAULTS as TRANSDUCER
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 from tests.mutants.virtual import FAULTS as VIRTUAL
 from tests.mutants.virtual_pictures import FAULTS as VIRTUAL_PICTURES
@@ -54,6 +56,7 @@ FAULTS: tuple[Fault, ...] = (
     *EXPLICIT,
     *FOLDING,
     *FULL_FIELD,
+    *IMPLICIT,
     *INPUTS,
     *INVERSE,
     *JOINT,
@@ -69,6 +72,7 @@ FAULTS: tuple[Fault, ...] = (
     *RESULTS,
     *SLOW_COMPRESSION,
     *SPECIMEN,
+    *TRANSDUCER,
     *UNCERTAINTY,
     *VIRTUAL,
     *VIRTUAL_PICTURES,

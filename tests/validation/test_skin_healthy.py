@@ -20,7 +20,7 @@ PUBLISHED = np.array([3.111523e4, 0.2242006])
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(
+    pytest.mark.skipif(not DATA.exists(), reason="no folder 'shared' with their data"),
         not DATA.exists(), reason="no folder 'shared' with their data beside the repository"
     ),
 ]

@@ -274,3 +274,15 @@ def test_the_figure_names_its_axes_and_shows_every_panel(wanted):
     assert np.interp(0.5, parts, x) == pytest.approx(1e3 * np.median(known[:, 0]), rel=1e-3)
     assert ("asked for" in [text.get_text() for text in share.get_legend().get_texts()]) == bool(wanted)
     assert ("asked for" in SPECKLES["speckle-floor"].caption(Speckles(f, quality))) == bool(wanted)
+
+
+def test_light_is_evened_out_where_there_is_some():
+    """Half of the pixels dark under light that falls to nothing beside the body: no division by that."""
+    from dic.images.pattern import coverage_and_diameter
+
+    level = np.tile(np.linspace(1.0, 2.0, 64), (64, 1))
+    f = level * np.where(np.indices((64, 64)).sum(axis=0) % 16 < 8, 0.2, 1.0)
+    used = np.ones((64, 64), dtype=bool)
+    used[:, 56:] = False
+    dark, _ = coverage_and_diameter(f, np.where(used, level, 1e-310), used, 0.0)
+    assert dark == np.mean(f[used] < 0.5 * level[used])

@@ -4,8 +4,11 @@ import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
+
+from benchmarks import answers, scatter
 
 TABLES = Path(__file__).parents[3] / "docs" / "_ext" / "made_tables.py"
 
@@ -34,7 +37,8 @@ def test_budget_of_the_paper(tables: ModuleType) -> None:
 
 def test_a_study_that_was_not_run_says_so(tables: ModuleType) -> None:
     assert "not made yet" in tables.budget("no_such_study")
-    assert "not run yet" in tables.drawn("no_such_study")
+    for table in (tables.drawn, tables.answers, tables.changes, tables.pooled):
+        assert "not run yet" in table("no_such_study")
 
 
 def test_what_a_study_was_made_with(tables: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -67,3 +71,39 @@ def test_what_a_study_was_made_with(tables: ModuleType, monkeypatch: pytest.Monk
         "mean square, 2.0 at most."
     )
     assert "| 1.0100 | 0.0100 | +1.00 % |" in lines[-1]
+
+
+def answer(value: float, sigma: float, verdict: str = "identified") -> dict[str, Any]:
+    """A made-up answer to a shot whose truth is 1.12."""
+    cause = {"key": "flyer.time", "value": 2e-5, "evidence": 1093.4, "named": True, "beside": ""}
+    other = {"key": "model.damping", "value": 3e-5, "evidence": 72.0, "named": False, "beside": "flyer.time"}
+    return {
+        "name": "made",
+        "values": {"stiffness_factor": value},
+        "sigmas": {"stiffness_factor": sigma},
+        "truths": {"stiffness_factor": 1.12},
+        "verdicts": {"stiffness_factor": verdict},
+        "causes": [cause, other, cause],
+    }
+
+
+def test_answers_beside_their_truths() -> None:
+    """(1.126 - 1.12) / 0.004 is 1.5 standard uncertainties; U is twice one."""
+    told = answers.table({"made": answer(1.126, 0.004)})
+    assert "| 1.12 | 1.126 ± 0.008 | +1.50 | identified |" in told
+    assert "| made | **flyer.time = 2e-05** (1093); model.damping = 3e-05 beside flyer.time (72) |" in told
+
+
+def test_changes_are_in_standard_uncertainties_of_the_earlier_answer() -> None:
+    """From 1.120 ± 0.004 to 1.121 ± 0.005 (k = 1): a quarter of 0.004, and 1.25 times it."""
+    before, now = {"made": answer(1.120, 0.004)}, {"made": answer(1.121, 0.005)}
+    assert "| made | stiffness_factor | +0.250 | 1.250 | the same |" in answers.changes(now, before)
+    now = {"made": answer(1.12, 0.004, "not explained by the model")}
+    assert "identified -> not explained by the model |" in answers.changes(now, before)
+
+
+def test_scatter_of_errors_over_their_uncertainties() -> None:
+    """Errors of +1, -1, +3 and -3 standard uncertainties: mean 0, scatter sqrt(5), half of them inside."""
+    drawn = [answer(1.12 + z * 0.004, 0.004) for z in (1.0, -1.0, 3.0, -3.0)]
+    (row,) = scatter.table(drawn).splitlines()[2:]
+    assert [cell.strip() for cell in row.split("|")[2:-1]] == ["4", "+0.00", "2.24", "3.00", "2"]

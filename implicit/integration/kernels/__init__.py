@@ -1,0 +1,1 @@
+"""Warp kernels of the sums over Gauss points, for models on a GPU."""
