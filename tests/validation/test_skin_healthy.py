@@ -21,15 +21,12 @@ PUBLISHED = np.array([3.111523e4, 0.2242006])
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(not DATA.exists(), reason="no folder 'shared' with their data"),
-        not DATA.exists(), reason="no folder 'shared' with their data beside the repository"
-    ),
 ]
 
 
 def test_the_published_optimum_is_a_minimum(tmp_path: Path) -> None:
-    subprocess.run(
-        [sys.executable, ROOT / "runs" / "specimen" / "skin_healthy.py", DATA, tmp_path, "4528"], check=True
-    )
+    script = ROOT / "runs" / "specimen" / "skin_healthy.py"
+    subprocess.run([sys.executable, script, DATA, tmp_path, "4528"], check=True)
     problem = read_field(read_specification(tmp_path / "published.toml")).problem
     assert problem.data.cells.sum() == 212  # cells inside the measured points, as they count them
     cost = problem.cost(PUBLISHED)
