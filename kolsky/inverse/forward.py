@@ -21,6 +21,7 @@ from kolsky.inverse.parameters import (
     require_effect,
 )
 from kolsky.inverse.relaxing import what_relaxes
+from kolsky.inverse.transducer_place import at_transducer
 from kolsky.shot.records import Shot
 
 MOTION_KNOTS = 2049
@@ -130,7 +131,7 @@ class Forward:
         problem = self.problem(points, numerics, motion=motion, material=material, all_nodes=all_nodes)
         device, threads = numerics.device, numerics.threads
         if numerics.compressible is None:
-            return explicit.run(
+            response = explicit.run(
                 problem.model,
                 problem.samples,
                 problem.sampling,
@@ -139,8 +140,9 @@ class Forward:
                 threads=threads,
                 progress=progress,
             )
+            return at_transducer(self.shot, response)
         half, less = numerics.coarser()
-        return explicit.run_nearly_incompressible(
+        corrected = explicit.run_nearly_incompressible(
             problem.model,
             (self.mesh(half), self.mesh(less)),
             problem.samples,
@@ -150,7 +152,8 @@ class Forward:
             device=device,
             threads=threads,
             progress=progress,
-        ).response
+        )
+        return at_transducer(self.shot, corrected.response)
 
     def problem(
         self,

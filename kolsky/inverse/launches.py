@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 import explicit
 from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.transducer_place import at_transducer
 
 
 @dataclass(frozen=True)
@@ -45,4 +46,5 @@ def run_side_by_side(launches: Sequence[Launch]) -> list[explicit.Response]:
         for one in launches
     ]
     numerics = launches[0].numerics
-    return explicit.run_side_by_side(problems, device=numerics.device, threads=numerics.threads)
+    made = explicit.run_side_by_side(problems, device=numerics.device, threads=numerics.threads)
+    return [at_transducer(one.forward.shot, done) for one, done in zip(launches, made, strict=True)]

@@ -43,6 +43,7 @@ def provenance(shot: Shot, settings: Any, prepared: PreparedShot, *, sliding: bo
         **({"declared_interface": declared} if interface != declared else {}),
         "specimen": _plain(shot.specimen),
         "support": shot.support,
+        **({"transducer_depth": shot.transducer_depth} if shot.transducer_depth else {}),
         "window_s": list(shot.window),
         "checks": prepared.checks,
         "recordings": recording_facts(shot),

@@ -19,6 +19,7 @@ from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.observations import predict
 from kolsky.inverse.prepared_shot import PreparedShot
 from kolsky.inverse.staged_runs import Progress
+from kolsky.inverse.transducer_place import at_transducer
 from kolsky.joint.unknowns import Unknowns, with_factors
 from kolsky.studies.sweep import source_hash
 
@@ -127,7 +128,8 @@ class JointRuns:
         found = explicit.run_side_by_side(problems, device=numerics.device, threads=numerics.threads)
         fresh: dict[tuple[float, ...], FloatArray] = {}
         for k, response in zip(wanted, found, strict=True):
-            rows = _vectors(self.prepared[k], response)
+            seen = at_transducer(self.prepared[k].forward.shot, response)
+            rows = _vectors(self.prepared[k], seen)
             fresh |= {keys[k][i]: row for i, row in zip(missing[k], rows, strict=True)}
         self.known |= fresh
         self.made += total

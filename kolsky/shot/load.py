@@ -199,6 +199,7 @@ def _base(
         "interface": declared.interface.interface(),
         "support": declared.transmission.support,
         "transmission_bar": None if bar is None else Bar(**bar.model_dump()),
+        "transducer_depth": declared.transmission.transducer_depth or 0.0,
         "model": ModelSettings(**declared.model.model_dump()),
         "force": force,
         "curve": curve,

@@ -97,6 +97,8 @@ class ShotBase:
     """What stands behind it: "rigid" or "bar"."""
     transmission_bar: Bar | None
     """The bar, where support is "bar"."""
+    transducer_depth: float = 0.0
+    """Distance of the transmitted force's transducer behind the platen's face, on that bar [m]."""
     model: ModelSettings
     """Material constants beside the curve."""
     force: ForceChannel | BarForce

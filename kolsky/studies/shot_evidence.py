@@ -56,8 +56,18 @@ class ShotEvidence:
 
     @classmethod
     def of(cls, prepared: PreparedShot, numerics: Numerics) -> "ShotEvidence":
-        """The evidence of a prepared shot, with its own values of everything but rate and stiffness."""
+        """The evidence of a prepared shot, with its own values of everything but rate and stiffness.
+
+        Raises
+        ------
+        ValueError
+            If the transducer sits behind the platen's face.
+        """
         shot, bins = prepared.forward.shot, prepared.observations.bins
+        if shot.transducer_depth:
+            raise ValueError(
+                f"{shot.name}: a transducer behind the face is not known here; put it at the face"
+            )
         held = {
             name: float(p.held(shot))
             for name, p in PARAMETERS.items()

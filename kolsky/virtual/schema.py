@@ -254,6 +254,16 @@ class Specification(Section):
         return what_relaxes(declared, self.material.prony_strengths, self.material.prony_times)
 
     @model_validator(mode="after")
+    def _no_transducer_in_the_bar(self) -> "Specification":
+        if self.transmission.transducer_depth is not None:
+            raise f.problem(
+                "is not made here: the made transducer sits behind a mass",
+                key="transmission",
+                cure="give [transmitted] platen_mass, the mass before it",
+            )
+        return self
+
+    @model_validator(mode="after")
     def _relaxes_once(self) -> "Specification":
         if self.relaxation is not None and self.material.prony_times:
             raise f.problem(

@@ -34,6 +34,8 @@ from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.several_parameters import FAULTS as SEVERAL
 from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.slow_compression import FAULTS as SLOW_COMPRESSION
+from tests.mutants.specimen import FAULTS as SPECIMEN
+from tests.mutants.transducer import FAULTS as TRANSDUCER
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 from tests.mutants.virtual import FAULTS as VIRTUAL
 from tests.mutants.virtual_pictures import FAULTS as VIRTUAL_PICTURES
@@ -69,6 +71,8 @@ FAULTS: tuple[Fault, ...] = (
     *REPORT,
     *RESULTS,
     *SLOW_COMPRESSION,
+    *SPECIMEN,
+    *TRANSDUCER,
     *UNCERTAINTY,
     *VIRTUAL,
     *VIRTUAL_PICTURES,

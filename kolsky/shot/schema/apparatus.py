@@ -103,6 +103,25 @@ class TransmissionSection(Section):
 
     support: Literal["rigid", "bar"]
     bar: BarSection | None = None
+    transducer_depth: f.Length | None = None
+    """Distance of the force transducer behind the platen's face, along the bar."""
+
+    @model_validator(mode="after")
+    def _transducer_on_the_bar(self) -> "TransmissionSection":
+        depth, bar = self.transducer_depth, self.bar
+        if depth is not None and self.support == "rigid":
+            raise f.problem(
+                'is given, but support = "rigid": nothing moves, and the force is the same everywhere',
+                key="transducer_depth",
+                cure='remove it, or write support = "bar"',
+            )
+        if depth is not None and bar is not None and not depth < 0.5 * bar.length:
+            raise f.problem(
+                "is not allowed",
+                key="transducer_depth",
+                allowed=f"below half the bar, {0.5 * bar.length:g} m",
+            )
+        return self
 
     @model_validator(mode="after")
     def _bar_where_it_acts(self) -> "TransmissionSection":
