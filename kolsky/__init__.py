@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from kolsky.inverse.settings import Settings
     from kolsky.inverse.side_surface import radius_at
     from kolsky.inverse.simulate import simulate, write_simulation
+    from kolsky.joint.identify_shots import identify_shots
+    from kolsky.joint.records import JointSettings
+    from kolsky.joint.slow_schema import read_slow_tests
     from kolsky.material.curves.uniaxial import UniaxialTest
     from kolsky.material.end_friction.problem import EndFriction
     from kolsky.material.fits.compare import compare_laws
@@ -41,6 +44,7 @@ if TYPE_CHECKING:
         write_waves_results,
     )
     from kolsky.report.study_folder import (
+        write_joint_results,
         write_plan_results,
         write_rate_results,
         write_sweep_results,
@@ -68,6 +72,7 @@ _HOME = {
     "HomogeneousTest": "kolsky.material.fits.homogeneous_test",
     "Identification": "kolsky.inverse.result",
     "InputError": "kolsky.base.errors",
+    "JointSettings": "kolsky.joint.records",
     "Numerics": "kolsky.inverse.forward",
     "Settings": "kolsky.inverse.settings",
     "Shot": "kolsky.shot.records",
@@ -83,6 +88,7 @@ _HOME = {
     "fit_law": "kolsky.material.fits.fit",
     "global_sensitivity": "kolsky.studies.global_sensitivity",
     "identify": "kolsky.identification",
+    "identify_shots": "kolsky.joint.identify_shots",
     "load_pictures": "kolsky.shot.load",
     "load_shot": "kolsky.shot.load",
     "material_law": "kolsky.inverse.forward",
@@ -97,6 +103,7 @@ _HOME = {
     "read_identify_results": "kolsky.report.result_folder",
     "read_test": "kolsky.prediction.predict",
     "read_uniaxial_test": "kolsky.material.reference_curve_files",
+    "read_slow_tests": "kolsky.joint.slow_schema",
     "reference_curve": "kolsky.material.reference_curve",
     "repeats": "kolsky.shot.repeated_tests",
     "save_figures": "kolsky.report.canvas",
@@ -113,6 +120,7 @@ _HOME = {
     "write_dic_results": "kolsky.report.result_folder",
     "write_identification": "kolsky.results.hdf5",
     "write_identify_results": "kolsky.report.result_folder",
+    "write_joint_results": "kolsky.report.study_folder",
     "write_plan_results": "kolsky.report.study_folder",
     "write_rate_results": "kolsky.report.study_folder",
     "write_report": "kolsky.report.pages.identification",

@@ -15,11 +15,15 @@ from numpy.typing import NDArray
 from dic.arrays import FloatArray
 from dic.camera import StereoRig
 from dic.stereo.epipolar import epipolar_distance
-from dic.stereo.offsets import HYPOTHESES, Offset, find_offset
+from dic.stereo.offsets import HYPOTHESES, Offset, faint_offset, find_offset
 from dic.stereo.synchronisation import Synchronisation, synchronisation
 
 LEAST_PAIRS = 20
 """Point pairs without which nothing is said."""
+
+
+LEAST_FAINT = 3, 60
+"""Frames and points without which nothing is said of an offset along the epipolar lines."""
 
 
 class Fault(IntEnum):
@@ -77,8 +81,9 @@ def diagnose(
     Returns
     -------
     tuple of Finding
-        Empty if nothing is wrong that epipolar distances show. They do not show an offset along the epipolar
-        lines of some pixels, a motion along them, or the exchange of cameras that are aligned to `tolerance`.
+        Empty if nothing is wrong that epipolar distances show. They do not show a motion along the epipolar
+        lines, or the exchange of cameras that are aligned to `tolerance`; an offset along them of some
+        pixels only from `LEAST_FAINT` on (`dic.stereo.offsets.faint_offset`).
 
     Raises
     ------
@@ -98,11 +103,28 @@ def diagnose(
         raise ValueError(f"a diagnosis needs at least {LEAST_PAIRS} point pairs, got {np.sum(pair)}")
     still = pair & _stillest(pixels1, pair)[:, None]
     findings, rig, shifts = _standing_faults(rig, pixels0[still], pixels1[still], tolerance)
+    if not findings and len(pixels0) >= LEAST_FAINT[0]:
+        rest = _at_rest(pixels0, pixels1, still)
+        faint = faint_offset(rig, *rest) if len(rest[0]) >= LEAST_FAINT[1] else None
+        findings += [] if faint is None else [_offset_finding(faint)]
     if len(pixels0) >= farthest + 3:
         sync = synchronisation(rig, pixels0 + shifts[0], pixels1 + shifts[1], farthest=farthest)
         if (found := _out_of_step(sync)) is not None:
             findings.append(found)
     return tuple(findings)
+
+
+def _at_rest(
+    pixels0: FloatArray, pixels1: FloatArray, still: NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray]:
+    """Mean places of the points in frames that hardly differ, as far as both cameras saw them, [n, 2]."""
+    count = still.sum(axis=0)
+    known = count > 0
+    first, second = (
+        np.where(still[..., None], pixels, 0.0).sum(axis=0)[known] / count[known, None]
+        for pixels in (pixels0, pixels1)
+    )
+    return first, second
 
 
 def _stillest(pixels: FloatArray, pair: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -171,13 +193,13 @@ def _offset_finding(offset: Offset) -> Finding:
     unknown = [axis for axis, sigma in zip("xy", offset.sigma, strict=True) if not np.isfinite(sigma)]
     what = (
         f"the crop offset of {offset.where} is off, {' and '.join(parts)}: with that added, epipolar "
-        f"distances of {offset.before:.2f} px are {offset.after:.2f} px"
+        f"distances of {offset.before:.2g} px are {offset.after:.2g} px"
     )
     cure = "take the crop offsets from the camera's own file header, and add what is missing"
     if unknown:
         cure += f"; {' and '.join(unknown)} cannot be told from epipolar distances, so check it too"
     if offset.where == "camera 1":
-        cure += "; the opposite offset of camera 0 would explain it as well"
+        cure += "; instead, an offset of camera 0 would explain it as well"
     shifts = offset.shifts
     value = (*(float(v) for v in shifts[0]), *(float(v) for v in shifts[1]))
     return Finding(Fault.CROP_OFFSET, what, cure, offset.before, offset.after, value)

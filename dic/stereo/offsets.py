@@ -23,6 +23,12 @@ INDEPENDENT = 100
 """Points that count at most for a standard deviation: neighbours share the errors of the calibration."""
 DETERMINED = 8.0
 """Standard deviation up to which a component is determined [px]."""
+SURE, LEAST_FAINT = 3.5, 4.0
+"""An offset along the epipolar lines is at least so many standard deviations and pixels [-, px]."""
+CALIBRATED = 2.0
+"""Standard deviation of such an offset that a good calibration leaves [px]."""
+GONE = 0.5
+"""Most of the distances that it may leave, as a share."""
 FARTHEST = 4096.0
 """Offset up to which one is sought [px]: the side of a large sensor."""
 
@@ -90,6 +96,40 @@ def find_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, where:
         for s in (0.0, 1.0)
     ]
     return Offset(where, value, sigma, *median)
+
+
+def faint_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> Offset | None:
+    """An offset of one camera along the epipolar lines, from what is left of it across them.
+
+    Rays that miss each other by hundredths of a pixel pass as calibrated, but where what they miss by varies
+    over the field as perspective makes it, and half of it goes with one offset of whole pixels, the crop is
+    doubted: depths, and with them all lengths, follow it.
+
+    Parameters
+    ----------
+    rig, pixels0, pixels1
+        As for `find_offset`.
+
+    Returns
+    -------
+    Offset or None
+        None if no component is `SURE` standard deviations and `LEAST_FAINT` from zero, or if too little of
+        the distances goes with it.
+    """
+    step = -(-len(pixels0) // POINTS)
+    p0, p1 = pixels0[::step], pixels1[::step]
+    basis = HYPOTHESES["camera 1"]
+    value, sigma = _fit(rig, p0, p1, basis, np.zeros(2, dtype=bool))
+    sure = (np.abs(value) >= SURE * sigma) & (np.abs(value) >= LEAST_FAINT)
+    if not np.any(sure):
+        return None
+    fitted = np.where(sure, np.round(value), value)  # across the lines a part of a pixel is the calibration's
+    after = p1 + (basis @ fitted)[2:]
+    sizes = [float(np.median(np.abs(epipolar_slopes(rig, p0, p)[0]))) for p in (p1, after)]
+    if sizes[1] > GONE * sizes[0]:
+        return None
+    known = np.where(sure, np.hypot(sigma, CALIBRATED), np.inf)
+    return Offset("camera 1", np.where(sure, fitted, 0.0), known, *sizes)
 
 
 def _fit(

@@ -45,8 +45,8 @@ def visible_piece(
     high = np.full(len(rays), 1.0 / limits[0])
     sides = [(e[2], v[:, 2])]  # a q + b >= 0
     box = ideal_box(second, shape1)
-    for axis in (0, 1) if box is not None else ():
-        for sign, bound in zip((1.0, -1.0), box[axis], strict=True):
+    for axis, bounds in enumerate(() if box is None else box):
+        for sign, bound in zip((1.0, -1.0), bounds, strict=True):
             sides.append((sign * (e[axis] - bound * e[2]), sign * (v[:, axis] - bound * v[:, 2])))
     for a, b in sides:
         if a > 0.0:

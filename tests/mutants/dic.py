@@ -558,6 +558,20 @@ FAULTS = (
         tests=(EDGE,),
     ),
     Fault(
+        name="crop offset along the lines: told at a tenth of its standard deviation",
+        file="dic/stereo/offsets.py",
+        right="np.abs(value) >= SURE * sigma) & (np.abs(value) >= LEAST_FAINT)",
+        wrong="np.abs(value) >= 0.1 * sigma)",
+        tests=("tests/unit/dic/test_dic_diagnose.py",),
+    ),
+    Fault(
+        name="crop offset along the lines: never told",
+        file="dic/stereo/offsets.py",
+        right="if sizes[1] > GONE * sizes[0]:",
+        wrong="if sizes[1] < GONE * sizes[0]:",
+        tests=("tests/unit/dic/test_dic_diagnose.py",),
+    ),
+    Fault(
         name="lower end: gap measured from a quarter of the contrast",
         file="dic/bodies/edge_fit.py",
         right="half = 0.5 * float",

@@ -65,8 +65,15 @@ FAULTS = (
     _fault(
         "a calibration that shots share left out of the weights",
         _WEIGHTS,
-        "if self.common is not None:",
-        "if self.common is None and self.common is not None:",
+        "for shared in (self.common, self.curve):",
+        "for shared in (self.curve,):",
+        "joint/test_weights.py",
+    ),
+    _fault(
+        "the slow curve's noise left out of the weights",
+        _WEIGHTS,
+        "for shared in (self.common, self.curve):",
+        "for shared in (self.common,):",
         "joint/test_weights.py",
     ),
     _fault(

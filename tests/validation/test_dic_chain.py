@@ -243,18 +243,12 @@ def test_a_wrong_crop_offset_is_named_with_its_size(case, off, words, camera):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("camera", [0, 1])
-def test_a_crop_offset_along_the_lines_of_sight_shows_in_the_radius(case, camera):
-    """8 px along the epipolar lines move all depths alike: no ray misses another, but the cylinder's radius
-    is no more the declared one, or the cameras are named."""
+def test_a_crop_offset_along_the_lines_of_sight_is_remarked_on(case, camera):
+    """8 px along the epipolar lines leave 0.04 px across them: not refused, but told."""
     cameras = list(case.rig.cameras)
     cameras[camera] = cameras[camera].cropped((8.0, 0.0))
-    try:
-        result = run(case, rig=StereoRig((cameras[0], cameras[1])))
-    except ChainError as error:
-        said = str(error)
-    else:
-        said = " ".join(f"{remark.name}: {remark.text}" for remark in result.remarks)
-    assert "crop offset" in said or "another radius" in said
+    result = run(case, rig=StereoRig((cameras[0], cameras[1])))
+    assert [r.text for r in result.remarks if r.name == "crop offset" and "x by -" in r.text]
 
 
 @pytest.mark.slow

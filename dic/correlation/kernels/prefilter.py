@@ -123,7 +123,7 @@ def on_device(grey: NDArray[np.float32], prefilter: float, device: Any) -> Any:
     """
     level = float(grey.mean(dtype=np.float64))
     side = _side(prefilter, device.alias)
-    given = wp.array(np.ascontiguousarray(grey - np.float32(level)), dtype=wp.float32, device=device)
+    given: Any = wp.array(np.ascontiguousarray(grey - np.float32(level)), dtype=wp.float32, device=device)
     half = wp.empty_like(given)
     wide = (grey.shape[0] + 2 * PAD, room(grey.shape[1]))
     found = wp.empty((1, *wide), dtype=wp.float32, device=device)

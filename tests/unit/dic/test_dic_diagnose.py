@@ -93,6 +93,33 @@ def test_crop_of_one_camera_wrong(camera_1: bool, y: float) -> None:
     assert "camera 0 would explain it as well" in finding.cure
 
 
+@pytest.mark.parametrize("camera", [0, 1])
+@pytest.mark.parametrize("off", [-8.0, 8.0])
+def test_a_crop_offset_along_the_lines_is_found_from_many_points(camera: int, off: float) -> None:
+    """It leaves some hundredths of a pixel, that no tolerance would refuse."""
+    rng = np.random.default_rng(1)
+    t = np.zeros(15)
+    pixels = [cam.project(barrel(t)) + rng.normal(0.0, 0.004, (15, 81, 2)) for cam in RIG.cameras]
+    cameras = list(RIG.cameras)
+    cameras[camera] = cameras[camera].cropped((off, 0.0))
+    wrong = StereoRig((cameras[0], cameras[1]))
+    (finding,) = diagnose(wrong, *pixels)
+    assert finding.fault is Fault.CROP_OFFSET
+    assert finding.before < 0.2
+    assert finding.value[2] == pytest.approx(-off, abs=4.0)  # two of its sigmas; along the lines both alike
+    assert finding.value[3] == 0.0
+    assert diagnose(wrong, *(one[:2] for one in pixels)) == ()  # two frames: nothing is said
+    assert diagnose(wrong, *(one[:, ::2] for one in pixels)) == ()  # nor of 41 points
+
+
+def test_right_cameras_are_not_doubted_for_their_noise() -> None:
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        t = np.zeros(15)
+        pixels = [cam.project(barrel(t)) + rng.normal(0.0, NOISE, (15, 81, 2)) for cam in RIG.cameras]
+        assert diagnose(RIG, *pixels) == ()
+
+
 def test_swapped_and_crop_left_out() -> None:
     first, second = diagnose(StereoRig((FULL.cameras[1], FULL.cameras[0])), *seen())
     assert (first.fault, second.fault) == (Fault.SWAPPED_CAMERAS, Fault.CROP_OFFSET)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from explicit.device import select_device
 from implicit.equations import Equations
 from implicit.integration.points import Points
 from implicit.sensitivity import direct
@@ -44,6 +45,16 @@ def test_stiffness_is_the_derivative_of_the_forces():
     np.testing.assert_allclose(
         equations.times(equations.stiffness(state), du), by, atol=1e-6 * np.abs(by).max()
     )
+
+
+@pytest.fixture(scope="module")
+def cuda() -> str:
+    """Name of the first GPU."""
+    try:
+        select_device("cuda")
+    except ValueError as absent:
+        pytest.skip(str(absent))
+    return "cuda"
 
 
 @pytest.mark.parametrize("name", MODELS)

@@ -57,13 +57,16 @@ def test_patterns_are_a_shots_own_or_go_through_several() -> None:
     a = shot(np.array([1.0, 2.0]), np.array([3.0]), own={CLOCK: late})
     b = shot(np.array([4.0]), np.array([5.0]))
     common = np.array([[0.1, 0.2, 0.0, 0.4, 0.0]])
-    stack = Stack((a, b), np.zeros(0), np.zeros(0), known=0, common=common)
+    # A slow test of sigma 0.3 hangs together with the first shot by the curve's noise; a prior row with none.
+    curve = np.array([[0.2, 0.3, 0.0, 0.0, 0.0, 0.4]])
+    stack = Stack((a, b), np.array([7.0]), np.array([0.3]), known=1, common=common, curve=curve)
     whitening = stack.whitening([one.objective for one in stack.shots])
     error = 0.2 * late  # what a pattern itself is off by is independent: PATTERN_ERROR
-    c = np.diag(np.array([0.5, 0.5, 0.1, 0.5, 0.1]) ** 2) + np.diag(np.append(error, [0.0, 0.0]) ** 2)
-    whole = np.append(late, [0.0, 0.0])
-    c = c + np.outer(whole, whole) + common.T @ common
-    np.testing.assert_allclose(whitening.precision(np.eye(5)), np.linalg.inv(c), rtol=1e-9, atol=1e-12)
+    c = np.diag(np.array([0.5, 0.5, 0.1, 0.5, 0.1, 0.3, 1.0]) ** 2)
+    c[:3, :3] += np.diag(error**2) + np.outer(late, late)
+    c[:5, :5] += common.T @ common
+    c[:6, :6] += curve.T @ curve
+    np.testing.assert_allclose(whitening.precision(np.eye(7)), np.linalg.inv(c), rtol=1e-9, atol=1e-12)
 
 
 def test_the_most_likely_amount_of_a_pattern() -> None:

@@ -1,0 +1,78 @@
+"""What an assumed damping does to m, by each misfit: `python -m benchmarks.damping_and_stiffness [SHOT]`.
+
+Runs of a shot over the stiffness at its own damping and at four times that. The optimum of the paper's Phi
+(Eq. M.5), of its two parts, of the force's squares in the whole window and in its thirds, and of surrogates
+through eight of the runs.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from doe import Box, CostSurrogate, nelder_mead
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.misfit import terms
+from kolsky.inverse.observations import predict
+from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
+from kolsky.shot.load import load_shot
+
+FACTORS = np.linspace(0.6, 1.3, 36)
+"""Stiffness factors of the runs."""
+NEAR, EVERY = 4, 5
+"""Runs on either side of the lowest that a parabola goes through; which runs a coarse design has."""
+OPEN_01 = Path(__file__).parents[1] / "runs" / "open-01"
+
+
+def least(cost: FloatArray) -> float:
+    """The minimum of a cost over the runs: a parabola through nine of them about the lowest."""
+    k = int(np.clip(np.argmin(cost), NEAR, len(FACTORS) - NEAR - 1))
+    near = slice(k - NEAR, k + NEAR + 1)
+    a, b, _ = np.polyfit(FACTORS[near], cost[near], 2)
+    return float(-b / (2.0 * a))
+
+
+def of_levels(cost: FloatArray) -> float:
+    """The minimum of radial basis functions through eight of the runs, as a coarse factorial has them."""
+    box = Box.of({"stiffness_factor": (float(FACTORS[0]), float(FACTORS[-1]))})
+    few, start = cost[::EVERY], FACTORS[::EVERY]
+    surrogate = CostSurrogate.fit(box, start[:, None], few)
+    return float(nelder_mead(surrogate.cost, box, start=start[[int(np.argmin(few))]]).x[0])
+
+
+def optima(prepared: PreparedShot, beta: float) -> dict[str, float]:
+    """The best stiffness factor at a damping [s] by each measure."""
+    shot, seen = prepared.forward.shot, prepared.observations
+    points = {"stiffness_factor": FACTORS, "damping": np.full(len(FACTORS), beta)}
+    prediction = predict(prepared.forward.run(points, Numerics(mesh=(16, 22))), seen)
+    found = [terms(prediction, seen, i) for i in range(len(FACTORS))]
+    square = (prediction.force_bins - seen.bins.mean) ** 2
+    first, second = np.searchsorted(seen.bins.edges[1:], np.linspace(*shot.window, 4)[1:3])
+    costs = {
+        "Phi, Eq. (M.5)": np.array([t.phi for t in found]),
+        "Phi_F, the force alone": np.array([t.phi_force for t in found]),
+        "Phi_S, the outline alone": np.array([t.phi_shape for t in found]),
+        "squares of the force": square.sum(axis=1),
+        "the same, first third": square[:, :first].sum(axis=1),
+        "the same, second third": square[:, first:second].sum(axis=1),
+        "the same, last third": square[:, second:].sum(axis=1),
+    }
+    levels = {f"{name}, through eight levels": of_levels(costs[name]) for name in list(costs)[:3]}
+    return {**{name: least(cost) for name, cost in costs.items()}, **levels}
+
+
+def main() -> None:
+    """Print a line a measure."""
+    shot = load_shot(sys.argv[1] if len(sys.argv) > 1 else OPEN_01)
+    prepared, beta = prepare_shot(shot), shot.model.damping
+    own, more = optima(prepared, beta), optima(prepared, 4.0 * beta)
+    for name, m in own.items():
+        change = 100.0 * (more[name] / m - 1.0)
+        print(
+            f"{name}: m = {m:.3f} at {1e6 * beta:g} us, {more[name]:.3f} at four times that, {change:+.1f} %"
+        )
+
+
+if __name__ == "__main__":
+    main()
