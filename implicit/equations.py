@@ -127,7 +127,12 @@ class Equations:
 
         `held` keeps points in contact on their plane, as derivatives of the solution need it.
         """
-        elements = self.carried_stiffness(state)
+        return self.with_contact(self.carried_stiffness(state), state, held=held)
+
+    def with_contact(self, elements: FloatArray, state: State, *, held: bool) -> FloatArray:
+        """Element matrices with the stiffness of the points in contact; the same array if there are none."""
+        if self.contacts:
+            elements = elements.copy()
         for contact, pushed in zip(self.contacts, state.multipliers, strict=True):
             pushes = contact.pushes(state.u, self.travel(contact, state.at), pushed)
             contact.add_stiffness(elements, pushes, held=held)
