@@ -162,8 +162,8 @@ def lane_jobs(batch: PreparedBatch) -> list[Callable[[], int]]:
 
 
 def _work(jobs: Sequence[Callable[[], int]], threads: int, progress: Progress | None) -> None:
-    if len(jobs) == 1:  # a thread takes longer to start than a tenth of a run
-        _report([jobs[0]()], progress)
+    if len(jobs) < 2:  # a thread takes longer to start than a tenth of a run
+        _report((job() for job in jobs), progress)
         return
     with ThreadPoolExecutor(min(threads, len(jobs))) as pool:
         done = as_completed([pool.submit(job) for job in jobs])

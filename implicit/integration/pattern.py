@@ -18,13 +18,13 @@ class Pattern:
 
     def vector(self, elements: FloatArray) -> FloatArray:
         """Sum of element vectors [m, k d] over all components, shape [n d]."""
-        return np.bincount(self.dofs.ravel(), weights=elements.ravel(), minlength=len(self.index))
+        return _summed(self.dofs.ravel(), elements.ravel(), len(self.index))
 
     def reduced(self, full: FloatArray) -> FloatArray:
         """A vector over all components summed into the unknowns, shape [count] of [n d] (or [..., n d])."""
         free = self.index >= 0
         if full.ndim == 1:
-            return np.bincount(self.index[free], weights=full[free], minlength=self.count)
+            return _summed(self.index[free], full[free], self.count)
         return np.array([self.reduced(row) for row in full.reshape(-1, full.shape[-1])]).reshape(
             *full.shape[:-1], self.count
         )
@@ -47,5 +47,10 @@ class Pattern:
     def matrix(self, elements: FloatArray) -> csr_array:
         """Sum of element matrices [m, k d, k d] over the unknowns."""
         kept, inverse, columns, starts = self._structure
-        data = np.bincount(inverse, weights=elements.ravel()[kept], minlength=len(columns))
+        data = _summed(inverse, elements.ravel()[kept], len(columns))
         return csr_array((data, columns, starts), shape=(self.count, self.count))
+
+
+def _summed(places: IntArray, values: FloatArray, size: int) -> FloatArray:
+    """Sums of the values of each place, shape [size]."""
+    return np.asarray(np.bincount(places, weights=values, minlength=size), dtype=np.float64)

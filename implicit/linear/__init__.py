@@ -1,1 +1,1 @@
-"""Linear systems with the tangent stiffness: `implicit.linear.factorise` chooses the solver."""
+"""Linear systems with the tangent stiffness: `implicit.linear.solvers` chooses the solver."""

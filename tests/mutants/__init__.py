@@ -34,6 +34,7 @@ from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.several_parameters import FAULTS as SEVERAL
 from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.slow_compression import FAULTS as SLOW_COMPRESSION
+from tests.mutants.specimen import FAULTS as SPECIMEN
 from tests.mutants.transducer import FAULTS as TRANSDUCER
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
 from tests.mutants.virtual import FAULTS as VIRTUAL
@@ -70,6 +71,7 @@ FAULTS: tuple[Fault, ...] = (
     *REPORT,
     *RESULTS,
     *SLOW_COMPRESSION,
+    *SPECIMEN,
     *TRANSDUCER,
     *UNCERTAINTY,
     *VIRTUAL,

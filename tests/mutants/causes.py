@@ -2,6 +2,7 @@
 
 from tests.mutants.fault import Fault
 
+RUNS = ("tests/unit/diagnosis/test_cause_runs.py",)
 OTHER = ("tests/unit/diagnosis/test_other_start.py",)
 FIT = ("tests/unit/diagnosis/test_cause_fit.py",)
 ALTERED = ("tests/unit/diagnosis/test_alterations.py",)
@@ -239,5 +240,19 @@ FAULTS = (
         right="likely += [f for f in alone if f.named and",
         wrong="likely += [f for f in alone if not f.named and",
         tests=OTHER,
+    ),
+    Fault(
+        name="runs of one model for points of another",
+        file="kolsky/diagnosis/cause_model.py",
+        right="return (tuple(sorted(point.changed.specimen.items())), any_slides(named))",
+        wrong="return (any_slides(named),)",
+        tests=RUNS,
+    ),
+    Fault(
+        name="a run of another motion taken for this one",
+        file="kolsky/diagnosis/cause_model.py",
+        right="tuple(sorted(point.changed.values.items())), point.changed.motion)",
+        wrong="tuple(sorted(point.changed.values.items())))",
+        tests=RUNS,
     ),
 )

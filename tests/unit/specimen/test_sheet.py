@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from implicit.meshes import Mesh, rectangle
-from kolsky.specimen.field_fit import fit_field, fit_steps
+from kolsky.specimen.field_fit import FieldFit, fit_field, fit_steps
 from kolsky.specimen.field_problem import FieldProblem
 from kolsky.specimen.sheet import Sheet, cells_inside, mass_matrix, sheet_state
 from kolsky.specimen.tractions import boundary_edges, traction_force
@@ -172,3 +172,32 @@ def test_a_constant_on_its_bound_is_held_and_said() -> None:
     assert found.sigma[1] == 0.0
     assert "poisson is at its bound" in found.warnings[0]
     assert (found.relative_by_force(1.0)[:, 1] == 0.0).all()
+
+
+def test_misfit_noise_and_scales_in_closed_form() -> None:
+    # A field that is off by 10 % everywhere has a misfit of 10 %; its scales are sums over sigma and degrees.
+    problem = made(_sheet(), start=constants())
+    data = problem.data
+    off = FieldProblem(
+        problem.sheet,
+        type(data)(**{**vars(data), "displacements": data.displacements / 1.1, "force": 1.02 * data.force}),
+        problem.constants,
+    )
+    cost = off.cost(constants().start)
+    assert not isinstance(cost, str)
+    p = len(constants().start)
+    zeros = np.zeros((2, p, *data.displacements.shape[1:]))
+    found = FieldFit(
+        off, constants(), cost, cost.gauss_newton, zeros, np.zeros((2, p)), True, (False, False), 1
+    )
+    assert found.misfit == pytest.approx([0.1, 0.1])
+    assert not found.adequate
+    area = float(problem.mass.sum())
+    size = [np.einsum("ai,ai->", problem.mass @ one, one) for one in off.data.displacements]
+    assert found.noise == pytest.approx(np.sqrt(2.0 * area / np.array(size)) * 1e-6)
+    of_field = sum(0.01 * one for one in size) / (1e-5 * 1e-12)
+    of_force = float(((0.02 * data.force) ** 2).sum()) / 1e-10
+    assert found.scales == pytest.approx((of_field / (2 * 2.0 * area / 1e-5 - 2), max(1.0, of_force / 1.0)))
+    inverse = np.linalg.inv(cost.gauss_newton)
+    middle = found.scales[0] * cost.curvature_displacement + found.scales[1] * cost.curvature_force
+    assert found.covariance == pytest.approx(1e-5 * 1e-12 * inverse @ middle @ inverse)

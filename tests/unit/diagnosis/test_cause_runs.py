@@ -1,0 +1,83 @@
+"""What the causes simulate: a launch for each model, each run once, and none again that was made lately."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from kolsky.diagnosis import cause_model
+from kolsky.diagnosis.alterations import Alteration
+from kolsky.diagnosis.candidate_input import Changed
+from kolsky.diagnosis.cause_model import MOST_KEPT, CauseModel, Point
+
+
+class Counted(CauseModel):
+    """Runs are their points; a launch is the list of its points."""
+
+    def __init__(self) -> None:
+        self.stages: Any = SimpleNamespace(
+            settings=SimpleNamespace(held={}), box=SimpleNamespace(names=("m",), dimension=1)
+        )
+        self.first, self.runs = None, 0
+        self._recent: dict[object, Any] = {}
+
+    def _launch(self, points: Any, numerics: Any = None) -> Any:
+        return list(points)
+
+
+@pytest.fixture
+def launched(monkeypatch: pytest.MonkeyPatch) -> list[list[list[float]]]:
+    """By call, the free parameter of every run of every launch; a run at 9 is lost."""
+    seen: list[list[list[float]]] = []
+
+    def run(launches: Any) -> list[Any]:
+        seen.append([[float(p.x[0]) for p in points] for points in launches])
+        return [
+            SimpleNamespace(
+                outcomes=[SimpleNamespace(ok=p.x[0] != 9.0) for p in points],
+                select=lambda rows, points=points: float(points[rows[0]].x[0]),
+            )
+            for points in launches
+        ]
+
+    monkeypatch.setattr(cause_model, "run_side_by_side", run)
+    return seen
+
+
+def at(x: float, **changed: Any) -> Point:
+    return Point(np.array([x]), Changed(**changed))
+
+
+def test_a_launch_for_each_model_and_a_run_for_all_that_is_made_of_it(
+    launched: list[list[list[float]]],
+) -> None:
+    model: Any = Counted()
+    longer = {"specimen": {"length": 1.01}}
+    asked = [
+        at(1.0),
+        at(2.0),
+        at(1.0, alteration=Alteration(force_factor=2.0)),
+        at(1.0, **longer),
+        at(9.0),
+        at(3.0, **longer),
+        at(2.0),
+    ]
+    assert model.respond(asked) == [1.0, 2.0, 1.0, 1.0, None, 3.0, 2.0]
+    assert launched == [[[1.0, 2.0, 9.0], [1.0, 3.0]]]
+    assert model.runs == 5
+
+
+def test_what_was_run_lately_is_not_run_again(launched: list[list[list[float]]]) -> None:
+    model: Any = Counted()
+    model.respond([at(1.0), at(9.0)])
+    assert model.respond([at(9.0), at(1.0), at(4.0)]) == [None, 1.0, 4.0]
+    assert launched == [[[1.0, 9.0]], [[4.0]]]
+    # Another value, motion or model is another run.
+    model.respond([at(1.0, values={"friction": 0.1}), at(1.0, motion=1.1)])
+    assert launched[-1] == [[1.0], [1.0]] or launched[-1] == [[1.0, 1.0]]
+    # Of many the latest are kept.
+    model.respond([at(10.0 + i) for i in range(MOST_KEPT)])
+    assert len(model._recent) == MOST_KEPT
+    model.respond([at(1.0)])
+    assert launched[-1] == [[1.0]]
