@@ -76,7 +76,7 @@ def _plane(scene: SigmaScene, device: str) -> Off:
         step=6, margin=scene.match.subset / 2, tracking=Tracking(correlation=scene.match), static=STATIC,
         device=device,
     )  # fmt: skip
-    found = measure_plane(scene.pictures()[0], settings)
+    found = measure_plane(list(scene.pictures()[0]), settings)
     X = found.points
     truth = np.array([scene.place(X, k) - X for k in range(scene.n_frames)])
     z = (found.surface.u[..., :2] - truth) / found.surface.sigma[..., :2]
@@ -85,7 +85,7 @@ def _plane(scene: SigmaScene, device: str) -> Off:
 
 
 def _cylinder(scene: SigmaScene, device: str) -> Off:
-    series = [PicturesInMemory(grey) for grey in scene.pictures()]
+    series = [PicturesInMemory(list(grey)) for grey in scene.pictures()]
     fine = np.full(scene.n_frames, int(FrameOutcome.VALID), dtype=np.int64)
     first, second = (noise_at_rest(one, fine, STATIC, None) for one in series)
     if first is None or second is None:

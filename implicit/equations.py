@@ -100,8 +100,8 @@ class Equations:
 
     def converged(self, state: State, tolerance: float) -> bool:
         """Whether the residual is below its tolerance."""
-        scale = max(np.linalg.norm(state.body.forces), np.linalg.norm(state.external))
-        return bool(np.linalg.norm(state.residual) <= max(tolerance * scale, self.floor))
+        scale = max(float(np.linalg.norm(state.body.forces)), float(np.linalg.norm(state.external)))
+        return float(np.linalg.norm(state.residual)) <= max(tolerance * scale, self.floor)
 
     def augmented(self, state: State) -> tuple[tuple[FloatArray, ...], bool]:
         """Multipliers that take over the penalty forces, and whether no point was too deep before."""
@@ -127,7 +127,12 @@ class Equations:
 
         `held` keeps points in contact on their plane, as derivatives of the solution need it.
         """
-        elements = self.carried_stiffness(state)
+        return self.with_contact(self.carried_stiffness(state), state, held=held)
+
+    def with_contact(self, elements: FloatArray, state: State, *, held: bool) -> FloatArray:
+        """Element matrices with the stiffness of the points in contact; the same array if there are none."""
+        if self.contacts:
+            elements = elements.copy()
         for contact, pushed in zip(self.contacts, state.multipliers, strict=True):
             pushes = contact.pushes(state.u, self.travel(contact, state.at), pushed)
             contact.add_stiffness(elements, pushes, held=held)

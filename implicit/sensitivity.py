@@ -61,7 +61,8 @@ def direct(solution: Solution, *, histories: tuple[str, ...] = ()) -> Sensitivit
     du, df = np.full(shape, np.nan), np.full(shape, np.nan)
     for step in range(solution.reached):
         state = state_of(equations, solution, step)
-        elements = equations.stiffness(state, held=True)
+        carried = equations.carried_stiffness(state)
+        elements = equations.with_contact(carried, state, held=True)
         own = equations.body.forces_by_parameters(state.body)
         explicit = np.vstack([own, np.zeros((len(histories), own.shape[1]))])
         right = equations.reduced(explicit)
@@ -73,7 +74,7 @@ def direct(solution: Solution, *, histories: tuple[str, ...] = ()) -> Sensitivit
         du[step] = moved.reshape(shape[1:])
         for j, name in enumerate(histories, start=len(own)):
             explicit[j] -= equations.carried_change(state, _unit_more(state, name))
-        forces = explicit + equations.times(equations.carried_stiffness(state), moved)
+        forces = explicit + equations.times(carried, moved)
         df[step] = forces.reshape(shape[1:])
     return Sensitivities(names, du, df, solution)
 
@@ -105,9 +106,9 @@ def adjoint(
     for step in range(solution.reached):
         state = state_of(equations, solution, step)
         weight = np.zeros(model.n_dofs) if by_forces is None else by_forces[step].reshape(-1)
-        by_carried = np.swapaxes(equations.carried_stiffness(state), 1, 2)
-        right = by_displacements[step].reshape(-1) + equations.times(by_carried, weight)
-        factors = equations.factors(equations.stiffness(state, held=True))
+        carried = equations.carried_stiffness(state)
+        right = by_displacements[step].reshape(-1) + equations.times(np.swapaxes(carried, 1, 2), weight)
+        factors = equations.factors(equations.with_contact(carried, state, held=True))
         lam = factors.solve_transposed(equations.reduced(right))
         test = weight - equations.expanded(lam)
         elements = equations.body.element_forces_by_parameters(state.body)

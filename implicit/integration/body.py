@@ -107,14 +107,12 @@ class Body:
         by_parameter = np.einsum("mgcr,mrp->mgcp", by_row, self._row_jacobians()[self.model.cell_regions])
         if self.field is not None:
             by_parameter = by_parameter + self.field.stress_by_parameters(state.points)
-        weighted = by_parameter * volumes[..., None, None]
-        return np.stack(
-            [
-                element_forces(E, np.ascontiguousarray(weighted[..., p])).reshape(len(E), -1)
-                for p in range(weighted.shape[-1])
-            ],
-            axis=1,
-        )
+        weighted = np.moveaxis(by_parameter * volumes[..., None, None], 3, 2)
+        m, _g, k, _columns = E.shape
+        count, d = weighted.shape[2], self.model.dimension
+        # the constants stand beside the components: one product of matrices for all
+        found = element_forces(E, weighted.reshape(*weighted.shape[:2], -1)).reshape(m, k, count, d)
+        return np.moveaxis(found, 2, 1).reshape(m, count, k * d)
 
     def _row_jacobians(self) -> FloatArray:
         """d(kernels' row)/d(constants) of each region, shape [n_regions, n_row, n_parameters].

@@ -22,7 +22,6 @@ from kolsky.inverse.parameters import PARAMETERS
 
 if TYPE_CHECKING:
     from kolsky.inverse.settings import Settings
-    from kolsky.inverse.staged_runs import Progress
     from kolsky.shot.records import Shot
 
 
@@ -172,9 +171,8 @@ def identify(
         found = identification.identify(loaded, settings, progress=progress)
         if diagnose:
             found = identification.diagnose(found, loaded, settings, progress=progress)
-        paper = _paper_method(loaded, settings, folder, progress) if method == "paper" else None
     write_identify_results(folder, found, loaded, formats=formats)
-    beside, said, doubts = paper or ({}, {}, [])
+    beside, said, doubts = _paper_method(loaded, settings, folder) if method == "paper" else ({}, {}, [])
     print_result(
         {**printed.details(found), **beside},
         {**to_json(found), **said} if as_json else None,
@@ -185,23 +183,32 @@ def identify(
 
 
 def _paper_method(
-    shot: "Shot", settings: "Settings", folder: Path, progress: "Progress"
+    shot: "Shot", settings: "Settings", folder: Path
 ) -> tuple[dict[str, str], dict[str, Any], list[str]]:
-    """The paper's answer: rows to print, keys of the JSON object, warnings. Its files are written."""
+    """The paper's answer: rows to print, keys of the JSON object, warnings. Its files are written.
+
+    Without one there is none of these but a warning: our own answer stands.
+    """
+    from doe.ledger import LedgerError
+    from kolsky.cli.terminal import progress_bars
     from kolsky.shot.curve import with_pull
     from kolsky.studies import paper_output
     from kolsky.studies.paper_method import BOUNDS, paper_method
 
     given = {name: span for name, span in (settings.free or {}).items() if span and name in BOUNDS}
-    found = paper_method(
-        with_pull(shot, settings.pull),
-        bounds=given,
-        held=settings.held,
-        numerics=settings.numerics,
-        refined_mesh=settings.refined_mesh,
-        ledger=folder / f"{paper_output.STEM}.sqlite",
-        progress=progress,
-    )
+    try:
+        with progress_bars() as progress:
+            found = paper_method(
+                with_pull(shot, settings.pull),
+                bounds=given,
+                held=settings.held,
+                numerics=settings.numerics,
+                refined_mesh=settings.refined_mesh,
+                ledger=folder / f"{paper_output.STEM}.sqlite",
+                progress=progress,
+            )
+    except (ValueError, LedgerError, OSError) as error:
+        return {}, {paper_output.STEM: None}, [f"the paper's method has no answer: {error}"]
     paper_output.write_paper_method(folder, found)
     return (
         paper_output.rows(found),

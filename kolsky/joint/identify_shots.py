@@ -25,7 +25,7 @@ from kolsky.inverse.parameters import MOVED, PARAMETERS, checked_value
 from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
 from kolsky.inverse.staged_runs import Progress
 from kolsky.joint.answer import answered
-from kolsky.joint.model_choice import chosen
+from kolsky.joint.model_choice import chosen, weak_branch
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
 from kolsky.joint.records import JointResult, JointSettings, Scatter, Slow
@@ -80,22 +80,30 @@ def identify_shots(
     freed = [choose(settings.of_one(), shot) for shot in shots]
     said: list[str] = []
     problem = _problem(prepared, freed, settings, slow, ledger, progress, said)
-    found = search(problem)
-    choice = None
     relaxing = [name for name in problem.unknowns.bounds if PARAMETERS[name].relaxes]
-    if relaxing and settings.choose:
-        bare = [replace(shot, relaxation=None) for shot in shots]
-        without = [
-            replace(p, forward=replace(p.forward, shot=s)) for p, s in zip(prepared, bare, strict=True)
-        ]
-        kept = {n: b for n, b in problem.unknowns.bounds.items() if n not in relaxing}
-        elastic = _joined(without, kept, freed[0], replace(settings, scatter=False), slow, ledger, progress)
-        choice = chosen(problem, found, elastic, search(elastic))
+    if not relaxing or not settings.choose:
+        return answered(problem, search(problem), None, tuple(said))
+    bare = [
+        replace(p, forward=replace(p.forward, shot=replace(p.forward.shot, relaxation=None)))
+        for p in prepared
+    ]
+    kept = {n: b for n, b in problem.unknowns.bounds.items() if n not in relaxing}
+    elastic = _joined(bare, kept, freed[0], replace(settings, scatter=False), slow, ledger, progress)
+    without = search(elastic)
+    found = search(problem, beside=weak_branch(problem, elastic, without))
+    choice = chosen(problem, found, elastic, without)
     return answered(problem, found, choice, tuple(said))
 
 
-def search(problem: JointProblem) -> Optimum:
+def search(problem: JointProblem, *, beside: FloatArray | None = None) -> Optimum:
     """The optimum on the refined mesh.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    beside
+        One more point to search from, shape [d].
 
     Raises
     ------
@@ -103,7 +111,10 @@ def search(problem: JointProblem) -> Optimum:
         If no search can start, or a run beside the optimum does not complete.
     """
     numerics, settings = problem.mesh, problem.settings
-    x, _ = problem.search(starts(problem, numerics), numerics, FIRST)
+    points = starts(problem, numerics)
+    if beside is not None:
+        points = np.concatenate([points, beside[None]])
+    x, _ = problem.search(points, numerics, FIRST)
     problem.learn_noise(x, numerics)
     x, sigma = problem.search(x[None], numerics, AGAIN)
     _, slopes = problem.slopes(x, sigma, numerics)

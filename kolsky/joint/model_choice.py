@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
 from kolsky.diagnosis.branch_test import branch_test
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
@@ -12,6 +13,26 @@ from kolsky.joint.start import relaxing_points, second_levels
 
 WEAK = 0.05
 """Strength of the branches whose directions are taken [-]: small enough to be linear."""
+
+
+def weak_branch(problem: JointProblem, elastic: JointProblem, without: Optimum) -> FloatArray:
+    """The elastic optimum with a weak branch beside it: where what relaxes is no worse than nothing.
+
+    Parameters
+    ----------
+    problem
+        With what relaxes.
+    elastic, without
+        The same without, and its optimum.
+    """
+    names, box = list(problem.unknowns.names), problem.unknowns.box
+    x = np.sqrt(np.maximum(np.array(box.lower), 1e-12) * np.array(box.upper))
+    for i, name in enumerate(elastic.unknowns.names):
+        x[names.index(name)] = without.start[i]
+    for i, name in enumerate(names):
+        if name.startswith(("prony_strength", "creep_ratio")):
+            x[i] = max(box.lower[i], WEAK)
+    return np.clip(x, box.lower, box.upper)
 
 
 def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without: Optimum) -> ModelChoice:
@@ -36,6 +57,9 @@ def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without
     other = problem.vector_for(stack, found.x, problem.refined)
     more = len(problem.unknowns.names) - len(elastic.unknowns.names)
     lower = judged(elastic, other) - judged(elastic, vector)
+    bounds = zip(problem.unknowns.names, problem.unknowns.box.lower, strict=True)
+    if all(low == 0.0 for name, low in bounds if name.startswith(("prony_strength", "creep_ratio"))):
+        lower = min(lower, 0.0)  # a strength of nothing is among what relaxes: it explains no less
     aic = lower + 2.0 * more
     bic = lower + more * float(np.log(stack.ends[-1] + len(stack.slow)))
 

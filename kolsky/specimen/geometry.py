@@ -94,13 +94,9 @@ class Shape:
             )
             mesh = cross(self.size, n, corner, kind=self.element)
         elif self.kind == "dog_bone":
-            mesh = dog_bone(
-                self.size,
-                n,
-                waist=self.waist,
-                straight=self.straight,
-                kind=self.element,  # type: ignore[arg-type]
-            )
+            assert self.waist is not None  # a dog-bone has both
+            assert self.straight is not None
+            mesh = dog_bone(self.size, n, waist=self.waist, straight=self.straight, kind=self.element)
         else:
             mesh = box(self.size, n, kind=self.element)
         points = mesh.points - 0.5 * np.asarray(self.size)

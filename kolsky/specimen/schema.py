@@ -100,7 +100,7 @@ class TestSection(Section):
         """Independent moving ends: 2 of a cross, else 1."""
         return 2 if self.shape == "cross" else 1
 
-    def columns(self, key: Literal["displacement", "force"]) -> list[ColumnSection]:
+    def columns(self, key: str) -> list[ColumnSection]:
         """Columns of the displacement or the force, one for each end."""
         found = getattr(self, key)
         return found if isinstance(found, list) else [found]

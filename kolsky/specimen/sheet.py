@@ -157,5 +157,5 @@ def mass_matrix(mesh: Mesh, cells: BoolArray) -> csr_matrix:
 
 def cells_inside(mesh: Mesh, low: FloatArray, high: FloatArray) -> BoolArray:
     """Cells whose points all lie inside a rectangle, shape [m]."""
-    inside = ((mesh.points > low) & (mesh.points < high)).all(axis=1)
+    inside = np.asarray(((mesh.points > low) & (mesh.points < high)).all(axis=1))
     return np.asarray(inside[mesh.cells].all(axis=1))

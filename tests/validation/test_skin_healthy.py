@@ -32,7 +32,7 @@ def test_the_published_optimum_is_a_minimum(tmp_path: Path) -> None:
     cost = problem.cost(PUBLISHED)
     assert not isinstance(cost, str)
     step = -np.linalg.solve(cost.gauss_newton, cost.gradients.sum(axis=0))
-    # Seven digits of E, which the force alone decides; of nu six, since their weight of the force is not known.
+    # Seven digits of E, which the force alone decides; of nu five: their weight of the force is not known.
     assert abs(step[0] / PUBLISHED[0]) < 1e-6
     assert abs(step[1] / PUBLISHED[1]) < 1e-5
     # Their Fig. 8: more than 65 % of the displacements are not explained, most at the start.

@@ -1,5 +1,8 @@
 """Figures of a planned test: its signals as Fig. 5 of Mates et al. (2012) has them, and a scan."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -83,13 +86,18 @@ def draw(found: Prediction, panels: Panels) -> None:
     path.set(xlabel="Time since the striker's touch (ms)", ylabel="Path\n(mm)")
     path.legend(loc="upper left", ncols=2)
     share = 100.0 / (MM * test.specimen.length)
-    right = path.secondary_yaxis("right", functions=(lambda x: share * x, lambda e: e / share))
+    right = path.secondary_yaxis("right", functions=(_times(share), _times(1.0 / share)))
     right.set_ylabel("(%)")
     for name, letter in zip(PANELS, "abcde", strict=True):
         panels[name].set_xlim(0.0, time[-1])
         _mark(panels[name], found, named=name == "bar")
         label_panel(panels[name], letter)
         panels[name].tick_params(labelbottom=name == PANELS[-1])
+
+
+def _times(factor: float) -> Callable[[Any], Any]:
+    """A scale of an axis."""
+    return lambda value: factor * np.asarray(value)
 
 
 def _mark(ax: Axes, found: Prediction, *, named: bool) -> None:

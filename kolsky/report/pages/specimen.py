@@ -110,11 +110,11 @@ def printed(shown: SpecimenView | SheetView) -> dict[str, str]:
             "simulations": str(found.simulations),
         }
     rows = {}
-    for found in shown.fits:
-        said = found.intervals
-        rows[found.name] = (
-            f"{found.constants.law}, {' + '.join(found.fitted)}; χ² / degrees of freedom "
-            f"{found.found.chi2 / said.degrees:.3g}, {found.found.simulations} simulations, "
-            f"{found.found.ended}"
+    for one in shown.fits:
+        said = one.intervals
+        rows[one.name] = (
+            f"{one.constants.law}, {' + '.join(one.fitted)}; χ² / degrees of freedom "
+            f"{one.found.chi2 / said.degrees:.3g}, {one.found.simulations} simulations, "
+            f"{one.found.ended}"
         )
     return rows

@@ -186,3 +186,32 @@ def test_json_and_table_are_whole(monkeypatch: pytest.MonkeyPatch, tmp_path: Any
 def test_unknown_bounds_are_refused() -> None:
     with pytest.raises(ValueError, match="varies friction and stiffness_factor"):
         method.paper_method(SimpleNamespace(), bounds={"damping": (0.0, 1.0)})  # type: ignore[arg-type]
+
+
+def test_the_command_has_its_answer_or_says_why_not(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
+    """What `kolsky identify --method paper` adds to the answer that it has written already."""
+    from kolsky.cli.identify import _paper_method
+    from kolsky.inverse.settings import Settings
+
+    made = MadeShot({COARSE: 1.10, FINE: 1.05})
+    monkeypatch.setattr(method.sweeping, "sweep", made.sweep)
+    monkeypatch.setattr(method.single, "simulate", made.simulate)
+    monkeypatch.setattr(method, "LEVELS", 6)
+    monkeypatch.setattr("kolsky.shot.curve.with_pull", lambda shot, pull: shot)
+    shot = SimpleNamespace(name="made", interface=made.interface)
+    settings = Settings(
+        free={"stiffness_factor": (0.9, 1.3)}, numerics=Numerics(mesh=COARSE), refined_mesh=FINE
+    )
+    rows, said, doubts = _paper_method(shot, settings, tmp_path)  # type: ignore[arg-type]
+    assert rows["m, paper's method"].endswith("confirmed on 16x22")
+    assert said["paper_method"]["stiffness_factor"] == pytest.approx(1.05, abs=method.CONFIRMED)
+    assert doubts == paper_output.warnings(answer(monkeypatch, made, bounds={"stiffness_factor": (0.9, 1.3)}))
+    assert (tmp_path / "paper_method.json").exists()
+
+    def broken(*_: Any, **__: Any) -> Any:
+        raise ValueError("2 of 36 runs of the design completed")
+
+    monkeypatch.setattr(method.sweeping, "sweep", broken)
+    rows, said, doubts = _paper_method(shot, settings, tmp_path)  # type: ignore[arg-type]
+    assert (rows, said) == ({}, {"paper_method": None})
+    assert doubts == ["the paper's method has no answer: 2 of 36 runs of the design completed"]
