@@ -95,7 +95,7 @@ def _factorised(
 
 
 def _assembled(front: Front, elements: FloatArray) -> FloatArray:
-    """Sum of a front's element matrices, shape [n, n]; held components are added to a last row and dropped."""
+    """Sum of a front's element matrices, shape [n, n]; a last row for held components is dropped."""
     n = len(front.unknowns)
     if len(elements) == 0:
         return np.zeros((n, n), order="F")
