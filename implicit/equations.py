@@ -100,8 +100,8 @@ class Equations:
 
     def converged(self, state: State, tolerance: float) -> bool:
         """Whether the residual is below its tolerance."""
-        scale = max(np.linalg.norm(state.body.forces), np.linalg.norm(state.external))
-        return bool(np.linalg.norm(state.residual) <= max(tolerance * scale, self.floor))
+        scale = max(float(np.linalg.norm(state.body.forces)), float(np.linalg.norm(state.external)))
+        return float(np.linalg.norm(state.residual)) <= max(tolerance * scale, self.floor)
 
     def augmented(self, state: State) -> tuple[tuple[FloatArray, ...], bool]:
         """Multipliers that take over the penalty forces, and whether no point was too deep before."""

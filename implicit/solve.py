@@ -181,7 +181,8 @@ class _Path:
         if size == 0.0:
             return None
         # places on the way: the next is at 1, this at 0
-        places, kept = [], []
+        places: list[float] = []
+        kept: list[FloatArray] = []
         for state in reversed(states):
             back = np.array([state.at[n] for n in names]) - here
             place = float(back @ way) / size

@@ -46,8 +46,8 @@ class Points:
         )
         self.d, self.columns = KINEMATICS[model.kinematics]
         self.device: Any = select_device(model.device)
-        self.E = wp.array(self.geometry.E, dtype=wp.float64, device=self.device)
-        self.cells = wp.array(model.mesh.cells.astype(np.int32), dtype=wp.int32, device=self.device)
+        self.E: Any = wp.array(self.geometry.E, dtype=wp.float64, device=self.device)
+        self.cells: Any = wp.array(model.mesh.cells.astype(np.int32), dtype=wp.int32, device=self.device)
         self.mixed = model.volumetric == "mixed"
         self.functions = model.solid.isochoric_functions() if self.mixed else model.solid.functions()
 
@@ -160,7 +160,9 @@ class Points:
             device=self.device,
         )
         F = F.flatten()
-        each = wp.array(np.repeat(rows, g, axis=0), dtype=wp.float64, device=self.device, requires_grad=True)
+        each: Any = wp.array(
+            np.repeat(rows, g, axis=0), dtype=wp.float64, device=self.device, requires_grad=True
+        )
         P = wp.zeros((m * g, 9), dtype=wp.float64, device=self.device, requires_grad=True)
         found = np.empty((m, g, 9, n_row))
         for component in range(9):

@@ -97,9 +97,10 @@ class Isotropic:
 
     def isochoric_functions(self) -> tuple[Any, Any, Any]:
         """See `Solid`."""
-        if isinstance(self.law, InvariantLaw):
-            return invariant_point_functions(type(self.law))
-        return stretch_point_functions(type(self.law))
+        law: Any = type(self.law)  # a class is hashable, whatever its metaclass is taken for
+        return (invariant_point_functions if isinstance(self.law, InvariantLaw) else stretch_point_functions)(
+            law
+        )
 
 
 @dataclass(frozen=True)

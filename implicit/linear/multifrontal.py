@@ -23,6 +23,10 @@ SMALLEST_PIVOT = 1e-13
 """Least pivot as a share of the diagonal's largest entry of the front; below it the matrix is singular."""
 
 
+SMALL_ELEMENT = 30
+"""Most components of elements that are added all at once."""
+
+
 class _IndefiniteError(ValueError):
     """Cholesky's factorisation does not exist."""
 
@@ -82,22 +86,30 @@ def _factorised(
     blocks: list[tuple[FloatArray, ...]] = []
     updates: dict[int, FloatArray] = {}
     for number, front in enumerate(fronts):
-        n = len(front.unknowns)
-        if len(front.cells):
-            with_held = np.zeros((n + 1, n + 1), order="F")
-            for cell, local, coupled in zip(front.cells, front.local, front.coupled, strict=True):
-                if coupled:
-                    np.add.at(with_held, np.ix_(local, local), elements[cell])
-                else:
-                    with_held[np.ix_(local, local)] += elements[cell]
-            F = with_held[:n, :n]
-        else:
-            F = np.zeros((n, n), order="F")
+        F = _assembled(front, elements[front.cells])
         for child, runs in zip(front.children, front.runs, strict=True):
             _add(F, updates.pop(child), runs, lower=lower)
         block, updates[number] = eliminate(F, front.eliminated)
         blocks.append(block)
     return blocks
+
+
+def _assembled(front: Front, elements: FloatArray) -> FloatArray:
+    """Sum of a front's element matrices, shape [n, n]; a last row for held components is dropped."""
+    n = len(front.unknowns)
+    if len(elements) == 0:
+        return np.zeros((n, n), order="F")
+    F = np.zeros((n + 1, n + 1), order="F")
+    if elements.shape[1] <= SMALL_ELEMENT:
+        places = front.local[:, :, None] + (n + 1) * front.local[:, None, :]
+        np.add.at(F.reshape(-1, order="F"), places.ravel(), elements.ravel())
+        return F[:n, :n]
+    for element, local, coupled in zip(elements, front.local, front.coupled, strict=True):
+        if coupled:
+            np.add.at(F, np.ix_(local, local), element)
+        else:
+            F[np.ix_(local, local)] += element
+    return F[:n, :n]
 
 
 def _add(F: FloatArray, update: FloatArray, runs: list[tuple[int, int, int]], *, lower: bool) -> None:

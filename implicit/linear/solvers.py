@@ -12,7 +12,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import splu
 
-from explicit.arrays import FloatArray
+from explicit.arrays import FloatArray, IntArray
 from implicit.integration.pattern import Pattern
 from implicit.linear.amg import amg_factors
 from implicit.linear.base import Factors, LinearSolver, SingularError
@@ -87,7 +87,7 @@ class _Pardiso:
         return np.asarray(self._make().solve(transposed, np.asfortranarray(right)))
 
 
-def linear_solver(name: str, pattern: Pattern, points: FloatArray, cells: FloatArray) -> LinearSolver:
+def linear_solver(name: str, pattern: Pattern, points: FloatArray, cells: IntArray) -> LinearSolver:
     """Look a solver up by name, "auto" for the usual choice.
 
     Raises

@@ -57,6 +57,13 @@ def channels(
         typer.echo(_table(file, found))
 
 
+def _unit(channel: "ChannelInfo") -> str | None:
+    """The unit that the file states, or that its heading has in brackets."""
+    from kolsky.readers.columns import heading_unit
+
+    return channel.unit or heading_unit(channel.name)
+
+
 def _as_json(file: Path, found: "list[ChannelInfo]") -> dict[str, Any]:
     first = asdict(found[0])
     return {
@@ -65,6 +72,7 @@ def _as_json(file: Path, found: "list[ChannelInfo]") -> dict[str, Any]:
         "metadata": first["metadata"],
         "channels": [
             {key: value for key, value in asdict(channel).items() if key not in ("facts", "metadata")}
+            | {"unit": _unit(channel)}
             for channel in found
         ],
     }
@@ -75,7 +83,7 @@ def _table(file: Path, found: "list[ChannelInfo]") -> str:
     lines = [str(file), *(f"  {key}: {value}" for key, value in facts.items()), ""]
     width = max(len(channel.name) for channel in found)
     for channel in found:
-        unit = channel.unit or "unit not stated"
+        unit = _unit(channel) or "unit not stated"
         lines.append(f"  {channel.number:>3}  {channel.name:<{width}}  {unit}  {channel.samples} samples")
     for words, clock in dict.fromkeys((c.time, (c.start, c.interval)) for c in found):
         start, interval = clock

@@ -12,6 +12,9 @@ from kolsky.base.errors import InputError
 from kolsky.cli import texts
 from kolsky.cli.options import AsJson, Figures, HeaderLine, OutFolder
 
+AREAS = {"mm^2": 1e-6, "cm^2": 1e-4, "m^2": 1.0}
+"""Units of a cross-section [m^2]."""
+
 if TYPE_CHECKING:
     from kolsky.material.fits.compare import Comparison
     from kolsky.material.fits.homogeneous_files import Columns
@@ -46,6 +49,24 @@ def material_fit(
     stress_unit: Annotated[
         str | None, typer.Option(help='Its unit, e.g. "kPa".', show_default="found")
     ] = None,
+    displacement: Annotated[
+        str, typer.Option(metavar="COLUMN", help="Instead of a strain, uniaxial tests; needs --length.")
+    ] = "",
+    force: Annotated[
+        str, typer.Option(metavar="COLUMN", help="Instead of a stress; needs --area or --diameter.")
+    ] = "",
+    length: Annotated[str | None, typer.Option(help='Undeformed gauge length, e.g. "30 mm".')] = None,
+    area: Annotated[str | None, typer.Option(help='Undeformed cross-section, e.g. "12 mm^2".')] = None,
+    diameter: Annotated[str | None, typer.Option(help='Or the diameter, e.g. "50 mm".')] = None,
+    lateral: Annotated[
+        str,
+        typer.Option(
+            metavar="COLUMN", help="The stretch across the load, or with --lateral-strain its strain."
+        ),
+    ] = "",
+    lateral_strain: Annotated[
+        bool, typer.Option("--lateral-strain", help="The lateral column is a nominal strain.")
+    ] = False,
     header_line: HeaderLine = None,
     mean: Annotated[
         int, typer.Option(min=0, help="Average the files of a mode at so many strains; 0: fit every point.")
@@ -57,9 +78,21 @@ def material_fit(
         typer.Option("--free-bounds", help="Allow constants with which an energy can become negative."),
     ] = False,
     poisson: Annotated[
-        float | None,
-        typer.Option(min=0.0, max=0.49999, help="Poisson's ratio at rest.", show_default="incompressible"),
+        str | None,
+        typer.Option(
+            help="Poisson's ratio at rest, or free (with --lateral).", show_default="incompressible"
+        ),
     ] = None,
+    specimen: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DIAMETER x LENGTH",
+            help='Inverse finite elements on a compressed cylinder, e.g. "9.5 mm x 6.5 mm"; needs --ends.',
+        ),
+    ] = None,
+    ends: Annotated[
+        str, typer.Option(help="What held its ends: bonded, rough, or Coulomb's coefficient.")
+    ] = "",
     starts: Annotated[
         int, typer.Option(min=1, max=1000, help="Starts of each search that are polished.")
     ] = 12,
@@ -88,8 +121,39 @@ def material_fit(
     except ValueError as error:
         raise InputError(texts.COMMAND_LINE, f"--laws: {error}") from None
     folder = usable_folder(out)
-    columns = Columns(convention, stretch, strain, strain_unit, stress, stress_unit, header_line)
+    ratio, free_poisson = _poisson(poisson, lateral)
+    columns = Columns(
+        convention,
+        stretch,
+        strain,
+        strain_unit,
+        stress,
+        stress_unit,
+        header_line,
+        displacement=displacement,
+        force=force,
+        length=None if length is None else texts.physical("--length", length, "m", positive=True),
+        area=_area(area, diameter),
+        lateral=lateral,
+        lateral_strain=lateral_strain,
+    )
     tests, hashes = read_tests(files, columns, mean=mean)
+    if specimen is not None:
+        from kolsky.cli.held_specimen import fit_held_specimen
+
+        fit_held_specimen(
+            tests,
+            specimen=specimen,
+            ends=ends,
+            laws=texts.listed(laws),
+            poisson=ratio,
+            hashes=hashes,
+            folder=folder,
+            as_json=as_json,
+        )
+        return
+    if ends:
+        raise InputError(texts.COMMAND_LINE, "--ends goes with --specimen", cure="give the cylinder's size")
     if weighting == "sigma" and any(test.sigma is None for test in tests):
         raise InputError(
             texts.COMMAND_LINE,
@@ -102,7 +166,8 @@ def material_fit(
             tests,
             weighting=Weighting(weighting),
             bounded=not free_bounds,
-            poisson=poisson,
+            poisson=ratio,
+            free_poisson=free_poisson,
             starts=starts,
             seed=seed,
             progress=lambda done: progress("laws", done, len(tried)),
@@ -129,6 +194,43 @@ def material_fit(
         rest={"report": folder / "material.html", "wall time": since(started)},
         warnings=remarks(found),
     )
+
+
+def _poisson(text: str | None, lateral: str) -> tuple[float | None, bool]:
+    """ "0.44" as a ratio, "free" as one that is fitted."""
+    if text is None:
+        return None, False
+    if text == "free":
+        if not lateral:
+            raise InputError(texts.COMMAND_LINE, "--poisson free needs --lateral", cure="name its column")
+        return None, True
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not 0.0 <= value <= 0.49999:
+        raise InputError(
+            texts.COMMAND_LINE, "is no ratio", key="--poisson", value=text, allowed="0 to 0.49999, or free"
+        )
+    return value, False
+
+
+def _area(area: str | None, diameter: str | None) -> float | None:
+    """Cross-section [m^2] by itself or by its diameter."""
+    from math import pi
+
+    if area is not None and diameter is not None:
+        raise InputError(texts.COMMAND_LINE, "--area and --diameter exclude each other", cure="leave one out")
+    if diameter is not None:
+        return 0.25 * pi * texts.physical("--diameter", diameter, "m", positive=True) ** 2
+    if area is None:
+        return None
+    number, _, unit = area.strip().partition(" ")
+    if unit not in AREAS:
+        raise InputError(
+            texts.COMMAND_LINE, f"--area {area!r} cannot be read", cure="write a number and mm^2, cm^2 or m^2"
+        )
+    return texts.physical("--area", number, "1", positive=True) * AREAS[unit]
 
 
 def read_tests(
@@ -200,6 +302,17 @@ def _refuse_columns(path: Path, mode: "Mode", columns: "Columns") -> None:
         raise InputError(
             texts.COMMAND_LINE, "--stretch and --strain exclude each other", cure="leave one out"
         )
+    if (columns.force != "") != (columns.displacement != ""):
+        raise InputError(texts.COMMAND_LINE, "--force and --displacement belong together", cure="name both")
+    if columns.force:
+        if mode is not Mode.UNIAXIAL or columns.area is None or columns.length is None:
+            raise InputError(
+                texts.COMMAND_LINE,
+                f"{path}: --force and --displacement are of uniaxial tests; they need --length, and --area or"
+                " --diameter",
+                cure="give the specimen's undeformed size",
+            )
+        return
     if not columns.stress or not (columns.stretch or columns.strain):
         there = ", ".join(column_names(path, Layout(header_line=columns.header_line)))
         raise InputError(
@@ -227,16 +340,23 @@ def _lines(found: "Comparison") -> list[str]:
         f = row.fit
         if f is None:
             continue
-        mark = "*" if row is best else "?" if f.outcome is FitOutcome.NOT_DETERMINED else " "
+        doubtful = f.outcome in (FitOutcome.NOT_DETERMINED, FitOutcome.UNCONFIRMED)
+        mark = "*" if row is best else "?" if doubtful else " "
         lines.append(
             f"{mark} {row.candidate.name:<19}{1e-3 * f.youngs_modulus:>9.4g}{1e-3 * f.rmse:>11.4g}"
             f"{f.r_squared:>9.5f}{f.aic:>9.1f}  {failure(row)}"
         )
-    lines.append("* least BIC of those determined and stable over the data; ? constants not determined")
+    lines.append("* least BIC of those determined and stable over the data; ? not determined or confirmed")
     if best is not None and best.fit is not None:
         for spec in best.fit.law.PARAMETERS:
             if spec.name in best.fit.free:
                 value, u = best.fit.values[spec.name], best.fit.sigma[spec.name]
                 unit = "" if spec.unit == "1" else f" {spec.unit}"
                 lines.append(f"  {spec.name} = {value:.5g} ± {2.0 * u:.2g}{unit} (k = 2)")
+        f = best.fit
+        if f.poisson is not None:
+            u = f" ± {2.0 * f.sigma['poisson']:.2g} (k = 2)" if "poisson" in f.free else ""
+            lines.append(
+                f"  Poisson's ratio {f.poisson:.4g}{u}, K = {f.bulk_modulus:.4g} Pa, D1 = {f.D1:.4g} 1/Pa"
+            )
     return lines

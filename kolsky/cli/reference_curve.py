@@ -32,7 +32,7 @@ def reference_curve(
     bulge: Annotated[
         str,
         typer.Option(
-            metavar="COLUMN", help="Radius at mid-height, which finds the friction.", show_default=False
+            metavar="COLUMN", help="Radius at mid-height, fitted with the force.", show_default=False
         ),
     ] = "",
     unit: Annotated[
@@ -90,7 +90,7 @@ def reference_curve(
     from kolsky.base.files import filling, usable_folder
     from kolsky.cli.terminal import print_result
     from kolsky.material import reference_curve as curves
-    from kolsky.material.end_friction.slow_test import SlowNumerics
+    from kolsky.material.end_friction.problem import CorrectionNumerics
     from kolsky.material.reference_curve_files import (
         BRANCHES,
         CONVENTIONS,
@@ -102,10 +102,10 @@ def reference_curve(
     )
 
     folder = usable_folder(out.parent)
-    if (bulge != "") != (friction == "free"):
+    if friction == "free" and not bulge:
         raise InputError(
             texts.COMMAND_LINE,
-            "--bulge and --friction free belong together: the radius at mid-height finds the friction",
+            "--friction free needs --bulge: the radius at mid-height finds the friction",
         )
     if (bulge != "") != (bulge_sigma is not None):
         raise InputError(texts.COMMAND_LINE, "--bulge and --bulge-sigma belong together")
@@ -116,13 +116,13 @@ def reference_curve(
             compliance=0.0 if compliance is None else texts.physical("--compliance", compliance, "m/N"),
             scale_sigma=texts.physical("--scale-sigma", scale_sigma, "1"),
             specimen=size,
-            ends=_ends(friction, friction_sigma),
+            ends=ends_of(friction, friction_sigma),
             bulge_sigma=0.0
             if bulge_sigma is None
             else texts.physical("--bulge-sigma", bulge_sigma, "m", positive=True),
             points=points,
             last=last,
-            numerics=SlowNumerics(passages=160.0, poisson=poisson),
+            numerics=CorrectionNumerics(poisson=poisson),
         )
     except ValueError as error:
         raise InputError(texts.COMMAND_LINE, str(error)) from None
@@ -214,7 +214,7 @@ def _refuse_columns(columns: dict[str, str], size: "Specimen | None") -> None:
         raise InputError(texts.COMMAND_LINE, "--displacement and --force need --diameter and --length")
 
 
-def _ends(text: str, sigma: float) -> "EndFriction | None":
+def ends_of(text: str, sigma: float) -> "EndFriction | None":
     """ "bonded" or "0.3" as what held the specimen at its ends."""
     from kolsky.material.end_friction.problem import EndFriction
 
@@ -286,7 +286,9 @@ def _rows(made: "ReferenceCurve", before: str) -> dict[str, Any]:
         if friction.coefficient is not None:
             sigma = f" ± {2.0 * friction.sigma:.2g} (k = 2)" if friction.sigma > 0.0 else ""
             rows[f"{before}friction"] = f"{friction.coefficient:.3g}{sigma}"
-        closure = f"{100.0 * friction.closure:.2g} % from the tests (rms)"
-        rows[f"{before}corrected curve simulated"] = closure
-        rows[f"{before}kinetic over elastic energy"] = f"{friction.slow.kinetic_share:.1e} at most"
+        best = friction.models[0]
+        rows[f"{before}law behind it"] = f"{best.name}, {100.0 * best.misfit:.2g} % from the test (rms)"
+        for model in friction.models[1:]:
+            if model.weight > 0.01:
+                rows[f"{before}or"] = f"{model.name} (weight {model.weight:.2g})"
     return rows

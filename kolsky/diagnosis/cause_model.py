@@ -136,7 +136,8 @@ class CauseModel:
             if key not in self._recent:
                 fresh.setdefault(key[0], {})[key[1]] = point
         made = run_side_by_side([self._launch(list(group.values())) for group in fresh.values()])
-        found = {key: self._recent[key] for key in keys if key in self._recent}
+        found: dict[object, Response | None] = {}
+        found |= {key: self._recent[key] for key in keys if key in self._recent}
         for (launch, group), response in zip(fresh.items(), made, strict=True):
             self.runs += len(group)
             for row, run in enumerate(group):

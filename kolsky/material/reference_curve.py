@@ -18,8 +18,7 @@ from kolsky.material.curves.band import (
 )
 from kolsky.material.curves.uniaxial import Toe, UniaxialTest, ZeroedTest, correct_toe, loading_ramps
 from kolsky.material.end_friction.correct import correct_friction
-from kolsky.material.end_friction.problem import EndFriction, FrictionCorrection
-from kolsky.material.end_friction.slow_test import SlowNumerics
+from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, FrictionCorrection
 
 Pull = Literal["first", "conditioned"]
 
@@ -49,7 +48,7 @@ class Treatment:
     """Points of the curve."""
     last: float | None = None
     """Strain at which the curve ends [-]; None: where the first of the tests does."""
-    numerics: SlowNumerics | None = None
+    numerics: CorrectionNumerics | None = None
     """Of the friction's correction."""
 
     def __post_init__(self) -> None:
@@ -129,10 +128,12 @@ def reference_curve(
             numerics=treatment.numerics,
         )
         band = friction.band
-        if friction.slow.past_data > PAST_DATA:
+        remarks += friction.remarks
+        if friction.past_data > PAST_DATA:
             remarks += (
-                f"at the largest strain {100.0 * friction.slow.past_data:.0f} % of the barrelled specimen was"
-                " strained past the curve's own end: there the correction rests on its continuation",
+                f"at the largest strain {100.0 * friction.past_data:.0f} % of the barrelled specimen was"
+                " strained past the curve's own end: there the correction rests on how laws go on, and their"
+                " spread is in the band",
             )
     return ReferenceCurve(
         pull=pull,

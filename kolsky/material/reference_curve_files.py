@@ -11,6 +11,7 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import write_table
 from kolsky.material.curves.band import apparent_modulus
 from kolsky.material.curves.uniaxial import UniaxialTest
+from kolsky.material.end_friction.problem import ModelFit
 from kolsky.material.reference_curve import ReferenceCurve
 from kolsky.readers.columns import read_columns
 
@@ -156,10 +157,24 @@ def summary(made: ReferenceCurve) -> dict[str, Any]:
             "sigma": friction.sigma,
             "ratio": [float(friction.ratio.min()), float(friction.ratio.max())],
             "misfit": friction.misfit,
-            "closure": friction.closure,
-            "kinetic_share": friction.slow.kinetic_share,
-            "face_difference": friction.slow.face_difference,
-            "share_past_data": friction.slow.past_data,
+            "share_past_data": friction.past_data,
+            "snaps": friction.snaps,
+            "models": [model_summary(model) for model in friction.models],
         },
         "remarks": list(made.remarks),
+    }
+
+
+def model_summary(model: ModelFit) -> dict[str, Any]:
+    """A law fitted to a test with friction at its ends, for JSON, SI."""
+    if model.reason:
+        return {"name": model.name, "weight": 0.0, "reason": model.reason}
+    return {
+        "name": model.name,
+        "weight": model.weight,
+        "misfit": model.misfit,
+        "bic": model.bic,
+        "constants": model.constants,
+        "sigma": model.sigma,
+        "correlation": model.correlation.tolist(),
     }

@@ -9,7 +9,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.units import UnitError, unit_factor
+from kolsky.base.units import DIMENSIONS, UnitError, unit_factor
 from kolsky.readers.contents import Channel, Contents, Layout
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.signalunits import si_unit, split_unit
@@ -88,6 +88,25 @@ def _bare(channel: Channel) -> str:
     """Its name without the unit in brackets."""
     match = matched(_HEADING, channel.name)
     return match.group(1) if match else channel.name
+
+
+def heading_unit(name: str) -> str | None:
+    """The unit that a heading has in brackets, "mm" of "Travel (mm)"; None if it has none that is known."""
+    match = _HEADING.fullmatch(name)
+    if match is None:
+        return None
+    text = match.group(2)
+    if text == "-":
+        return "1"
+    return text if any(_is_unit(text, base) for base in DIMENSIONS) else None
+
+
+def _is_unit(text: str, base: str) -> bool:
+    try:
+        unit_factor(text, base)
+    except (UnitError, ValueError, KeyError):
+        return False
+    return True
 
 
 def _find_clock(contents: Contents, column: str, header_line: int | None) -> Channel | None:
@@ -193,7 +212,9 @@ def _numbered(contents: Contents) -> list[str]:
 
 
 def _wanted_column(contents: Contents, wanted: str) -> Channel:
-    found: Sequence[Channel] = [c for c in contents.channels if wanted in (c.name, split_unit(c.name)[0])]
+    found: Sequence[Channel] = [
+        c for c in contents.channels if wanted in (c.name, split_unit(c.name)[0], _bare(c))
+    ]
     if not found and wanted.isdecimal():
         found = [c for c in contents.channels if c.number == int(wanted)]
     if len(found) == 1:
@@ -210,7 +231,7 @@ def _wanted_column(contents: Contents, wanted: str) -> Channel:
 def _stated_factor(
     contents: Contents, column: Channel, stated: str | None, base: str, allowed: str, option: str
 ) -> float:
-    text = stated if stated is not None else column.unit
+    text = stated if stated is not None else column.unit or heading_unit(column.name)
     if text is None and base == "1":
         return 1.0  # a column of strains or stretches without a unit is a pure number
     if text is None:
@@ -220,11 +241,14 @@ def _stated_factor(
             cure=f"say it: {option} {allowed}",
         )
     known = si_unit(text)
-    if known is None or known[0] != base:
+    if known is not None and known[0] == base:
+        return known[1]
+    try:
+        return unit_factor(text, base)
+    except UnitError:
         raise InputError(
             contents.path,
             f"column '{column.name}' has the unit '{text}'",
             allowed=f"a unit such as {allowed}",
             cure=f"say it with {option}, or choose another column",
-        )
-    return known[1]
+        ) from None

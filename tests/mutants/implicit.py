@@ -74,8 +74,8 @@ FAULTS = (
     Fault(
         "components of one unknown added once",
         "implicit/linear/multifrontal.py",
-        "                if coupled:",
-        "                if False:",
+        "        if coupled:",
+        "        if False:",
         (f"{_UNIT}/test_linear.py::test_against_a_dense_solver",),
     ),
     Fault(

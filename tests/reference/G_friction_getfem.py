@@ -20,6 +20,8 @@ import numpy as np
 RADIUS, HALF = 4.75, 3.25  # mm
 YOUNG, POISSON = 80.0, 0.495  # kPa
 CONTACT, AXIS, MIDDLE = 1, 2, 3
+ISOCHORIC = "mu/2*(I1-3)"
+"""Energy of the isochoric invariants [kPa]; `H_getfem.py` puts others here."""
 SMALL = 1e-5  # sum of all nodal imbalances [mN] at which a step has converged
 
 
@@ -65,7 +67,18 @@ class Cylinder:
         md.add_initialized_fem_data("u0", fem_u, np.zeros(fem_u.nbdof()))
         grad, hoop = "(Id(2)+Grad_u)", "(1+u(1)/X(1))"
         jac = f"(Det{grad}*{hoop})"
-        shear = f"mu/2*(pow({jac},-2/3)*(Norm_sqr{grad}+sqr{hoop})-3)"
+        plane = f"Norm_sqr{grad}"
+        half = f"sqrt(sqr({plane}/2)-sqr(Det{grad})+1e-12)"
+        shear = ISOCHORIC
+        for name, meant in (
+            ("I1", f"(pow({jac},-2/3)*({plane}+sqr{hoop}))"),
+            ("I2", f"(pow({jac},-4/3)*(sqr(Det{grad})+{plane}*sqr{hoop}))"),
+            ("B1", f"(pow({jac},-2/3)*({plane}/2+{half}))"),  # squares of the isochoric stretches
+            ("B2", f"(pow({jac},-2/3)*({plane}/2-{half}))"),
+            ("B3", f"(pow({jac},-2/3)*sqr{hoop})"),
+        ):
+            shear = shear.replace(name, meant)
+        shear = f"({shear})"
         bulk = f"K/2*sqr({jac}-1)"
         if not pure:
             md.add_fem_variable("p", fem_p)

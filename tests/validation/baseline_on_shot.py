@@ -14,7 +14,7 @@ from kolsky.inverse.result import Estimate
 from kolsky.inverse.settings import Settings
 from kolsky.material.curves.band import CurveBand
 from kolsky.material.curves.uniaxial import UniaxialTest
-from kolsky.material.end_friction.problem import EndFriction
+from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction
 from kolsky.material.end_friction.slow_test import SlowNumerics, slow_tests
 from kolsky.material.reference_curve import ReferenceCurve, Treatment, reference_curve
 from kolsky.shot.load import load_shot
@@ -71,7 +71,7 @@ def bonded_tests() -> Compared:
         )
         for number, factor in enumerate(SPECIMENS, start=1)
     ]
-    numerics = SlowNumerics(passages=160.0, poisson=shot.model.poisson)
+    numerics = CorrectionNumerics(poisson=shot.model.poisson)
     loose = Treatment(points=40)
     bonded = replace(loose, specimen=size, ends=EndFriction("bonded"), numerics=numerics)
     return Compared(shot, reference_curve(tests, loose), reference_curve(tests, bonded), shot.curve)
@@ -104,7 +104,7 @@ def main() -> None:
     raw = compared.as_if_frictionless.band.stress / true - 1.0
     print(f"stress, as if frictionless: {100 * raw.min():+.1f} to {100 * raw.max():+.1f} %")
     print(f"stress, rightly: {100 * error.min():+.2f} to {100 * error.max():+.2f} %")
-    print(f"closure {100 * friction.closure:.2f} %, kinetic share {friction.slow.kinetic_share:.1e}")
+    print(f"misfit of the best law {100 * friction.misfit:.2f} %")
     for name in ("truth", "as if frictionless", "rightly"):
         m = stiffness(name)
         curve = m.noise_parts["material curve"]

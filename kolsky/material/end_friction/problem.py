@@ -1,20 +1,25 @@
-"""End friction of a compression test, and the law whose simulated test is fitted to it."""
+"""End friction of a compression test: what is declared of the ends, and what a correction consists of."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
-from explicit.materials import MarlowLaw
+from explicit.materials import bulk_modulus
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
+from kolsky.material.compression.march import Compression, compress
+from kolsky.material.compression.mesh import HalfCylinder
 from kolsky.material.curves.band import CurveBand
-from kolsky.material.curves.uniaxial import gaussian_strain
-from kolsky.material.end_friction.slow_test import OUTSET, SlowNumerics, SlowTests, slow_tests
+from kolsky.material.end_friction.models import CurveModel
 
 LARGEST_FRICTION = 5.0
 """Above, nothing slips any more: choose "bonded" or "rough"."""
+MODEL_STRESS, MODEL_RADIUS = 2e-3, 1e-3
+"""Error of the coarse mesh, relative to stress and radius [-]: what a residual has at least. The side lands
+on the platen node by node, which makes the force uneven by about this much."""
+DIFFERENCE = 1e-4
+"""Change of an unknown by which a law's stress is differentiated; moduli enter a stress linearly."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +44,63 @@ class EndFriction:
 
 
 @dataclass(frozen=True)
+class CorrectionNumerics:
+    """Numerical choices of a correction."""
+
+    mesh: tuple[int, int] = (8, 7)
+    """Elements across the radius and along the half length, biquadratic, in the fits."""
+    refined_mesh: tuple[int, int] = (12, 10)
+    """The mesh that the answer is moved to."""
+    poisson: float = 0.499
+    """Poisson's ratio at rest [-]; that of the shot the curve is meant for."""
+    places: int = 25
+    """Most strains at which the test is compared."""
+
+    def __post_init__(self) -> None:
+        if not self.refined_mesh[0] > self.mesh[0]:
+            raise ValueError(f"the refined mesh {self.refined_mesh} must be finer than {self.mesh}")
+        if not 0.0 <= self.poisson < 0.5:
+            raise ValueError(f"Poisson's ratio must be in [0, 0.5), got {self.poisson}")
+
+
+@dataclass(frozen=True)
+class ModelFit:
+    """A law whose simulated test was fitted to the measured one."""
+
+    name: str
+    """The law, or the nodes with their continuation."""
+    constants: dict[str, float]
+    """Its constants, SI, by name; of nodes 2U' [Pa] by their place."""
+    sigma: dict[str, float]
+    """Their standard uncertainties from the noise, likewise."""
+    correlation: FloatArray
+    """Correlation of the constants, shape [n, n]."""
+    stress: FloatArray
+    """Nominal stress in frictionless compression at the strains of the band [Pa], shape [n]."""
+    misfit: float
+    """Root mean square of the simulated over the measured stress, less 1 [-]."""
+    bic: float
+    """Schwarz's criterion."""
+    weight: float
+    """Weight in the average of the laws [-]."""
+    evaluations: int
+    """Simulated tests that the fit took."""
+    reason: str = ""
+    """Why it has no weight, if it has none."""
+
+    @classmethod
+    def without(cls, name: str, reason: str) -> "ModelFit":
+        """A law that could not be fitted."""
+        none = np.zeros(0)
+        return cls(name, {}, {}, np.zeros((0, 0)), none, np.inf, np.inf, 0.0, 0, reason)
+
+
+@dataclass(frozen=True)
 class FrictionCorrection:
     """The material's curve, and how it was found."""
 
     band: CurveBand
-    """Corrected curve, with the modes "friction" and "mesh" added where they are known."""
+    """Corrected curve with its modes: those of the tests, "noise", "friction", "mesh", "law"."""
     ratio: FloatArray
     """Apparent over true nominal stress [-], shape [n]."""
     coefficient: float | None
@@ -51,149 +108,98 @@ class FrictionCorrection:
     sigma: float
     """Its standard uncertainty [-]."""
     misfit: float
-    """Root mean square of the fitted law's simulated over the measured stress, less 1 [-]."""
-    closure: float
-    """The same for a test simulated on the refined mesh with the corrected curve itself [-]."""
-    evaluations: int
-    """Batches of simulations that the fit took."""
-    slow: SlowTests
-    """That test: kinetic energy, face forces, share past the data."""
+    """Misfit of the law of the greatest weight [-]."""
+    models: tuple[ModelFit, ...]
+    """All laws that were tried, the greatest weight first."""
+    past_data: float
+    """Share of the specimen that was strained past the end of the curve [-]."""
+    snaps: int = 0
+    """Jumps to another equilibrium in the simulated test."""
+    remarks: tuple[str, ...] = field(default=())
+    """What a reader must know."""
+    places: FloatArray = field(default_factory=lambda: np.zeros(0))
+    """Strains at which the test was compared [-], shape [m]."""
+    response: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    """Change of ln T at the strains of the band by ln S at `places`, shape [n, m]."""
 
 
-KNOTS = 5
-"""Knots of the law that is fitted."""
-PLACES = 30
-"""Strains at which it is fitted."""
-TABLE = 65
-"""Entries of its table."""
-MODEL_STRESS, MODEL_RADIUS = 5e-3, 1e-3
-"""Error of the fit's coarse mesh, relative to stress and radius [-]; weights of the two."""
+@dataclass(frozen=True)
+class MeasuredSpecimen:
+    """A measured test of one specimen, and its simulation with any law."""
 
-
-class FrictionProblem:
-    """Residuals of stress, and of the radius if friction is free, over logarithms of the unknowns.
-
-    The unknowns are the law's 2U' [Pa] at `KNOTS` values of s and, if it is free, Coulomb's coefficient.
-
-    Parameters
-    ----------
-    band
-        The apparent nominal stress over nominal compressive strain.
-    specimen
-        Its undeformed size.
-    ends
-        What holds it at its ends.
-    bulge
-        Radius at mid-height at the strains of `band` [m], shape [n], which makes the friction free; None: it
-        is declared.
-    bulge_sigma
-        Standard deviation of that radius [m].
-    numerics
-        Mesh, duration and Poisson's ratio of the simulated tests.
-    """
-
-    def __init__(
-        self,
-        band: CurveBand,
-        specimen: Specimen,
-        ends: EndFriction,
-        bulge: FloatArray | None,
-        bulge_sigma: float,
-        numerics: SlowNumerics,
-    ) -> None:
-        self.band, self.specimen, self.ends, self.numerics = band, specimen, ends, numerics
-        first = max(OUTSET, float(band.strain[0]))
-        self.strain = np.linspace(first, float(band.strain[-1]), PLACES)
-        self.last = float(_measure(self.strain[-1:])[0])
-        self.stress = _smooth_between(band.strain, band.stress, self.strain)
-        relative = np.interp(self.strain, band.strain, band.sigma / band.stress)
-        self.stress_scale = np.hypot(relative, MODEL_STRESS)
-        self.bulge = None if bulge is None else _barrelled(band.strain, bulge, self.strain)
-        self.bulge_scale = float(np.hypot(bulge_sigma, MODEL_RADIUS * specimen.radius))
-        self._last: tuple[FloatArray, SlowTests] | None = None
+    strain: FloatArray
+    """Strains at which it is compared [-], shape [n]."""
+    stress: FloatArray
+    """Nominal stress there [Pa], shape [n]."""
+    noise: FloatArray
+    """Relative standard deviation of that stress with the mesh's [-], shape [n]."""
+    specimen: Specimen
+    """Undeformed size."""
+    ends: EndFriction
+    """Contact at the ends."""
+    numerics: CorrectionNumerics
+    """Meshes and Poisson's ratio."""
+    bulge: FloatArray | None = None
+    """Radius at mid-height [m], shape [n]; None if it was not measured."""
+    bulge_scale: float = 1.0
+    """Its standard deviation with the mesh's [m]."""
 
     @property
     def free(self) -> bool:
-        """True if friction is one of the unknowns, the last of them."""
-        return self.bulge is not None
+        """True if the friction is one of the unknowns, the last, as its logarithm."""
+        return self.ends.law == "coulomb" and self.ends.coefficient is None
 
-    def start(self) -> FloatArray:
-        """The apparent curve as the material's, friction 0.3 if it is free."""
-        s = _measure(self.band.strain)
-        quotient = self.band.stress / gaussian_strain(self.band.strain, compression=True)
-        knots = np.linspace(0.0, self.last, KNOTS)
-        return np.append(np.log(np.interp(knots, s, quotient)), [np.log(0.3)] if self.free else [])
+    def friction(self, theta: FloatArray) -> float:
+        """Coulomb's coefficient [-]; infinity where nothing slips."""
+        if self.ends.law != "coulomb":
+            return float("inf")
+        return float(np.exp(theta[-1])) if self.ends.coefficient is None else self.ends.coefficient
 
-    def law(self, theta: FloatArray) -> MarlowLaw:
-        """The law of the unknowns."""
-        curve = PchipInterpolator(np.linspace(0.0, self.last, KNOTS), theta[:KNOTS])
-        s = np.linspace(0.0, self.last, TABLE)
-        quotient = np.exp(curve(s))
-        return MarlowLaw(last=self.last, quotient=quotient, slope=quotient * curve(s, 1))
+    def own(self, theta: FloatArray) -> FloatArray:
+        """The law's unknowns among all."""
+        return theta[:-1] if self.free else theta
 
-    def uniaxial(self, theta: FloatArray) -> FloatArray:
-        """ln T of the law at the fitted strains, shape [PLACES]."""
-        return np.asarray(np.log(_uniaxial(self.law(theta), self.strain)))
+    def simulate(
+        self, model: CurveModel, theta: FloatArray, *, refined: bool = False, derivatives: bool = True
+    ) -> Compression:
+        """The test with a law. Derivatives by its unknowns and, under Coulomb's law, by the coefficient.
 
-    def tests(
-        self,
-        thetas: list[FloatArray],
-        *,
-        friction: list[float] | None = None,
-        mesh: tuple[int, int] | None = None,
-    ) -> SlowTests:
-        """Simulated tests of several sets of unknowns."""
-        declared = self.ends.coefficient or 0.0
-        own = [float(np.exp(theta[KNOTS])) if self.free else declared for theta in thetas]
-        return slow_tests(
-            [self.law(theta) for theta in thetas],
-            self.specimen,
+        Raises
+        ------
+        ValueError
+            If the unknowns make no law, or there is no equilibrium.
+        """
+        x, n = self.own(theta), self.numerics
+        law = model.law(x)
+        steps = np.full(x.size if derivatives else 0, DIFFERENCE)
+        moved = [model.law(x + DIFFERENCE * row) for row in np.eye(x.size)[: steps.size]]
+        shear = float(law.initial_shear_modulus)  # type: ignore[attr-defined]
+        mesh = n.refined_mesh if refined else n.mesh
+        return compress(
+            [law, *moved],
+            HalfCylinder(self.specimen.radius, 0.5 * self.specimen.length, *mesh),
             self.strain,
-            faces=self.ends.law,
-            friction=np.minimum(own if friction is None else friction, 1e3),
-            numerics=self.numerics if mesh is None else replace(self.numerics, mesh=mesh),
+            bulk=float(bulk_modulus(shear, n.poisson)),
+            modulus=shear,
+            steps=steps,
+            bonded=self.ends.law == "bonded",
+            friction=self.friction(theta),
+            by_friction=derivatives and self.ends.law == "coulomb",
         )
 
-    def rows(self, tests: SlowTests) -> FloatArray:
-        """Residuals of each test, shape [n_tests, n_residuals]."""
-        stress = np.log(tests.stress / self.stress) / self.stress_scale
-        if self.bulge is None:
-            return np.asarray(stress)
-        return np.hstack([stress, (tests.bulge - self.bulge) / self.bulge_scale])
+    def residual(self, made: Compression) -> FloatArray:
+        """Residuals of stress, and of radius if it was measured [-], shape [n or 2 n]."""
+        rows = [np.log(made.stress / self.stress) / self.noise]
+        if self.bulge is not None:
+            rows.append((made.bulge - self.bulge) / self.bulge_scale)
+        return np.concatenate(rows)
 
-    def residual(self, theta: FloatArray) -> FloatArray:
-        """Residuals at one point."""
-        tests = self.tests([theta])
-        self._last = (theta.copy(), tests)
-        return np.asarray(self.rows(tests)[0])
-
-    def jacobian(self, theta: FloatArray, step: float = 0.02) -> FloatArray:
-        """Forward differences, all of them in one batch, shape [n_residuals, n_unknowns]."""
-        known = self._last is not None and np.array_equal(self._last[0], theta)
-        base = self._last[1] if known and self._last else self.tests([theta])
-        moved = [theta + step * row for row in np.eye(theta.size)]
-        return np.asarray((self.rows(self.tests(moved)) - self.rows(base)).T / step)
-
-
-def _measure(strain: FloatArray) -> FloatArray:
-    """s = sqrt(I1 - 3) of uniaxial compression [-]."""
-    lam = 1.0 - strain
-    return np.asarray(strain * np.sqrt((lam + 2.0) / lam))
-
-
-def _uniaxial(law: MarlowLaw, strain: FloatArray) -> FloatArray:
-    """Nominal stress of the incompressible law in frictionless compression [Pa]."""
-    return np.asarray(law.two_u_prime(_measure(strain)) * gaussian_strain(strain, compression=True))
-
-
-def _smooth_between(strain: FloatArray, stress: FloatArray, places: FloatArray) -> FloatArray:
-    """The stress at other strains, by its quotient with the Gaussian strain, which is nearly constant."""
-    quotient = stress / gaussian_strain(strain, compression=True)
-    between = PchipInterpolator(strain, quotient)(places)
-    return np.asarray(between * gaussian_strain(places, compression=True))
-
-
-def _barrelled(strain: FloatArray, bulge: FloatArray, places: FloatArray) -> FloatArray:
-    """The radius at other strains, by its quotient with that of a homogeneous deformation."""
-    between = PchipInterpolator(strain, bulge * np.sqrt(1.0 - strain))(places)
-    return np.asarray(between / np.sqrt(1.0 - places))
+    def jacobian(self, made: Compression, theta: FloatArray) -> FloatArray:
+        """Their derivatives by all unknowns, shape [n or 2 n, n_unknowns]."""
+        rows = [made.stress_by / made.stress[:, None] / self.noise[:, None]]
+        if self.bulge is not None:
+            rows.append(made.bulge_by / self.bulge_scale)
+        found = np.vstack(rows)[:, : theta.size]
+        if self.free:
+            found[:, -1] *= self.friction(theta)  # by its logarithm
+        return found

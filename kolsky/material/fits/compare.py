@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from explicit.materials import LAWS, AnyLaw
+from explicit.materials.volumetric import VolumetricLaw
 from kolsky.material.fits.fit import STARTS, Fit, FitOutcome, fit_law
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
 from kolsky.material.fits.residuals import Weighting
@@ -76,7 +77,8 @@ class Comparison:
         None if there is none.
         """
         usable = [row for row in self.rows if row.stable and row.fit is not None]
-        usable = [row for row in usable if row.fit and row.fit.outcome is not FitOutcome.NOT_DETERMINED]
+        doubtful = (FitOutcome.NOT_DETERMINED, FitOutcome.UNCONFIRMED)
+        usable = [row for row in usable if row.fit and row.fit.outcome not in doubtful]
         return min(usable, key=lambda row: row.fit.bic if row.fit else np.inf, default=None)
 
 
@@ -105,6 +107,7 @@ def compare_laws(
     weighting: Weighting = Weighting.ABSOLUTE,
     bounded: bool = True,
     poisson: float | None = None,
+    free_poisson: bool = False,
     starts: int = STARTS,
     seed: int = 1,
     progress: Callable[[int], None] = lambda done: None,
@@ -115,7 +118,7 @@ def compare_laws(
     ----------
     laws
         What to try, see `candidates`.
-    tests, weighting, bounded, poisson, starts, seed
+    tests, weighting, bounded, poisson, free_poisson, starts, seed
         See `kolsky.material.fits.fit.fit_law`.
     progress
         Called with the number of laws done.
@@ -138,6 +141,7 @@ def compare_laws(
                 bounded=bounded,
                 held=candidate.held,
                 poisson=poisson,
+                free_poisson=free_poisson,
                 starts=starts,
                 seed=seed,
                 name=candidate.name,
@@ -146,7 +150,15 @@ def compare_laws(
             rows.append(Row(candidate, None, (), (), str(error)))
             continue
         reach = max(FARTHEST, *(_farthest(test) for test in tests))
-        rows.append(Row(candidate, found, drucker(found.law, most=reach), stable_over(found.law, tests)))
+        volume = None if found.poisson is None else VolumetricLaw(found.bulk_modulus)
+        rows.append(
+            Row(
+                candidate,
+                found,
+                drucker(found.law, most=reach, volume=volume),
+                stable_over(found.law, tests, volume=volume),
+            )
+        )
     progress(len(laws))
     rows.sort(key=lambda row: np.inf if row.fit is None else row.fit.aic)
     return Comparison(tuple(tests), weighting, bounded, poisson, tuple(rows))

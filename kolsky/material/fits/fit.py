@@ -7,11 +7,12 @@ from enum import Enum
 import numpy as np
 
 from explicit.materials import AnyLaw
+from explicit.materials import bulk_modulus as bulk
 from kolsky.base.arrays import FloatArray
 from kolsky.material.fits import goodness
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
 from kolsky.material.fits.residuals import Residuals, Weighting, residuals_of
-from kolsky.material.fits.search import SAME, SearchResult, search
+from kolsky.material.fits.search import EXACT, SAME, SearchResult, search
 
 STARTS = 12
 """Starts that are polished where a law has more than moduli."""
@@ -24,9 +25,11 @@ class FitOutcome(Enum):
     """Outcome of a fit: whether the data determine the constants."""
 
     DETERMINED = "determined"
-    """One minimum, inside the bounds."""
+    """One minimum, inside the bounds, that two starts agree on (moduli alone have one minimum)."""
     AT_BOUND = "at a bound"
     """The least sum of squares lies on a bound: the data ask for a constant outside."""
+    UNCONFIRMED = "not confirmed"
+    """Inside the bounds, but one start alone ended there: there may be a better minimum."""
     NOT_DETERMINED = "not determined"
     """Different constants meet the data alike: fix some, or take a law with fewer."""
 
@@ -96,6 +99,18 @@ class Fit:
     """Constants at a bound."""
     ends: tuple[float, ...]
     """Weighted sum of squares each start reached, least first."""
+    bounds_cost: float = 1.0
+    """Weighted sum of squares over that without the bounds of a positive energy [-]; 1 if none is reached."""
+
+    @property
+    def bulk_modulus(self) -> float:
+        """K at rest [Pa], infinity of the incompressible solution."""
+        return float("inf") if self.poisson is None else float(bulk(self.law.shear_modulus, self.poisson))
+
+    @property
+    def D1(self) -> float:
+        """2 / K [1/Pa], the compressibility as Abaqus and CalculiX write it; 0 if incompressible."""
+        return 2.0 / self.bulk_modulus
 
     @property
     def values(self) -> dict[str, float]:
@@ -147,7 +162,7 @@ class Fit:
     @property
     def agreeing(self) -> int:
         """Starts that reached the least sum of squares."""
-        return sum(end <= self.ends[0] * (1.0 + SAME) for end in self.ends)
+        return sum(end <= self.ends[0] * (1.0 + SAME) + EXACT for end in self.ends)
 
 
 def fit_law(
@@ -158,6 +173,7 @@ def fit_law(
     bounded: bool = True,
     held: Mapping[str, float] | None = None,
     poisson: float | None = None,
+    free_poisson: bool = False,
     starts: int = STARTS,
     seed: int = 1,
     name: str = "",
@@ -179,6 +195,8 @@ def fit_law(
         Constants that are not fitted, in SI.
     poisson
         Poisson's ratio at rest for the compressible solution with K/2 (J - 1)^2; incompressible if not given.
+    free_poisson
+        Fit that ratio too, to the tests' lateral stretches; it is among `free` as "poisson".
     starts
         Starts that are polished.
     seed
@@ -198,25 +216,32 @@ def fit_law(
     """
     if starts < 1:
         raise ValueError(f"starts must be >= 1, got {starts}")
-    problem = residuals_of(law, tests, weighting=weighting, held=held, poisson=poisson)
+    problem = residuals_of(
+        law, tests, weighting=weighting, held=held, poisson=poisson, free_poisson=free_poisson
+    )
     found = search(problem, bounded=bounded, starts=starts, seed=seed)
     made = problem.build(found.unknowns)
     covariance, told_apart = _covariance(problem, found)
     at_bound = tuple(spec.name for spec, at in zip(problem.free, found.at_bound, strict=True) if at)
     outcome = FitOutcome.AT_BOUND if at_bound else FitOutcome.DETERMINED
+    moduli_alone = all(spec.unit == "Pa" for spec in problem.free)
+    if outcome is FitOutcome.DETERMINED and found.agreeing < 2 and not moduli_alone:
+        outcome = FitOutcome.UNCONFIRMED
+    ratio = problem.ratio(found.unknowns)
     return Fit(
         name=name or law.NAME + "".join(f", {key} = {value:g}" for key, value in problem.held.items()),
         law=made,
         free=tuple(spec.name for spec in problem.free),
-        parts=tuple(PartFit(*pair) for pair in zip(problem.tests, problem.stress(made), strict=True)),
+        parts=tuple(PartFit(*pair) for pair in zip(problem.tests, problem.stress(made, ratio), strict=True)),
         weighting=weighting,
-        poisson=poisson,
+        poisson=ratio,
         chi2=found.chi2,
         n=problem.n,
         covariance=covariance,
         outcome=outcome if told_apart else FitOutcome.NOT_DETERMINED,
         at_bound=at_bound,
         ends=found.ends,
+        bounds_cost=found.chi2 / found.unbounded if found.unbounded > 0.0 else 1.0,
     )
 
 

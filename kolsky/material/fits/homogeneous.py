@@ -127,6 +127,14 @@ def free_stretch(law: Stretches, volume: VolumetricLaw, mode: Mode, deformation:
     return np.asarray(np.exp(found.x))
 
 
+def free_stretches(
+    law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Principal stretches of a compressible solid with stress-free free faces [-]; see `free_stretch`."""
+    d = np.asarray(deformation, dtype=float)
+    return _stretches(mode, d, free_stretch(law, volume, mode, d))
+
+
 def _stretches(mode: Mode, load: FloatArray, free: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     if mode is Mode.UNIAXIAL:
         return load, free, free

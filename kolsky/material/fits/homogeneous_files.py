@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.material.fits.homogeneous_test import HomogeneousTest, mean_test
 from kolsky.material.fits.modes import Mode
-from kolsky.readers.columns import read_homogeneous
+from kolsky.readers.columns import heading_unit, read_columns, read_homogeneous
 from kolsky.readers.contents import Layout
 
 CONVENTIONS = ("tension-positive", "compression-positive")
@@ -34,6 +35,18 @@ class Columns:
     """Its unit; found in the file if None."""
     header_line: int | None = None
     """Line of the column names; found if None, 0 for none."""
+    displacement: str = ""
+    """Or columns of displacement and force, of a uniaxial test."""
+    force: str = ""
+    """The force's."""
+    length: float | None = None
+    """Undeformed length that the displacement is divided by [m]."""
+    area: float | None = None
+    """Undeformed cross-section that the force is divided by [m^2]."""
+    lateral: str = ""
+    """Column of the stretch of the free direction."""
+    lateral_strain: bool = False
+    """True if that is a nominal strain, positive where the specimen gets wider."""
 
 
 def read_homogeneous_test(
@@ -56,6 +69,8 @@ def read_homogeneous_test(
         If the file cannot be read, or its columns are no test of this mode.
     """
     path = Path(path)
+    if columns.force:
+        return _of_force(path, columns)
     table = read_homogeneous(
         path,
         deformation=columns.stretch or columns.strain,
@@ -69,11 +84,59 @@ def read_homogeneous_test(
     deformation = table.deformation if columns.stretch else mode.at_rest + sign * table.deformation
     try:
         test = HomogeneousTest(
-            name=path.stem, mode=mode, deformation=np.asarray(deformation), stress=sign * table.stress
+            name=path.stem,
+            mode=mode,
+            deformation=np.asarray(deformation),
+            stress=sign * table.stress,
+            lateral=_lateral(path, columns),
         )
     except ValueError as error:
         raise InputError(path, str(error), cure="check columns, units and --convention") from None
     return test, table.sha256
+
+
+def _of_force(path: Path, columns: Columns) -> tuple[HomogeneousTest, str]:
+    """A uniaxial test from displacement and force."""
+    assert columns.length is not None
+    assert columns.area is not None
+    values, digest = read_columns(
+        path,
+        {"displacement": (columns.displacement, "m"), "force": (columns.force, "N")},
+        units={
+            column: unit
+            for column, unit in (
+                (columns.displacement, columns.strain_unit),
+                (columns.force, columns.stress_unit),
+            )
+            if unit is not None
+        },
+        header_line=columns.header_line,
+    )
+    sign = 1.0 if columns.convention == "tension-positive" else -1.0
+    try:
+        test = HomogeneousTest(
+            name=path.stem,
+            mode=Mode.UNIAXIAL,
+            deformation=1.0 + sign * values["displacement"] / columns.length,
+            stress=sign * values["force"] / columns.area,
+            lateral=_lateral(path, columns),
+        )
+    except ValueError as error:
+        raise InputError(path, str(error), cure="check columns, units and --convention") from None
+    return test, digest
+
+
+def _lateral(path: Path, columns: Columns) -> FloatArray | None:
+    """Stretch across the load, if its column is named."""
+    if not columns.lateral:
+        return None
+    values, _ = read_columns(
+        path,
+        {"lateral": (columns.lateral, "1")},
+        units={} if heading_unit(columns.lateral) else {columns.lateral: "1"},
+        header_line=columns.header_line,
+    )
+    return values["lateral"] + 1.0 if columns.lateral_strain else values["lateral"]
 
 
 def named_apart(tests: Sequence[HomogeneousTest]) -> tuple[HomogeneousTest, ...]:

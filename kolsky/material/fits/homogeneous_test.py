@@ -26,6 +26,8 @@ class HomogeneousTest:
     """Standard uncertainty of each stress [Pa], shape [n]; None if unknown."""
     weight: float = 1.0
     """Factor of the squared residuals of this test in a fit [-]."""
+    lateral: FloatArray | None = None
+    """Measured stretch of the free direction [-], shape [n]; None if it was not measured."""
 
     def __post_init__(self) -> None:
         d, T = self.deformation, self.stress
@@ -48,6 +50,11 @@ class HomogeneousTest:
             )
         if self.sigma is not None and not (self.sigma.shape == T.shape and (self.sigma > 0.0).all()):
             raise ValueError(f"{self.name}: sigma must be > 0 Pa at every point, shape {T.shape}")
+        if self.lateral is not None:
+            if self.mode is Mode.SIMPLE_SHEAR:
+                raise ValueError(f"{self.name}: simple shear has no free direction")
+            if not (self.lateral.shape == d.shape and (self.lateral > 0.0).all()):
+                raise ValueError(f"{self.name}: lateral stretches must be > 0, shape {d.shape}")
         if not 0.0 < self.weight < float("inf"):
             raise ValueError(f"{self.name}: weight must be > 0 and finite, got {self.weight}")
 
@@ -70,6 +77,7 @@ class HomogeneousTest:
             deformation=self.deformation[kept],
             stress=self.stress[kept],
             sigma=None if self.sigma is None else self.sigma[kept],
+            lateral=None if self.lateral is None else self.lateral[kept],
         )
 
 

@@ -11,9 +11,15 @@ from explicit.materials import AnyLaw, bulk_modulus
 from explicit.materials.law import ParameterSpec
 from explicit.materials.volumetric import VolumetricLaw
 from kolsky.base.arrays import FloatArray
-from kolsky.material.fits.homogeneous import compressible_stress, incompressible_stress
+from kolsky.material.fits.homogeneous import compressible_stress, free_stretch, incompressible_stress
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
 
+FREE_POISSON = ParameterSpec(
+    "poisson", "1", 0.0, 0.4999, 0.45, "Poisson's ratio at rest, of the bulk modulus", strict=True
+)
+"""The unknown beside a law's constants where the compressibility is free."""
+LATERAL_SCALE = 0.01
+"""Lateral stretch that weighs like the largest stress in a fit [-]: the size of a good strain measurement."""
 REFUSED = 1e8
 """Residual, in units of the largest stress, of constants that make no law or no stress."""
 
@@ -47,11 +53,14 @@ class Residuals:
     """Constants that are not free, in SI."""
     poisson: float | None
     """Poisson's ratio at rest of the compressible solution; None for the incompressible one."""
+    free_poisson: bool = False
+    """True if that ratio is the last unknown; the tests' lateral stretches are then met too."""
 
     @cached_property
     def free(self) -> tuple[ParameterSpec, ...]:
-        """The free constants, in the order of the law."""
-        return tuple(spec for spec in self.law.PARAMETERS if spec.name not in self.held)
+        """The free constants, in the order of the law, and Poisson's ratio if it is free."""
+        constants = tuple(spec for spec in self.law.PARAMETERS if spec.name not in self.held)
+        return (*constants, FREE_POISSON) if self.free_poisson else constants
 
     @cached_property
     def stress_scale(self) -> float:
@@ -82,7 +91,8 @@ class Residuals:
     @cached_property
     def n(self) -> int:
         """Residuals that count."""
-        return sum(int(np.count_nonzero(factor)) for factor in self.counted)
+        lateral = sum(t.lateral.size for t in self.tests if t.lateral is not None) if self.free_poisson else 0
+        return lateral + sum(int(np.count_nonzero(factor)) for factor in self.counted)
 
     def build(self, unknowns: FloatArray) -> AnyLaw:
         """The law of the unknowns.
@@ -94,34 +104,57 @@ class Residuals:
         """
         values = dict(self.held)
         values.update({spec.name: float(x) for spec, x in zip(self.free, unknowns * self.units, strict=True)})
+        values.pop(FREE_POISSON.name, None)
         return self.law.of([values[spec.name] for spec in self.law.PARAMETERS])
 
-    def stress(self, law: AnyLaw) -> tuple[FloatArray, ...]:
-        """Nominal stress of a law at the points of each test [Pa].
+    def ratio(self, unknowns: FloatArray) -> float | None:
+        """Poisson's ratio of the unknowns, or the held one."""
+        return float(unknowns[-1]) if self.free_poisson else self.poisson
+
+    def stress(self, law: AnyLaw, poisson: float | None) -> tuple[FloatArray, ...]:
+        """Nominal stress of a law at the points of each test [Pa]; incompressible without a ratio.
 
         Raises
         ------
         ValueError
             If the compressible solution does not exist somewhere.
         """
-        if self.poisson is None:
+        if poisson is None:
             return tuple(incompressible_stress(law, test.mode, test.deformation) for test in self.tests)
-        volume = VolumetricLaw(float(bulk_modulus(law.shear_modulus, self.poisson)))
+        volume = VolumetricLaw(float(bulk_modulus(law.shear_modulus, poisson)))
         return tuple(compressible_stress(law, volume, test.mode, test.deformation) for test in self.tests)
+
+    def lateral(self, law: AnyLaw, poisson: float | None) -> list[FloatArray]:
+        """Simulated less measured lateral stretch over `LATERAL_SCALE` where it is fitted [-]."""
+        if not self.free_poisson or poisson is None:
+            return []
+        volume = VolumetricLaw(float(bulk_modulus(law.shear_modulus, poisson)))
+        return [
+            np.sqrt(test.weight)
+            * (free_stretch(law, volume, test.mode, test.deformation) - test.lateral)
+            / LATERAL_SCALE
+            for test in self.tests
+            if test.lateral is not None
+        ]
+
+    @cached_property
+    def _rows(self) -> int:
+        lateral = [t.lateral for t in self.tests if t.lateral is not None] if self.free_poisson else []
+        return sum(len(test.stress) for test in self.tests) + sum(len(row) for row in lateral)
 
     def __call__(self, unknowns: FloatArray) -> FloatArray:
         """Weighted residuals of all tests, one after the other [-], shape [n_points]."""
         with np.errstate(over="ignore", invalid="ignore"):
             try:
-                predicted = self.stress(self.build(unknowns))
+                law, ratio = self.build(unknowns), self.ratio(unknowns)
+                predicted, across = self.stress(law, ratio), self.lateral(law, ratio)
             except ValueError:
-                return np.full(sum(len(test.stress) for test in self.tests), REFUSED)
-            whole = np.concatenate(
-                [
-                    (T - test.stress) * factor
-                    for T, test, factor in zip(predicted, self.tests, self.counted, strict=True)
-                ]
-            )
+                return np.full(self._rows, REFUSED)
+            rows = [
+                (T - test.stress) * factor
+                for T, test, factor in zip(predicted, self.tests, self.counted, strict=True)
+            ]
+            whole = np.concatenate([*rows, *across])
             return np.where(np.abs(whole) < REFUSED, whole, REFUSED)
 
 
@@ -132,6 +165,7 @@ def residuals_of(
     weighting: Weighting = Weighting.ABSOLUTE,
     held: Mapping[str, float] | None = None,
     poisson: float | None = None,
+    free_poisson: bool = False,
 ) -> Residuals:
     """The residuals of a law, with what is asked of it checked.
 
@@ -147,7 +181,9 @@ def residuals_of(
     for name in held or {}:
         if name not in names:
             raise ValueError(f"{law.NAME} has no constant {name!r}; it has {', '.join(names)}")
-    made = Residuals(law, tuple(tests), weighting, dict(held or {}), poisson)
+    made = Residuals(law, tuple(tests), weighting, dict(held or {}), poisson, free_poisson)
+    if free_poisson and all(test.lateral is None for test in tests):
+        raise ValueError("Poisson's ratio is free only where a test has lateral stretches")
     if not made.free:
         raise ValueError(f"{law.NAME}: all constants are held, nothing is left to fit")
     for test in tests:

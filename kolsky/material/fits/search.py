@@ -30,6 +30,9 @@ TIGHT = 1e-14
 """Relative change of sum, constants or gradient at which a search ends: the last digits."""
 SAME = 1e-6
 """Relative difference of sums of squares below which two searches have found one minimum."""
+EXACT = 1e-12
+"""Sum of squares, in units of the largest stress, below which a law meets the data to the last digits that
+count: searches that end there agree, whatever their round-off."""
 NO_MODULUS = 1e-6
 """Initial shear modulus over the largest stress below which a search has run to the edge of what is a law."""
 _NO_LAW = (
@@ -54,10 +57,21 @@ class SearchResult:
     """True for unknowns at a bound."""
     ends: tuple[float, ...]
     """Sum of squares that each polished start reached, least first."""
+    agreeing: int = 1
+    """Starts that reached the least one."""
+    unbounded: float = np.nan
+    """Least sum of squares without the bounds of a positive energy, from the bounded optimum on; NaN if no
+    unknown lies at a bound [-]."""
+
+
+ROUNDS = 3
+"""Most rounds of drawn starts until two agree."""
 
 
 def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> SearchResult:
-    """Minimise the sum of squares.
+    """Minimise the sum of squares, with more starts until two of them agree.
+
+    A search without bounds begins at the bounded optimum too, so it is never worse.
 
     Parameters
     ----------
@@ -77,21 +91,52 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
         has no stress at a point.
     """
     lower, upper = _bounds(residuals, bounded)
-    begun = _starts(residuals, lower, upper, starts, seed)
-    ends = [_refined(residuals, start, lower, upper, ROUGH, "2-point") for start in begun]
-    ends = sorted((end for end in ends if end[0] < REFUSED), key=lambda end: end[0])
-    if not ends:
-        raise ValueError(_NO_LAW.format(residuals.law.NAME))
-    ends[:BEST] = [_refined(residuals, x, lower, upper, FINE, "3-point") for _, x in ends[:BEST]]
-    ends.sort(key=lambda end: end[0])
+    known = []
+    if not bounded and not _linear(residuals):
+        try:
+            known = [search(residuals, bounded=True, starts=starts, seed=seed).unknowns]
+        except ValueError:
+            known = []  # no law with a positive energy meets the data: the free search stands alone
+    ends: list[tuple[float, FloatArray]] = []
+    for number in range(ROUNDS):
+        begun = known + _starts(residuals, lower, upper, starts, seed + number)
+        known = []
+        ends += [_refined(residuals, start, lower, upper, ROUGH, "2-point") for start in begun]
+        ends = sorted((end for end in ends if end[0] < REFUSED), key=lambda end: end[0])
+        if not ends:
+            raise ValueError(_NO_LAW.format(residuals.law.NAME))
+        ends[:BEST] = [_refined(residuals, x, lower, upper, FINE, "3-point") for _, x in ends[:BEST]]
+        ends.sort(key=lambda end: end[0])
+        agreeing = _agreeing(ends)
+        if agreeing > 1 or _linear(residuals):
+            break
     chi2, x = ends[0]
     if residuals.build(x).shear_modulus < NO_MODULUS * residuals.stress_scale:
         raise ValueError(_NO_LAW.format(residuals.law.NAME))
     chi2, x, at = _snapped_to_bounds(residuals, chi2, x, lower, upper)
     jacobian = least_squares(residuals, x, jac="3-point", max_nfev=1, x_scale="jac").jac
+    unbounded = np.nan
+    if bounded and at.any():
+        unbounded = min(chi2, _refined(residuals, x, *_bounds(residuals, False), FINE, "3-point")[0])
     return SearchResult(
-        x, chi2, np.asarray(jacobian), tuple(bool(a) for a in at), tuple(end[0] for end in ends)
+        x,
+        chi2,
+        np.asarray(jacobian),
+        tuple(bool(a) for a in at),
+        tuple(end[0] for end in ends),
+        agreeing,
+        unbounded,
     )
+
+
+def _agreeing(ends: list[tuple[float, FloatArray]]) -> int:
+    """Starts that ended at the least sum of squares, within `SAME`."""
+    return sum(chi2 <= ends[0][0] * (1.0 + SAME) + EXACT for chi2, _ in ends)
+
+
+def _linear(residuals: Residuals) -> bool:
+    """True if all unknowns are moduli: least squares then have one minimum, and one start finds it."""
+    return all(spec.unit == "Pa" for spec in residuals.free)
 
 
 def _bounds(residuals: Residuals, bounded: bool) -> tuple[FloatArray, FloatArray]:

@@ -17,12 +17,17 @@ from enum import Enum
 import numpy as np
 
 from explicit.materials.law import Stretches
+from explicit.materials.principal import tangent
+from explicit.materials.volumetric import VolumetricLaw
 from kolsky.base.arrays import FloatArray
+from kolsky.material.fits.homogeneous import free_stretches
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
 from kolsky.material.fits.modes import Mode
 
 POINTS = 2000
 """Deformations looked at between rest and the end of a path, equal in ln(stretch)."""
+COMPRESSIBLE_POINTS = 100
+"""The same of a compressible solid, whose lateral stretch has to be searched at each."""
 _ACROSS = np.array([0.0, 1.0, -1.0]) / np.sqrt(2.0)
 _ALONG = np.array([2.0, -1.0, -1.0]) / np.sqrt(6.0)
 """Two steps that keep the volume, without and with the first axis."""
@@ -59,6 +64,28 @@ class PathStability:
         return f"{name}: {self.outcome.value} from {self.strain:.4g}"
 
 
+def least_compressible_stiffness(
+    law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: FloatArray
+) -> FloatArray:
+    """Least eigenvalue of d tau / d eps over all steps of a compressible solid with stress-free sides [Pa].
+
+    d tau_i / d eps_j is Eq. (L.2) with J U' + J^2 U'' added to every entry; shape [...], NaN where no lateral
+    stretch leaves the sides without stress.
+    """
+    d = np.asarray(deformation, dtype=float)
+    found = np.full(d.shape, np.nan)
+    for place in np.ndindex(d.shape):  # one by one: past a limit point the next have no solution
+        try:
+            lam = np.stack(free_stretches(law, volume, mode, d[place]))
+        except ValueError:
+            continue
+        J = float(lam.prod())
+        whole = tangent(law, lam) + float(J * volume.pressure(J) + J**2 * volume.stiffness(J))
+        if np.isfinite(whole).all():
+            found[place] = np.linalg.eigvalsh(0.5 * (whole + whole.T))[0]
+    return found
+
+
 def least_stiffness(law: Stretches, mode: Mode, deformation: FloatArray) -> FloatArray:
     """Least eigenvalue of d tau / d eps in the plane that keeps the volume [Pa], shape [...]; NaN where the
     law is not defined.
@@ -85,7 +112,9 @@ def least_stiffness(law: Stretches, mode: Mode, deformation: FloatArray) -> Floa
         return np.where(largest > 0.0, a * (c / largest) - b * (b / largest), a + c - largest)
 
 
-def drucker(law: Stretches, *, most: float = 10.0) -> tuple[PathStability, ...]:
+def drucker(
+    law: Stretches, *, most: float = 10.0, volume: VolumetricLaw | None = None
+) -> tuple[PathStability, ...]:
     """The strain at which a law stops being stable, in every mode.
 
     Parameters
@@ -95,6 +124,9 @@ def drucker(law: Stretches, *, most: float = 10.0) -> tuple[PathStability, ...]:
     most
         Principal stretch at which a path ends, > 1 [-]; likewise 1 / most. So equibiaxial paths end at its
         root, and simple shear at most - 1 / most.
+    volume
+        The volumetric law of a compressible solid, whose sides are without stress along its paths and whose
+        steps may change the volume; incompressible if not given.
 
     Raises
     ------
@@ -106,14 +138,17 @@ def drucker(law: Stretches, *, most: float = 10.0) -> tuple[PathStability, ...]:
     log = np.linspace(0.0, np.log(most), POINTS)
     paths = []
     for mode, reach in ((Mode.UNIAXIAL, 1.0), (Mode.EQUIBIAXIAL, 0.5), (Mode.PLANAR, 1.0)):
-        paths.append(_path(law, mode, "tension", np.exp(reach * log)))
-        paths.append(_path(law, mode, "compression", np.exp(-reach * log)))
-    paths.append(_path(law, Mode.SIMPLE_SHEAR, "shear", 2.0 * np.sinh(log)))
+        paths.append(_path(law, mode, "tension", np.exp(reach * log), volume))
+        paths.append(_path(law, mode, "compression", np.exp(-reach * log), volume))
+    paths.append(_path(law, Mode.SIMPLE_SHEAR, "shear", 2.0 * np.sinh(log), volume))
     return tuple(paths)
 
 
-def stable_over(law: Stretches, tests: Sequence[HomogeneousTest]) -> tuple[PathStability, ...]:
-    """Stability of a law from rest to the ends of tests; a path for each test and direction.
+def stable_over(
+    law: Stretches, tests: Sequence[HomogeneousTest], *, volume: VolumetricLaw | None = None
+) -> tuple[PathStability, ...]:
+    """Stability of a law from rest to the ends of tests; a path for each test and direction. With a
+    volumetric law the paths are those of the compressible solid.
 
     Raises
     ------
@@ -131,12 +166,21 @@ def stable_over(law: Stretches, tests: Sequence[HomogeneousTest]) -> tuple[PathS
                 direction, way = "shear", 2.0 * np.sinh(np.linspace(0.0, np.arcsinh(0.5 * end), POINTS))
             else:
                 way = np.exp(np.linspace(0.0, np.log(end), POINTS))
-            paths.append(_path(law, test.mode, direction, way))
+            paths.append(_path(law, test.mode, direction, way, volume))
     return tuple(paths)
 
 
-def _path(law: Stretches, mode: Mode, direction: str, way: FloatArray) -> PathStability:
-    least = least_stiffness(law, mode, way)
+def _path(
+    law: Stretches, mode: Mode, direction: str, way: FloatArray, volume: VolumetricLaw | None = None
+) -> PathStability:
+    def stiffness(at: FloatArray) -> FloatArray:
+        if volume is None or mode is Mode.SIMPLE_SHEAR:  # which keeps the volume
+            return least_stiffness(law, mode, at)
+        return least_compressible_stiffness(law, volume, mode, at)
+
+    if volume is not None:
+        way = way[:: len(way) // COMPRESSIBLE_POINTS]
+    least = stiffness(way)
     bad = np.flatnonzero(~(least > 0.0))
     if not bad.size:
         return PathStability(mode, direction, Stability.STABLE, float(mode.strain(way[-1])))
@@ -145,7 +189,7 @@ def _path(law: Stretches, mode: Mode, direction: str, way: FloatArray) -> PathSt
     low, high = float(way[max(first - 1, 0)]), float(way[first])
     for _ in range(60):  # bisection: the criterion may have no sign change, as where a law locks
         middle = 0.5 * (low + high)
-        if least_stiffness(law, mode, np.array([middle]))[0] > 0.0:
+        if stiffness(np.array([middle]))[0] > 0.0:
             low = middle
         else:
             high = middle

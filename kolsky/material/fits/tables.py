@@ -1,13 +1,21 @@
 """A comparison of laws as tables and as JSON: one place for what is written, printed and shown."""
 
 import math
+from dataclasses import asdict
 from typing import Any
 
+import numpy as np
+
+from kolsky.material.curves.properties import fracture, poissons_ratio, youngs_modulus
 from kolsky.material.fits.compare import Comparison, Row
 from kolsky.material.fits.fit import Fit, FitOutcome
+from kolsky.material.fits.homogeneous_test import HomogeneousTest
+from kolsky.material.fits.modes import Mode
 
 Columns = dict[str, list[Any]]
 
+COSTLY = 1.1
+"""Factor in the sum of squares from which on a bound's cost is said [-]."""
 CORRELATED = 1.0
 """Durbin-Watson number below which residuals follow each other too closely to count as independent."""
 
@@ -28,7 +36,13 @@ def as_json(comparison: Comparison, hashes: dict[str, str]) -> dict[str, Any]:
     best = comparison.best
     return {
         "tests": [
-            {"name": t.name, "mode": t.mode.value, "points": len(t.stress), "weight": t.weight}
+            {
+                "name": t.name,
+                "mode": t.mode.value,
+                "points": len(t.stress),
+                "weight": t.weight,
+                **_properties(t),
+            }
             for t in comparison.tests
         ],
         "weighting": comparison.weighting.value,
@@ -37,6 +51,20 @@ def as_json(comparison: Comparison, hashes: dict[str, str]) -> dict[str, Any]:
         "best": None if best is None else best.candidate.name,
         "laws": [_row(row) for row in comparison.rows],
         "inputs": hashes,
+    }
+
+
+def _properties(test: HomogeneousTest) -> dict[str, Any]:
+    """Young's modulus from 0 to 5 %, Poisson's ratio by regression, fracture; None where there is none."""
+    uniaxial = test.mode is Mode.UNIAXIAL
+    sign = 1.0 if test.strain[np.argmax(np.abs(test.strain))] > 0.0 else -1.0
+    modulus = youngs_modulus(test.strain, test.stress) if uniaxial else None
+    across = poissons_ratio(test.deformation, test.lateral) if uniaxial and test.lateral is not None else None
+    broke = fracture(sign * test.strain, sign * test.stress)
+    return {
+        "youngs_modulus_to_5_percent": None if modulus is None else asdict(modulus),
+        "poissons_ratio_by_regression": None if across is None else asdict(across),
+        "fracture": None if broke is None else asdict(broke),
     }
 
 
@@ -66,6 +94,10 @@ def _row(row: Row) -> dict[str, Any]:
             "outside": list(f.law.outside()),
             "shear_modulus": f.law.shear_modulus,
             "youngs_modulus": f.youngs_modulus,
+            "poisson": f.poisson,
+            "bulk_modulus": _finite(f.bulk_modulus),
+            "D1": f.D1,
+            "bounds_cost": f.bounds_cost,
             "sse": f.sse,
             "rmse": f.rmse,
             "r_squared": f.r_squared,
@@ -113,6 +145,9 @@ def _laws(comparison: Comparison) -> Columns:
         "free constants": [len(f.free) for _, f in rows],
         "initial Young's modulus (Pa)": [f.youngs_modulus for _, f in rows],
         "initial shear modulus (Pa)": [f.law.shear_modulus for _, f in rows],
+        "Poisson's ratio": [0.5 if f.poisson is None else f.poisson for _, f in rows],
+        "bulk modulus (Pa)": [f.bulk_modulus if math.isfinite(f.bulk_modulus) else "" for _, f in rows],
+        "D1 (1/Pa)": [f.D1 for _, f in rows],
         "SSE (Pa^2)": [f.sse for _, f in rows],
         "RMSE (Pa)": [f.rmse for _, f in rows],
         "R squared": [f.r_squared for _, f in rows],
@@ -139,6 +174,19 @@ def _constants(comparison: Comparison) -> Columns:
             made["u (SI)"].append(sigma if math.isfinite(sigma) else "")
             made["unit"].append(spec.unit)
             made["state"].append(state)
+        if "poisson" in f.free and f.poisson is not None:
+            free = "at a bound" if "poisson" in f.at_bound else "fitted"
+            sigma = f.sigma["poisson"]
+            row_of = (
+                row.candidate.name,
+                "poisson",
+                f.poisson,
+                sigma if math.isfinite(sigma) else "",
+                "1",
+                free,
+            )
+            for key, value in zip(made, row_of, strict=True):
+                made[key].append(value)
     return made
 
 
@@ -192,7 +240,17 @@ def remarks(found: Comparison) -> list[str]:
         why = "is not stable over the data" if not first.stable else "has a higher BIC"
         if first.fit is not None and first.fit.outcome is FitOutcome.NOT_DETERMINED:
             why = "has constants that the data do not tell apart"
+        if first.fit is not None and first.fit.outcome is FitOutcome.UNCONFIRMED:
+            why = "has a minimum that one start alone reached: raise --starts"
         said.append(f"{first.candidate.name} has the least AIC, but {why}")
+    if best.fit.bounds_cost > COSTLY:
+        said.append(
+            f"the bounds of a positive energy cost {best.candidate.name} a factor of"
+            f" {best.fit.bounds_cost:.3g}"
+            f" in the sum of squares ({', '.join(best.fit.at_bound)} at a bound): --free-bounds lifts them,"
+            " and stability"
+            " is then to be looked at"
+        )
     if best.fit.durbin_watson < CORRELATED:
         said.append(
             f"residuals of {best.candidate.name} follow each other (Durbin-Watson "

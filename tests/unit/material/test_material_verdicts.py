@@ -11,9 +11,7 @@ from kolsky.base.apparatus import Specimen
 from kolsky.material import reference_curve as reference
 from kolsky.material.curves.band import CurveBand, apparent_modulus, student_factor
 from kolsky.material.curves.uniaxial import Toe, UniaxialTest, correct_toe, loading_ramps
-from kolsky.material.end_friction import correct
-from kolsky.material.end_friction.correct import Optimum, correct_friction
-from kolsky.material.end_friction.problem import KNOTS, PLACES, EndFriction
+from kolsky.material.end_friction.problem import EndFriction
 from kolsky.material.fits.compare import Candidate, Comparison, Row
 from kolsky.material.fits.fit import FitOutcome
 from kolsky.material.fits.modes import Mode
@@ -111,7 +109,7 @@ def test_a_specimen_past_the_curves_end_is_remarked(past, remarks, monkeypatch):
 
     def corrected(band, specimen, ends, **options):
         given.update(options)
-        return SimpleNamespace(band=band, slow=SimpleNamespace(past_data=past))
+        return SimpleNamespace(band=band, past_data=past, remarks=())
 
     monkeypatch.setattr(reference, "correct_friction", corrected)
     stress = 1e4 * STRAIN
@@ -121,88 +119,6 @@ def test_a_specimen_past_the_curves_end_is_remarked(past, remarks, monkeypatch):
     assert len(found.remarks) == remarks
     assert given["bulge_sigma"] == pytest.approx(4e-6)  # the mean of four radii
     np.testing.assert_allclose(given["bulge"], 5e-3)
-
-
-# End friction
-
-
-class MadeProblem:
-    """Simulated tests in closed form: ln S = ln T + friction * strain + 0.01 / (elements / 10)^2."""
-
-    def __init__(self, ends, *, free=False):
-        self.strain = np.linspace(0.02, 0.5, PLACES)
-        axis = np.linspace(0.02, 0.5, 60)
-        zero = np.zeros(60)
-        self.band = CurveBand(axis, 1e4 * axis, zero, np.empty((0, 60)), ())
-        self.ends, self.free, self.specimen = ends, free, SPECIMEN
-        self.numerics = SimpleNamespace(mesh=(10, 12))
-        self.stress = 1e4 * self.strain
-        self.stress_scale = np.full(PLACES, 0.01)
-        self.bulge_scale = 2e-5
-
-    def uniaxial(self, theta):
-        return np.log(1e4 * self.strain)
-
-    def tests(self, thetas, *, friction=None, mesh=None):
-        f = [self.ends.coefficient or 0.0] * len(thetas) if friction is None else friction
-        error = 0.01 / ((mesh or self.numerics.mesh)[0] / 10) ** 2
-        logs = [np.log(self.stress) + value * self.strain + error for value in f]
-        return SimpleNamespace(stress=np.exp(np.array(logs)))
-
-
-def optimum(ends, monkeypatch, mesh=(20, 24)):
-    problem = MadeProblem(ends)
-    made = Optimum(problem, np.zeros(KNOTS), np.zeros((PLACES, KNOTS)), mesh)
-    closed = (lambda ratio: (ratio, 0.001, SimpleNamespace())) if monkeypatch else None
-    monkeypatch.setattr(Optimum, "_closed", lambda self, ratio: closed(ratio))
-    return made.correction(7)
-
-
-def test_a_declared_frictions_sigma_goes_into_the_curve(monkeypatch):
-    """The law's knots cannot follow (Jacobian zero): ln T falls by the friction's sigma times the strain."""
-    found = optimum(EndFriction("coulomb", 0.3, 0.04), monkeypatch)
-    assert (found.coefficient, found.sigma) == (0.3, 0.04)
-    expected = 0.04 * found.band.strain * found.band.stress
-    np.testing.assert_allclose(found.band.parts()["friction"], expected, rtol=1e-6)
-
-
-def test_the_meshs_share_is_richardsons_with_a_safety_factor(monkeypatch):
-    """1 % at 10 elements, a quarter at 20: the difference, 0.75 %, over 2^2 - 1, times 1.25 / 2."""
-    found = optimum(EndFriction("bonded"), monkeypatch)
-    expected = 0.0075 / 3.0 * 0.5 * 1.25 * found.band.stress
-    np.testing.assert_allclose(found.band.parts()["mesh"], expected, rtol=1e-9)
-    assert found.band.names == ("mesh",)
-    assert found.coefficient is None
-
-
-def test_a_free_friction_has_the_fits_sigma_and_the_meshs():
-    """Each radius changes by 2 residuals per ln f, so the gain of ln f is 1 / (2 PLACES) for each."""
-    problem = MadeProblem(EndFriction("coulomb", None), free=True)
-    J = np.zeros((2 * PLACES, KNOTS + 1))
-    J[:KNOTS, :KNOTS] = np.eye(KNOTS)
-    J[PLACES:, KNOTS] = 2.0
-    theta = np.append(np.zeros(KNOTS), np.log(0.25))
-    f, sigma = Optimum(problem, theta, J, (20, 24))._coefficient()
-    assert f == pytest.approx(0.25)
-    noise = 1 / (2 * np.sqrt(PLACES))
-    together = 0.5 * 1e-3 * SPECIMEN.radius / 2e-5  # sum of the gains, 1 / 2, times what the mesh does alike
-    assert sigma == pytest.approx(0.25 * np.hypot(noise, together))
-
-
-@pytest.mark.parametrize(("closure", "refused"), [(0.0299, False), (0.0301, True)])
-def test_a_correction_that_does_not_close_is_refused(closure, refused, monkeypatch):
-    fit = SimpleNamespace(success=True, x=None, jac=None, nfev=1, message="")
-    monkeypatch.setattr(correct, "least_squares", lambda *a, **k: fit)
-    monkeypatch.setattr(correct, "FrictionProblem", lambda *a: SimpleNamespace(
-        residual=None, start=lambda: None, jacobian=None))  # fmt: skip
-    done = SimpleNamespace(correction=lambda count: SimpleNamespace(closure=closure))
-    monkeypatch.setattr(correct, "Optimum", lambda *a: done)
-    band = CurveBand(STRAIN, 1e4 * STRAIN, 0 * STRAIN, np.empty((0, 100)), ())
-    if refused:
-        with pytest.raises(ValueError, match=r"misses the measured one by 0\.03 \(rms\)"):
-            correct_friction(band, SPECIMEN, EndFriction("bonded"))
-    else:
-        assert correct_friction(band, SPECIMEN, EndFriction("bonded")).closure == closure
 
 
 # Which law, and whether it is stable
@@ -222,6 +138,7 @@ def test_the_best_law_has_the_least_bic_of_those_that_hold():
     assert best(row("rich", aic=1.0, bic=9.0), row("plain", aic=2.0, bic=8.0)) == "plain"
     assert best(row("a", bic=1.0, stable=False), row("b", bic=2.0)) == "b"
     assert best(row("a", bic=1.0, outcome=FitOutcome.NOT_DETERMINED), row("b", bic=2.0)) == "b"
+    assert best(row("a", bic=1.0, outcome=FitOutcome.UNCONFIRMED), row("b", bic=2.0)) == "b"
     assert best(row("a", bic=1.0, outcome=FitOutcome.AT_BOUND), row("b", bic=2.0)) == "a"
     assert best(Row(Candidate("none", None), None, (), (), "no fit")) is None
 

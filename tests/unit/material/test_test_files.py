@@ -89,7 +89,7 @@ def test_means_keep_tension_and_compression_apart() -> None:
 def test_dependent_residuals_are_said_below_one(durbin_watson: float, said: bool) -> None:
     best = SimpleNamespace(
         candidate=SimpleNamespace(name="neo_hookean"),
-        fit=SimpleNamespace(durbin_watson=durbin_watson),
+        fit=SimpleNamespace(bounds_cost=1.0, durbin_watson=durbin_watson),
         first_failure=None,
     )
     lines = remarks(SimpleNamespace(rows=[best], best=best))

@@ -1,0 +1,146 @@
+"""End friction taken out of another program's specimens: errors, band, its coverage over noisy draws.
+
+    python -m benchmarks.baseline_specimens [--only yeoh/0.3] [--draws 100] [--workers 2]
+
+A row a specimen (`tests/reference/H_force.csv`, `A_force_radius.csv`, `G_friction_force.csv`) goes into
+`benchmarks/results/baseline_specimens.json` as soon as it is done; those that are there are not run again.
+The draws are five specimens of one material, their stiffness scattered by 2 % and each sample by 0.5 %, taken
+through the correction's own derivative.
+"""
+
+import argparse
+import json
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from explicit.materials import LAWS, AnyLaw
+from kolsky.base.apparatus import Specimen
+from kolsky.base.arrays import FloatArray
+from kolsky.material.curves.band import CurveBand, mean_of_repeats
+from kolsky.material.end_friction.correct import correct_friction
+from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, FrictionCorrection
+from kolsky.material.fits.homogeneous import incompressible_stress
+from kolsky.material.fits.modes import Mode
+
+ROOT = Path(__file__).resolve().parents[1]
+REFERENCE = ROOT / "tests" / "reference"
+RESULTS = ROOT / "benchmarks" / "results" / "baseline_specimens.json"
+POISSON = 0.495
+SHOWN = (0.1, 0.2, 0.3, 0.4, 0.5)
+"""Compressions in the tables."""
+SPECIMENS, SCATTER, NOISE = 5, 0.02, 0.005
+"""Of a draw: specimens, relative scatter of their stiffness, of a sample."""
+MATERIALS: dict[str, tuple[float, float, dict[str, float]]] = {
+    "neo_hookean": (9.5e-3, 6.5e-3, {"mu": 80e3 / 2.99}),
+    "yeoh": (9.5e-3, 6.5e-3, {"C10": 14e3, "C20": 2e3, "C30": 500.0}),
+    "ogden2": (10e-3, 8e-3, {"mu1": 18e3, "alpha1": 3.5, "mu2": 8e3, "alpha2": -2.0}),
+    "mooney_rivlin": (9.5e-3, 6.5e-3, {"C10": 9e3, "C01": 5e3}),
+}
+"""Law -> diameter, length [m], constants [SI] of `tests/reference/H_specimens.py` and of its README."""
+CASES = [(law, ends) for law in MATERIALS for ends in ("bonded", "0.3")]
+
+
+def law_of(name: str) -> AnyLaw:
+    """The law a specimen was made of."""
+    constants = MATERIALS[name][2]
+    return LAWS[name].of([constants.get(spec.name, 0.0) for spec in LAWS[name].PARAMETERS])
+
+
+def measured(law: str, ends: str) -> tuple[FloatArray, FloatArray]:
+    """Compression and force [N] of a case."""
+    if law == "neo_hookean":
+        if ends == "bonded":
+            rows = np.loadtxt(REFERENCE / "A_force_radius.csv", delimiter=",")
+            return rows[:, 0], rows[:, 1]
+        rows = np.loadtxt(REFERENCE / "G_friction_force.csv", delimiter=",")
+        rows = rows[rows[:, 0] == float(ends)]
+        return rows[:, 1], rows[:, 2]
+    friction = "1000" if ends == "bonded" else ends
+    lines = [line.split(",") for line in (REFERENCE / "H_force.csv").read_text().splitlines()[1:]]
+    kept = np.array([[float(x) for x in row[2:4]] for row in lines if row[0] == law and row[1] == friction])
+    return kept[:, 0], kept[:, 1]
+
+
+def case(law: str, ends: str, draws: int) -> dict[str, Any]:
+    """Correct one specimen; its errors, band, laws and coverage."""
+    diameter, length, _ = MATERIALS[law]
+    size = Specimen(diameter=diameter, length=length, density=0.0)
+    strain, force = measured(law, ends)
+    stress = force / size.area
+    true = -incompressible_stress(law_of(law), Mode.UNIAXIAL, 1.0 - strain)
+    band = CurveBand(strain, stress, np.zeros_like(stress), np.empty((0, strain.size)), ())
+    held = EndFriction("rough" if ends == "bonded" else "coulomb", 0.0 if ends == "bonded" else float(ends))
+    if law == "neo_hookean" and ends == "bonded":
+        held = EndFriction("bonded")
+    started = process_time()
+    found = correct_friction(band, size, held, numerics=CorrectionNumerics(poisson=POISSON))
+    error, twice = found.band.stress / true - 1.0, 2.0 * found.band.sigma / true
+    inside = strain <= 0.5 + 1e-9
+    return {
+        "law": law,
+        "ends": ends,
+        "strain": strain.tolist(),
+        "error": error.tolist(),
+        "k2": twice.tolist(),
+        "worst_to_half": float(np.abs(error[inside]).max()),
+        "within_band": bool((np.abs(error) <= twice)[inside].all()),
+        "misfit": found.misfit,
+        "ratio": [float(found.ratio.min()), float(found.ratio.max())],
+        "laws": [[m.name, m.weight, m.misfit, m.reason] for m in found.models],
+        "coverage": coverage(found, band, true, draws),
+        "draws": draws,
+        "seconds": process_time() - started,
+    }
+
+
+def coverage(
+    found: FrictionCorrection, band: CurveBand, true: FloatArray, draws: int, seed: int = 23
+) -> float:
+    """Share of strains and draws up to 50 % whose k = 2 band holds the truth."""
+    rng = np.random.default_rng(seed)
+    kept = [k for k, name in enumerate(found.band.names)]
+    own = (found.band.modes / found.band.stress)[kept]
+    places = np.searchsorted(band.strain, found.places)
+    inside = band.strain <= 0.5 + 1e-9
+    held = []
+    for _ in range(draws):
+        factor = (1.0 + SCATTER * rng.standard_normal((SPECIMENS, 1))) * (
+            1.0 + NOISE * rng.standard_normal((SPECIMENS, band.strain.size))
+        )
+        drawn = mean_of_repeats(band.strain, band.stress * factor)
+        logs = np.log(found.band.stress) + found.response @ np.log(drawn.stress / band.stress)[places]
+        modes = np.vstack([own, (found.response @ (drawn.modes / drawn.stress)[:, places].T).T])
+        sigma = np.sqrt((modes**2).sum(axis=0))
+        held.append(np.abs(np.exp(logs) / true - 1.0)[inside] <= 2.0 * sigma[inside])
+    return float(np.mean(held))
+
+
+def main() -> None:
+    """Run what is missing, row by row."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", help="LAW/ENDS, e.g. yeoh/0.3")
+    parser.add_argument("--draws", type=int, default=100)
+    parser.add_argument("--workers", type=int, default=1)
+    given = parser.parse_args()
+    done = json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {}
+    wanted = [c for c in CASES if "/".join(c) not in done and given.only in (None, "/".join(c))]
+    with ProcessPoolExecutor(given.workers) as pool:
+        jobs = {c: pool.submit(case, *c, given.draws) for c in wanted}
+        for c, job in jobs.items():
+            row = job.result()
+            done = json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {}
+            done["/".join(c)] = row
+            ordered = {"/".join(key): done["/".join(key)] for key in CASES if "/".join(key) in done}
+            RESULTS.write_text(json.dumps(ordered, indent=1) + "\n", encoding="utf-8")
+            print("/".join(c), f"worst {100 * row['worst_to_half']:.2f} %, in band {row['within_band']},",
+                  f"coverage {100 * row['coverage']:.1f} %, {row['seconds']:.0f} s", flush=True)  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

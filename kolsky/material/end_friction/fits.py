@@ -1,0 +1,244 @@
+"""Laws fitted to a compression test with friction at its ends, by inverse finite elements."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from kolsky.base.arrays import FloatArray
+from kolsky.material.compression.march import Compression
+from kolsky.material.curves.uniaxial import gaussian_strain
+from kolsky.material.end_friction.models import (
+    CONTINUATIONS,
+    Continuation,
+    CurveModel,
+    LibraryModel,
+    NodesModel,
+    measure,
+)
+from kolsky.material.end_friction.problem import MeasuredSpecimen, ModelFit
+from kolsky.material.fits.compare import Candidate
+from kolsky.material.fits.fit import fit_law
+from kolsky.material.fits.homogeneous_test import HomogeneousTest
+from kolsky.material.fits.modes import Mode
+from kolsky.material.fits.residuals import Weighting
+
+TOLERANCE = 1e-3
+"""Relative change of unknowns or of the sum of squares at which a fit ends."""
+EVALUATIONS = 12
+"""Most simulated tests of one fit's search."""
+NODES = (5, 7, 10)
+"""Numbers of nodes that are tried in turn until the residual is noise."""
+NOISE_LEFT = 1.5
+"""Mean square residual (over noise and mesh) from which on it is not taken for noise."""
+UNUSABLE = 1e3
+"""Residual of unknowns without a law or without an equilibrium."""
+START_FRICTION = 0.3
+"""Where a search for a free coefficient begins [-]."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """An optimum of one model."""
+
+    model: CurveModel
+    """The model."""
+    theta: FloatArray
+    """Its unknowns, and ln f if the friction is free, shape [n]."""
+    made: Compression
+    """The test simulated there."""
+    jacobian: FloatArray
+    """Derivatives of residuals and prior by the unknowns, shape [n_rows, n]."""
+    chi2: float
+    """Sum of squared residuals of the test [-]."""
+    evaluations: int
+    """Simulated tests."""
+
+    @property
+    def gain(self) -> FloatArray:
+        """Change of the unknowns by a change of the residuals' data, shape [n, n_rows]."""
+        return np.asarray(np.linalg.pinv(self.jacobian))
+
+    def misfit(self, test: MeasuredSpecimen) -> float:
+        """Root mean square of simulated over measured stress, less 1 [-]."""
+        return float(np.sqrt(np.mean(np.log(self.made.stress / test.stress) ** 2)))
+
+
+class FitFailedError(ValueError):
+    """A model cannot be fitted; the message says why."""
+
+
+def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> Found:
+    """Least squares of a model, with derivatives of the simulated test.
+
+    Raises
+    ------
+    FitFailedError
+        If the start has no equilibrium, or the search ends without one.
+    """
+    runs: dict[bytes, Compression | None] = {}
+    why = ""
+
+    def run(theta: FloatArray) -> Compression | None:
+        nonlocal why
+        key = theta.tobytes()
+        if key not in runs:
+            try:
+                made = test.simulate(model, theta)
+                runs[key] = made if (made.stress > 0.0).all() else None
+            except ValueError as error:
+                runs[key], why = None, str(error)
+        return runs[key]
+
+    def residual(theta: FloatArray) -> FloatArray:
+        made, prior = run(theta), model.prior(test.own(theta))[0]
+        if made is None:
+            n = test.strain.size * (1 if test.bulge is None else 2)
+            return np.full(n + prior.size, UNUSABLE)
+        return np.append(test.residual(made), prior)
+
+    def jacobian(theta: FloatArray) -> FloatArray:
+        made = run(theta)
+        assert made is not None
+        prior = model.prior(test.own(theta))[1]
+        prior = np.hstack([prior, np.zeros((len(prior), theta.size - prior.shape[1]))])
+        return np.vstack([test.jacobian(made, theta), prior])
+
+    low, high = model.lower, model.upper
+    if test.free:
+        low, high = np.append(low, np.log(1e-3)), np.append(high, np.log(10.0))
+    if run(start) is None:
+        raise FitFailedError(f"its start has no equilibrium: {why}")
+    end = least_squares(
+        residual,
+        start,
+        jac=jacobian,
+        bounds=(low, high),
+        xtol=TOLERANCE,
+        ftol=TOLERANCE,
+        max_nfev=EVALUATIONS,
+    )
+    made = run(end.x)
+    assert made is not None
+    chi2 = float(np.sum(test.residual(made) ** 2))
+    return Found(model, np.asarray(end.x), made, jacobian(end.x), chi2, len(runs))
+
+
+def fit_nodes(
+    test: MeasuredSpecimen, *, continuations: tuple[Continuation, ...] = CONTINUATIONS
+) -> list[Found]:
+    """Curves of nodes, as many as the residual needs to be noise, with every continuation.
+
+    Raises
+    ------
+    FitFailedError
+        If none can be fitted.
+    """
+    last = float(measure(test.strain[-1]))
+    quotient = np.log(test.stress / gaussian_strain(test.strain, compression=True)) - np.log(1.2)
+    found: list[Found] = []
+    reasons = ""
+    for count in NODES:
+        places = np.linspace(0.0, last, count)
+        # The straight course over I1 through the apparent curve: its bends are not the material's.
+        start = np.polynomial.Polynomial.fit(measure(test.strain) ** 2, quotient, 2)(places**2)
+        if test.free:
+            start = np.append(start, np.log(START_FRICTION))
+        found = []
+        for continuation in continuations:
+            if found:
+                start = found[-1].theta
+            try:
+                found.append(fit_model(test, NodesModel(places, continuation), start))
+            except FitFailedError as error:
+                reasons = str(error)
+        if found and min(one.chi2 for one in found) < NOISE_LEFT * test.strain.size:
+            break
+    if not found:
+        raise FitFailedError(reasons)
+    return found
+
+
+def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: Found) -> Found:
+    """A law of the library, begun at its fit to the curve of another one.
+
+    Raises
+    ------
+    FitFailedError
+        If it cannot be fitted.
+    """
+    stress = near.model.stress(test.own(near.theta), test.strain)
+    homogeneous = HomogeneousTest("the curve of nodes", Mode.UNIAXIAL, 1.0 - test.strain, -stress)
+    model = LibraryModel(candidate, float(stress[0] / gaussian_strain(test.strain[:1], compression=True)[0]))
+    why = ""
+    for bounded in (False, True):
+        try:
+            first = fit_law(
+                candidate.law,
+                [homogeneous],
+                weighting=Weighting.RELATIVE,
+                bounded=bounded,
+                held=candidate.held,
+                starts=4,
+            )
+            start = model.unknowns(first.values)
+            if test.free:
+                start = np.append(start, near.theta[-1])
+            return fit_model(test, model, start)
+        except ValueError as error:
+            why = str(error)
+    raise FitFailedError(why)
+
+
+def weighed(found: list[Found], test: MeasuredSpecimen) -> FloatArray:
+    """Weights of the models: exp(-BIC / 2), the noise taken from the best if that misses by more, Eq. (N.2).
+
+    With n residuals, k unknowns and S = chi2 the criterion is S / v + k ln n, v = max(1, S_best / (n - k)).
+    """
+    criteria = bic(found, test)
+    likelihood = np.exp(-0.5 * (criteria - criteria.min()))
+    return np.asarray(likelihood / likelihood.sum())
+
+
+def bic(found: list[Found], test: MeasuredSpecimen) -> FloatArray:
+    """Schwarz's criterion of each model, Eq. (N.2), shape [n_models]."""
+    n = test.strain.size * (1 if test.bulge is None else 2)
+    chi2 = np.array([one.chi2 for one in found])
+    unknowns = np.array([one.theta.size for one in found])
+    best = int(np.argmin(chi2 + unknowns * np.log(n)))
+    scale = max(1.0, chi2[best] / (n - unknowns[best]))
+    return np.asarray(chi2 / scale + unknowns * np.log(n))
+
+
+def described(
+    one: Found, test: MeasuredSpecimen, strain: FloatArray, weight: float, criterion: float
+) -> ModelFit:
+    """A model's fit with its constants, their uncertainties and its curve at some strains."""
+    theta = test.own(one.theta)
+    n = test.strain.size
+    excess = max(1.0, one.chi2 / max(1, n - one.theta.size))
+    covariance = np.linalg.pinv(one.jacobian.T @ one.jacobian) * excess
+    if isinstance(one.model, LibraryModel):
+        names, units, values = one.model.names, one.model.units, theta * one.model.units
+    else:
+        places = measure(test.strain[-1]) * np.linspace(0.0, 1.0, theta.size)
+        names, values = tuple(f"2U' at s = {s:.3g}" for s in places), np.exp(theta)
+        units = values
+    sigma = np.sqrt(np.diag(covariance))[: theta.size]
+    size = np.where(sigma > 0.0, sigma, 1.0)
+    return ModelFit(
+        name=one.model.name,
+        constants=dict(zip(names, map(float, values), strict=True)),
+        sigma=dict(zip(names, map(float, sigma * units), strict=True)),
+        correlation=covariance[: theta.size, : theta.size] / np.outer(size, size),
+        stress=one.model.stress(theta, strain),
+        misfit=one.misfit(test),
+        bic=criterion,
+        weight=weight,
+        evaluations=one.evaluations,
+    )
+
+
+def moved(one: Found, change: FloatArray) -> Found:
+    """The model with its unknowns changed."""
+    return replace(one, theta=one.theta + change)

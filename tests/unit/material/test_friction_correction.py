@@ -1,0 +1,193 @@
+"""The correction of end friction: what is in its band, which law has which weight, what is refused."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from kolsky.base.apparatus import Specimen
+from kolsky.material.curves.band import CurveBand
+from kolsky.material.end_friction import correct, fits
+from kolsky.material.end_friction.correct import _cause, _correction, correct_friction
+from kolsky.material.end_friction.fits import Found, bic, weighed
+from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, MeasuredSpecimen
+from kolsky.material.end_friction.specimen_fit import mesh_change
+
+N = 16
+STRAIN = np.linspace(0.05, 0.5, N)
+SPECIMEN = Specimen(diameter=9.5e-3, length=6.5e-3, density=0.0)
+FINER = 0.004
+"""The made refined mesh is softer by this much, relative to stress."""
+
+
+class Factor:
+    """A model with one unknown: T = exp(x) 10 kPa times the strain."""
+
+    name, lower, upper = "factor", np.full(1, -np.inf), np.full(1, np.inf)
+
+    def __init__(self, off=0.0):
+        self.off = off
+
+    def stress(self, theta, strain):
+        return np.exp(theta[0] + self.off * strain) * 1e4 * strain
+
+    def prior(self, theta):
+        return np.zeros(0), np.zeros((0, 1))
+
+
+@dataclass(frozen=True)
+class Made(MeasuredSpecimen):
+    """Simulated tests in closed form: S = 1.3 T, `FINER` less on the refined mesh; 2 e a unit of friction."""
+
+    def simulate(self, model, theta, *, refined=False, derivatives=True):
+        S = 1.3 * model.stress(theta, self.strain) * np.exp(-FINER if refined else 0.0)
+        by = np.column_stack([S, 2.0 * S * self.strain])
+        return SimpleNamespace(stress=S, stress_by=by, bulge=1e-3 + 0 * S, past=0.3, snaps=1)
+
+
+def made_test(ends=None, noise=0.01):
+    S = 1.3e4 * STRAIN
+    return Made(STRAIN, S, np.full(N, noise), SPECIMEN, ends or EndFriction("bonded"), CorrectionNumerics())
+
+
+def found(test, off=0.0, theta=0.0):
+    model = Factor(off)
+    x = np.array([theta])
+    made = test.simulate(model, x)
+    J = np.ones((N, 1)) / test.noise[:, None]
+    chi2 = float(np.sum((np.log(made.stress / test.stress) / test.noise) ** 2))
+    return Found(model, x, made, J, chi2, 3)
+
+
+def band(noise=0.0, mode=None):
+    S = 1.3e4 * STRAIN
+    modes = np.empty((0, N)) if mode is None else mode[None] * S
+    return CurveBand(STRAIN, S, noise * S, modes, () if mode is None else ("between tests",))
+
+
+@pytest.fixture
+def plain(monkeypatch):
+    row = SimpleNamespace(weight=1.0)
+    monkeypatch.setattr(correct, "described", lambda *a: row)
+
+
+def test_the_curve_moves_to_the_refined_mesh_with_a_share_in_the_band(plain):
+    """The force falls by 0.4 % with the mesh, so the curve rises by it; share 1.25 / 2 over 1.5^2 - 1."""
+    test = made_test()
+    made = _correction(band(), test, [found(test)], np.ones(1), [])
+    np.testing.assert_allclose(made.band.stress, 1e4 * STRAIN * np.exp(FINER), rtol=1e-9)
+    np.testing.assert_allclose(
+        made.band.parts()["mesh"] / made.band.stress, FINER * 0.5 * 1.25 / (1.5**2 - 1.0), rtol=1e-9
+    )
+    np.testing.assert_allclose(made.ratio, 1.3 * np.exp(-FINER))
+    assert (made.past_data, made.snaps, made.coefficient) == (0.3, 1, None)
+
+
+def test_noise_and_modes_of_the_test_are_modes_of_the_curve(plain):
+    """One unknown averages n points: noise over root n, a mode by its mean."""
+    test = made_test()
+    mode = np.linspace(0.0, 0.02, N)
+    made = _correction(band(0.03, mode), test, [found(test)], np.ones(1), [])
+    parts = {name: part / made.band.stress for name, part in made.band.parts().items() if name != "noise"}
+    noise = np.sqrt(
+        sum(row**2 for row, name in zip(made.band.modes, made.band.names, strict=True) if name == "noise")
+    )
+    np.testing.assert_allclose(noise / made.band.stress, 0.03 / np.sqrt(N), rtol=1e-6)
+    np.testing.assert_allclose(parts["between tests"], 0.01, rtol=1e-6)
+    assert not made.band.noise.any()
+
+
+def test_a_misfit_larger_than_the_noise_is_in_the_band(plain):
+    test = made_test()
+    one = found(test, theta=0.02)  # simulated 2 % above the test at every strain
+    made = _correction(band(0.001), test, [one], np.ones(1), [])
+    rows = [row for row, name in zip(made.band.modes, made.band.names, strict=True) if name == "noise"]
+    # Alike at every strain: (1 + 0.9) / (1 - 0.9) = 19 times the variance of independent ones.
+    expected = 0.02 * np.sqrt(19.0 / N)
+    np.testing.assert_allclose(np.sqrt(sum(r**2 for r in rows)) / made.band.stress, expected, rtol=1e-6)
+
+
+def test_the_spread_of_laws_is_in_the_band(plain):
+    """Two laws of weights 0.8 and 0.2, d apart: variance 0.16 d^2, the mean 0.2 d from the first."""
+    test = made_test()
+    laws = [found(test), found(test, off=0.1)]
+    made = _correction(band(), test, laws, np.array([0.8, 0.2]), [])
+    d = 0.1 * STRAIN
+    np.testing.assert_allclose(made.band.parts()["law"] / made.band.stress, 0.4 * d, rtol=1e-9)
+    np.testing.assert_allclose(made.band.stress, 1e4 * STRAIN * np.exp(FINER + 0.2 * d), rtol=1e-9)
+
+
+def test_a_declared_frictions_sigma_is_in_the_band(plain):
+    """ln S rises by 2 e per unit of friction; the one unknown takes the mean of it away from T."""
+    test = made_test(EndFriction("coulomb", 0.3, 0.05))
+    made = _correction(band(), test, [found(test)], np.ones(1), [])
+    assert (made.coefficient, made.sigma) == (0.3, 0.05)
+    np.testing.assert_allclose(
+        made.band.parts()["friction"] / made.band.stress, 0.05 * 2.0 * STRAIN.mean(), rtol=1e-9
+    )
+
+
+def test_weights_are_those_of_schwarz():
+    test = made_test()
+    S = {"a": 20.0, "b": 24.0}
+    laws = [
+        SimpleNamespace(chi2=S["a"], theta=np.zeros(4)),
+        SimpleNamespace(chi2=S["b"], theta=np.zeros(2)),
+    ]
+    # b is the best by chi2 + k ln n; its mean square residual 24 / 14 scales both.
+    scale = 24.0 / 14.0
+    expected = np.array([20.0 / scale + 4 * np.log(N), 24.0 / scale + 2 * np.log(N)])
+    np.testing.assert_allclose(bic(laws, test), expected)
+    ratio = np.exp(-0.5 * (expected[0] - expected[1]))
+    np.testing.assert_allclose(weighed(laws, test), [ratio / (1 + ratio), 1 / (1 + ratio)])
+
+
+def test_constants_move_with_the_mesh():
+    test = made_test()
+    assert mesh_change(found(test), test) == pytest.approx([FINER], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("where", "words"), [(0, "a toe"), (N - 1, "landed otherwise"), (N // 2, "did not hold")]
+)
+def test_a_refusal_names_where_the_test_is_missed(where, words):
+    test = made_test()
+    one = found(test)
+    one.made.stress[where] *= 1.2
+    assert words in _cause(one, test)
+    assert f"most at strain {STRAIN[where]:.3g} (+18.2 %)" in _cause(one, test)
+
+
+@pytest.mark.parametrize(("misfit", "refused"), [(0.0299, False), (0.0301, True)])
+def test_a_test_that_no_law_meets_is_refused(misfit, refused, monkeypatch):
+    test = made_test()
+    monkeypatch.setattr(correct, "tested", lambda *a: test)
+    monkeypatch.setattr(correct, "fit_nodes", lambda test: [found(test, theta=misfit)])
+    monkeypatch.setattr(correct, "described", lambda *a: SimpleNamespace(weight=1.0))
+    if refused:
+        with pytest.raises(ValueError, match="no law meets the test: the best, factor, misses it by 3 %"):
+            correct_friction(band(), SPECIMEN, EndFriction("bonded"), laws=())
+    else:
+        assert correct_friction(band(), SPECIMEN, EndFriction("bonded"), laws=()).misfit == pytest.approx(
+            misfit
+        )
+
+
+def test_a_law_that_meets_the_test_as_well_is_named(plain, monkeypatch):
+    test = made_test(noise=0.05)
+    made = _correction(band(), test, [found(test), found(test, off=0.1)], np.array([0.9, 0.1]), [])
+    assert "meets the test within its noise too and differs from factor by 5 %" in made.remarks[0]
+
+
+def test_more_nodes_are_tried_until_the_residual_is_noise(monkeypatch):
+    counts = []
+
+    def fitted(test, model, start):
+        counts.append(model.nodes.size)
+        chi2 = {5: 40.0, 7: 23.0, 10: 1.0}[model.nodes.size]  # 16 points: 24 is the limit
+        return Found(model, np.zeros(model.nodes.size), None, np.zeros((N + 3, 1)), chi2, 1)
+
+    monkeypatch.setattr(fits, "fit_model", fitted)
+    fits.fit_nodes(made_test(), continuations=("tangent",))
+    assert counts == [5, 7]
