@@ -49,7 +49,7 @@ def specimen_fit(
     """Fit a law to whole specimens: their force curves, or a sheet's displacement field and pad force.
 
     Writes specimen.html, specimen.json, specimen.h5, tables, and the fitted law as curves that a shot.toml
-    can name as its [curve].
+    can name.
     """
     started = perf_counter()
     formats = texts.figure_formats(figures)

@@ -15,7 +15,7 @@ def specimen_plan(
     out: OutOfSpec = None,
     wanted: Annotated[
         str,
-        typer.Option(metavar="NAMES", help="Constants that count.", show_default="those of [plan], or all"),
+        typer.Option(metavar="NAMES", help="Constants that count.", show_default="those of the SPEC, or all"),
     ] = "",
     device: Device = "cpu",
     as_json: AsJson = False,

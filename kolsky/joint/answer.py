@@ -42,7 +42,9 @@ def answered(
     objectives = stack.weighed(residual)
     whitening = stack.whitening(objectives)
     rows = whitening.apply(found.slopes.T)
-    gain = np.linalg.solve(rows @ rows.T, whitening.precision(found.slopes.T))
+    gain: FloatArray = np.asarray(
+        np.linalg.solve(rows @ rows.T, whitening.precision(found.slopes.T)), dtype=np.float64
+    )
     cov = covariance(found.slopes, residual, whitening, stack)
     plain = np.diag(np.linalg.inv(rows @ rows.T))
     between = np.zeros(len(found.x))
@@ -104,8 +106,13 @@ def _without(stack: Stack, residual: FloatArray, slopes: FloatArray, name: str) 
     bare = []
     for one, o in zip(stack.shots, stack.weighed(residual), strict=True):
         rest = {key: row for key, row in one.own.items() if key != name}
-        sizes = {"force_discrepancy": o.force_discrepancy, "shape_discrepancy": o.shape_discrepancy}
-        bare.append(replace(replace(one, own=rest).objective, **sizes))
+        bare.append(
+            replace(
+                replace(one, own=rest).objective,
+                force_discrepancy=o.force_discrepancy,
+                shape_discrepancy=o.shape_discrepancy,
+            )
+        )
     rows = stack.whitening(bare).apply(slopes.T)
     return np.diag(np.linalg.inv(rows @ rows.T))
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.free_parameters import Freed, choose
-from kolsky.inverse.parameters import MOVED, PARAMETERS, checked_value
+from kolsky.inverse.parameters import MOVED, PARAMETERS, checked_value, require_declared
 from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
 from kolsky.inverse.staged_runs import Progress
 from kolsky.joint.answer import answered
@@ -81,13 +81,13 @@ def identify_shots(
     said: list[str] = []
     problem = _problem(prepared, freed, settings, slow, ledger, progress, said)
     relaxing = [name for name in problem.unknowns.bounds if PARAMETERS[name].relaxes]
-    if not relaxing or not settings.choose:
+    kept = {n: b for n, b in problem.unknowns.bounds.items() if n not in relaxing}
+    if not relaxing or not (kept or settings.curve_nodes) or not settings.choose:
         return answered(problem, search(problem), None, tuple(said))
     bare = [
         replace(p, forward=replace(p.forward, shot=replace(p.forward.shot, relaxation=None)))
         for p in prepared
     ]
-    kept = {n: b for n, b in problem.unknowns.bounds.items() if n not in relaxing}
     elastic = _joined(bare, kept, freed[0], replace(settings, scatter=False), slow, ledger, progress)
     without = search(elastic)
     found = search(problem, beside=weak_branch(problem, elastic, without))
@@ -219,6 +219,8 @@ def _problem(
         for name in [n for n in bounds if n not in one.free]:
             del bounds[name]
             said.append(f"{name} is held at each shot's value: {one.reasons.get(name, 'one shot holds it')}")
+    for ready in prepared:
+        require_declared(bounds, ready.forward.shot)
     if settings.curve_nodes:
         bounds.pop(MOVED, None)
     for name, value in settings.held.items():

@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import explicit
 from doe.ledger import Ledger, Run
@@ -148,7 +149,8 @@ class JointRuns:
             curve = forward.shot.curve
             laws = [marlow_from_curve(curve.stretch, with_factors(curve, row)) for row in logs]
             forward = replace(forward, laws=tuple(laws))
-        given = {**self.held, **values} or {"stiffness_factor": np.ones(len(points))}
+        given: dict[str, ArrayLike] = {**self.held, **values}
+        given = given or {"stiffness_factor": np.ones(len(points))}
         return forward.problem(given, numerics, motion=motion, material=np.ravel(material))
 
     @cached_property

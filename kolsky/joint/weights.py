@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from doe.whitening import Whitening
-from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 from kolsky.inverse.objective import BLOCKS, Objective
 from kolsky.inverse.observations import Observations
 
@@ -133,7 +133,7 @@ class Stack:
         return found
 
     @cached_property
-    def blocks(self) -> list[FloatArray]:
+    def blocks(self) -> list[IntArray]:
         """Of each length of `BLOCKS`, a label for every entry: residuals of one label may be correlated."""
         found = []
         for length in BLOCKS:

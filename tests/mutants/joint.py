@@ -114,8 +114,8 @@ FAULTS = (
     _fault(
         "what the parameters follow counted for the branch",
         _BRANCH,
-        "left = residual - basis @ (basis.T @ residual)",
-        "left = residual.copy()",
+        "own = directions - (directions @ basis) @ basis.T",
+        "own = directions.copy()",
         "diagnosis/test_branch_test.py",
     ),
     _fault(

@@ -19,7 +19,7 @@ FAULTS = (
         tests=FITS,
     ),
     Fault(
-        name="specimen: the stiffness of two ends transposed",
+        name="specimen: half the way to the best displacement",
         file="kolsky/specimen/errors_in_variables.py",
         right='np.einsum("nji,nj->ni", there.by_displacement, weighed)',
         wrong='0.5 * np.einsum("nji,nj->ni", there.by_displacement, weighed)',
