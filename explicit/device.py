@@ -79,4 +79,4 @@ def available() -> tuple[str, ...]:
 def kernel_cache() -> Path:
     """The folder of compiled kernels."""
     _start()
-    return Path(wp.config.kernel_cache_dir)
+    return Path(str(wp.config.kernel_cache_dir))

@@ -355,8 +355,8 @@ def _lines(found: "Comparison") -> list[str]:
                 lines.append(f"  {spec.name} = {value:.5g} ± {2.0 * u:.2g}{unit} (k = 2)")
         f = best.fit
         if f.poisson is not None:
-            u = f" ± {2.0 * f.sigma['poisson']:.2g} (k = 2)" if "poisson" in f.free else ""
+            half = f" ± {2.0 * f.sigma['poisson']:.2g} (k = 2)" if "poisson" in f.free else ""
             lines.append(
-                f"  Poisson's ratio {f.poisson:.4g}{u}, K = {f.bulk_modulus:.4g} Pa, D1 = {f.D1:.4g} 1/Pa"
+                f"  Poisson's ratio {f.poisson:.4g}{half}, K = {f.bulk_modulus:.4g} Pa, D1 = {f.D1:.4g} 1/Pa"
             )
     return lines

@@ -68,7 +68,7 @@ def flyer_motion(
     flyer = replace(
         flyer,
         sigma=np.where(stray, np.abs(off), flyer.sigma),
-        notes=tuple(_stray_note(table, row, off[row]) for row in np.flatnonzero(stray)),
+        notes=tuple(_stray_note(table, int(row), off[row]) for row in np.flatnonzero(stray)),
     )
     flyer_moves(table, flyer, section.sigma, toml, stray=stray)
     return flyer, table.sha256

@@ -159,4 +159,6 @@ class Body:
     def assembled(self, force: FloatArray) -> FloatArray:
         """Forces of elements summed at the nodes [N], shape [2 n_nodes]."""
         size = 2 * len(self.mesh.nodes)
-        return np.bincount(self.mesh.dofs.ravel(), weights=force.ravel(), minlength=size)
+        return np.asarray(
+            np.bincount(self.mesh.dofs.ravel(), weights=force.ravel(), minlength=size), dtype=np.float64
+        )

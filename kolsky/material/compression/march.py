@@ -308,7 +308,7 @@ class _March:
         state, nodes = self.body.deformation(u), self.platen.nodes
         n = self.change.shape[1]
         by = np.zeros((u.size, n))
-        base = self.body.isochoric_forces(self.laws[0], state) if n else None
+        base = self.body.isochoric_forces(self.laws[0], state) if n else np.zeros(u.size)
         for k, (law, step) in enumerate(zip(self.laws[1:], self.parameter_steps, strict=True)):
             by[:, k] = (self.body.isochoric_forces(law, state) - base) / step
         direct = by.copy()

@@ -7,6 +7,7 @@ that broke after it. A healing efficiency is a mean of healed specimens over a m
 et al. 2021, Table 3).
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -134,5 +135,5 @@ def recovery(undamaged: Sequence[float], healed: Sequence[float]) -> Recovery:
         0.0 if np.isnan(one.sigma) else one.sigma / one.value for one in (before, after) if one.value != 0.0
     ]
     return Recovery(
-        before, after, Measured(ratio, abs(ratio) * float(np.hypot(*parts)) if len(parts) == 2 else 0.0)
+        before, after, Measured(ratio, abs(ratio) * math.hypot(*parts) if len(parts) == 2 else 0.0)
     )

@@ -83,7 +83,8 @@ class NodesLaw:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """See `explicit.materials.law.Stretches`."""
         q, _ = self.two_u_prime(_measure(lam1, lam2, lam3))
-        return q * lam1, q * lam2, q * lam3
+        first, second, third = (q * np.asarray(x, dtype=np.float64) for x in (lam1, lam2, lam3))
+        return first, second, third
 
     def hessian(self, lam1: ArrayLike, lam2: ArrayLike, lam3: ArrayLike) -> FloatArray:
         """See `explicit.materials.law.Stretches`."""

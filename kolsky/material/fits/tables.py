@@ -175,7 +175,7 @@ def _constants(comparison: Comparison) -> Columns:
             made["unit"].append(spec.unit)
             made["state"].append(state)
         if "poisson" in f.free and f.poisson is not None:
-            free = "at a bound" if "poisson" in f.at_bound else "fitted"
+            state = "at a bound" if "poisson" in f.at_bound else "fitted"
             sigma = f.sigma["poisson"]
             row_of = (
                 row.candidate.name,
@@ -183,7 +183,7 @@ def _constants(comparison: Comparison) -> Columns:
                 f.poisson,
                 sigma if math.isfinite(sigma) else "",
                 "1",
-                free,
+                state,
             )
             for key, value in zip(made, row_of, strict=True):
                 made[key].append(value)
