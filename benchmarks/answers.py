@@ -13,14 +13,14 @@ import json
 import shutil
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from benchmarks.scatter import table as scatter
+from kolsky.base.process import process_pool
 from kolsky.cli import texts
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
@@ -190,7 +190,7 @@ def main() -> None:
         cases += [Case(folder.name, str(folder)) for folder in folders]
     chosen = [case for case in cases if given.only in case.name]
     work = partial(answer, study=study, out=given.out)
-    with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
+    with process_pool(given.workers) as pool:
         for future in as_completed([pool.submit(work, case) for case in chosen]):
             print(future.result(), flush=True)
     found = read(given.out)

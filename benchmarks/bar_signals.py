@@ -8,9 +8,7 @@ flow and of rising stress, and drifts beyond the baseline within their sigma. Wr
 
 import argparse
 import json
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +23,7 @@ from kolsky.bars.reduction.windows import check_windows, incident_arrival
 from kolsky.bars.signals.drift import diffusion
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.arrays import FloatArray
+from kolsky.base.process import process_pool
 
 RESULT = Path(__file__).parent / "results" / "bar_signals.json"
 POPULATIONS = {"chosen on": 21_000, "judged on": 143_000}
@@ -212,7 +211,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     found = {}
-    with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
+    with process_pool(options.workers) as pool:
         for name, first in POPULATIONS.items():
             found[name] = counted(list(pool.map(one, range(first, first + options.count), chunksize=10)))
     RESULT.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")

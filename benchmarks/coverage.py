@@ -11,9 +11,8 @@ import json
 import os
 import platform
 import time
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +29,7 @@ from benchmarks.coverage_problem import (
     extrapolated,
     simulate,
 )
+from kolsky.base.process import process_pool
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.settings import Settings
@@ -207,7 +207,7 @@ def run(study: Study, folder: Path, numbers: list[int], *, workers: int) -> list
         # Processes that each take all cores for their linear algebra would wait for each other.
         for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
             os.environ.setdefault(name, "1")
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        with process_pool(workers) as pool:
             for done in as_completed([pool.submit(make_truths, study, folder, group) for group in groups]):
                 print(done.result(), flush=True)
             for done in as_completed([pool.submit(answer, study, folder, n) for n in missing]):

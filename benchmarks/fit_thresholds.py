@@ -18,9 +18,8 @@ import argparse
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +27,7 @@ import numpy as np
 from scipy.stats import nct, norm
 
 from benchmarks.threshold_choice import STRONGEST, RightShot, chosen, table, truth
+from kolsky.base.process import process_pool
 from kolsky.diagnosis.thresholds import ALONE, CONTRADICTION, LATE
 from kolsky.diagnosis.verdicts import leading_lag, routes_apart
 from kolsky.identification import identify
@@ -136,7 +136,7 @@ def identify_missing(folder: Path, *, workers: int, device: str) -> list[str]:
         for number, shot in enumerate(missing, start=1):
             tell(number, work(shot))
     else:
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        with process_pool(workers) as pool:
             running = as_completed([pool.submit(work, shot) for shot in missing])
             for number, future in enumerate(running, start=1):
                 tell(number, future.result())

@@ -11,9 +11,7 @@ pictures kept.
 import argparse
 import json
 import time
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +27,7 @@ from dic.correlation import Correlation, Shape
 from dic.images import frame_health
 from dic.outcome import FrameOutcome
 from dic.tracking import Tracking
+from kolsky.base.process import process_pool
 from kolsky.virtual.cameras_rig import rig_of
 from kolsky.virtual.pictures import expose_series
 from kolsky.virtual.pictures_scene import scene_of
@@ -273,7 +272,7 @@ def main() -> None:
             results.append(one(study, number))
             print(words(results[-1]), flush=True)
     else:
-        with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
+        with process_pool(given.workers) as pool:
             for result in pool.map(one, [study] * len(numbers), numbers):
                 results.append(result)
                 print(words(result), flush=True)

@@ -12,9 +12,8 @@ import argparse
 import json
 import shutil
 import time
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ import numpy as np
 from scipy.stats import beta
 
 from explicit.relaxation import PronySeries
+from kolsky.base.process import process_pool
 from kolsky.cli.texts import mesh
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.relaxing import with_relaxation
@@ -226,7 +226,7 @@ def main() -> None:
         for n in missing:
             print(answer(study, given.out, n), flush=True)
     else:
-        with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
+        with process_pool(given.workers) as pool:
             for done in as_completed([pool.submit(answer, study, given.out, n) for n in missing]):
                 print(done.result(), flush=True)
     each = [json.loads((given.out / f"{n:03d}.json").read_text()) for n in numbers]

@@ -8,14 +8,14 @@ folder holds is not made again.
 import argparse
 import importlib.util
 import json
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from kolsky.base.process import process_pool
 from kolsky.cli import texts
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
@@ -139,7 +139,7 @@ def main() -> None:
         parser.error(f"--truth-mesh {given.truth_mesh}: at least 1.5 times as fine as --refined-mesh")
     given.out.mkdir(parents=True, exist_ok=True)
     work = partial(done, study=study, folder=given.out)
-    with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
+    with process_pool(given.workers) as pool:
         for future in as_completed([pool.submit(work, n) for n in range(1, len(SPEEDS) + 1)]):
             print(future.result(), flush=True)
     said = pooled(given.out)

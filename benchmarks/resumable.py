@@ -4,10 +4,10 @@ import argparse
 import json
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
+
+from kolsky.base.process import process_pool
 
 Measure = Callable[[str, int, str], Any]
 """Population, number of the scene and device to what JSON can hold."""
@@ -45,7 +45,7 @@ def answers(
     out.mkdir(parents=True, exist_ok=True)
     files = {number: out / f"{population}-{number:04d}.json" for number in range(n)}
     missing = [number for number, file in files.items() if not file.exists()]
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with process_pool(workers) as pool:
         jobs = {number: pool.submit(measure, population, number, device) for number in missing}
         for number, job in jobs.items():
             files[number].write_text(json.dumps(job.result()) + "\n")

@@ -14,13 +14,13 @@ import sys
 import time
 import tomllib
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from kolsky.base.errors import InputError
+from kolsky.base.process import process_pool
 from tests.validation.wrong_input_rows import CURVE, MODEL, RIGHT, ROWS, Row
 
 POPULATION = Path(__file__).with_suffix(".toml")
@@ -224,7 +224,7 @@ def main(argv: list[str]) -> int:
     for job in jobs_of(args, made(args)):
         (done if job.file(args.out).exists() else todo).append(job)
     print(f"{len(done)} jobs are there, {len(todo)} to do", flush=True)
-    with ProcessPoolExecutor(args.workers, mp_context=get_context("spawn")) as pool:
+    with process_pool(args.workers) as pool:
         running = {pool.submit(run, job): job for job in todo}
         for number, future in enumerate(as_completed(running), start=1):
             job = running[future]
