@@ -5,6 +5,8 @@ from math import inf, pi, sqrt
 
 HOLDING_LAW = "bonded"
 """Contact law of faces that neither slide nor let go."""
+LIFTING_LAW = "rough"
+"""Contact law of faces that neither slide nor hold what moves away."""
 SLIDING_LAW = "coulomb"
 """Contact law of faces that slide."""
 

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from kolsky.base.apparatus import LIFTING_LAW
 from kolsky.shot.schema import fields as f
 from kolsky.shot.schema.section import Section
 from kolsky.virtual import fields as v
@@ -96,8 +97,8 @@ class RunTable(Section):
 class HoldTable(Section):
     """[interface]: how the specimen holds to the platens; a law that lets it lift off."""
 
-    faces: f.ContactLawName = "rough"
-    side: f.ContactLawName = "rough"
+    faces: f.ContactLawName = LIFTING_LAW
+    side: f.ContactLawName = LIFTING_LAW
     friction: f.Friction = 0.0
 
     @model_validator(mode="after")

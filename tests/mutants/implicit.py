@@ -4,7 +4,7 @@ from tests.mutants.fault import Fault
 
 _UNIT = "tests/unit/implicit"
 _SOLIDS = f"{_UNIT}/test_solids.py"
-_CLOSED = f"{_UNIT}/test_closed_forms.py"
+_CLOSED = f"{_UNIT}/test_implicit_closed_forms.py"
 _DERIVATIVES = f"{_UNIT}/test_sensitivity.py"
 
 FAULTS = (
@@ -27,7 +27,7 @@ FAULTS = (
         "implicit/elements/quadrature.py",
         "(5.0 - 5.0**0.5) / 20.0",
         "(5.0 - 5.0**0.5) / 21.0",
-        (f"{_UNIT}/test_elements.py::test_rules_are_exact",),
+        (f"{_UNIT}/test_implicit_elements.py::test_rules_are_exact",),
     ),
     Fault(
         "unmatched mass of the mixed field",

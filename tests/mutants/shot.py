@@ -102,7 +102,7 @@ FAULTS = (
     Fault(
         name="rest counted from the first frame, not from the mean",
         file="kolsky/shot/frames.py",
-        right="flyer.displacement - flyer.displacement[:n_static].mean()",
+        right="flyer.displacement - flyer.displacement[:n_static][sound[:n_static]].mean()",
         wrong="flyer.displacement - flyer.displacement[0]",
         tests=CHECKS,
     ),

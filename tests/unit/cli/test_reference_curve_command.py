@@ -100,7 +100,7 @@ def test_a_shot_without_a_conditioned_curve_says_so():
     [
         (["--toe", "steep"], "write none, or line:LOW:HIGH"),
         (["--friction", "slippery"], "--friction"),
-        (["--friction", "free"], "--bulge and --friction free belong together"),
+        (["--friction", "free"], "--friction free needs --bulge"),
         (["--friction-sigma", "0.1"], "goes with a number"),
         (["--compliance", "3 mm"], "expected a compliance"),
         (["--unit", "Stroke=mm"], "names no column that is read"),

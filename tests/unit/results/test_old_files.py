@@ -80,4 +80,7 @@ def test_a_stereo_result_of_an_earlier_release(tmp_path: Path) -> None:
     write_stereo_result(tmp_path / "again.h5", result, key="abc")
     before, after = contents(old), contents(tmp_path / "again.h5")
     assert (before.pop("/")[0]["format_version"], after.pop("/")[0]["format_version"]) == (2, 3)
+    # No frame of this file has a pose, and the covariance is of frames with one only.
+    assert before.pop("/entry/motion/covariance")[2] == (9, 6, 9, 6)
+    assert after.pop("/entry/motion/covariance")[2] == (0, 6, 0, 6)
     assert {name: found for name, found in after.items() if not name.endswith("from_rim")} == before
