@@ -38,7 +38,7 @@ FORCE_SIGMA, FLYER_SIGMA, OUTLINE_SIGMA, CURVE_SIGMA = 0.146, 1e-6, 4e-6, 0.002
 NOISE = (0.6, 1.6)
 """Range of an instrument's noise over that of open-01, drawn evenly in its logarithm [-]."""
 TRUTH_ORDER = 1.2
-"""Order at which the outline of F-bar elements converges: slow, for the edge of a bonded face is a singularity.
+"""Order at which the outline of F-bar elements converges: slow, for a bonded face's edge is a singularity.
 `benchmarks.mesh_order` prints 1.7 for seed 1 and 0.7 for twelve tests of seed 2, 1.2 for both together. (The
 force has converged on the coarser mesh.)"""
 BONDED, SLIDING = "bonded", "coulomb"

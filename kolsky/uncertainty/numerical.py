@@ -16,8 +16,8 @@ from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.staged_runs import StagedRuns
 
 ORDER = 2.5
-"""Order of the mesh error in the parameters: 3.2 with a standard error of 0.4 as `benchmarks.mesh_order` fits it
-over both elements on seed 1, 2.1 with 0.5 on twelve tests of seed 2; the lower one corrects more."""
+"""Order of the mesh error in the parameters: 3.2 with a standard error of 0.4 as `benchmarks.mesh_order` fits
+it over both elements on seed 1, 2.1 with 0.5 on twelve tests of seed 2; the lower one corrects more."""
 ELEMENT_ORDER = 1.5
 """Order at which the answers of the two elements come together, fitted likewise."""
 MISSED = 0.5
