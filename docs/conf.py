@@ -55,7 +55,7 @@ napoleon_use_rtype = False
 
 # A nitpicky build (-n) checks references to our own names; types of others have no page here.
 _OTHERS = (
-    r"ast|np|numpy|wp|warp|pathlib|collections|concurrent|enum|typing|h5py|matplotlib|pyvista|pydantic\w*|contextlib"
+    r"ast|re|np|numpy|wp|warp|pathlib|collections|concurrent|enum|typing|h5py|matplotlib|pyvista|pydantic\w*|contextlib"
     r"|scipy|jinja2|argparse|subprocess|typer|types|markupsafe"
 )
 nitpick_ignore_regex = [
@@ -65,7 +65,7 @@ nitpick_ignore_regex = [
         r"Path|tuple\[(int|str)|dict\[str|[a-z][a-z_ -]*",
     ),  # words in a type: "array", "callable, optional"
     # Names of ours for types: arrays, the panels of a figure, any kind of shot.
-    ("py:class", r"FloatArray|NDArray|Panels|kolsky\.[a-z0-9_.]+\.(AnyShot|Model|T)"),
+    ("py:class", r"FloatArray|NDArray|Panels|Kind|kolsky\.[a-z0-9_.]+\.(AnyShot|Model|T)"),
     ("py:class", r"kolsky\.shot\.schema\.fields\._physical\.<locals>\.validate"),  # what reads a quantity
     ("py:class", r"(explicit|doe|dic)(\.[a-z_]+)?\.[A-Z]\w*"),  # re-exported: documented where it is defined
 ]

@@ -13,10 +13,10 @@ def element_forces(E: FloatArray, weighted: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    E : array, shape [m, g, k, D]
-        Gradients [1/m].
-    weighted : array, shape [m, g, d D]
-        P times the point's volume [N m].
+    E
+        Gradients [1/m], shape [m, g, k, D].
+    weighted
+        P times the point's volume [N m], shape [m, g, d D].
     """
     m, g, columns = E.shape[0], E.shape[1], E.shape[3]
     values = np.moveaxis(weighted.reshape(m, g, -1, columns), 2, 3)  # [m, g, D, d]

@@ -10,9 +10,8 @@ Their D1 is K/2. Three kinds of law are offered:
 
 - every law of `explicit.materials.LAWS` with K/2 (J - 1)^2,
 - "yeoh_d": Yeoh's with D1 (J - 1)^2 + D2 (J - 1)^4 + D3 (J - 1)^6,
-- "neo_hookean_coupled": mu/2 (I1 - 3 - 2 ln J) + lambda/2 (ln J)^2, fitted in E and nu; in a plane model it
-is
-  the law of Sutula and others (2020, Eq. 37).
+- "neo_hookean_coupled": mu/2 (I1 - 3 - 2 ln J) + lambda/2 (ln J)^2, fitted in E and nu; in a plane model
+  it is the law of Sutula and others (2020, Eq. 37).
 """
 
 from collections.abc import Mapping, Sequence

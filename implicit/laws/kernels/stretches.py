@@ -4,8 +4,8 @@ With the eigenvectors N_i of C, n_i = F N_i / lam_i, tau_i = t_i - (t_1 + t_2 + 
 K_ij = dtau_i / dln lam_j (Ogden 1984, section 6.1),
 
     P = sum_i tau_i / lam_i n_i N_i,
-    A = sum_ij (K_ij - tau_i delta_ij) / (lam_i lam_j) n_i N_i n_j N_j
-        + sum_(i /= j) g_ij n_i N_j n_i N_j + (b_j g_ij - tau_j) / (lam_i lam_j) n_i N_j n_j N_i,      (I.4)
+    A = sum_ij (K_ij - tau_i delta_ij) / (lam_i lam_j) n_i N_i n_j N_j + sum_(i /= j) B_ij,
+    B_ij = g_ij n_i N_j n_i N_j + (b_j g_ij - tau_j) / (lam_i lam_j) n_i N_j n_j N_i,      (I.4)
 
 where g_ij = (tau_i - tau_j) / (b_i - b_j) of b = lam^2, which is (K_ii - K_ij) / (2 b) where both are equal.
 """
