@@ -35,6 +35,11 @@ def weak_branch(problem: JointProblem, elastic: JointProblem, without: Optimum) 
     return np.clip(x, box.lower, box.upper)
 
 
+UNREACHED = 1.0
+"""Rise of -2 ln L above a model that is contained in another from which on the search of the larger one has
+not reached its optimum: searches end within a part of a standard uncertainty, where it rises by less."""
+
+
 def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without: Optimum) -> ModelChoice:
     """Hold the optimum with what relaxes against the one without it, both on the refined mesh.
 
@@ -58,8 +63,9 @@ def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without
     more = len(problem.unknowns.names) - len(elastic.unknowns.names)
     lower = judged(elastic, other) - judged(elastic, vector)
     bounds = zip(problem.unknowns.names, problem.unknowns.box.lower, strict=True)
-    if all(low == 0.0 for name, low in bounds if name.startswith(("prony_strength", "creep_ratio"))):
-        lower = min(lower, 0.0)  # a strength of nothing is among what relaxes: it explains no less
+    # Where a strength of nothing is among what relaxes, its optimum explains no less.
+    nested = all(low == 0.0 for name, low in bounds if name.startswith(("prony_strength", "creep_ratio")))
+    missed = lower if nested and lower > UNREACHED else 0.0
     aic = lower + 2.0 * more
     bic = lower + more * float(np.log(stack.ends[-1] + len(stack.slow)))
 
@@ -93,7 +99,7 @@ def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without
         time=test.time,
         probability=test.probability,
         asked_for=asked,
-        sentence=sentence(aic, test.probability, asked=asked),
+        sentence=sentence(aic, test.probability, asked=asked, missed=missed),
     )
 
 
@@ -103,9 +109,14 @@ def judged(problem: JointProblem, vector: np.ndarray) -> float:
     return problem.deviance(np.where(np.isnan(vector), data, vector))
 
 
-def sentence(aic: float, probability: float, *, asked: bool) -> str:
-    """The choice in words."""
+def sentence(aic: float, probability: float, *, asked: bool, missed: float = 0.0) -> str:
+    """The choice in words; `missed` is how far the larger search ended above the elastic optimum."""
     chance = f"{100.0 * probability:.2g} % of planted elastic data improve as much by a branch"
+    if missed > 0.0:
+        return (
+            f"not decided whether the data ask for what relaxes: its search ended {missed:.3g} in -2 ln L"
+            f" above the optimum without it, which is among its models ({chance}): give bounds with --free"
+        )
     if asked:
         return f"the data ask for what relaxes (AIC {aic:+.1f}; {chance})"
     return f"the data do not ask for what relaxes (AIC {aic:+.1f}; {chance}): identify without it"

@@ -117,7 +117,9 @@ def mean_of(values: Sequence[float]) -> Measured:
 
 
 def recovery(undamaged: Sequence[float], healed: Sequence[float]) -> Recovery:
-    """Healing efficiency of a property, with the standard uncertainty of the quotient.
+    """Healing efficiency of a property, with the standard uncertainty of the quotient to first order.
+
+    The uncertainty is NaN where a group is one specimen, which does not tell its scatter.
 
     Raises
     ------
@@ -130,10 +132,5 @@ def recovery(undamaged: Sequence[float], healed: Sequence[float]) -> Recovery:
     if not before.value > 0.0:
         raise ValueError(f"the undamaged specimens' mean must be > 0, got {before.value:g}")
     ratio = after.value / before.value
-    # What one specimen does not tell is not in the uncertainty of the quotient.
-    parts = [
-        0.0 if np.isnan(one.sigma) else one.sigma / one.value for one in (before, after) if one.value != 0.0
-    ]
-    return Recovery(
-        before, after, Measured(ratio, abs(ratio) * math.hypot(*parts) if len(parts) == 2 else 0.0)
-    )
+    sigma = math.hypot(after.sigma, ratio * before.sigma) / before.value
+    return Recovery(before, after, Measured(ratio, sigma))

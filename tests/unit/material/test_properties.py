@@ -51,6 +51,13 @@ def test_a_healing_efficiency_has_the_uncertainty_of_both_means():
         recovery([], [1.0])
 
 
+def test_what_has_not_healed_is_not_known_exactly_nor_is_one_specimen():
+    """A healed mean of 0 +- 3 over 100 is 0 +- 0.03; one specimen does not tell its scatter."""
+    none = recovery([98.0, 102.0], [-3.0, 3.0]).efficiency
+    assert (none.value, none.sigma) == (0.0, pytest.approx(0.03))
+    assert np.isnan(recovery([98.0, 102.0], [90.0]).efficiency.sigma)
+
+
 def test_a_minimum_that_one_start_alone_reached_is_not_determined(monkeypatch):
     law, lam = LAWS["gent"].example(), np.linspace(1.1, 3.0, 12)
     test = HomogeneousTest("t", Mode.UNIAXIAL, lam, 1e4 * (lam - lam**-2))
