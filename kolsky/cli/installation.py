@@ -17,7 +17,6 @@ REQUIRED = (
     "h5py",
     "opencv-python-headless",
     "matplotlib",
-    "pyvista",
     "pydantic",
     "pint",
 )
@@ -28,6 +27,7 @@ EXTRAS = {
     "distributed": ("cluster", "sweeps over many hosts"),
     "emcee": ("bayes", "posterior by Markov chains"),
     "pandas": ("notebook", "tables of results"),
+    "pyvista": ("scene", "pictures of the deforming specimen"),
     "imageio-ffmpeg": ("film", "films of the deforming specimen"),
 }
 """Distributions that some commands need: extra of this package, and what for."""

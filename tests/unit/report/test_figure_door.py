@@ -13,7 +13,6 @@ from synthetic import RESULTS
 from kolsky.report.figures import RECORDINGS, REGISTRY, by_name
 from kolsky.report.pages.identification import render
 from kolsky.report.result_folder import PAGE, write_identify_page
-from kolsky.report.scene import stills
 from kolsky.shot.recorded import Recorded
 
 ROOT = Path(__file__).parents[3]
@@ -94,7 +93,6 @@ def test_without_such_a_figure_the_page_has_no_such_section(made_up: Path, monke
 def test_a_command_saves_it_with_its_data(
     made_up: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stills, "start_stills", lambda result: None)  # no figure here shows them
     folder = tmp_path / "results"
     folder.mkdir()
     nothing = np.zeros(0)
