@@ -118,8 +118,8 @@ def test_it_gets_into_the_index_of_modules(made_up: Path) -> None:
     pages = loaded("module_pages", ROOT / "docs" / "_ext" / "module_pages.py")
     package = made_up.parent / "__init__.py"
     package.write_text('"""Figures."""\n', encoding="utf-8")
-    text = pages.page(pages.Source("figures", package))
-    assert ":doc:`figures.peak_force`\n   Figure of the largest force: measured and simulated." in text
+    text = pages.page(pages.Source("figures", package), ())
+    assert "``figures.peak_force``\n   Figure of the largest force: measured and simulated." in text
 
 
 def test_two_figures_of_one_name_are_refused(made_up: Path) -> None:
