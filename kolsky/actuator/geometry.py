@@ -1,15 +1,15 @@
 """A bending actuator of chambers in a row (Pneunet), as hexahedra or tetrahedra of a rectangular grid.
 
-The actuator lies along x with the middle of its clamped end in the origin; its base is the side z = 0, and the
-chambers stand on it. A channel along the base joins them and goes on through the inlet to the clamped end.
-Inside a row along x the parts are
+The actuator lies along x with the middle of its clamped end's lower edge in the origin; its base is the side
+z = 0, and the chambers stand on it. A channel along the base joins them and goes on through the inlet to the
+clamped end. Inside a row along x the parts are
 
     inlet, wall, chamber, wall, gap, wall, chamber, wall, gap, ... , wall, chamber, wall,
 
 along z the base, the channel, the rest of the chamber and its roof. Between neighbouring chambers the gap is
 open above the channel's roof. Every part is cut into the whole number of cells that makes them nearest to the
-wanted size, walls into at least `through_wall`. Without gravity across it the actuator is its own mirror image
-in the plane y = 0, and half of it is enough.
+wanted size, walls into at least `through_wall`. Without gravity across it the actuator is its own mirror
+image in the plane y = 0, and half of it is enough.
 """
 
 from dataclasses import dataclass
@@ -153,9 +153,8 @@ class Pneunet:
             hollows = [(f"cavity_{n}", cells == n) for n in range(1, self.chambers + 1)]
         for name, hollow in hollows:
             sets[name] = _touching(p, lines, hollow, tight)
-        rows = (
-            self.inlet + np.arange(1, self.chambers) * (self.length - self.inlet + self.gap) / self.chambers
-        )
+        pitch = (self.length - self.inlet + self.gap) / self.chambers
+        rows = self.inlet + np.arange(1, self.chambers) * pitch
         above = p[:, 2] > self.base + self.channel[1] + self.wall - tight
         for number, end in enumerate(rows, start=1):
             for side, at in (("left", end - self.gap), ("right", end)):

@@ -5,8 +5,8 @@ For one pressure and one angle the equilibrium's own sensitivity gives the step,
     p <- p - (Theta(p) - Theta_d) / (dTheta/dp),                                               (A.2)
 
 kept inside the bracket that the angles met so far make, by bisection where it would leave it. Several
-pressures, or a position of the tip, are found by SciPy's trust region with bounds (Branch, Coleman and Li 1999)
-on (Theta - Theta_d) and (t - t_d) / L with their exact Jacobian.
+pressures, or a position of the tip, are found by SciPy's trust region with bounds (Branch, Coleman and Li
+1999) on (Theta - Theta_d) and (t - t_d) / L with their exact Jacobian.
 """
 
 from collections.abc import Sequence

@@ -15,6 +15,7 @@ from kolsky.actuator.schema import ActuatorFile, GeometrySection
 from kolsky.base.arrays import FloatArray
 from kolsky.base.units import UnitError, quantity
 from kolsky.readers.gmsh_volume import read_gmsh_volume
+from kolsky.readers.vtu import read_vtu
 from kolsky.shot.schema.reading import TomlFile, parse_toml
 from kolsky.specimen.constants import COUPLED, POISSON, solid_of
 from kolsky.specimen.reading import read_constants
@@ -104,7 +105,7 @@ def pneunet_of(section: GeometrySection) -> Pneunet:
     """The dimensions that [geometry] declares."""
     given = {
         key: tuple(value) if isinstance(value, list) else value
-        for key, value in section.model_dump(exclude={"mesh", "mesh_unit"}).items()
+        for key, value in section.model_dump(exclude={"mesh", "mesh_unit"}, exclude_none=True).items()
     }
     return Pneunet(**given)
 
@@ -156,15 +157,9 @@ def _mesh(toml: TomlFile, section: GeometrySection, inputs: dict[str, str]) -> M
         raw = read_gmsh_volume(path)
         inputs[section.mesh] = raw.sha256
         return Mesh(section.mesh_unit * raw.points, raw.cells, raw.kind, raw.groups)
-    import hashlib
-
-    import pyvista  # heavy
-
-    from kolsky.readers.text import read_bytes
-
-    inputs[section.mesh] = hashlib.sha256(read_bytes(path, limit=500_000_000)).hexdigest()
+    grid, inputs[section.mesh] = read_vtu(path)
     try:
-        made = from_pyvista(pyvista.read(path))
-    except (ValueError, OSError) as error:
+        made = from_pyvista(grid)
+    except ValueError as error:
         raise toml.error("geometry.mesh", f"cannot be read: {error}", cure="save a VTU or MSH file") from None
     return replace(made, points=section.mesh_unit * made.points)

@@ -22,9 +22,9 @@ class GeometrySection(Section):
     chambers: Count = 6
     wall: f.Length = 2.5e-3
     base: f.Length = 2.5e-3
-    chamber: Annotated[list[f.Length], Field(min_length=3, max_length=3)] = [3e-3, 10e-3, 10e-3]
+    chamber: Annotated[list[f.Length], Field(min_length=3, max_length=3)] | None = None
     gap: f.Length = 2e-3
-    channel: Annotated[list[f.Length], Field(min_length=2, max_length=2)] = [2e-3, 2e-3]
+    channel: Annotated[list[f.Length], Field(min_length=2, max_length=2)] | None = None
     inlet: f.Length = 5e-3
     cell: f.Length = 4e-3
     through_wall: Annotated[int, Field(ge=1, le=8)] = 1

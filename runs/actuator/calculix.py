@@ -1,11 +1,11 @@
-"""The bend of an actuator by CalculiX on the same mesh: writes the decks, runs `ccx`, keeps the displacements.
+"""The bend of an actuator by CalculiX on the same mesh: decks, runs of `ccx`, positions.
 
 Usage: python runs/actuator/calculix.py SPEC OUT [--run] [--ccx ccx]
 
 OUT gets for each direction of gravity in SPEC a deck with 10-node tetrahedra (C3D10, the nodes and cells of
-SPEC's own mesh), *HYPERELASTIC, NEO HOOKE with C10 and D1, follower pressure on the cavity's faces and gravity,
-in N, mm, MPa, t. With --run `ccx` solves them and OUT/calculix.csv gets the positions of the base's middle line
-at each pressure. It knows nothing of `implicit` but the mesh.
+SPEC's own mesh), *HYPERELASTIC, NEO HOOKE with C10 and D1, follower pressure on the cavity's faces and
+gravity, in N, mm, MPa, t. With --run `ccx` solves them and OUT/calculix.csv gets the positions of the base's
+middle line at each pressure. It knows nothing of `implicit` but the mesh.
 """
 
 import argparse
@@ -19,7 +19,6 @@ from kolsky.base.files import write_table
 
 FACES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
 """Corners of the faces of a tetrahedron in the order of the manual's faces P1 to P4."""
-WEIGHT_STEP = "weight"
 
 
 def deck(mesh, cavity, *, c10, d1, density, gravity, pressures) -> str:
@@ -44,20 +43,18 @@ def deck(mesh, cavity, *, c10, d1, density, gravity, pressures) -> str:
     middles = {(0, 1): 4, (1, 2): 5, (0, 2): 6, (0, 3): 7, (1, 3): 8, (2, 3): 9}
     for number, face in enumerate(FACES):
         own = list(face)
-        own += [
-            middles[tuple(sorted(pair))] for pair in ((own[0], own[1]), (own[1], own[2]), (own[0], own[2]))
-        ]
+        edges = ((own[0], own[1]), (own[1], own[2]), (own[0], own[2]))
+        own += [middles[tuple(sorted(pair))] for pair in edges]
         for cell in np.flatnonzero(member[mesh.cells[:, own]].all(axis=1) & outer[number]):
             pressed.append((cell + 1, number + 1))
     size = float(np.linalg.norm(gravity))
     direction = np.asarray(gravity) / size
     heavy = f"BODY, GRAV, {size:.9g}, " + ", ".join(f"{c:.9g}" for c in direction)
-    for k, pressure in enumerate([0.0, *pressures]):
+    for pressure in [0.0, *pressures]:
         lines += ["*STEP, NLGEOM, INC=200", "*STATIC", "0.25, 1., 1e-4, 1.", "*DLOAD", heavy]
         if pressure:
             lines += [f"{cell}, P{face}, {1e-6 * pressure:.9g}" for cell, face in pressed]
         lines += ["*NODE PRINT, NSET=LINE, FREQUENCY=1000000", "U", "*END STEP"]
-        del k
     return "\n".join(lines) + "\n"
 
 
