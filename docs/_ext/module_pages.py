@@ -9,6 +9,7 @@ would be most of the build's time and of the site's size.
 """
 
 import ast
+import hashlib
 import re
 from collections.abc import Container
 from pathlib import Path
@@ -41,6 +42,18 @@ def inside(package: Source) -> list[Source]:
     files += package.file.parent.glob("*/__init__.py")
     named = (Source(f"{package.name}.{(f.parent if f.stem == '__init__' else f).stem}", f) for f in files)
     return sorted(named)
+
+
+def digest() -> str:
+    """Hash of all that the output of a notebook rests on: packages, shots, what runs the cells."""
+    found = hashlib.sha256()
+    for folder in (*PACKAGES, "runs", "docs/_ext"):
+        for file in sorted((ROOT / folder).rglob("*")):
+            inside_of = file.relative_to(ROOT).parts
+            if file.is_file() and not {"results", "__pycache__"} & set(inside_of):
+                found.update(f"{'/'.join(inside_of)}\0".encode())
+                found.update(file.read_bytes())
+    return found.hexdigest()[:16]
 
 
 def sources() -> dict[str, Source]:
