@@ -8,7 +8,7 @@
   const said = document.getElementById("instant-said");
   const play = document.getElementById("instant-play");
   const picture = document.getElementById("instant-picture");
-  const SVG = "http://www.w3.org/2000/svg";
+  const SVG = root.querySelector("svg").namespaceURI;
   const times = data.outlines.length ? data.outlines.map((frame) => frame.time) : data.force.time;
   if (!times.length) return;
 
@@ -122,7 +122,6 @@
   } else {
     for (const id of ["instant-outline", "instant-residual"]) document.getElementById(id).parentNode.hidden = true;
   }
-  if (!data.pictures.jpeg.length) picture.parentNode.hidden = true;
 
   const show = () => {
     const k = Number(slider.value), time = times[k];
@@ -144,7 +143,7 @@
         words.push(`outline: ${rms.toFixed(1)} µm rms`);
       }
     }
-    if (data.pictures.jpeg.length) {
+    if (picture && data.pictures.jpeg.length) {
       const p = nearest(data.pictures.time, time);
       picture.src = `data:image/jpeg;base64,${data.pictures.jpeg[p]}`;
       picture.alt = `Camera 0 at ${data.pictures.time[p].toFixed(3)} ms`;
