@@ -4,9 +4,9 @@
 
 The upper half, axisymmetric: Q2 displacement, pressure linear and discontinuous in each element (DPC 1), the
 energies in UFL with their derivatives by UFL. The side meets the platen at five Gauss points of every
-boundary element, the face at its nodes, by a penalty on overclosure and on slip with Coulomb's return mapping; on bonded faces the
-displacements are prescribed and only the side can land, where it sticks. Nothing of the package is used.
-`I_tables.py` makes the tables.
+boundary element, the face at its nodes, by a penalty on overclosure and on slip with Coulomb's return
+mapping; on bonded faces the displacements are prescribed and only the side can land, where it sticks. Nothing
+of the package is used. `I_tables.py` makes the tables.
 """
 
 import sys
@@ -58,7 +58,9 @@ class Contact:
     def __init__(self, nodes, lines, friction, stiffness):
         simpson = np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 3.0
         self.nodes, self.shape, area = [], [], []
-        for line, (points, weights) in zip(lines, (np.polynomial.legendre.leggauss(5), simpson)):
+        for line, (points, weights) in zip(
+            lines, (np.polynomial.legendre.leggauss(5), simpson), strict=False
+        ):
             N = np.stack([points * (points - 1) / 2, 1 - points**2, points * (points + 1) / 2], 1)
             for k in range(0, len(line) - 2, 2):
                 three = line[k : k + 3]

@@ -1,11 +1,11 @@
 r"""Contact of face and side with a flat rigid platen, point by point: no penetration, stick, Coulomb's law.
 
-A point (`kolsky.material.compression.contact_points`) with the undeformed area :math:`A` that lies :math:`g` inside the platen feels
-:math:`N = N_0 + k A g` if that is positive, with :math:`N_0` its force at the last equilibrium (the augmented
-Lagrangian, one pass a step): what is left of the overclosure is that of one step. Across,
-:math:`T = -k A (x - a)` from its anchor :math:`a`, at most :math:`f N` in size, where the anchor then follows
-(return mapping; Wriggers, Computational Contact Mechanics, 2006, ch. 10). The penalty :math:`k` is `STIFF`
-times the specimen's shear modulus over the smallest element.
+A point (`kolsky.material.compression.contact_points`) with the undeformed area :math:`A` that lies :math:`g`
+inside the platen feels :math:`N = N_0 + k A g` if that is positive, with :math:`N_0` its force at the last
+equilibrium (the augmented Lagrangian, one pass a step): what is left of the overclosure is that of one step.
+Across, :math:`T = -k A (x - a)` from its anchor :math:`a`, at most :math:`f N` in size, where the anchor then
+follows (return mapping; Wriggers, Computational Contact Mechanics, 2006, ch. 10). The penalty :math:`k` is
+`STIFF` times the specimen's shear modulus over the smallest element.
 """
 
 from dataclasses import dataclass
