@@ -83,7 +83,7 @@ def test_an_elastic_solid_determines_no_shift():
     found = superpose(TemperatureSweep(sweep.temperature, flat, KELVIN))
     assert not found.determined
     assert found.C1 is None
-    with pytest.raises(ValueError, match="rubber: the shift at .* is not determined"):
+    with pytest.raises(ValueError, match=r"rubber: the shift at .* is not determined"):
         found.reduced()
 
 
