@@ -31,6 +31,8 @@ MODEL = 0.015
 FACE_SHARE, NARROW_FACE = 0.02, 1.0
 """And this share of the flyer's face beside its rim, where a camera sees more than so much of it [px]: it
 moves with the flyer, but what it hides of the specimen does not."""
+FEWEST_AT_REST = 3
+"""With fewer static frames that show the body, the others are given its place at rest too."""
 MOST_APART = 4.0
 """Largest disagreement of two places at rest that are joined, in standard deviations."""
 ROUNDS = 4
@@ -161,6 +163,8 @@ def axial_displacement(
             sigma_by_end = float(np.hypot(rim.sigma, geometry.length_sigma))
             disagreement = (rest - by_end, float(np.hypot(sigma_by_end, rest_sigma)))
             rest, rest_sigma = joined_rest((rest, rest_sigma), (by_end, sigma_by_end))
+        if int(at_rest.sum()) < FEWEST_AT_REST:
+            index, y, sigma, counts = with_rest(np.flatnonzero(static), rest, index, y, sigma, counts)
     else:
         if rim is None or geometry is None or not geometry.known:
             return None
@@ -169,11 +173,7 @@ def axial_displacement(
         rest_sigma = float(np.hypot(rim.sigma, geometry.length_sigma))
         if not replace(geometry, length_sigma=rest_sigma).known:
             return None
-        still = np.flatnonzero(static)
-        index = np.concatenate([still, index])
-        y = np.concatenate([np.full(still.size, rest), y])
-        sigma = [float(np.median(sigma))] * still.size + sigma
-        counts = [0] * still.size + counts
+        index, y, sigma, counts = with_rest(np.flatnonzero(static), rest, index, y, sigma, counts)
     return AxialDisplacement(
         t=t[index],
         frame=index,
@@ -183,6 +183,32 @@ def axial_displacement(
         rest_sigma=rest_sigma,
         from_rim=from_rim,
         rim_disagreement=disagreement,
+    )
+
+
+def with_rest(
+    static: IntArray, rest: float, index: IntArray, y: FloatArray, sigma: list[float], counts: list[int]
+) -> tuple[IntArray, FloatArray, list[float], list[int]]:
+    """The displacements with the static frames that do not show the body: there it rests.
+
+    Parameters
+    ----------
+    static
+        Frames in which it rests.
+    rest
+        Its place there [m].
+    index, y, sigma, counts
+        Frames that show it, ascending, with place, standard deviation [m] and points.
+    """
+    still = np.setdiff1d(static, index)
+    order = np.argsort(np.concatenate([still, index]), kind="stable")
+    spread = np.concatenate([np.full(still.size, float(np.median(sigma))), sigma])[order]
+    n = np.concatenate([np.zeros(still.size, dtype=np.int64), counts])[order]
+    return (
+        np.concatenate([still, index])[order],
+        np.concatenate([np.full(still.size, rest), y])[order],
+        spread.tolist(),
+        n.tolist(),
     )
 
 

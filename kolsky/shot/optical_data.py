@@ -33,6 +33,12 @@ from kolsky.shot.rig import calibrated
 from kolsky.shot.schema.apparatus import SpecimenSection
 from kolsky.shot.schema.pictures import DicSection, RegionSection
 from kolsky.shot.schema.reading import ShotToml
+from kolsky.shot.shared_errors import (
+    outline_offsets,
+    picture_errors,
+    with_flyer_errors,
+    with_outline_errors,
+)
 from kolsky.shot.surfaces_file import read_stereo_result, stored_key, write_stereo_result
 
 RESULT_FILE = "dic.h5"
@@ -160,14 +166,21 @@ def measured(
         draw = f"`kolsky dic {pictures.toml.path.parent} --regions` draws one"
         raise pictures.toml.error("dic.flyer", problem, cure=f"{cure}; {draw}")
     line = result.centre
+    flyer = FlyerMotion(
+        time=result.axial_displacement.t,
+        displacement=result.axial_displacement.displacement,
+        sigma=result.axial_displacement.sigma,
+        zero_sigma=result.axial_displacement.rest_sigma,
+    )
+    outline = CentreLine(time=line.t, frame=number[line.frame], y=line.y, Z=line.Z, sigma=line.sigma)
+    errors = picture_errors(result)
+    if errors is not None:
+        flyer = with_flyer_errors(flyer, result, errors)
+        outline = with_outline_errors(outline, result, errors)
     return OpticalData(
-        flyer=FlyerMotion(
-            time=result.axial_displacement.t,
-            displacement=result.axial_displacement.displacement,
-            sigma=result.axial_displacement.sigma,
-            zero_sigma=result.axial_displacement.rest_sigma,
-        ),
-        centre_line=CentreLine(time=line.t, frame=number[line.frame], y=line.y, Z=line.Z, sigma=line.sigma),
+        flyer=flyer,
+        centre_line=outline,
+        offsets=outline_offsets(result, errors),
         source=found.path,
         symmetry_end=None if isinstance(found.flight, str) else found.flight.end,
     )
