@@ -107,21 +107,22 @@ def mean_over_time(n: int, memory: float) -> float:
 def with_flyer_errors(motion: FlyerMotion, result: StereoResult, errors: PictureErrors) -> FlyerMotion:
     """The flyer's motion with the shared error of its displacements.
 
-    In each frame it is that of the mean over the points that were seen; two cameras' errors are independent
-    and half as large in the mean of both.
+    In each frame it is that of the mean over the points that a camera saw, and of the mean of the cameras
+    that saw any, whose errors are independent.
     """
     assert result.flyer is not None  # there is a motion
     frames = np.searchsorted(result.t, motion.time)
     share = np.array([_left_in_mean(result.flyer, int(k), errors.shared.length) for k in frames])
-    sigma = errors.pixel * errors.pixel_sigma * np.sqrt(0.5 * share)
+    sigma = errors.pixel * errors.pixel_sigma * np.sqrt(share)
     return replace(motion, shared_sigma=sigma, shared_memory=errors.memory)
 
 
 def _left_in_mean(body: Body, frame: int, length: float) -> float:
-    """Variance of the mean over a body's points in a frame, of an error of variance 1; 1 where none is
-    seen."""
-    seen = body.surface.valid[frame]
-    return alike(body.points[seen], length) if seen.any() else 1.0
+    """Variance of the mean over a body's points in a frame and over the cameras that saw some, of an error of
+    variance 1; 1 where none is seen."""
+    seen = [np.isfinite(pixels[frame]).all(axis=1) for pixels in body.pixels]
+    means = [alike(body.points[one], length) for one in seen if one.any()]
+    return sum(means) / len(means) ** 2 if means else 1.0
 
 
 def with_outline_errors(line: CentreLine, result: StereoResult, errors: PictureErrors) -> CentreLine:

@@ -7,6 +7,7 @@ PATTERNS = ("tests/unit/base/test_correlated.py",)
 SHOT = ("tests/unit/shot/test_shared_errors.py",)
 FLYER = ("tests/unit/bars/test_flyer.py",)
 OBJECTIVE = ("tests/unit/inverse/test_objective.py",)
+LATERAL = ("tests/unit/dic/test_dic_lateral.py",)
 INPUTS = ("tests/unit/uncertainty/test_input_directions.py",)
 
 FAULTS = (
@@ -48,8 +49,8 @@ FAULTS = (
     Fault(
         name="flyer: two cameras are as one",
         file="kolsky/shot/shared_errors.py",
-        right="np.sqrt(0.5 * share)",
-        wrong="np.sqrt(share)",
+        right="sum(means) / len(means) ** 2",
+        wrong="sum(means) / len(means)",
         tests=SHOT,
     ),
     Fault(
@@ -79,6 +80,20 @@ FAULTS = (
         right="return np.asarray(PATTERN_ERROR**2 * (self.front_noise**2).sum(axis=0))",
         wrong="return np.asarray(PATTERN_ERROR**2 * (self.common**2).sum(axis=0))",
         tests=OBJECTIVE,
+    ),
+    Fault(
+        name="one camera: all frames count alike for the place across the axis",
+        file="dic/rigid_body/translation.py",
+        right="place = np.array([np.average(across[rows], axis=0, weights=weight[rows]) for rows in near])",
+        wrong="place = np.array([np.average(across[rows], axis=0) for rows in near])",
+        tests=LATERAL,
+    ),
+    Fault(
+        name="one camera: the lateral velocity is taken as exact",
+        file="dic/rigid_body/translation.py",
+        right="np.abs(slope) + 2.0 * own",
+        wrong="np.abs(slope)",
+        tests=LATERAL,
     ),
     Fault(
         name="diameter: the outline moves by the diameter",

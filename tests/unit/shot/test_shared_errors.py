@@ -22,16 +22,18 @@ T = 1e-5 * np.arange(4)
 
 
 def result() -> Any:
-    """Two points 30 px apart, one of the flyer's lost in the last frame; two frames at rest."""
+    """Two points 30 px apart, one of the flyer's lost in frame 2 and both in frame 3 of camera 0; two frames
+    at rest."""
     points = np.array([[0.0, 0.0], [30.0, 0.0]])
     seen = np.ones((4, 2), dtype=bool)
-    seen_flyer = np.array([[True, True]] * 3 + [[True, False]])
+    pixels = [np.zeros((4, 2, 2)), np.zeros((4, 2, 2))]
+    pixels[0][3] = pixels[0][2, 1] = np.nan
     covariance = np.diag([0.0, 0.0, 0.0, 0.0, 4e-12, 1e-12])
     return SimpleNamespace(
         t=T,
         static=np.array([True, True, False, False]),
         specimen=SimpleNamespace(points=points, surface=SimpleNamespace(valid=seen)),
-        flyer=SimpleNamespace(points=points, surface=SimpleNamespace(valid=seen_flyer)),
+        flyer=SimpleNamespace(points=points, pixels=pixels),
         placement=SimpleNamespace(frame=SimpleNamespace(covariance=covariance)),
     )
 
@@ -46,10 +48,10 @@ def test_means_of_two() -> None:
 
 def test_the_flyer_has_the_mean_of_two_cameras() -> None:
     motion = with_flyer_errors(FlyerMotion(T, np.zeros(4), np.full(4, 1e-8)), result(), ERRORS)
-    both = 5e-5 * 0.015 * np.sqrt(0.5 * 0.5 * (1.0 + np.exp(-0.36)))
-    alone = 5e-5 * 0.015 * np.sqrt(0.5)
+    two = 0.5 * (1.0 + np.exp(-0.36))  # variance of the mean of two points
+    share = np.array([0.25 * (two + two), 0.25 * (two + two), 0.25 * (two + 1.0), two])
     assert motion.shared_sigma is not None
-    np.testing.assert_allclose(motion.shared_sigma, [both, both, both, alone])
+    np.testing.assert_allclose(motion.shared_sigma, 5e-5 * 0.015 * np.sqrt(share))
     assert motion.shared_memory == pytest.approx(8e-5)
 
 
