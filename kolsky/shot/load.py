@@ -12,7 +12,7 @@ from kolsky.readers.shot_tables import FrameTimes
 from kolsky.shot.curve import read_curve
 from kolsky.shot.force import check_sign, force_channel
 from kolsky.shot.frames import body_moves, flyer_motion, read_frames
-from kolsky.shot.outline import check_outline, read_outline
+from kolsky.shot.outline import check_outline, each_once, read_outline
 from kolsky.shot.picture_set import PictureSet, open_pictures
 from kolsky.shot.records import ForceChannel, ModelSettings, OpticalData, PicturedShot, Shot, ShotBase
 from kolsky.shot.schema.reading import ShotToml, Source, is_bar_driven, parsed, shot_toml
@@ -64,10 +64,11 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
     check_sign(force.raw_force(), force.time, span, flyer, toml)
     centre_line, table = read_outline(folder, frames, declared.centre_line, toml)
     check_outline(centre_line, table.path, rest, span, toml, line_of=table.line)
+    centre_line, notes = each_once(centre_line, table)
     curve, curve_hashes = read_curve(folder, declared.baseline)
     exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: table.sha256}
     base = _base(toml, frames, force, curve, curve_hashes, exports)
-    return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
+    return Shot(**base, flyer=flyer, centre_line=centre_line, window=span, notes=notes)
 
 
 def load_pictures(source: Source) -> PicturedShot:

@@ -129,6 +129,8 @@ class Shot(ShotBase):
     """The specimen's outline at the frames; None if nobody looked."""
     window: tuple[float, float]
     """First and last time that is simulated and compared, on the shot's clock [s]."""
+    notes: tuple[str, ...] = ()
+    """What was odd in the recordings and how it was dealt with, a sentence each."""
     symmetry_end: float | None = None
     """Time at which the flyer leaves its first direction, if pictures say so [s]."""
 
