@@ -11,8 +11,8 @@
 The strip is that of Schumacher and others (2020), 100 x 25 x 5 mm, bonded at both ends, of a neo-Hookean
 rubber with Poisson's ratio 0.45. `--peer felupe` solves the same mesh with the same element, law, Gauss
 points and steps; `--peer dolfinx` does so by `tests/reference/I_dolfinx.py` in a Python that has DOLFINx
-(Debian: python3-dolfinx) with MUMPS. All take the same threads. It prints the seconds of both by the clock and
-of the processor, their ratio and the largest difference of the forces. Set OMP_NUM_THREADS=1 and let nothing
+(Debian: python3-dolfinx) with MUMPS. All take the same threads. It prints the seconds of both by the clock
+and of the processor, their ratio and the largest difference of the forces. Set OMP_NUM_THREADS=1, let nothing
 else run meanwhile; the ratio of processor seconds stands other work.
 """
 
@@ -181,8 +181,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             entry["largest difference"] = float(np.abs(np.array(entry["forces"]) / other - 1.0).max())
             print(
                 f"{given.peer}: {peer['seconds']:.2f} s, of the processor {peer['processor seconds']:.2f} s, "
-                f"{peer['processor seconds'] / entry['processor seconds']:.1f} times ours; forces differ by at most "
-                f"{entry['largest difference']:.2g}",
+                f"{peer['processor seconds'] / entry['processor seconds']:.1f} times ours; "
+                f"forces differ by at most {entry['largest difference']:.2g}",
                 flush=True,
             )
         report.append(entry)

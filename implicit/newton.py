@@ -32,8 +32,8 @@ class Newton:
     linear: str = "auto"
     """The linear solver, see `implicit.linear.solvers`."""
     single: bool = True
-    """Whether tangents may be factorised in single precision: they only guide the iteration, whose residual is
-    in double precision. Where that leads nowhere, and in mixed models, double precision is taken."""
+    """Whether tangents may be factorised in single precision: they only guide the iteration, whose residual
+    is in double precision. Where that leads nowhere, and in mixed models, double precision is taken."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tolerance < 1e-2:
