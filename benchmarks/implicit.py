@@ -10,7 +10,7 @@
 
 The strip is that of Schumacher and others (2020), 100 x 25 x 5 mm, bonded at both ends, of a neo-Hookean
 rubber with Poisson's ratio 0.45. `--peer felupe` solves the same mesh with the same element, law, Gauss
-points and steps; `--peer dolfinx` does so by `tests/reference/I_dolfinx.py` in a Python that has DOLFINx
+points and steps; `--peer dolfinx` does so by `tests/reference/J_dolfinx.py` in a Python that has DOLFINx
 (Debian: python3-dolfinx) with MUMPS. All take the same threads. It prints the seconds of both by the clock
 and of the processor, their ratio and the largest difference of the forces. Set OMP_NUM_THREADS=1, let nothing
 else run meanwhile; the ratio of processor seconds stands other work.
@@ -44,7 +44,7 @@ SHEAR, POISSON = 25e3, 0.45
 """Shear modulus [Pa] and Poisson's ratio."""
 STRETCH = 1.25
 """Nominal strain at the last step [-]."""
-DOLFINX = Path(__file__).resolve().parent.parent / "tests" / "reference" / "I_dolfinx.py"
+DOLFINX = Path(__file__).resolve().parent.parent / "tests" / "reference" / "J_dolfinx.py"
 """The strip by DOLFINx."""
 
 

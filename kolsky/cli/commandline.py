@@ -20,6 +20,7 @@ from kolsky.cli.doctor import doctor
 from kolsky.cli.film import film
 from kolsky.cli.identify import identify
 from kolsky.cli.material_fit import material_fit
+from kolsky.cli.material_relaxation import material_relaxation
 from kolsky.cli.new import new
 from kolsky.cli.options import with_solver_options
 from kolsky.cli.plan import plan
@@ -61,6 +62,7 @@ COMMANDS: dict[str, Command] = {
     "doctor": doctor,
     "material reference-curve": reference_curve,
     "material fit": material_fit,
+    "material relaxation": material_relaxation,
     "specimen fit": specimen_fit,
     "specimen simulate": specimen_simulate,
     "specimen plan": specimen_plan,

@@ -20,8 +20,8 @@ def add_elements(
 
     A leaf has p unknowns that are eliminated and q that are left; `shapes` has p, q and where its F11 (p, p),
     F21 (q, p) and F12 (p, q) start in `kept`, and its F22 (q, q) in `left`, each column by column. A
-    component whose place is p + q is held. With `lower` 1 only entries on and below the diagonal are summed, and there
-    is no F12. Several cells add to one entry: on a CPU a launch is one loop.
+    component whose place is p + q is held. With `lower` 1 only entries on and below the diagonal are summed,
+    and there is no F12. Several cells add to one entry: on a CPU a launch is one loop.
     """
     c = wp.tid()
     cell, leaf = cells[c], leaves[c]

@@ -8,9 +8,9 @@ import pytest
 from benchmarks.implicit import SIZE, strip
 from implicit.solve import solve
 
-FILE = Path(__file__).resolve().parents[2] / "reference" / "I_strip.csv"
+FILE = Path(__file__).resolve().parents[2] / "reference" / "J_strip.csv"
 TABLE = np.array([line.split(",") for line in FILE.read_text(encoding="utf-8").splitlines()[1:]])
-"""Cells, order, nominal strain, force: `tests/reference/I_dolfinx.py`."""
+"""Cells, order, nominal strain, force: `tests/reference/J_dolfinx.py`."""
 
 
 @pytest.mark.parametrize(("cells", "kind", "order"), [((20, 5, 2), "hex8", "1"), ((20, 5, 1), "hex27", "2")])
