@@ -122,7 +122,11 @@ def _read(toml: TomlFile, name: str, test: SlowTest) -> Evidence:
     except InputError:
         raise
     except ValueError as error:
-        raise InputError(table.path, f"cannot be used as the slow test {name}: {error}") from error
+        raise InputError(
+            table.path,
+            f"cannot be used as the slow test {name}: {error}",
+            cure="correct the table or its columns in the list",
+        ) from error
 
 
 def _column(section: ColumnSection | None) -> Column:
