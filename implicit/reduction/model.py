@@ -20,7 +20,7 @@ from implicit.integration.points import Points
 from implicit.meshes import Mesh
 from implicit.model import Model
 from implicit.outcome import Outcome
-from implicit.reduction.pod import Basis, decompose
+from implicit.reduction.pod import Basis, decompose, independent
 from implicit.reduction.sampling import Sample, choose
 from implicit.solution import Solution
 
@@ -45,9 +45,7 @@ class ReducedState:
 class ReducedModel:
     """A model, its basis, and the elements that stand for all."""
 
-    def __init__(
-        self, model: Model, basis: Basis, sample: Sample, *, gravity: str | None = None
-    ) -> None:
+    def __init__(self, model: Model, basis: Basis, sample: Sample, *, gravity: str | None = None) -> None:
         """Take a model whose conditions are supports, weight and pressures, with its basis and elements.
 
         `gravity` is the history of the weight's factor.
@@ -159,7 +157,7 @@ def reduce(
     solutions : sequence of Solution
         Equilibria with the same mesh, conditions and constants; every step that was reached is a snapshot.
     modes : int
-        Unknowns.
+        Unknowns at most; there are no more than independent snapshots.
     tolerance : float
         Of the elements' choice, Eq. (R.2).
     gravity : str, optional
@@ -169,7 +167,7 @@ def reduce(
     """
     model = solutions[0].model
     snapshots = np.concatenate([s.displacements[: s.reached].reshape(s.reached, -1) for s in solutions])
-    basis = decompose(snapshots, modes)
+    basis = decompose(snapshots, min(modes, independent(snapshots)))
     G = shares(model, basis, snapshots)
     return ReducedModel(model, basis, choose(G, tolerance=tolerance, most=most), gravity=gravity)
 
@@ -190,7 +188,9 @@ def shares(model: Model, basis: Basis, snapshots: FloatArray) -> FloatArray:
     return np.concatenate(found)
 
 
-def _polynomial(equations: Equations, number: int, V: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _polynomial(
+    equations: Equations, number: int, V: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """a, B and C of Eq. (R.3) of one pressure, of shapes [r], [r, r], [r, r, r]."""
     load = equations.pressures[number][1]
 
@@ -209,7 +209,11 @@ def _polynomial(equations: Equations, number: int, V: FloatArray) -> tuple[Float
 
 
 def _checked(model: Model) -> None:
-    wrong = [c for c in model.conditions if isinstance(c, Prescribed | Coupled | NodalForce | Traction | RigidPlane)]
+    wrong = [
+        c
+        for c in model.conditions
+        if isinstance(c, Prescribed | Coupled | NodalForce | Traction | RigidPlane)
+    ]
     if wrong:
         raise ValueError(f"a reduced model has supports, weight and pressures, not {wrong[0]}")
     if model.volumetric != "displacement" or model.regions is not None:

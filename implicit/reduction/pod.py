@@ -14,6 +14,9 @@ import numpy as np
 
 from explicit.arrays import FloatArray
 
+SMALLEST = 1e-14
+"""Square of the smallest singular value that counts, as a share of that of the largest [-]."""
+
 
 @dataclass(frozen=True)
 class Basis:
@@ -31,6 +34,12 @@ class Basis:
         return float(np.sqrt(squares[self.modes.shape[1] :].sum() / squares.sum()))
 
 
+def independent(snapshots: FloatArray) -> int:
+    """Number of independent snapshots of shape [n_snapshots, n d]."""
+    squares = np.linalg.eigvalsh(snapshots @ snapshots.T)
+    return int((squares > SMALLEST * squares[-1]).sum())
+
+
 def decompose(snapshots: FloatArray, modes: int) -> Basis:
     """Find the modes of snapshots [m] of shape [n_snapshots, n d].
 
@@ -43,7 +52,7 @@ def decompose(snapshots: FloatArray, modes: int) -> Basis:
     gram = U @ U.T
     squares, vectors = np.linalg.eigh(gram)
     squares, vectors = np.maximum(squares[::-1], 0.0), vectors[:, ::-1]
-    rank = int((squares > 1e-14 * squares[0]).sum())
+    rank = int((squares > SMALLEST * squares[0]).sum())
     if not 1 <= modes <= rank:
         raise ValueError(f"modes must be in [1, {rank}], the independent snapshots, got {modes}")
     V = U.T @ (vectors[:, :modes] / np.sqrt(squares[:modes]))

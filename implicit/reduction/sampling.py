@@ -1,7 +1,7 @@
 r"""Few weighted elements that do the work of all (energy-conserving sampling and weighting).
 
-With the elements' shares g_e = V_e^T f_e in the reduced forces of training states, stacked as columns of G, and
-their sum b = G 1, weights w >= 0 are sought of which few are not zero and
+With the elements' shares g_e = V_e^T f_e in the reduced forces of training states, stacked as columns of G,
+and their sum b = G 1, weights w >= 0 are sought of which few are not zero and
 
     |G w - b| <= tau |b|                                                                       (R.2)
 

@@ -2,9 +2,9 @@ r"""The closed loop: the bend that a camera measures goes into the pressure by t
 
     s <- s + K (Theta_d - Theta_m),   p = Theta_model^-1(Theta_d + s)                           (A.3)
 
-at every tick, with the wanted angle, the measured one and the gain K. The sum s is what the model is wrong by
-and does not grow while the pressure stands at a bound. With a plant whose slope is gamma times the model's and
-a measurement that is d ticks late the loop is stable for
+at every tick, with the wanted angle, the measured one and the gain K. The sum s is what the model is wrong
+by and does not grow while the pressure stands at a bound. With a plant whose slope is gamma times the model's
+and a measurement that is d ticks late the loop is stable for
 
     K gamma < 2 sin(pi / (2 (2 d + 1)))                                                        (A.4)
 

@@ -1,7 +1,7 @@
 """The closed loop with a simulated plant, and the wall time of every tick."""
 
 from dataclasses import dataclass
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -29,6 +29,8 @@ class Closed:
     """Pressure that was asked for [Pa], shape [n]."""
     wall: FloatArray
     """Wall time of the controller in each tick [s], shape [n]."""
+    processor: FloatArray
+    """Processor time of the controller in each tick [s], which other programs do not lengthen, shape [n]."""
     bounded: BoolArray
     """Ticks at a bound of the pressure, shape [n]."""
     held: BoolArray
@@ -63,14 +65,14 @@ def run_loop(controller: Controller, plant: Plant, wanted: FloatArray, *, rate: 
     n, dt = len(wanted), 1.0 / rate
     follow = 1.0 - np.exp(-dt / plant.lag) if plant.lag > 0.0 else 1.0
     inside = 0.0
-    columns = {name: np.zeros(n) for name in ("measured", "angle", "pressure", "wall")}
+    columns = {name: np.zeros(n) for name in ("measured", "angle", "pressure", "wall", "processor")}
     bounded, held = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     for k in range(n):
         columns["angle"][k] = bend(inside)
         seen = columns["angle"][max(k - plant.delay, 0)] + plant.noise * rng.standard_normal()
-        started = perf_counter()
+        started, worked = perf_counter(), process_time()
         decided = controller.tick(float(wanted[k]), float(seen))
-        columns["wall"][k] = perf_counter() - started
+        columns["wall"][k], columns["processor"][k] = perf_counter() - started, process_time() - worked
         columns["measured"][k], columns["pressure"][k] = seen, decided.pressure
         bounded[k], held[k] = decided.bounded, decided.held
         inside += follow * (decided.pressure - inside)

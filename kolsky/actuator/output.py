@@ -8,6 +8,7 @@ import numpy as np
 
 from kolsky.actuator.inverse import Inversion
 from kolsky.actuator.loop import Closed
+from kolsky.actuator.marker_fit import MarkerComparison, StiffnessFit
 from kolsky.actuator.reduced import Reduction
 from kolsky.actuator.study import Direction, relative_bend
 from kolsky.base.files import write_table
@@ -39,7 +40,9 @@ def write_bends(folder: Path, directions: Sequence[Direction]) -> None:
             continue
         nodes = mesh.nodes("line")
         for k in one.asked:
-            for node, where in zip(nodes, mesh.points[nodes] + run.solution.displacements[k, nodes], strict=True):
+            for node, where in zip(
+                nodes, mesh.points[nodes] + run.solution.displacements[k, nodes], strict=True
+            ):
                 row = {"gravity": one.name, "pressure (Pa)": float(run.pressures[k].max()), "node": int(node)}
                 row |= {f"{axis} (m)": float(x) for axis, x in zip("xyz", where, strict=True)}
                 _append(line, row)
@@ -100,6 +103,8 @@ def loop_json(
             "wall_median_s": float(np.median(run.wall)),
             "wall_99_9_s": float(np.quantile(run.wall, 0.999)),
             "wall_worst_s": float(run.wall.max()),
+            "processor_median_s": float(np.median(run.processor)),
+            "processor_worst_s": float(run.processor.max()),
             "late_ticks": run.late,
             "ticks_at_bound": int(run.bounded.sum()),
             "ticks_held": int(run.held.sum()),
@@ -113,6 +118,45 @@ def loop_json(
     return {key: jsonable(value, key) for key, value in {"runs": whole, "inputs": dict(inputs)}.items()}
 
 
+def markers_json(compared: Sequence[MarkerComparison], stiffness: StiffnessFit | None) -> dict[str, Any]:
+    """Markers and the factor of stiffness fitted to them as JSON types, SI."""
+    rows = [
+        {
+            "gravity": one.gravity,
+            "pressure_Pa": one.pressure,
+            "rmse_m": one.rmse,
+            "sigma_m": one.sigma,
+            "explained": one.explained,
+            "measured_angle_rad": one.measured_angle,
+        }
+        for one in compared
+    ]
+    fit = None
+    if stiffness is not None:
+        fit = {
+            "factor": stiffness.factor,
+            "sigma": stiffness.sigma,
+            "interval_95": [stiffness.low, stiffness.high],
+            "chi2": stiffness.chi2,
+            "degrees_of_freedom": stiffness.degrees,
+            "explained": stiffness.explained,
+            "converged": stiffness.converged,
+        }
+    return {"markers": jsonable(rows, "markers"), "stiffness": jsonable(fit, "stiffness")}
+
+
+def write_markers(path: Path, compared: Sequence[MarkerComparison]) -> None:
+    """Write measured and simulated places of every marker."""
+    columns: dict[str, list[Any]] = {}
+    for one in compared:
+        for number, (seen, made) in enumerate(zip(one.measured, one.simulated, strict=True), start=1):
+            row = {"gravity": one.gravity, "pressure (Pa)": one.pressure, "marker": number}
+            row |= {"x measured (m)": float(seen[0]), "z measured (m)": float(seen[1])}
+            row |= {"x simulated (m)": float(made[0]), "z simulated (m)": float(made[1])}
+            _append(columns, row)
+    write_table(path, columns)
+
+
 def write_loop(path: Path, run: Closed) -> None:
     """Write every tick of a run of the loop."""
     write_table(
@@ -124,6 +168,7 @@ def write_loop(path: Path, run: Closed) -> None:
             "plant (rad)": run.angle,
             "pressure (Pa)": run.pressure,
             "wall time (s)": run.wall,
+            "processor time (s)": run.processor,
             "at a bound": run.bounded.astype(int),
             "held": run.held.astype(int),
         },

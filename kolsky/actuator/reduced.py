@@ -1,4 +1,4 @@
-"""The reduced model of an actuator with one pressure: bend and its slope in milliseconds, and how wrong it is.
+"""The reduced model of an actuator with one pressure: bend and slope in milliseconds, and how wrong it is.
 
 It is made from the equilibria at every second of a row of pressures and judged at those between, which it has
 not seen.
@@ -46,7 +46,9 @@ class ReducedActuator:
         self._modes = reduced.rows("tip") - reduced.rows("origin")
         self._rows = reduced.constants()
 
-    def bend(self, pressure: float, *, start: FloatArray | None = None, tolerance: float = 1e-9) -> ReducedBend:
+    def bend(
+        self, pressure: float, *, start: FloatArray | None = None, tolerance: float = 1e-9
+    ) -> ReducedBend:
         """The bend under a pressure [Pa], from amplitudes near it."""
         state = self.reduced.equilibrium([pressure], start=start, rows=self._rows, tolerance=tolerance)
         chord = self._rest + self._modes @ state.q
@@ -98,9 +100,7 @@ def reduce_actuator(
         reached = 1e-5 * pressures[max(whole.solution.reached - 1, 0)]
         raise ValueError(f"beyond {reached:.3g} bar: {outcome.cause}; {outcome.cure}")
     first, between = _every(whole, 0), _every(whole, 1)
-    made = ReducedActuator(
-        reduce([first.solution], modes=min(modes, seen), tolerance=tolerance, gravity=WEIGHT)
-    )
+    made = ReducedActuator(reduce([first.solution], modes=modes, tolerance=tolerance, gravity=WEIGHT))
     found, start = [], None
     for pressure in between.pressures[:, 0]:
         bend = made.bend(float(pressure), start=start)

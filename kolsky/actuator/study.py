@@ -1,6 +1,7 @@
 """What `kolsky actuator simulate` does: the bend in every direction of gravity, pristine and healed."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -60,7 +61,7 @@ def schedule(pressures: FloatArray) -> tuple[FloatArray, FloatArray]:
     step = float(pressures[-1]) / FILM_STEPS
     ends = np.concatenate([[0.0], pressures[pressures > 0.0]])
     parts = [np.array([0.0])]
-    for a, b in zip(ends[:-1], ends[1:], strict=True):
+    for a, b in pairwise(ends):
         parts.append(np.linspace(a, b, max(1, int(np.ceil((b - a) / step - 1e-9))) + 1)[1:])
     steps = np.concatenate(parts)
     return steps, np.array([int(np.argmin(np.abs(steps - p))) for p in pressures])

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from kolsky.report.figures import (
+    actuator,
     budget,
     calibration,
     checked,
@@ -33,6 +34,7 @@ from kolsky.report.figures import (
 from kolsky.report.figures.base import FigureKind
 
 __all__ = [
+    "ACTUATORS",
     "BARS_TOGETHER",
     "BAR_CHECKS",
     "BASELINES",
@@ -138,6 +140,9 @@ SPECIMENS = by_name(specimen.FIGURES)
 SHEETS = by_name(sheet.FIGURES)
 """Sheet fitted to a displacement field."""
 
+ACTUATORS = by_name(actuator.FIGURES)
+"""Pressurised actuator."""
+
 SHOWN_BY: dict[str, Registry] = {
     "dic.calibration.result.Calibration": CALIBRATION,
     "dic.chain.speckle_report.Speckles": SPECKLES,
@@ -149,6 +154,7 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.joint.records.JointResult": JOINT,
     "kolsky.material.fits.compare.Comparison": MATERIALS,
     "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
+    "kolsky.report.actuator_view.ActuatorView": ACTUATORS,
     "kolsky.report.full_field_view.FullFieldView": FULL_FIELDS,
     "kolsky.report.specimen_view.SheetView": SHEETS,
     "kolsky.report.specimen_view.SpecimenView": SPECIMENS,

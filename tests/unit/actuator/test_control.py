@@ -1,4 +1,4 @@
-"""The loop against closed forms: its limit of stability, its memory of what the model is wrong by, its bounds."""
+"""The loop against closed forms: limit of stability, memory of what the model is wrong by, bounds."""
 
 from dataclasses import dataclass
 
@@ -94,7 +94,9 @@ def test_reduced_bend_is_that_of_the_whole_at_pressures_it_has_not_seen(reductio
 
 def test_reduced_slope_is_the_difference_of_bends(reduction) -> None:
     ends = [reduction.model.bend(p, tolerance=1e-12).angle for p in (29.9e3, 30.1e3)]
-    assert reduction.model.bend(30e3, tolerance=1e-12).slope == pytest.approx((ends[1] - ends[0]) / 200.0, rel=1e-6)
+    assert reduction.model.bend(30e3, tolerance=1e-12).slope == pytest.approx(
+        (ends[1] - ends[0]) / 200.0, rel=1e-6
+    )
 
 
 def test_loop_with_the_reduced_model_reaches_the_angle_of_a_softer_plant(reduction) -> None:
