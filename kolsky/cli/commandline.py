@@ -23,6 +23,7 @@ from kolsky.cli.doctor import doctor
 from kolsky.cli.film import film
 from kolsky.cli.identify import identify
 from kolsky.cli.material_fit import material_fit
+from kolsky.cli.material_healing import material_healing
 from kolsky.cli.material_relaxation import material_relaxation
 from kolsky.cli.new import new
 from kolsky.cli.options import with_solver_options
@@ -66,6 +67,7 @@ COMMANDS: dict[str, Command] = {
     "material reference-curve": reference_curve,
     "material fit": material_fit,
     "material relaxation": material_relaxation,
+    "material healing": material_healing,
     "specimen fit": specimen_fit,
     "specimen simulate": specimen_simulate,
     "specimen plan": specimen_plan,
