@@ -261,7 +261,7 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("study", nargs="*")
-    given = parser.parse_args()
+    given = parser.parse_intermixed_args()
     given.out.mkdir(parents=True, exist_ok=True)
     wanted = [name for name in given.study or STUDIES if not (given.out / f"{name}.csv").exists()]
     one = partial(make, out=given.out, full=given.full, device=given.device)
