@@ -75,8 +75,8 @@ def lateral_places(
 
     It is the mean over the `NEAREST` of these, each with the number of its points as weight: the nearest of
     all shows the fewest. A body that flies keeps its lateral velocity: what these frames show of it, with
-    twice its standard deviation, times the time to them may have been added since. The scatter of the frames about
-    their line is what the place itself is off by at most, in all frames alike.
+    twice its standard deviation, times the time to them may have been added since. The scatter of the frames
+    about their line is what the place itself is off by at most, in all frames alike.
 
     Parameters
     ----------
