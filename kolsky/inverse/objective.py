@@ -2,10 +2,11 @@
 
 The data of a shot are one vector: the force's bin means, then the counted outline points. Its covariance is
 
-    C = diag(sigma^2 + tau^2 + PATTERN_ERROR^2 M^2) + M' M,
+    C = diag(sigma^2 + tau^2 + PATTERN_ERROR^2 M^2) + M' M + O' O,
 
 with the measured noise sigma, a discrepancy tau of each channel, estimated from the residual at the optimum,
-and the patterns M in which the noise of the front face's motion moves all predictions together. Without tau a
+the patterns M in which the noise of the front face's motion moves all predictions together, and the errors O
+that outline points have in common (`CentreLine.modes`). Without tau a
 channel whose residual is dominated by what the model leaves out would be trusted as if only its noise were
 wrong. Without M tau would take the ringing that a noisy onset causes for a fault of the model, and weigh down
 the whole channel; with the patterns' variances alone, as if each entry had a draw of its own, the force would
@@ -15,7 +16,7 @@ for that the answer would rest on the phase of every oscillation.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Literal
 
 import numpy as np
@@ -30,6 +31,8 @@ Part = Literal["joint", "force", "shape"]
 
 PATTERN_ERROR = 0.2
 """Standard uncertainty of the front face's patterns over their size [-], independent from entry to entry."""
+FEW_MODES = 16
+"""Patterns up to which sums are taken without BLAS."""
 BLOCKS = (2, 4, 8, 16)
 """Block lengths, in force bins, over which residuals may be correlated in time."""
 ROUNDS = 6
@@ -77,6 +80,19 @@ class Objective:
         return np.asarray(modes[:, np.concatenate([np.ones(self.n_force, dtype=bool), self.counted])])
 
     @cached_property
+    def outline_errors(self) -> FloatArray:
+        """Errors that outline points have in common, one standard deviation a mode, [n_modes, k]."""
+        modes = self.observations.centre_line.modes
+        if modes is None:
+            return np.zeros((0, len(self.data)))
+        return np.pad(modes[:, self.counted], ((0, 0), (self.n_force, 0)))
+
+    @cached_property
+    def common(self) -> FloatArray:
+        """All that data have in common: `front_noise`, then `outline_errors`, shape [n_modes, k]."""
+        return np.concatenate([self.front_noise, self.outline_errors])
+
+    @cached_property
     def points_per_frame(self) -> float:
         """Mean number of counted outline points of a frame [-]; 1 if there are none."""
         frames = self.observations.centre_line.frame[self.counted]
@@ -97,7 +113,7 @@ class Objective:
     @cached_property
     def sigma(self) -> FloatArray:
         """Standard deviation of each entry by itself: noise, discrepancy, front face, shape [k]."""
-        return np.sqrt(self.own_sigma**2 + (self.front_noise**2).sum(axis=0))
+        return np.sqrt(self.own_sigma**2 + (self.common**2).sum(axis=0))
 
     @cached_property
     def _whitenings(self) -> dict[Part, Whitening]:
@@ -107,7 +123,7 @@ class Objective:
         """The weights of a part of the data, for rows of its entries, see `mask`."""
         if part not in self._whitenings:
             use = self.mask(part)
-            self._whitenings[part] = Whitening(self.own_sigma[use], self.front_noise[:, use])
+            self._whitenings[part] = Whitening(self.own_sigma[use], self.common[:, use])
         return self._whitenings[part]
 
     def whitened(self, rows: FloatArray, part: Part = "joint") -> FloatArray:
@@ -146,7 +162,7 @@ class Objective:
         """
         residual, n = vector - self.data, self.n_force
         found = replace(self, force_discrepancy=0.0, shape_discrepancy=0.0)
-        known = len(self.front_noise) > 0
+        known = len(self.common) > 0
         square, weight = residual**2, np.ones(len(residual))
         for turn in range(ROUNDS if known else 1):
             if turn:
@@ -161,7 +177,7 @@ class Objective:
         return found
 
     def unexplained(self, residual: FloatArray) -> FloatArray:
-        """A residual without its most likely part by the front face's noise, shape [k].
+        """A residual without its most likely part by what the data have in common, shape [k].
 
         D (D + M' M)^-1 r with the variances D of noise and discrepancy and the modes M, by Woodbury's
         identity: the matrix that is inverted has the size of the modes.
@@ -170,10 +186,11 @@ class Objective:
 
     def _without_front(self, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
         """`unexplained`, and the variance of the part that it takes off, shape [k] both."""
-        modes, weight = self.front_noise, self.own_sigma**-2
-        # Sums without BLAS: its threads cost more than these few rows.
-        inner = np.eye(len(modes)) + np.einsum("ik,jk,k->ij", modes, modes, weight)
-        spread = np.einsum("ij,jk->ik", np.linalg.inv(inner), modes)
+        modes, weight = self.common, self.own_sigma**-2
+        # Few rows without BLAS: its threads cost more than the sums.
+        product = np.matmul if len(modes) > FEW_MODES else partial(np.einsum, "ik,kj->ij")
+        inner = np.eye(len(modes)) + product(modes * weight, modes.T)
+        spread = product(np.linalg.inv(inner), modes)
         share = np.einsum("ik,k->i", modes, weight * residual)
         return residual - np.einsum("ik,i->k", spread, share), np.einsum("ik,ik->k", spread, modes)
 
@@ -228,7 +245,7 @@ class Objective:
 
     def spread(self, gain: FloatArray) -> FloatArray:
         """A linear map of the data times their covariance C, shape [d, k]."""
-        return np.asarray(gain * self.own_sigma**2 + (gain @ self.front_noise.T) @ self.front_noise)
+        return np.asarray(gain * self.own_sigma**2 + (gain @ self.common.T) @ self.common)
 
     def spread_of_prior(self, jacobian: FloatArray, part: Part = "joint") -> FloatArray:
         """The prior's part of the covariance, N^-1 P N^-1 with N = J^T C^-1 J + P, shape [d, d]."""
@@ -248,7 +265,7 @@ class Objective:
 
     def covariance(self, jacobian: FloatArray, vector: FloatArray, part: Part = "joint") -> FloatArray:
         """Covariance of the optimum from the residuals and the front face's noise, shape [d, d]."""
-        moves = self.gain(jacobian, part) @ self.front_noise.T
+        moves = self.gain(jacobian, part) @ self.common.T
         return np.asarray(self.residual_covariance(jacobian, vector, part) + moves @ moves.T)
 
     def residual_covariance(
@@ -280,7 +297,7 @@ class Objective:
             sandwich = sums @ sums.T * n_blocks / (n_blocks - d) + known
             if np.trace(sandwich / np.diag(best)) > np.trace(best / np.diag(best)):
                 best = sandwich
-        together = ((gain @ self.front_noise.T) ** 2).sum(axis=1)
+        together = ((gain @ self.common.T) ** 2).sum(axis=1)
         short = (self._variance_without_patterns(jacobian, part) - together) / np.diag(best)
         scale = np.sqrt(np.maximum(short, 1.0))
         return np.asarray(scale[:, None] * best * scale)

@@ -178,7 +178,7 @@ def least_squares_on(
 
     def weighting(residual: FloatArray) -> Whitening:
         weighed = objective.with_discrepancy(objective.data + residual[:k])
-        patterns = np.pad(weighed.front_noise, ((0, 0), (0, len(known))))
+        patterns = np.pad(weighed.common, ((0, 0), (0, len(known))))
         return Whitening(np.concatenate([weighed.own_sigma, np.ones(len(known))]), patterns)
 
     found = least_squares(

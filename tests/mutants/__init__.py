@@ -33,6 +33,7 @@ from tests.mutants.regions import FAULTS as REGIONS
 from tests.mutants.report import FAULTS as REPORT
 from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.several_parameters import FAULTS as SEVERAL
+from tests.mutants.shared_errors import FAULTS as SHARED_ERRORS
 from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.slow_compression import FAULTS as SLOW_COMPRESSION
 from tests.mutants.specimen import FAULTS as SPECIMEN
@@ -66,6 +67,7 @@ FAULTS: tuple[Fault, ...] = (
     *PREDICTION,
     *RATES,
     *SEVERAL,
+    *SHARED_ERRORS,
     *SHOT,
     *READERS,
     *REFINE,
