@@ -226,6 +226,7 @@ def surrogate_quality(stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOp
     found["force_discrepancy"] = fine.objective.force_discrepancy
     if outline:
         found["shape_discrepancy"] = fine.objective.shape_discrepancy
+        found["slow_discrepancy"] = fine.objective.slow_discrepancy
     if not fine.confirmed:
         found["runs_needed"] = runs_needed(stages, coarse, fine)
     return found
