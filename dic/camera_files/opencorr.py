@@ -7,11 +7,11 @@ Rodrigues. Lengths have the unit of the calibration target, which the file does 
 
 import re
 
-import cv2
 import numpy as np
 
 from dic.camera import StereoRig
 from dic.camera_files.source import CameraFileError, Source, printed
+from dic.opencv import cv2
 
 INTRINSIC = ("fx", "fy", "fs", "cx", "cy", "k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
 POSE = ("tx", "ty", "tz", "rx", "ry", "rz")
@@ -36,8 +36,10 @@ class OpenCorr:
     def read(self, source: Source, length_unit: float) -> StereoRig:
         """The rig."""
         given: dict[tuple[int, str], tuple[float, int]] = {}
+        line, place = 1, 0
         for match in ENTRY.finditer(source.text):
-            view, name, line = int(match[1]), match[3], source.line_of(match.start(3))
+            line += source.text.count("\n", place, match.start(3))
+            view, name, place = int(match[1]), match[3], match.start(3)
             word = re.sub(r"(?<=[\d.])f$", "", match[4].strip())
             given[view, name] = (source.number(word, f"view {view}: {name}", line), line)
         views = sorted({view for view, _ in given})

@@ -96,7 +96,7 @@ SUFFIXES = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
 """Endings of the files that a folder is searched for; a pattern may name others."""
 MOST_MISSING = 20
 """Numbers a series may span for each picture that is there; more looks like time stamps."""
-LARGEST_FILE = 2**31
+LARGEST_FILE = 2**29
 """Largest picture file that is read [bytes]."""
 
 
@@ -120,12 +120,13 @@ class NumberedPictures:
         return len(self.files)
 
     def frame(self, index: int) -> Grey:
-        """Grey values of one file; a JPEG is turned as its EXIF says, colours are weighted to grey by OpenCV.
+        """Grey values of one file; a JPEG is turned as its EXIF says, three equal colours are one grey value.
 
         Raises
         ------
         PictureError
-            If the file is missing, cut short, cannot be decoded or has another shape.
+            If the file is missing, cut short, cannot be decoded, has another shape, or is a colour picture:
+            which weights would make grey of it is not this program's to guess.
         """
         file = self.files[checked_index(self.n_frames, index)]
         if file is None:
@@ -262,9 +263,9 @@ def _page(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
 
 
 def _by_opencv(file: Path, index: int, data: bytes) -> tuple[NDArray[np.generic], int]:
-    import cv2
+    from dic.opencv import cv2
 
-    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH
+    flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
     try:
         picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
     except cv2.error as error:
@@ -272,4 +273,19 @@ def _by_opencv(file: Path, index: int, data: bytes) -> tuple[NDArray[np.generic]
         raise PictureError(file, f"cannot be decoded ({why})", frame=index) from error
     if picture is None:
         raise PictureError(file, "cannot be decoded: damaged, or no picture", frame=index)
-    return np.asarray(picture), picture.dtype.itemsize * 8
+    return _grey(file, index, np.asarray(picture)), picture.dtype.itemsize * 8
+
+
+def _grey(file: Path, index: int, picture: NDArray[np.generic]) -> NDArray[np.generic]:
+    """The one value of each pixel, where its colours are all the same."""
+    if picture.ndim == 2:
+        return picture
+    apart = int((picture.max(axis=2).astype(np.int64) - picture.min(axis=2)).max())
+    if apart > 0:
+        raise PictureError(
+            file,
+            f"is a colour picture: red, green and blue of a pixel differ by up to {apart}",
+            frame=index,
+            cure="export grey values as they were recorded",
+        )
+    return np.ascontiguousarray(picture[..., 0])

@@ -9,6 +9,7 @@ them, or none (ImageJ, above 4 GB); then the grey values are found without their
 
 import re
 import struct
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,6 +37,11 @@ _MAGIC = {b"II*\0": "<", b"MM\0*": ">", b"II+\0": "<", b"MM\0+": ">"}
 _MOST_TAGS = 4096
 _OWN_DECODERS = {1, 8, 32773, 32946}
 """Compressions decoded without a further library: none, Deflate (twice), PackBits; OpenCV has the others."""
+_DEFLATE = (8, 32946)
+_SLACK = 1_000_000
+"""What the strips of a page may hold beside its grey values: tiles reach beyond its edges [bytes]."""
+_HARMLESS = 200_000_000
+"""What strips may unpack to without a look before [bytes]; Deflate makes at most 1032 bytes of one."""
 _MIN_IS_WHITE, _MIN_IS_BLACK = 0, 1
 
 
@@ -229,6 +235,7 @@ def _decode(path: Path, index: int, offset: int) -> NDArray[np.generic]:
                     frame=index,
                     cure="the file is cut off or damaged: copy or export it again",
                 )
+        _check_strips(file, page)
         if page.bitspersample == 12 and page.compression == 1 and not page.is_tiled:
             picture: NDArray[np.generic] = _unpacked(file, page, shape)
         elif page.bitspersample in (8, 16) and page.compression in _OWN_DECODERS:
@@ -238,6 +245,26 @@ def _decode(path: Path, index: int, offset: int) -> NDArray[np.generic]:
         if page.photometric == _MIN_IS_WHITE:
             picture = (2**page.bitspersample - 1 - picture.astype(np.int64)).astype(picture.dtype)
     return picture
+
+
+def _check_strips(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> None:
+    """Refuse strips that hold, or unpack to, more than the page: a small file may unpack to any size.
+
+    Raises
+    ------
+    ValueError
+        If they do.
+    """
+    most = page.imagelength * page.imagewidth * 2 + _SLACK
+    if sum(page.databytecounts) > 2 * most:
+        raise ValueError(f"its strips have {sum(page.databytecounts)} bytes, the page needs at most {most}")
+    if page.compression not in _DEFLATE or 1032 * sum(page.databytecounts) < _HARMLESS:
+        return
+    left = 2 * most
+    for segment in _segments(file, page):
+        left -= len(zlib.decompressobj().decompress(segment, left + 1))
+        if left < 0:
+            raise ValueError(f"its strips unpack to more than the {most} bytes that the page needs")
 
 
 def _unpacked(file: "tifffile.TiffFile", page: "tifffile.TiffPage", shape: tuple[int, int]) -> Grey:
@@ -262,7 +289,7 @@ def _segments(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> Iterator[
 
 
 def _by_opencv(path: Path, index: int, bits: int) -> NDArray[np.generic]:
-    import cv2
+    from dic.opencv import cv2
 
     try:
         found, pictures = cv2.imreadmulti(str(path), index, 1, flags=cv2.IMREAD_UNCHANGED)

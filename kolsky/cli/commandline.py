@@ -20,6 +20,8 @@ from kolsky.cli.doctor import doctor
 from kolsky.cli.film import film
 from kolsky.cli.identify import identify
 from kolsky.cli.material_fit import material_fit
+from kolsky.cli.material_healing import material_healing
+from kolsky.cli.material_relaxation import material_relaxation
 from kolsky.cli.new import new
 from kolsky.cli.options import with_solver_options
 from kolsky.cli.plan import plan
@@ -61,6 +63,8 @@ COMMANDS: dict[str, Command] = {
     "doctor": doctor,
     "material reference-curve": reference_curve,
     "material fit": material_fit,
+    "material relaxation": material_relaxation,
+    "material healing": material_healing,
     "specimen fit": specimen_fit,
     "specimen simulate": specimen_simulate,
     "specimen plan": specimen_plan,
@@ -76,6 +80,21 @@ GROUPS = {
 }
 """Groups of commands and their line of `--help`."""
 
+EXTRAS = {
+    "cv2": "pictures",
+    "pyvista": "scene",
+    "imageio": "film",
+    "imageio_ffmpeg": "film",
+    "pandas": "notebook",
+    "xarray": "notebook",
+    "emcee": "bayes",
+    "distributed": "cluster",
+    "nptdms": "tdms",
+    "RigolWFM": "scopes",
+    "pyamg": "amg",
+    "pypardiso": "pardiso",
+}
+"""Extra of this package by the module that it brings."""
 FORMER_NAMES: dict[str, str] = {"material baseline": "material reference-curve"}
 """Words that commands had once: they still work, and `--help` does not show them."""
 
@@ -131,11 +150,17 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
 
 @contextmanager
 def refusing_bad_input() -> Iterator[None]:
-    """Turn an `InputError` into its lines on stderr and exit code 2."""
+    """Turn an `InputError`, and an extra that is not installed, into lines on stderr and exit code 2."""
     try:
         yield
     except InputError as error:
         typer.echo(str(error), err=True)
+        raise typer.Exit(2) from None
+    except ModuleNotFoundError as error:
+        extra = EXTRAS.get((error.name or "").partition(".")[0])
+        if extra is None:
+            raise
+        typer.echo(f"this needs the package {error.name}: pip install 'kolsky[{extra}]'", err=True)
         raise typer.Exit(2) from None
 
 

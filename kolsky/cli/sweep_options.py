@@ -227,6 +227,20 @@ class Records:
             raise InputError(texts.COMMAND_LINE, f"--ledger: {error}", cure=cure) from error
 
 
+SCHEDULER_FILE = 1_000_000
+"""Largest scheduler file that is read [bytes]."""
+PATIENCE = 5.0
+"""Time that a Dask scheduler has to answer [s]."""
+
+
+def _is_file(text: str) -> bool:
+    """Whether a text names a file; an address may be longer than any name."""
+    try:
+        return Path(text).is_file()
+    except OSError:
+        return False
+
+
 @dataclass(frozen=True)
 class Workers:
     """The processes that share a sweep, as given on the command line."""
@@ -269,10 +283,18 @@ class Workers:
         except ImportError:
             cure = "pip install 'kolsky[cluster]'"
             raise InputError(texts.COMMAND_LINE, "--dask needs the package distributed", cure=cure) from None
-        place = {"scheduler_file": self.dask} if Path(self.dask).is_file() else {"address": self.dask}
+        file = _is_file(self.dask)
+        if file and Path(self.dask).stat().st_size > SCHEDULER_FILE:
+            raise InputError(
+                Path(self.dask),
+                f"has {Path(self.dask).stat().st_size} bytes",
+                allowed=f"a scheduler file, of at most {SCHEDULER_FILE} bytes",
+                cure="give the file that `dask scheduler --scheduler-file` writes",
+            )
+        place = {"scheduler_file": self.dask} if file else {"address": self.dask}
         try:
-            return Client(**place, timeout=10, set_as_default=False)
-        except (OSError, ValueError, TypeError) as error:
+            return Client(**place, timeout=PATIENCE, set_as_default=False)
+        except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             cure = "start one with `dask scheduler` and give its address or its scheduler file"
             raise InputError(
                 texts.COMMAND_LINE, f"--dask {self.dask}: no scheduler answers ({error})", cure=cure

@@ -12,6 +12,8 @@ for a residual, zero where independent errors explain it.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.optimize import minimize_scalar
@@ -22,6 +24,8 @@ from kolsky.base.arrays import FloatArray
 DEGREES = 4
 """Polynomials in height and in time, constant to cubic: zero, scale, tilt and bend of a measured surface, and
 how they change as the specimen shortens."""
+FEW = 16
+"""Patterns up to which sums are taken without BLAS."""
 WIDEST = 1e6
 """Largest amplitude that is looked for, over what the independent errors leave of it [-]."""
 
@@ -109,8 +113,9 @@ def without_common(
         Standard deviations of what is independent, shape [k].
     """
     weight = own_sigma**-2
-    # Sums without BLAS: its threads cost more than these few rows.
-    inner = np.eye(len(common)) + np.einsum("ik,jk->ij", common * weight, common)
-    spread = np.einsum("ij,jk->ik", np.linalg.inv(inner), common)
+    # Few rows without BLAS: its threads cost more than the sums.
+    product = np.matmul if len(common) > FEW else partial(np.einsum, "ik,kj->ij")
+    inner = np.eye(len(common)) + product(common * weight, common.T)
+    spread = product(np.linalg.inv(inner), common)
     share = np.einsum("ik,k->i", common, weight * residual)
     return residual - np.einsum("ik,i->k", spread, share), np.einsum("ik,ik->k", spread, common)

@@ -1,6 +1,6 @@
 """What a residual holds beyond the measured noise: a discrepancy of force and outline, a slow one beside it.
 
-Of a residual r = e + M' a + S' b, with a of the front face's patterns M standard normal and b of the slow
+Of a residual r = e + M' a + S' b, with a of known patterns M standard normal and b of the slow
 patterns S normal with one unknown variance, e is estimated with its uncertainty, on which the discrepancies
 depend in turn (expectation maximisation). Its mean square beyond what is known is the discrepancy of a
 channel: a mean with weights D^-2, D the variance of e, which is the most likely one where variances differ
@@ -22,7 +22,7 @@ about a tenth of the error."""
 
 
 def most_likely_discrepancies(
-    residual: FloatArray, n_force: int, *, known: FloatArray, front: FloatArray, slow: FloatArray
+    residual: FloatArray, n_force: int, *, known: FloatArray, common: FloatArray, slow: FloatArray
 ) -> tuple[float, float, float]:
     """Discrepancy of the force [N] and the outline [m], and root mean square of the slow error [m].
 
@@ -34,25 +34,25 @@ def most_likely_discrepancies(
         How many entries are the force's.
     known
         Standard deviation of each entry by what is independent and known, shape [k].
-    front
-        Patterns of the front face's noise, a standard deviation each, shape [n, k].
+    common
+        Patterns of known errors in common, a standard deviation each, shape [n, k].
     slow
         Patterns of the slow error, of unit amplitude, shape [q, k].
     """
     square, weight = residual**2, np.ones(len(residual))
     force = shape = amplitude = 0.0
     own = known
-    for turn in range(ROUNDS if len(front) + len(slow) else 1):
+    for turn in range(ROUNDS if len(common) + len(slow) else 1):
         if turn:
-            common = np.concatenate([front, amplitude * slow])
-            left, variance = without_common(residual, common, own)
+            every = np.concatenate([common, amplitude * slow])
+            left, variance = without_common(residual, every, own)
             square, weight = left**2 + variance, own**-4
         excess = square - known**2
         force = _root_of_mean(excess[:n_force], weight[:n_force])
         shape = _root_of_mean(excess[n_force:], weight[n_force:])
         tau = np.where(np.arange(len(residual)) < n_force, force, shape)
         own = np.sqrt(known**2 + tau**2)
-        amplitude = most_likely_amplitude(residual, slow, Whitening(own, front))
+        amplitude = most_likely_amplitude(residual, slow, Whitening(own, common))
     return force, shape, amplitude
 
 

@@ -1,7 +1,7 @@
 """The parts of a result that follow from the optimum: estimates, routes, curves, comparison."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -196,7 +196,7 @@ def comparison(prediction: Prediction, observations: Observations) -> Comparison
         force_measured=bins.mean,
         force_sigma=bins.sigma,
         force_model=prediction.force_bins[0],
-        centre_line=observations.centre_line,
+        centre_line=replace(observations.centre_line, modes=None),
         Z_model=prediction.Z[0],
         inside=prediction.inside[0],
         recorded=observations.force,

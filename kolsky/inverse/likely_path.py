@@ -63,8 +63,8 @@ class PathModes:
 def likely_amplitudes(objective: Objective, residual: FloatArray) -> FloatArray:
     """Most likely amplitudes of the front face's patterns for a residual, shape [q].
 
-    a = (1 + M W M')^-1 M W r with the patterns M, standard normal beforehand, and the weights W of what is
-    independent in the residual r = data - prediction.
+    a = M C^-1 r with the patterns M, standard normal beforehand, and the covariance C of the residual
+    r = data - prediction, theirs included.
 
     Parameters
     ----------
@@ -73,10 +73,7 @@ def likely_amplitudes(objective: Objective, residual: FloatArray) -> FloatArray:
     residual
         Shape [k].
     """
-    modes = objective.front_noise
-    weight = objective.own_sigma**-2
-    inner = np.eye(len(modes)) + (modes * weight) @ modes.T
-    return np.asarray(np.linalg.solve(inner, modes @ (weight * residual)))
+    return np.asarray(objective.front_noise @ objective.whitening().precision(residual))
 
 
 def credible(amplitudes: FloatArray) -> bool:

@@ -2,12 +2,12 @@
 
 The data of a shot are one vector: the force's bin means, then the counted outline points. Its covariance is
 
-    C = diag(sigma^2 + tau^2 + PATTERN_ERROR^2 M^2) + M' M + s^2 S' S,
+    C = diag(sigma^2 + tau^2 + PATTERN_ERROR^2 M^2) + M' M + O' O + s^2 S' S,
 
 with the measured noise sigma, a discrepancy tau of each channel, estimated from the residual at the optimum,
-the patterns M in which the noise of the front face's motion moves all predictions together, and slow patterns
-S of an error s that many outline points have in common (`kolsky.inverse.common_errors`), on the refined mesh.
-Without tau a
+the patterns M in which the noise of the front face's motion moves all predictions together, the errors O that
+outline points are known to have in common (`CentreLine.modes`), and on the refined mesh slow patterns S of an
+error s that they turn out to have in common (`kolsky.inverse.common_errors`). Without tau a
 channel whose residual is dominated by what the model leaves out would be trusted as if only its noise were
 wrong. Without M tau would take the ringing that a noisy onset causes for a fault of the model, and weigh down
 the whole channel; with the patterns' variances alone, as if each entry had a draw of its own, the force would
@@ -90,9 +90,22 @@ class Objective:
         return np.pad(found, ((0, 0), (self.n_force, 0)))
 
     @cached_property
+    def outline_errors(self) -> FloatArray:
+        """Errors that outline points have in common, one standard deviation a mode, [n_modes, k]."""
+        modes = self.observations.centre_line.modes
+        if modes is None:
+            return np.zeros((0, len(self.data)))
+        return np.pad(modes[:, self.counted], ((0, 0), (self.n_force, 0)))
+
+    @cached_property
+    def known_common(self) -> FloatArray:
+        """What is known that data have in common: `front_noise`, then `outline_errors`, [n_modes, k]."""
+        return np.concatenate([self.front_noise, self.outline_errors])
+
+    @cached_property
     def common(self) -> FloatArray:
-        """Everything that many entries have in common, a standard deviation a row, shape [n_common, k]."""
-        return np.concatenate([self.front_noise, self.slow_discrepancy * self.slow_patterns])
+        """All that data have in common: what is known, then the slow error, shape [n_modes, k]."""
+        return np.concatenate([self.known_common, self.slow_discrepancy * self.slow_patterns])
 
     @cached_property
     def points_per_frame(self) -> float:
@@ -174,13 +187,13 @@ class Objective:
             vector - self.data,
             self.n_force,
             known=np.sqrt(self.noise**2 + self.pattern_variance),
-            front=self.front_noise,
+            common=self.known_common,
             slow=self.slow_patterns,
         )
         return replace(self, force_discrepancy=force, shape_discrepancy=shape, slow_discrepancy=slow)
 
     def unexplained(self, residual: FloatArray) -> FloatArray:
-        """A residual without its most likely part by what many entries have in common, shape [k].
+        """A residual without its most likely part by what the data have in common, shape [k].
 
         D (D + M' M)^-1 r with the variances D of noise and discrepancy and the common rows M, by Woodbury's
         identity: the matrix that is inverted has the size of those.
@@ -258,7 +271,7 @@ class Objective:
 
     def covariance(self, jacobian: FloatArray, vector: FloatArray, part: Part = "joint") -> FloatArray:
         """Covariance of the optimum from the residuals and the front face's noise, shape [d, d]."""
-        moves = self.gain(jacobian, part) @ self.front_noise.T
+        moves = self.gain(jacobian, part) @ self.known_common.T
         return np.asarray(self.residual_covariance(jacobian, vector, part) + moves @ moves.T)
 
     def residual_covariance(
@@ -281,7 +294,7 @@ class Objective:
         width = float(np.diff(self.observations.bins.edges).mean())
         block = ((self.times - self.times.min()) / width).astype(np.int64)
         best = correlated_in_blocks(score, block, best, known)
-        together = ((gain @ self.front_noise.T) ** 2).sum(axis=1)
+        together = ((gain @ self.known_common.T) ** 2).sum(axis=1)
         short = (self._variance_without_patterns(jacobian, part) - together) / np.diag(best)
         scale = np.sqrt(np.maximum(short, 1.0))
         return np.asarray(scale[:, None] * best * scale)

@@ -103,13 +103,7 @@ def observe(
             else "the outline has no point"
         )
     point = point[np.argsort(centre_line.time[point], kind="stable")]
-    line = CentreLine(
-        time=centre_line.time[point],
-        frame=centre_line.frame[point],
-        y=centre_line.y[point],
-        Z=centre_line.Z[point],
-        sigma=centre_line.sigma[point],
-    )
+    line = centre_line.select(point)
     _positive("Z", line.Z)
     _positive("sigma of Z", line.sigma)
     return Observations(force=inside, bins=bins, centre_line=line)

@@ -112,8 +112,8 @@ class Stack:
         rows = [np.zeros((0, len(sigma)))]
         start = 0
         for objective, end in zip(objectives, self.ends, strict=True):
-            rows.append(np.zeros((len(objective.front_noise), len(sigma))))
-            rows[-1][:, start:end] = objective.front_noise
+            rows.append(np.zeros((len(objective.common), len(sigma))))
+            rows[-1][:, start:end] = objective.common
             start = end
         for shared in (self.common, self.curve):
             if shared is not None:

@@ -82,8 +82,12 @@ class ChannelInfo:
 
 BINARY_LIMIT = 1_000_000_000
 """Largest binary file that is read [bytes]."""
-SAMPLES_LIMIT = 50_000_000
+SAMPLES_LIMIT = 20_000_000
 """Most samples of one channel that are read; a compressed file may promise more than fits in memory."""
+
+LARGEST_SAMPLE = 1e30
+"""Largest size of a sample that is read, in any unit: nothing that is measured is beyond it, and squares and
+products of such samples are finite."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from doe import Box
 from kolsky.bars.signals.transducers import ForceBins, force_between
 from kolsky.base.arrays import FloatArray
-from kolsky.base.records import CentreLine
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import SAME_TIME, Observations, Prediction
 from kolsky.inverse.optimum import Model, at_inner_face, search
@@ -97,12 +96,11 @@ def shorter(objective: Objective, model: Model, end: float) -> Data:
         raise ValueError(f"{n} bins of the force are left, {LEAST_BINS} are needed")
     if seen.has_shape and not (points & objective.counted).any():
         raise ValueError("no point of the outline is left")
-    parts = {name: getattr(line, name)[points] for name in CentreLine.__dataclass_fields__}
     left = np.concatenate([np.arange(objective.n_force) < n, points])
     kept = Observations(
         force=seen.force,
         bins=ForceBins(bins.edges[: n + 1], bins.mean[:n], bins.sigma[:n], bins.n[:n]),
-        centre_line=CentreLine(**parts),
+        centre_line=line.select(points),
         force_sigma_gain=seen.force_sigma_gain,
         front_noise=None if seen.front_noise is None else seen.front_noise[:, left],
         front_offset=None if seen.front_offset is None else seen.front_offset[left],

@@ -28,11 +28,13 @@ from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.paper_method import FAULTS as PAPER_METHOD
 from tests.mutants.prediction import FAULTS as PREDICTION
 from tests.mutants.rates import FAULTS as RATES
+from tests.mutants.readers import FAULTS as READERS
 from tests.mutants.refine import FAULTS as REFINE
 from tests.mutants.regions import FAULTS as REGIONS
 from tests.mutants.report import FAULTS as REPORT
 from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.several_parameters import FAULTS as SEVERAL
+from tests.mutants.shared_errors import FAULTS as SHARED_ERRORS
 from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.slow_compression import FAULTS as SLOW_COMPRESSION
 from tests.mutants.specimen import FAULTS as SPECIMEN
@@ -67,7 +69,9 @@ FAULTS: tuple[Fault, ...] = (
     *PREDICTION,
     *RATES,
     *SEVERAL,
+    *SHARED_ERRORS,
     *SHOT,
+    *READERS,
     *REFINE,
     *REGIONS,
     *REPORT,

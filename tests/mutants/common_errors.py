@@ -30,8 +30,8 @@ FAULTS = (
     Fault(
         name="the slow error not in the weights",
         file="kolsky/inverse/objective.py",
-        right="[self.front_noise, self.slow_discrepancy * self.slow_patterns]",
-        wrong="[self.front_noise, 0.0 * self.slow_patterns]",
+        right="[self.known_common, self.slow_discrepancy * self.slow_patterns]",
+        wrong="[self.known_common, 0.0 * self.slow_patterns]",
         tests=SLOW,
     ),
     Fault(
@@ -44,8 +44,8 @@ FAULTS = (
     Fault(
         name="amplitudes of a path without their prior",
         file="kolsky/inverse/likely_path.py",
-        right="inner = np.eye(len(modes)) + (modes * weight) @ modes.T",
-        wrong="inner = 1e-9 * np.eye(len(modes)) + (modes * weight) @ modes.T",
+        right="objective.whitening().precision(residual)",
+        wrong="(residual / objective.own_sigma**2)",
         tests=PATH,
     ),
     Fault(

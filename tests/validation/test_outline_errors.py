@@ -37,7 +37,9 @@ def test_points_have_an_error_in_common_that_their_scatter_does_not_tell(shared,
     if not folder.is_dir():
         pytest.skip(f"no {folder}")
     error = errors(folder)
-    print(f"{name}: {error.size} points, mean {1e6 * error.mean():+.2f} um, scatter {1e6 * error.std():.2f} um")
+    print(
+        f"{name}: {error.size} points, mean {1e6 * error.mean():+.2f} um, scatter {1e6 * error.std():.2f} um"
+    )
     # The scatter is what is declared; the mean of independent errors would be 0.08 um.
     assert error.std() == pytest.approx(NOISE, rel=0.1)
     assert error.mean() > 8.0 * NOISE / np.sqrt(error.size)

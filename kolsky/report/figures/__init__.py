@@ -18,6 +18,7 @@ from kolsky.report.figures import (
     rate_curves,
     rates,
     recordings,
+    relaxation,
     sensitivity,
     sheet,
     simulation,
@@ -49,6 +50,7 @@ __all__ = [
     "RATES",
     "RECORDINGS",
     "REGISTRY",
+    "RELAXATIONS",
     "REPEATS",
     "SCANS",
     "SENSITIVITY",
@@ -131,6 +133,7 @@ SWEEPS = by_name(sweep.FIGURES)
 BUDGETS = by_name(budget.FIGURES)
 """Error budget."""
 MODULI = by_name([rate_curves.MODULI])
+RELAXATIONS = by_name(relaxation.FIGURES)
 """Moduli of tests of every kind over their time scales."""
 
 SPECIMENS = by_name(specimen.FIGURES)
@@ -147,6 +150,7 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.bars.result.WavesResult": WAVES,
     "kolsky.inverse.result.Identification": REGISTRY,
     "kolsky.joint.records.JointResult": JOINT,
+    "kolsky.joint.slow_dynamics.SlowDynamics": RELAXATIONS,
     "kolsky.material.fits.compare.Comparison": MATERIALS,
     "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
     "kolsky.report.full_field_view.FullFieldView": FULL_FIELDS,
