@@ -32,6 +32,8 @@ FIRST_STEPS, MOST_STEPS = 4, 8
 AT_REST = 0.5
 """Length of the next step, in standard deviations, at which a search is at rest: the refined mesh's optimum
 is some ten of them away."""
+MOTIONS = 32
+"""Most other motions of the front face that its patterns are made of: some twenty of them count."""
 MOST_MOVES = 4
 """Most times that the front face's path is moved and its patterns are made anew."""
 STILL = 1.0
@@ -145,7 +147,8 @@ def follow_front(
     numerics, best
         The mesh, and its optimum under the path as it was fitted to the record.
     """
-    n, fitted, noise = stages.settings.replicates, stages.prepared.path, noise_of(stages.observations)
+    n = min(MOTIONS, stages.settings.replicates)
+    fitted, noise = stages.prepared.path, noise_of(stages.observations)
     deviations, first, shares = stages.front_deviations(n), best, np.zeros(n)
     for _ in range(MOST_MOVES):
         runs = stages.under_other_motions(best.x[None], n, numerics)[0]

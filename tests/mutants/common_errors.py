@@ -76,4 +76,18 @@ FAULTS = (
         wrong="return vectors",
         tests=PATH,
     ),
+    Fault(
+        name="a curve's run counted as a motion's",
+        file="kolsky/inverse/staged_runs.py",
+        right="curve=(rows > moved) & (rows <= moved + n)",
+        wrong="curve=(rows > moved + 1) & (rows <= moved + n)",
+        tests=("tests/unit/inverse/test_replicates.py",),
+    ),
+    Fault(
+        name="the patterns judged by what taught them",
+        file="kolsky/inverse/staged_runs.py",
+        right="flyer=(rows > 0) & (rows <= n)",
+        wrong="flyer=(rows > 0) & (rows <= moved)",
+        tests=("tests/unit/inverse/test_replicates.py",),
+    ),
 )
