@@ -21,9 +21,12 @@ from kolsky.base.arrays import FloatArray
 from kolsky.inverse.front_noise import SMALLEST_MODE
 from kolsky.inverse.objective import Objective
 
+FOLLOWED = 2.0
+"""Root mean square of the amplitudes, each standard normal beforehand, up to which the path is left: the
+patterns are linear enough for what they have to explain [-]."""
 CREDIBLE = 4.0
-"""Root mean square of the amplitudes, each standard normal beforehand, beyond which the path is left where
-its record puts it [-]: such a record is not noisy but wrong, and no path may hide that."""
+"""The same beyond which the path is left where its record puts it [-]: such a record is not noisy but wrong,
+and no path may hide that."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,11 @@ def likely_amplitudes(objective: Objective, residual: FloatArray) -> FloatArray:
     return np.asarray(objective.front_noise @ objective.whitening().precision(residual))
 
 
+def size(amplitudes: FloatArray) -> float:
+    """Root mean square of amplitudes [-]; 0 of none."""
+    return float(np.sqrt((amplitudes**2).mean())) if len(amplitudes) else 0.0
+
+
 def credible(amplitudes: FloatArray) -> bool:
     """True if there are amplitudes, and noise of the record may have brought them."""
-    return len(amplitudes) > 0 and float(np.sqrt((amplitudes**2).mean())) <= CREDIBLE
+    return 0.0 < size(amplitudes) <= CREDIBLE

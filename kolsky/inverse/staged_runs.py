@@ -79,6 +79,7 @@ class StagedRuns:
         self.prior = prior
         self.offsets: dict[tuple[int, int], FloatArray] = {}
         self.replicates: Replicates | None = None
+        self.front_moved = 0.0
         self.rng = np.random.default_rng(settings.seed)
         self.table = RunTable(box.names)
         self._coarse: list[tuple[FloatArray, Prediction]] = []
@@ -119,8 +120,12 @@ class StagedRuns:
         seen = replace(self.prepared.observations, front_noise=modes, front_offset=offset)
         self.prepared = replace(self.prepared, observations=seen)
 
-    def move_front(self, path: FlyerPath) -> None:
-        """Run everything under another path of the front face; earlier runs serve no surrogate then."""
+    def move_front(self, path: FlyerPath, moved: float) -> None:
+        """Run everything under another path of the front face; earlier runs serve no surrogate then.
+
+        `moved` is the root mean square of its modes' amplitudes, over the noise of the record.
+        """
+        self.front_moved = moved
         forward = replace(self.prepared.forward, paths=(path,))
         self.prepared = replace(self.prepared, forward=forward)
         self._coarse = []

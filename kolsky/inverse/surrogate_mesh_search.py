@@ -19,7 +19,7 @@ from doe.whitening import Whitening
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.front_noise import data_change, front_modes, learn_front_noise, noise_of
-from kolsky.inverse.likely_path import PathModes, credible, likely_amplitudes
+from kolsky.inverse.likely_path import FOLLOWED, PathModes, credible, likely_amplitudes, size
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.staged_runs import StagedRuns
@@ -136,7 +136,7 @@ def follow_front(
     """The optimum on a mesh with the front face's path where the data put it, and the patterns there.
 
     The patterns ring at the frequency of the point at which they are made: they are made anew until the
-    optimum stays.
+    optimum stays. Where they have little to explain the path stays, and they explain it.
 
     Parameters
     ----------
@@ -159,19 +159,20 @@ def follow_front(
             stages.know_front_noise(front_modes(change, noise), stages.observations.front_offset)
             break
         modes = PathModes.of(change, noise, deviations)
-        stages.know_front_noise(modes.patterns, shares @ change)
+        stages.know_front_noise(modes.patterns, shares @ change if shares.any() else None)
         weighed = replace(objective, observations=stages.observations)
         seen = weighed.vectors(runs)[0]
         vector = np.where(np.isnan(seen), weighed.data, seen)
         weighed = weighed.with_discrepancy(vector)
         amplitudes = likely_amplitudes(weighed, weighed.data - vector)
         if not credible(amplitudes):
-            stages.move_front(fitted)
+            stages.move_front(fitted, 0.0)
             stages.know_front_noise(modes.patterns)
             return first
-        shares = amplitudes @ modes.shares
-        stages.move_front(modes.moved(fitted, amplitudes))
-        stages.know_front_noise(modes.patterns, amplitudes @ modes.patterns)
+        if shares.any() or size(amplitudes) > FOLLOWED:
+            shares = amplitudes @ modes.shares
+            stages.move_front(modes.moved(fitted, amplitudes), size(amplitudes))
+            stages.know_front_noise(modes.patterns, amplitudes @ modes.patterns)
         before, weighed = best, replace(objective, observations=stages.observations)
         (best,) = least_squares_on(stages, weighed, numerics, best.x[None], MOST_STEPS)
         if (np.abs(best.x - before.x) <= STILL * best.sigma).all():

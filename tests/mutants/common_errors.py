@@ -63,6 +63,13 @@ FAULTS = (
         tests=PATH,
     ),
     Fault(
+        name="every path followed",
+        file="kolsky/inverse/surrogate_mesh_search.py",
+        right="size(amplitudes) > FOLLOWED",
+        wrong="size(amplitudes) > 0.0",
+        tests=PATH,
+    ),
+    Fault(
         name="a wrong record's path followed",
         file="kolsky/inverse/likely_path.py",
         right="<= CREDIBLE",

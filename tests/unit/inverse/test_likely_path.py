@@ -81,8 +81,8 @@ class Onset(MadeUp):
     def know_front_noise(self, modes: np.ndarray, offset: np.ndarray | None = None) -> None:
         self.observations = replace(self.observations, front_noise=modes, front_offset=offset)
 
-    def move_front(self, path: FlyerPath) -> None:
-        self.prepared.path = path
+    def move_front(self, path: FlyerPath, moved: float) -> None:
+        self.prepared.path, self.front_moved = path, moved
 
 
 def off_by(share: float) -> MeshOptimum:
@@ -99,9 +99,20 @@ def test_the_path_goes_where_the_data_put_it_and_the_frequency_with_it() -> None
     assert (np.abs(found.x - TRUTH) < 4.0 * found.sigma).all()
     # A prior of unit variance and a noise that is small beside the rings: what was planted, nearly.
     np.testing.assert_allclose(made.prepared.path.jerk, [4.0, -3.0], rtol=0.1)
+    # Two amplitudes whose replicates scatter by nearly one: 4 and 3 have a root mean square of 3.5.
+    assert made.front_moved == pytest.approx(12.5**0.5, rel=0.3)
     # Its prediction counts as if the path had not moved.
     seen = Objective(made.observations, np.empty(0, dtype=bool)).vectors(made.predicted(TRUTH[None], COARSE))
     np.testing.assert_allclose(seen[0], ringing(TRUTH)[0], atol=1.5)  # of rings of 15
+
+
+def test_a_path_that_is_off_by_little_is_left_to_the_patterns() -> None:
+    made: Any = Onset(np.array([1.5, -1.5]))
+    one = Objective(made.observations, np.empty(0, dtype=bool))
+    found = follow_front(made, one, made.settings.numerics, off_by(0.0))
+    assert made.prepared.path is REST
+    assert made.observations.front_offset is None
+    assert (np.abs(found.x - TRUTH) < 4.0 * found.sigma).all()
 
 
 def test_a_wrong_path_is_left_where_its_record_puts_it() -> None:
