@@ -11,6 +11,9 @@ from typing import Annotated
 import typer
 
 from kolsky.base.errors import InputError
+from kolsky.cli.actuator_control import actuator_control
+from kolsky.cli.actuator_invert import actuator_invert
+from kolsky.cli.actuator_simulate import actuator_simulate
 from kolsky.cli.budget import budget
 from kolsky.cli.calibrate import calibrate
 from kolsky.cli.channels import channels
@@ -68,6 +71,9 @@ COMMANDS: dict[str, Command] = {
     "specimen fit": specimen_fit,
     "specimen simulate": specimen_simulate,
     "specimen plan": specimen_plan,
+    "actuator simulate": actuator_simulate,
+    "actuator invert": actuator_invert,
+    "actuator control": actuator_control,
     "virtual new": virtual_new,
     "virtual make": virtual_make,
 }
@@ -76,6 +82,7 @@ COMMANDS: dict[str, Command] = {
 GROUPS = {
     "material": "The quasi-static tests of the material behind a shot.",
     "specimen": "Whole specimens in slow tests, simulated and fitted.",
+    "actuator": "Pressurised soft actuators: bend, pressure for a bend, closed loop.",
     "virtual": "The virtual laboratory: shots whose answer is known.",
 }
 """Groups of commands and their line of `--help`."""

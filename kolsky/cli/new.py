@@ -46,7 +46,9 @@ def new(
             at_fault, "exists already and is left as it is", cure="edit it, or choose another folder"
         ) from None
     except OSError as error:
-        raise InputError(folder, f"cannot be written ({error.strerror})") from None
+        raise InputError(
+            folder, f"cannot be written ({error.strerror})", cure="give another folder, or make it writable"
+        ) from None
     if bars:
         for table in found.recordings:
             typer.echo(f"  {table.path.name}: a recording")

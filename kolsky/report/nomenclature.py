@@ -80,6 +80,19 @@ def in_words(text: str, names: Iterable[str] = ()) -> str:
     return re.sub(rf"(?<![\w.\-\[])({called})(?![\w\]])", lambda found: short(found[1]), text)
 
 
+def constant_symbol(name: str) -> str:
+    """Return a constant of a law for figures: "poisson" is ν, C10 has its number as an index.
+
+    A name that is no letter with a number stands upright.
+    """
+    greek = {"poisson": r"\nu", "mu": r"\mu", "alpha": r"\alpha", "lam": r"\lambda"}
+    parts = re.fullmatch(r"(poisson|alpha|lam|mu|[A-Za-z])_?(\d*)", name)
+    if parts is None:
+        return f"${name_of(name).tex}$"
+    index = rf"_{{{parts[2]}}}" if parts[2] else ""
+    return f"${greek.get(parts[1], parts[1])}{index}$"
+
+
 def factor_of(parameter: str) -> float:
     """Return the displayed number over the SI number."""
     known = _known(parameter)

@@ -33,6 +33,13 @@ FAULTS = (
         tests=FOUND,
     ),
     Fault(
+        name="shared error: continued to lengths that were not compared",
+        file="dic/stereo/shared_error.py",
+        right="np.geomspace(distance.min(),",
+        wrong="np.geomspace(0.3 * distance.min(),",
+        tests=FOUND,
+    ),
+    Fault(
         name="patterns: what is left out is lost",
         file="kolsky/base/correlated.py",
         right="left = sigma**2 - float((found**2).sum(axis=0).mean())",

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from kolsky.report.figures import (
+    actuator,
     budget,
     calibration,
     checked,
@@ -34,6 +35,7 @@ from kolsky.report.figures import (
 from kolsky.report.figures.base import FigureKind
 
 __all__ = [
+    "ACTUATORS",
     "BARS_TOGETHER",
     "BAR_CHECKS",
     "BASELINES",
@@ -141,6 +143,9 @@ SPECIMENS = by_name(specimen.FIGURES)
 SHEETS = by_name(sheet.FIGURES)
 """Sheet fitted to a displacement field."""
 
+ACTUATORS = by_name(actuator.FIGURES)
+"""Pressurised actuator."""
+
 SHOWN_BY: dict[str, Registry] = {
     "dic.calibration.result.Calibration": CALIBRATION,
     "dic.chain.speckle_report.Speckles": SPECKLES,
@@ -153,6 +158,7 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.joint.slow_dynamics.SlowDynamics": RELAXATIONS,
     "kolsky.material.fits.compare.Comparison": MATERIALS,
     "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
+    "kolsky.report.actuator_view.ActuatorView": ACTUATORS,
     "kolsky.report.full_field_view.FullFieldView": FULL_FIELDS,
     "kolsky.report.specimen_view.SheetView": SHEETS,
     "kolsky.report.specimen_view.SpecimenView": SPECIMENS,
