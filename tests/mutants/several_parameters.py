@@ -174,7 +174,7 @@ FAULTS = (
     Fault(
         name="a common error left out of the spread",
         file="kolsky/inverse/objective.py",
-        right=" + (gain @ self.front_noise.T) @ self.front_noise)",
+        right=" + (gain @ self.common.T) @ self.common)",
         wrong=")",
         tests=("tests/unit/inverse/test_objective.py",),
     ),

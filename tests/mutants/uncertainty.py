@@ -105,7 +105,7 @@ FAULTS = (
     Fault(
         name="the front face's noise not in the weights",
         file="kolsky/inverse/objective.py",
-        right="np.sqrt(self.own_sigma**2 + (self.front_noise**2).sum(axis=0))",
+        right="np.sqrt(self.own_sigma**2 + (self.common**2).sum(axis=0))",
         wrong="np.sqrt(self.own_sigma**2)",
         tests=OBJECTIVE,
     ),
@@ -119,8 +119,8 @@ FAULTS = (
     Fault(
         name="Woodbury's identity without the one",
         file="kolsky/inverse/objective.py",
-        right="inner = np.eye(len(modes)) + np.einsum(",
-        wrong="inner = np.einsum(",
+        right="inner = np.eye(len(modes)) + product(",
+        wrong="inner = product(",
         tests=OBJECTIVE,
     ),
     Fault(
