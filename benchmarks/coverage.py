@@ -23,10 +23,12 @@ from benchmarks.coverage_problem import (
     BONDED,
     GROUP,
     SLIDING,
+    TRUTH_ELEMENTS,
+    TRUTH_GRADING,
     FloatArray,
     drawn,
     experiment,
-    extrapolated,
+    middle,
     simulate,
 )
 from kolsky.base.process import process_pool
@@ -56,8 +58,7 @@ class Study:
     refined_mesh: tuple[int, int] = USUAL.refined_mesh
     """The mesh of the answer."""
     truth_mesh: tuple[int, int] = (128, 172)
-    """The finer mesh of the truth, of F-bar elements; the other has half as many elements either way, and
-    the truth is what both extrapolate to, see `benchmarks.coverage_problem.extrapolated`."""
+    """Mesh of the truth, which is the middle of both elements on it, see `TRUTH_GRADING`."""
     device: str = "cpu"
     """Where the identifications are run; one process a core on a CPU, each with one thread."""
     truth_device: str = "cpu"
@@ -72,11 +73,6 @@ class Study:
                 f"the truth's mesh has {self.truth_mesh[0]} elements across the radius, must have 1.5 times "
                 f"the {finest} of the identification: a truth as coarse as the answer flatters it"
             )
-
-    @property
-    def coarser_truth_mesh(self) -> tuple[int, int]:
-        """The mesh that the truth is extrapolated from, beside `truth_mesh`."""
-        return self.truth_mesh[0] // 2, self.truth_mesh[1] // 2
 
     @property
     def interface(self) -> str:
@@ -152,17 +148,19 @@ def make_truths(study: Study, folder: Path, numbers: list[int]) -> str:
     """Simulate the exact force and outline of some experiments of one group, and keep them."""
     started = time.perf_counter()
     pairs = [drawn(number, study.seed) for number in numbers]
-    fine, coarse = (
+    one, other = (
         simulate(
             pairs[0][0],
             [truth for _, truth in pairs],
-            mesh=mesh,
+            mesh=study.truth_mesh,
             device=study.truth_device,
+            element=element,
             interface=study.interface,
+            grading=TRUTH_GRADING,
         )
-        for mesh in (study.truth_mesh, study.coarser_truth_mesh)
+        for element in TRUTH_ELEMENTS
     )
-    seen = [extrapolated(*both) for both in zip(fine, coarse, strict=True)]
+    seen = [middle(*both) for both in zip(one, other, strict=True)]
     for number, (force, Z) in zip(numbers, seen, strict=True):
         place = _truth_file(study, folder, number)
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -222,9 +220,7 @@ def main() -> None:
     parser.add_argument("--experiments", type=int, default=200)
     parser.add_argument("--mesh", default=_written(Study.mesh), help="of the surrogate")
     parser.add_argument("--refined-mesh", default=_written(Study.refined_mesh), help="of the answer")
-    parser.add_argument(
-        "--truth-mesh", default=_written(Study.truth_mesh), help="finer one of the truth, F-bar"
-    )
+    parser.add_argument("--truth-mesh", default=_written(Study.truth_mesh), help="of the truth")
     parser.add_argument("--device", default="cpu", help="of the identifications")
     parser.add_argument("--truth-device", help="of the truths; that of the identifications if left out")
     parser.add_argument("--workers", type=int, default=1, help="processes that identify")
@@ -287,7 +283,7 @@ def _answer_file(folder: Path, number: int) -> Path:
 def _truth_file(study: Study, folder: Path, number: int) -> Path:
     """Truths do not depend on what is free, but on the interface: studies beside each other share them."""
     mesh = _written(study.truth_mesh)
-    return folder.parent / f"truths-{study.seed}-{mesh}-{study.interface}" / f"truth-{number:04d}.npz"
+    return folder.parent / f"truths-{study.seed}-{mesh}-both-{study.interface}" / f"truth-{number:04d}.npz"
 
 
 def _mesh(text: str) -> tuple[int, int]:

@@ -1,9 +1,9 @@
 """Made-up experiments with a known answer, in groups of one specimen size and one camera speed.
 
-The truth is another element, F-bar, on a mesh at least 1.5 times finer than any that the identification uses
-and extrapolated from it, driven by the exact path of the flyer and the exact curve. All else differs from
-experiment to experiment: material curve, stiffness factor, Poisson's ratio, damping, friction, the flyer's
-speed, rise, shape and drag, and the noise of every instrument.
+The truth is the middle of both elements on a mesh at least 1.5 times finer than any that the identification
+uses, and finer still toward the faces' edges, driven by the exact path of the flyer and the exact curve. All
+else differs from experiment to experiment: material curve, stiffness factor, Poisson's ratio, damping,
+friction, the flyer's speed, rise, shape and drag, and the noise of every instrument.
 """
 
 from collections.abc import Sequence
@@ -37,10 +37,11 @@ FORCE_SIGMA, FLYER_SIGMA, OUTLINE_SIGMA, CURVE_SIGMA = 0.146, 1e-6, 4e-6, 0.002
 [m], a stress of the quasi-static curve over it [-]. Each experiment has its own share of it, see `NOISE`."""
 NOISE = (0.6, 1.6)
 """Range of an instrument's noise over that of open-01, drawn evenly in its logarithm [-]."""
-TRUTH_ORDER = 1.2
-"""Order at which the outline of F-bar elements converges: slow, for a bonded face's edge is a singularity.
-`benchmarks.mesh_order` prints 1.7 for seed 1 and 0.7 for twelve tests of seed 2, 1.2 for both together. (The
-force has converged on the coarser mesh.)"""
+TRUTH_ELEMENTS = ("fbar", "one_point")
+"""The truth is their middle: the outline of the one comes from above, that of the other from below."""
+TRUTH_GRADING = 5.0
+"""Largest over smallest element of the truth's mesh, twice that of the identification's: the edge of a bonded
+face is a singularity, which takes most of the elements' error (`python -m benchmarks.truth_meshes`)."""
 BONDED, SLIDING = "bonded", "coulomb"
 KNOTS = 4097
 """Knots of the flyer's exact path in the solver."""
@@ -219,6 +220,7 @@ def simulate(
     device: str,
     element: str = "fbar",
     interface: str = BONDED,
+    grading: float = 2.0,
 ) -> list[tuple[FloatArray, FloatArray]]:
     """Exact force at the samples [N] and radius at the points [m] of every experiment, in one batch.
 
@@ -230,7 +232,7 @@ def simulate(
     knots = np.linspace(0.0, setup.end, KNOTS)
     model = explicit.Model(
         mesh=explicit.cylinder(
-            0.5 * setup.diameter, setup.length, n_radial=mesh[0], n_axial=mesh[1], grading=2.0
+            0.5 * setup.diameter, setup.length, n_radial=mesh[0], n_axial=mesh[1], grading=grading
         ),
         density=setup.density,
         materials=tuple(marlow_from_curve(STRETCH, curve(truth)) for truth in truths),
@@ -271,12 +273,11 @@ def simulate(
     return found
 
 
-def extrapolated(
-    fine: tuple[FloatArray, FloatArray], coarse: tuple[FloatArray, FloatArray]
+def middle(
+    one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Force and radii on an infinitely fine mesh, by those on a mesh and on one of half as many elements."""
-    share = 1.0 / (2.0**TRUTH_ORDER - 1.0)
-    force, Z = (fine[i] + share * (fine[i] - coarse[i]) for i in range(2))
+    """Force and radii half way between those of two elements."""
+    force, Z = (0.5 * (one[i] + other[i]) for i in range(2))
     return force, Z
 
 

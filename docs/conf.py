@@ -8,6 +8,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "docs" / "_ext")]  # these sources, whatever version may be installed
+import module_pages  # noqa: E402  # in docs/_ext, which the line above names
+
 PICTURES = ROOT.parent / "shared" / "data" / "shots" / "open-01"  # 14 MB, not shipped
 
 project = "kolsky"
@@ -67,6 +69,7 @@ nitpick_ignore_regex = [
     # Names of ours for types: arrays, the panels of a figure, any kind of shot.
     ("py:class", r"FloatArray|NDArray|Panels|Kind|kolsky\.[a-z0-9_.]+\.(AnyShot|Model|T)"),
     ("py:class", r"kolsky\.shot\.schema\.fields\._physical\.<locals>\.validate"),  # what reads a quantity
+    ("py:.*", module_pages.without_page(module_pages.sources())),  # modules that have no page
     ("py:class", r"(explicit|doe|dic)(\.[a-z_]+)?\.[A-Z]\w*"),  # re-exported: documented where it is defined
 ]
 suppress_warnings = ["ref.python"]  # "shape" in a type is a word, not one of several attributes of that name

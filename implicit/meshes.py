@@ -126,6 +126,33 @@ def dog_bone(
     return replace(mesh, points=points)
 
 
+def grid(lines: Sequence[FloatArray], keep: BoolArray, *, kind: str = "hex27") -> Mesh:
+    """Cells of a rectangular grid with any spacing, of which some are left out.
+
+    Parameters
+    ----------
+    lines : sequence of array
+        Rising coordinates of the grid's lines along each axis [m], d of them.
+    keep : array of bool
+        Which cells there are, shape [n_0, .., n_(d-1)] with n_i one less than the number of lines.
+    kind : str
+        The element; a cell of simplices is six tetrahedra or two triangles.
+
+    Raises
+    ------
+    ValueError
+        If lines do not rise, or `keep` has another shape or no cell.
+    """
+    shape = tuple(len(line) - 1 for line in lines)
+    if keep.shape != shape or not keep.any():
+        raise ValueError(f"keep must have shape {shape} and a cell in it, got {keep.shape}")
+    if any((np.diff(line) <= 0.0).any() for line in lines):
+        raise ValueError("the lines of a grid must rise")
+    unit = _structured([float(n) for n in shape], shape, kind, keep)
+    placed = [np.interp(unit.points[:, i], np.arange(len(line)), line) for i, line in enumerate(lines)]
+    return replace(unit, points=np.stack(placed, axis=-1))
+
+
 def from_pyvista(grid: Any) -> Mesh:
     """The mesh of a PyVista (VTK) unstructured grid whose cells are all of one known kind.
 

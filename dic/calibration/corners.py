@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.arrays import FloatArray
+from dic.opencv import cv2
 from dic.robust import MAD
 
 BANDS, BAND = 16, 24

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +11,7 @@ from dic.arrays import FloatArray
 from dic.calibration.centroids import MARGIN, WINDOW, centroids
 from dic.calibration.corners import eight_bits, grey, noise_level, quantiles
 from dic.calibration.edges import LARGEST, fit_discs
+from dic.opencv import cv2
 
 LEAST_AREA = 12.0
 """Area of the smallest dot that is looked for [px²]: below, an outline has too few pixels for an ellipse."""

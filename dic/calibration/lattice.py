@@ -78,7 +78,7 @@ def homography_outliers(index: FloatArray, points: FloatArray, limit: float) -> 
     limit
         Allowed distance from the fitted homography, in steps of the lattice.
     """
-    import cv2
+    from dic.opencv import cv2
 
     if len(points) < 8:
         return np.zeros(len(points), dtype=bool)

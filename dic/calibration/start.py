@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
 from dic.calibration.bundle import Pose, Rig, Undetermined, residuals
 from dic.calibration.projection import View, seen
 from dic.camera import Camera
+from dic.opencv import cv2
 
 FOCAL = (0.3, 60.0)
 """Focal lengths that are tried, over the longer side of the picture."""

@@ -7,11 +7,11 @@ Rodrigues. Lengths have the unit of the calibration target, which the file does 
 
 import re
 
-import cv2
 import numpy as np
 
 from dic.camera import StereoRig
 from dic.camera_files.source import CameraFileError, Source, printed
+from dic.opencv import cv2
 
 INTRINSIC = ("fx", "fy", "fs", "cx", "cy", "k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
 POSE = ("tx", "ty", "tz", "rx", "ry", "rz")

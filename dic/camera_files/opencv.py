@@ -8,12 +8,12 @@ it (`length_unit`, in m), and also keep what others ignore: the pose of camera 0
 
 import re
 
-import cv2
 import numpy as np
 
 from dic.arrays import FloatArray
 from dic.camera import Camera, StereoRig
 from dic.camera_files.source import CameraFileError, Source
+from dic.opencv import cv2
 
 NAMES = {
     "M1": ("M1", "K1", "cameraMatrix1", "camera_matrix_1", "camera_matrix1", "camera_matrix_left"),

@@ -67,7 +67,7 @@ def noise_from_matches(
     """
     if not len(points):
         raise ValueError("no subset was matched, so the noise of the grey values is not known: declare it")
-    import cv2
+    from dic.opencv import cv2
 
     grey = np.asarray(picture, dtype=np.float64)
     size = (subset, subset)

@@ -262,7 +262,7 @@ def _page(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
 
 
 def _by_opencv(file: Path, index: int, data: bytes) -> tuple[NDArray[np.generic], int]:
-    import cv2
+    from dic.opencv import cv2
 
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH
     try:

@@ -63,7 +63,7 @@ def coverage_and_diameter(f: FloatArray, level: FloatArray, used: Mask, sigma: f
     The picture over its illumination `level` is cut at Otsu's threshold. An edge counts where the grey value
     goes from two standard deviations of the noise on one side to as far on the other.
     """
-    import cv2
+    from dic.opencv import cv2
 
     even = np.divide(f, level, out=np.zeros(f.shape), where=used & (level > 0.0))
     low, high = np.percentile(even[used], (0.1, 99.9))
@@ -98,7 +98,7 @@ def _changes(side: NDArray[np.int64], used: Mask) -> int:
 
 def illumination(f: FloatArray, used: Mask) -> FloatArray:
     """Illumination: Gaussian mean of the pixels that count, over a sixth of the field [grey]."""
-    import cv2
+    from dic.opencv import cv2
 
     width = max(float(np.sqrt(used.sum())) / 6.0, 8.0)
     step = max(int(width / 8.0), 1)  # smooth enough to be computed on coarser pixels

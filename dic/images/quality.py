@@ -148,7 +148,7 @@ def _sums(
     tuple
         The tables, shape [7, rows + 1, columns + 1], and the mean intensity gradient [grey/px].
     """
-    import cv2
+    from dic.opencv import cv2
 
     gx, gy = gradient(f)
     excess = noise_gain() * variance / averaged

@@ -262,7 +262,7 @@ def _segments(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> Iterator[
 
 
 def _by_opencv(path: Path, index: int, bits: int) -> NDArray[np.generic]:
-    import cv2
+    from dic.opencv import cv2
 
     try:
         found, pictures = cv2.imreadmulti(str(path), index, 1, flags=cv2.IMREAD_UNCHANGED)

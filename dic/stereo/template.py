@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.arrays import BoolArray, FloatArray
 from dic.correlation import warp as warps
+from dic.opencv import cv2
 
 Array = NDArray[np.floating[Any]]
 

@@ -4,12 +4,12 @@ import struct
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
 from dic.files import replacing
+from dic.opencv import cv2
 
 Stack = NDArray[np.uint16]
 """Grey values, shape [n_frames, rows, columns]."""

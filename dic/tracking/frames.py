@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.images.series import PictureError, Pictures
+from dic.opencv import cv2
 from dic.outcome import FrameOutcome
 
 Picture = NDArray[Any]

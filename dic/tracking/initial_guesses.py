@@ -1,11 +1,11 @@
 """Initial guesses of displacements: extrapolated from earlier frames, or searched for without any."""
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dic.arrays import FloatArray, IntArray
+from dic.opencv import cv2
 from dic.tracking.frames import Picture
 
 ORDERS = (0, 1, 2)

@@ -14,13 +14,13 @@ to half. The match itself scales both directions by ``1 + e``.
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.correlation import Match, Noise, PictureStack, correlate
 from dic.correlation.settings import Correlation
 from dic.correlation.warp import apply
+from dic.opencv import cv2
 from dic.tracking.frames import Picture
 from dic.tracking.references import References, Template, determinant, gradient, principal, relative
 

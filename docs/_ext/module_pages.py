@@ -1,15 +1,23 @@
-"""One page per module in `api/generated`, from the tree of sources; nothing is imported to write them.
+"""Pages of public modules in `api/generated`, from the tree of sources; nothing is imported to write them.
+
+Public are the packages, the modules that define what a package offers by name, and those that a page of the
+documentation refers to. Any other module is a line on the page of its package: two modules in three, whose
+pages were most of the build's time and nobody's reading.
 
 The pages are linked from their package's and stand in no `toctree`: a sidebar with every module on every page
 would be most of the build's time and of the site's size.
 """
 
 import ast
+import re
+from collections.abc import Container
 from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("kolsky", "explicit", "implicit", "doe", "dic")
+REFERENCE = re.compile(r"\{(?:py:\w+|doc)\}`(?:[^`<]*<)?[~!]?(?:/?api/generated/)?([\w.]+)>?`")
+"""A reference of a page to a name or a page of ours."""
 
 
 class Source(NamedTuple):
@@ -35,27 +43,70 @@ def inside(package: Source) -> list[Source]:
     return sorted(named)
 
 
-def page(module: Source) -> str:
-    """A page in reStructuredText: the way up, the docstrings, what is inside."""
+def sources() -> dict[str, Source]:
+    """Every module by its name."""
+    found: dict[str, Source] = {}
+    waiting = [Source(name, ROOT / name / "__init__.py") for name in PACKAGES]
+    while waiting:
+        module = waiting.pop()
+        found[module.name] = module
+        waiting += inside(module)
+    return found
+
+
+def public(modules: dict[str, Source], docs: Path = ROOT / "docs") -> set[str]:
+    """Names of the modules that have a page.
+
+    Parameters
+    ----------
+    modules
+        Every module by its name.
+    docs
+        Folder of the pages; what is built or generated in it is left out.
+    """
+    named = {name for name, module in modules.items() if module.file.name == "__init__.py"}
+    for package in PACKAGES:  # what they offer by name, imported for type checkers
+        for node in ast.walk(ast.parse(modules[package].file.read_text("utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module in modules:
+                named.add(node.module)
+    for text in docs.rglob("*.md"):
+        if "_build" in text.parts:
+            continue
+        for target in REFERENCE.findall(text.read_text("utf-8")):
+            parts = target.split(".")
+            while parts and ".".join(parts) not in modules:
+                parts.pop()
+            named.add(".".join(parts))
+    return named & set(modules)
+
+
+def without_page(modules: dict[str, Source], docs: Path = ROOT / "docs") -> str:
+    """A regular expression of the names in modules that have no page."""
+    names = sorted(set(modules) - public(modules, docs))
+    return rf"({'|'.join(re.escape(name) for name in names)})\.\w+(\.\w+)*"
+
+
+def page(module: Source, linked: Container[str]) -> str:
+    """A page in reStructuredText: the way up, the docstrings, what is inside, linked where it has a page."""
     parent = module.name.rpartition(".")[0]
     up = f"in :doc:`{parent}`" if parent else ":doc:`/api`"
     title = module.name.replace("_", r"\_")
     lines = [":orphan:", "", title, "=" * len(title), "", up, "", f".. automodule:: {module.name}", ""]
     for part in inside(module):
-        lines += [f":doc:`{part.name}`", f"   {part.summary}", ""]
+        shown = f":doc:`{part.name}`" if part.name in linked else f"``{part.name}``"
+        lines += [shown, f"   {part.summary}", ""]
     return "\n".join(lines)
 
 
 def write_pages(app) -> None:
-    """Write every page whose text has changed, and remove those of modules that are no more."""
+    """Write every page whose text has changed, and remove those of modules that have none any more."""
     folder = Path(app.srcdir) / "api" / "generated"
     folder.mkdir(parents=True, exist_ok=True)
     old = set(folder.iterdir())
-    waiting = [Source(name, ROOT / name / "__init__.py") for name in PACKAGES]
-    while waiting:
-        module = waiting.pop()
-        waiting += inside(module)
-        file, text = folder / f"{module.name}.rst", page(module)
+    modules = sources()
+    linked = public(modules)
+    for name in sorted(linked):
+        file, text = folder / f"{name}.rst", page(modules[name], linked)
         if file not in old or file.read_text("utf-8") != text:
             file.write_text(text, "utf-8")
         old.discard(file)

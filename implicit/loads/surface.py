@@ -37,9 +37,9 @@ def faces_on(mesh: Mesh, where: str, gauss: int | None = None) -> list[Faces]:
     found, keys = [], []
     for face in element.faces:
         nodes = mesh.cells[:, element.nodes_on(face)]
-        keys.append(np.sort(nodes, axis=1)[:, : element.dimension])
+        keys.append(np.sort(nodes, axis=1))
         found.append(np.flatnonzero(member[nodes].all(axis=1)))
-    # a face of two cells is inside; its lowest points name it
+    # a face of two cells is inside; all its points name it: faces that meet in an edge share its points
     _, inverse, counts = np.unique(np.concatenate(keys), axis=0, return_inverse=True, return_counts=True)
     outer = (counts[inverse.ravel()] == 1).reshape(len(element.faces), len(mesh.cells))
     result = []

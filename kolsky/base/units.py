@@ -24,6 +24,7 @@ DIMENSIONS = {
     "m/N": ("a compliance", "0.2 um/N"),
     "N/m": ("a stiffness", "5e8 N/m"),
     "Pa/m": ("a stress per length", "1e13 Pa/m"),
+    "1/Pa": ("a compressibility", "1.15 1/MPa"),
     "rad": ("an angle", "0.2 deg"),
     "V/s": ("a drift", "0.5 V/s"),
     "1": ("a plain ratio", "0.2 %"),

@@ -76,6 +76,21 @@ GROUPS = {
 }
 """Groups of commands and their line of `--help`."""
 
+EXTRAS = {
+    "cv2": "pictures",
+    "pyvista": "scene",
+    "imageio": "film",
+    "imageio_ffmpeg": "film",
+    "pandas": "notebook",
+    "xarray": "notebook",
+    "emcee": "bayes",
+    "distributed": "cluster",
+    "nptdms": "tdms",
+    "RigolWFM": "scopes",
+    "pyamg": "amg",
+    "pypardiso": "pardiso",
+}
+"""Extra of this package by the module that it brings."""
 FORMER_NAMES: dict[str, str] = {"material baseline": "material reference-curve"}
 """Words that commands had once: they still work, and `--help` does not show them."""
 
@@ -131,11 +146,17 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
 
 @contextmanager
 def refusing_bad_input() -> Iterator[None]:
-    """Turn an `InputError` into its lines on stderr and exit code 2."""
+    """Turn an `InputError`, and an extra that is not installed, into lines on stderr and exit code 2."""
     try:
         yield
     except InputError as error:
         typer.echo(str(error), err=True)
+        raise typer.Exit(2) from None
+    except ModuleNotFoundError as error:
+        extra = EXTRAS.get((error.name or "").partition(".")[0])
+        if extra is None:
+            raise
+        typer.echo(f"this needs the package {error.name}: pip install 'kolsky[{extra}]'", err=True)
         raise typer.Exit(2) from None
 
 

@@ -33,6 +33,7 @@ def film(
     Needs the results of `kolsky identify`; writes into their folder film.
     """
     started = perf_counter()
+    from kolsky.report.scene.drawing import CannotRender, require_pyvista
     from kolsky.report.scene.fields import FIELDS
     from kolsky.report.scene.film import FILMS, writer_for
 
@@ -40,6 +41,11 @@ def film(
     wanted = texts.listed(formats)
     for name in wanted:
         texts.one_of("--format", name, (*FILMS, STILLS, SERIES))
+        if name != SERIES:
+            try:
+                require_pyvista()
+            except CannotRender as error:
+                raise InputError(texts.COMMAND_LINE, f"--format {name}: {error}") from None
         if name in FILMS:
             try:
                 writer_for(name)
@@ -52,7 +58,6 @@ def film(
     from kolsky.base.files import filling
     from kolsky.report.paraview import write_vtu
     from kolsky.report.result_folder import RESULT_FILE
-    from kolsky.report.scene.drawing import CannotRender
     from kolsky.report.scene.fields import solid_of
     from kolsky.report.scene.film import write_film, write_stills
     from kolsky.report.scene.scene_data import scene_of

@@ -15,19 +15,19 @@ REQUIRED = (
     "numpy",
     "scipy",
     "h5py",
-    "opencv-python-headless",
     "matplotlib",
-    "pyvista",
     "pydantic",
     "pint",
 )
 """Distributions that commands need."""
 EXTRAS = {
+    "opencv-python-headless": ("pictures", "shots measured from their pictures"),
     "RigolWFM": ("scopes", "binary files of oscilloscopes"),
     "npTDMS": ("tdms", "files of National Instruments"),
     "distributed": ("cluster", "sweeps over many hosts"),
     "emcee": ("bayes", "posterior by Markov chains"),
     "pandas": ("notebook", "tables of results"),
+    "pyvista": ("scene", "pictures of the deforming specimen"),
     "imageio-ffmpeg": ("film", "films of the deforming specimen"),
 }
 """Distributions that some commands need: extra of this package, and what for."""
@@ -38,7 +38,7 @@ TWINS = {
         "opencv-contrib-python",
     )
 }
-"""Distributions that have the same modules as a required one."""
+"""Distributions that have the same modules as another."""
 LEAST_SPACE = 1e9
 """Free space below which a long study may not end [bytes]."""
 
@@ -119,7 +119,7 @@ def examine(folder: Path) -> Installation:
         problems.append(f"{folder.resolve()} has {free / 1e6:.0f} MB left: make room, or give --out FOLDER")
     return Installation(
         versions=versions,
-        extras={name: _version(name) for name in EXTRAS},
+        extras={name: _version(name, *TWINS.get(name, ())) for name in EXTRAS},
         devices=devices,
         cores=len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
         cache=cache,

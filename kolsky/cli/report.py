@@ -17,12 +17,10 @@ def report(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: AsJs
     from kolsky.cli.inputs import load, usable
     from kolsky.cli.terminal import print_result, since
     from kolsky.report.result_folder import PAGE, read_identify_results, write_identify_page
-    from kolsky.report.scene import stills
     from kolsky.shot.recorded import recorded
 
     loaded, folder = load(shot, out)
     found = read_identify_results(folder, loaded)
-    stills.start_stills(found)  # rendered while the recordings are read
     with usable(loaded):
         recordings = recorded(loaded, folder)
     with filling(folder) as partial:

@@ -49,13 +49,8 @@ def read_gmsh(path: Path) -> GmshMesh:
         kinds of them.
     """
     raw = read_bytes(path, limit=SIZE_LIMIT)
-    blocks = _blocks(path, decode(path, raw).splitlines())
-    if not blocks.get("MeshFormat", [""])[0].startswith("2."):
-        raise InputError(path, "is no Gmsh mesh of format 2", cure=CURE)
-    names = {}
-    for line in blocks.get("PhysicalNames", ["0"])[1:]:
-        dimension, number, name = line.split(maxsplit=2)
-        names[int(dimension), int(number)] = name.strip('"')
+    blocks = blocks_of(path, decode(path, raw).splitlines())
+    names = names_of(path, blocks)
     try:
         rows = np.array([line.split() for line in blocks["Nodes"][1:]], dtype=np.float64)
         elements = [[int(word) for word in line.split()] for line in blocks["Elements"][1:]]
@@ -73,14 +68,14 @@ def read_gmsh(path: Path) -> GmshMesh:
     cells, cell_groups = _numbered(surfaces, place, 2, names)
     point_groups = {}
     curves = [row for row in elements if row[1] in CURVES]
-    for group in {_group(row) for row in curves}:
+    for group in {group_of(row) for row in curves}:
         named = names.get((1, group), str(group))
-        found = {place[n] for row in curves if _group(row) == group for n in row[3 + row[2] :]}
+        found = {place[n] for row in curves if group_of(row) == group for n in row[3 + row[2] :]}
         point_groups[named] = np.array(sorted(found), dtype=np.int64)
     return GmshMesh(rows[:, 1:3], cells, point_groups, cell_groups, hashlib.sha256(raw).hexdigest())
 
 
-def _blocks(path: Path, lines: list[str]) -> dict[str, list[str]]:
+def blocks_of(path: Path, lines: list[str]) -> dict[str, list[str]]:
     """The lines of each block by its name."""
     blocks: dict[str, list[str]] = {}
     name = ""
@@ -98,7 +93,18 @@ def _blocks(path: Path, lines: list[str]) -> dict[str, list[str]]:
     return blocks
 
 
-def _group(row: list[int]) -> int:
+def names_of(path: Path, blocks: dict[str, list[str]]) -> dict[tuple[int, int], str]:
+    """Names of the physical groups by dimension and number; an `InputError` if it is another format."""
+    if not blocks.get("MeshFormat", [""])[0].startswith("2."):
+        raise InputError(path, "is no Gmsh mesh of format 2", cure=CURE)
+    names = {}
+    for line in blocks.get("PhysicalNames", ["0"])[1:]:
+        dimension, number, name = line.split(maxsplit=2)
+        names[int(dimension), int(number)] = name.strip('"')
+    return names
+
+
+def group_of(row: list[int]) -> int:
     """Physical group of an element; 0 if it is in none."""
     return row[3] if row[2] else 0
 
@@ -107,7 +113,7 @@ def _numbered(
     rows: list[list[int]], place: dict[int, int], dimension: int, names: dict[tuple[int, int], str]
 ) -> tuple[IntArray, dict[str, IntArray]]:
     cells = np.array([[place[n] for n in row[3 + row[2] :]] for row in rows], dtype=np.int64)
-    groups = np.array([_group(row) for row in rows])
+    groups = np.array([group_of(row) for row in rows])
     found = {
         names.get((dimension, int(group)), str(group)): np.flatnonzero(groups == group)
         for group in np.unique(groups)

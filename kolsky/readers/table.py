@@ -1,4 +1,4 @@
-"""Strict reading of a table of declared columns: nothing is found, guessed or left out."""
+"""Strict reading of a table of declared columns: no number is guessed or left out."""
 
 import csv
 import hashlib
@@ -12,12 +12,10 @@ from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Layout
 from kolsky.readers.dialect import Dialect, stated
+from kolsky.readers.found_layout import PLAIN, found_layout
 from kolsky.readers.header import uncommented
 from kolsky.readers.sheet import Sheet
 from kolsky.readers.text import SIZE_LIMIT, decode, decode_text, read_bytes
-
-PLAIN = Layout(delimiter="comma", decimal=".", header_line=1)
-"""Text as it is read where no layout says otherwise: UTF-8, one line of column names, then data."""
 
 
 @dataclass(frozen=True)
@@ -172,7 +170,7 @@ class Table:
 
 
 def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LIMIT) -> Table:
-    """Read a table of text: by default UTF-8 with commas, decimal points and one header line.
+    """Read a table of text: UTF-8 with commas, points and one header line, or as is declared or found.
 
     Parameters
     ----------
@@ -180,7 +178,8 @@ def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LI
         The file.
     layout
         Encoding, delimiter, decimal sign, sign of commented header lines, header and first line, where they
-        are others; what it leaves out is as without it.
+        are others; what it leaves out is UTF-8, a comma, a point, the first line and the line after it. None:
+        what is plainly another layout is found, see `kolsky.readers.found_layout`.
     limit
         Largest size that is read [bytes].
 
@@ -190,8 +189,8 @@ def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LI
         If the file cannot be read (see `kolsky.readers.text`), has no data, or a line that is empty or has
         another number of fields than the header; or if the layout is impossible or does not fit.
     """
-    layout = layout or PLAIN
     data = read_bytes(path, limit=limit)
+    layout = layout or found_layout(path, data)
     text = decode(path, data) if layout.encoding is None else decode_text(path, data, layout.encoding)[0]
     lines = _lines(path, text)
     dialect = _dialect(path, layout)
@@ -212,6 +211,8 @@ def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LI
         names = _names(uncommented(heading, layout.comment) if layout.comment else heading, dialect.delimiter)
     else:
         names = tuple(str(i + 1) for i in range(len(dialect.split(rows[0]))))
+    if layout is PLAIN and len(names) == 1:
+        _check_delimiter(path, lines)
     dialect = Dialect(
         dialect.delimiter, dialect.decimal, len(names), tuple(range(len(names))), quoted=dialect.quoted
     )
@@ -237,6 +238,18 @@ def _lines(path: Path, text: str) -> list[str]:
             cure="end lines with a line feed (Unix) or with both (Windows)",
         )
     return lines
+
+
+def _check_delimiter(path: Path, lines: list[str]) -> None:
+    """One column, of which every line has semicolons or tabs, is several: they hold something but numbers."""
+    for name, character in (("semicolons", ";"), ("tabs", "\t")):
+        if all(character in line for line in lines[:9]):
+            raise InputError(
+                path,
+                f"most fields between its {name} are no plain numbers: '{lines[-1][:60]}'",
+                line=len(lines),
+                cure="export numbers without units and without signs between thousands, or declare a layout",
+            )
 
 
 def _dialect(path: Path, layout: Layout) -> Dialect:

@@ -1,18 +1,14 @@
 """Simulated meshes (VTU) and measured surfaces (VTP) as series of files for ParaView."""
 
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.files import replacing
 from dic.full_field.result import FullField
 from dic.result import Body
 from explicit import Response
-
-VTK_QUAD = 9
-VTK_TRIANGLE = 5
+from kolsky.report.vtk_files import QUAD, TRIANGLE, write_grid, write_series, write_surface
 
 
 def write_vtu(
@@ -58,30 +54,20 @@ def write_vtu(
             f"quads must have shape [n_elements, 4] and entries in [0, {nodes.shape[1] - 1}], "
             f"got shape {quads.shape} and entries in [{quads.min()}, {quads.max()}]"
         )
-    import pyvista  # heavy
-
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    cells = np.column_stack([np.full(len(quads), 4), quads]).ravel()
-    kinds = np.full(len(quads), VTK_QUAD, dtype=np.uint8)
-    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
-    series = ElementTree.SubElement(root, "Collection")
-    written = []
+    written, times = [], []
     for k in range(0, len(response.surface_times), every):
         if not np.isfinite(nodes[k]).all():
             break
-        grid = pyvista.UnstructuredGrid(cells, kinds, _in_space(nodes[k]))
-        grid.point_data["displacement [m]"] = _in_space(nodes[k] - nodes[0])
         path = folder / f"mesh_{k:05d}.vtu"
-        with replacing(path) as partial:
-            grid.save(partial)
-        ElementTree.SubElement(
-            series, "DataSet", timestep=repr(float(response.surface_times[k])), part="0", file=path.name
+        write_grid(
+            path, _in_space(nodes[k]), quads, QUAD, {"displacement [m]": _in_space(nodes[k] - nodes[0])}
         )
         written.append(path)
+        times.append(response.surface_times[k])
     listing = folder / "mesh.pvd"
-    with replacing(listing) as partial:
-        ElementTree.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
+    write_series(listing, times, written)
     return [*written, listing]
 
 
@@ -108,38 +94,27 @@ def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
         sigma [m], the epipolar distance and the standard deviation of a match [px], the correlation and the
         point's number.
     """
-    import pyvista  # heavy
-
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     surface, triangles = body.surface, grid_triangles(body.cell)
-    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
-    series = ElementTree.SubElement(root, "Collection")
     written = []
     for frame in range(surface.n_frames):
         valid = surface.valid[frame]
         number = np.cumsum(valid) - 1
         kept = triangles[valid[triangles].all(axis=1)]
-        faces = np.column_stack([np.full(len(kept), 3), number[kept]]).ravel()
-        mesh = pyvista.PolyData()
-        if valid.any():
-            mesh = pyvista.PolyData(surface.position[frame, valid], faces=faces if len(kept) else None)
-            mesh.point_data["displacement [m]"] = surface.u[frame, valid]
-            mesh.point_data["sigma [m]"] = surface.sigma[frame, valid]
-            mesh.point_data["epipolar distance [px]"] = body.epipolar[frame, valid]
-            mesh.point_data["sigma of the match [px]"] = np.fmax(*(s[frame, valid] for s in body.match_sigma))
-            mesh.point_data["correlation"] = np.fmin(*(z[frame, valid] for z in body.zncc))
-            mesh.point_data["point"] = np.flatnonzero(valid)
+        fields = {
+            "displacement [m]": surface.u[frame, valid],
+            "sigma [m]": surface.sigma[frame, valid],
+            "epipolar distance [px]": body.epipolar[frame, valid],
+            "sigma of the match [px]": np.fmax(*(s[frame, valid] for s in body.match_sigma)),
+            "correlation": np.fmin(*(z[frame, valid] for z in body.zncc)),
+            "point": np.flatnonzero(valid),
+        }
         path = folder / f"{name}_{frame:05d}.vtp"
-        with replacing(path) as partial:
-            mesh.save(partial)
-        ElementTree.SubElement(
-            series, "DataSet", timestep=repr(float(surface.t[frame])), part="0", file=path.name
-        )
+        write_surface(path, surface.position[frame, valid], number[kept], fields)
         written.append(path)
     listing = folder / f"{name}.pvd"
-    with replacing(listing) as partial:
-        ElementTree.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
+    write_series(listing, list(surface.t), written)
     return [*written, listing]
 
 
@@ -160,38 +135,28 @@ def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
         data are displacement and sigma in that unit, the strains xx, yy, xy (NaN where there is none), the
         lowest correlation and the point's number.
     """
-    import pyvista  # heavy
-
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     surface, triangles = result.surface, grid_triangles(result.cell)
     if result.kind == "plane":  # y runs down there: keep the normals toward the camera
         triangles = triangles[:, ::-1]
-    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
-    series = ElementTree.SubElement(root, "Collection")
     written = []
     for frame in range(surface.n_frames):
         valid = surface.valid[frame]
         number = np.cumsum(valid) - 1
         kept = number[triangles[valid[triangles].all(axis=1)]]
-        cells = np.column_stack([np.full(len(kept), 3), kept]).ravel()
-        kinds = np.full(len(kept), VTK_TRIANGLE, dtype=np.uint8)
-        grid = pyvista.UnstructuredGrid(cells, kinds, surface.position[frame, valid])
-        grid.point_data[f"displacement [{result.unit}]"] = surface.u[frame, valid]
-        grid.point_data[f"sigma [{result.unit}]"] = surface.sigma[frame, valid]
-        grid.point_data["strain xx, yy, xy"] = result.strain.value[frame, valid]
-        grid.point_data["correlation"] = result.zncc[:, frame, valid].min(axis=0)
-        grid.point_data["point"] = np.flatnonzero(valid)
+        fields = {
+            f"displacement [{result.unit}]": surface.u[frame, valid],
+            f"sigma [{result.unit}]": surface.sigma[frame, valid],
+            "strain xx, yy, xy": result.strain.value[frame, valid],
+            "correlation": result.zncc[:, frame, valid].min(axis=0),
+            "point": np.flatnonzero(valid),
+        }
         path = folder / f"field_{frame:05d}.vtu"
-        with replacing(path) as partial:
-            grid.save(partial)
-        ElementTree.SubElement(
-            series, "DataSet", timestep=repr(float(surface.t[frame])), part="0", file=path.name
-        )
+        write_grid(path, surface.position[frame, valid], kept, TRIANGLE, fields)
         written.append(path)
     listing = folder / "field.pvd"
-    with replacing(listing) as partial:
-        ElementTree.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
+    write_series(listing, list(surface.t), written)
     return [*written, listing]
 
 

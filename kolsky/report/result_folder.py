@@ -105,9 +105,6 @@ def write_identify_page(
     processes
         Processes that draw, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
     """
-    from kolsky.report.scene import stills
-
-    stills.start_stills(found)  # rendered meanwhile; a rendering that runs already is kept
     from kolsky.report.pages.identification import write_report
 
     write_report(folder / PAGE, found, recordings, processes=processes)

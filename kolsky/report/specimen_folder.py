@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from dic.files import replacing
 from implicit.solution import Solution
 from kolsky.base.arrays import FloatArray
 from kolsky.base.files import filling
 from kolsky.report.figures_alone import save_figures_alone
 from kolsky.report.specimen_view import SheetView, SpecimenView
+from kolsky.report.vtk_files import write_grid
 from kolsky.specimen import output
 from kolsky.specimen.studies import StudyRow
 
@@ -94,20 +94,15 @@ def write_solution_vtu(
 ) -> None:
     """Write the last equilibrium of a solution for ParaView: displacement, nodal forces and further
     fields."""
-    import pyvista  # heavy
-
     mesh, last = solution.model.mesh, solution.reached - 1
-    k = mesh.cells.shape[1]
-    cells = np.column_stack([np.full(len(mesh.cells), k), mesh.cells]).ravel()
-    kinds = np.full(len(mesh.cells), mesh.element.vtk, dtype=np.uint8)
-    grid = pyvista.UnstructuredGrid(cells, kinds, _wide(mesh.points))
-    grid.point_data["displacement (m)"] = _wide(solution.displacements[last])
-    grid.point_data["internal force (N)"] = _wide(solution.forces[last])
-    for name, values in (fields or {}).items():
-        grid.point_data[name] = _wide(values)
+    named = {
+        "displacement (m)": solution.displacements[last],
+        "internal force (N)": solution.forces[last],
+        **(fields or {}),
+    }
     path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as partial:
-        grid.save(partial)
+    wide = {name: _wide(values) for name, values in named.items()}
+    write_grid(path, _wide(mesh.points), mesh.cells, mesh.element.vtk, wide)
 
 
 def _wide(values: FloatArray) -> FloatArray:

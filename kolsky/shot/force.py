@@ -12,6 +12,7 @@ from kolsky.base.errors import InputError
 from kolsky.base.records import FlyerMotion, Recording
 from kolsky.base.units import in_us
 from kolsky.readers.recordings import read_recordings, read_scope
+from kolsky.readers.table import read_table
 from kolsky.shot.records import ForceChannel
 from kolsky.shot.schema.measured import ForceSection
 from kolsky.shot.schema.reading import ShotToml
@@ -52,7 +53,7 @@ def force_channel(folder: Path, rest: float, toml: ShotToml) -> ForceChannel:
 def force_recording(path: Path, section: ForceSection) -> Recording:
     """Read the channel that `section` names, in volts.
 
-    Without a layout a file is comma-separated text with one header line, and its time column is taken as it
+    Without a layout a file is a table as `kolsky.readers.table` reads it, and its time column is taken as it
     is.
 
     Raises
@@ -91,7 +92,7 @@ def check_range(scope: Recording, toml: ShotToml) -> None:
             scope.path,
             f"column '{scope.channel}' is clipped: {scope.value[row]:.6g} V in the first of {clipped.size}"
             f" samples at or beyond full scale (force.full_scale = {force.full_scale:g} V)",
-            line=row + 2 if force.layout is None else None,
+            line=row + read_table(scope.path).first_line if force.layout is None else None,
             cure="a clipped force is lost; repeat the test at a coarser range, or correct force.full_scale",
         )
 

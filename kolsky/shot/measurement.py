@@ -233,7 +233,7 @@ def mask_of(measurement: Measurement) -> NDArray[np.bool_]:
     except ValueError as error:
         raise toml.error("dic.region", f"does not fit the pictures: {error}") from None
     if section.mask is not None:
-        import cv2
+        from dic.opencv import cv2
 
         path = toml.path.parent / section.mask
         try:

@@ -7,6 +7,7 @@ import numpy as np
 
 from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.records import CentreLine, FlyerMotion
+from kolsky.readers.found_layout import layout_in_words
 from kolsky.shot.bar_check import CheckedBars, bar_rows, undeclared
 from kolsky.shot.picture_set import CAMERAS, readable
 from kolsky.shot.records import PicturedShot, Shot, ShotBase
@@ -15,6 +16,8 @@ from kolsky.shot.schema.uncertainty import IDENTIFIED, REDUCED, UNITS
 
 EXACT = "not declared: taken as exact"
 """Value of an uncertainty that [uncertainty] does not hold."""
+TABLES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn")
+"""Endings of files that may be tables of text."""
 _WRITTEN = {"1": ("um/m", 1e6), "m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
 
 
@@ -77,6 +80,7 @@ def summarise(shot: ShotBase | CheckedBars) -> list[Entry]:
         Entry("model", "mass_damping", shot.model.mass_damping, "1/s"),
         *(_window(shot) if isinstance(shot, Shot) else []),
         *_uncertainty(shot),
+        *_layouts(shot),
     ]
 
 
@@ -88,6 +92,12 @@ def as_json(shot: ShotBase | CheckedBars) -> dict[str, Any]:
         section[entry.name.replace(" ", "_")] = {"value": entry.value, "unit": entry.unit or None}
     result["inputs"] = dict(shot.inputs)
     return result
+
+
+def _layouts(shot: ShotBase) -> list[Entry]:
+    """How the tables that are no plain text are read."""
+    found = ((name, layout_in_words(shot.folder / name)) for name in shot.inputs if name.endswith(TABLES))
+    return [Entry("layouts", name, words) for name, words in found if words]
 
 
 def _inside(shot: Shot, time: np.ndarray) -> np.ndarray:

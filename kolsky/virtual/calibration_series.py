@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from dic.calibration.targets import Charuco, Chessboard, FiducialDots
+from dic.opencv import cv2
 from dic.synthetic.boards import board_texture
 from dic.synthetic.lens import Lens
 from dic.synthetic.picture_files import write_numbered

@@ -1,22 +1,26 @@
 """Studies of Schumacher and others (2020) on made data, a table each.
 
-Usage: python runs/specimen/paper.py OUT [--full] [--device cpu] [STUDY ...]
+Usage: python runs/specimen/paper.py OUT [--full] [--device cpu] [--workers N] [STUDY ...]
 
 Their measurements are not public, so every study plants constants, simulates the tests with noise of 10 mN
-and 10 um, and asks what comes back. STUDY is any of fits, middle, resolution, noise, starts, pulls, bonds;
-all
-if none is named. A table that is there is not made again. Without --full the meshes are a quarter as fine
-and of linear hexahedra; with it they are those of the paper: 40 x 10 x 2 and a cross of 1400 quadratic
-hexahedra.
+and 10 um, and asks what comes back. STUDY is any of fits, middle, strains, resolution, noise, starts, pulls,
+bonds; all if none is named. A table that is there is not made again; seconds.csv has the time of each that
+was made. Without --full the meshes are a quarter as fine and of linear hexahedra; with it they are those of
+the paper: 40 x 10 x 2 and a cross of 1400 quadratic hexahedra.
 """
 
 import argparse
+import time
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 
 from kolsky.base.files import write_table
+from kolsky.report.specimen_view import BINS, strain_share
 from kolsky.specimen.constants import Constants
 from kolsky.specimen.equilibrium import SpecimenModel
 from kolsky.specimen.errors_in_variables import Samples
@@ -48,7 +52,7 @@ class Laboratory:
         n = 40 if full else 20
         length = (0.1, 0.025, 0.005)
         bond = 0.01
-        self.device = device
+        self.device, self.full = device, full
         self.strip = Shape("strip", length, bond, (n, n // 4 if full else 4, 2), element=element)
         arms = (n, n, 2) if full else (40, 40, 2)
         self.cross = Shape("cross", (0.1, 0.1, 0.005), bond, arms, arm=0.025, element=element)
@@ -127,9 +131,27 @@ def study_middle(lab: Laboratory, path: Path) -> None:
     write_table(path, columns)
 
 
-def study_resolution(lab: Laboratory, path: Path, factors: tuple[int, ...]) -> None:
+def study_strains(lab: Laboratory, path: Path) -> None:
+    """Shares of the volume over the strain along each edge at 100 % nominal strain: their Fig. 8."""
+    truth = constants(TRUE)
+    columns: dict[str, object] = {"strain from (1)": BINS[:-1], "strain to (1)": BINS[1:]}
+    for name, shape in (("strip", lab.strip), ("cross", lab.cross)):
+        free_length = shape.size[0] - 2.0 * shape.bond
+        d = np.repeat((free_length * np.arange(1, 11) / 10)[:, None], shape.ends, axis=1)
+        model = SpecimenModel(name, shape, lab.device)
+        solution = model.simulate(truth.solid(truth.start), d)
+        if not solution.outcome.ok:
+            raise SystemExit(f"{name}: {solution.outcome.cause}")
+        share = strain_share(name, solution, shape.mid_region())
+        for part, values in (("whole", share.whole), ("middle", share.middle)):
+            columns |= {f"{name}, {part}, along {a} (1)": v for a, v in zip("xyz", values, strict=True)}
+    write_table(path, columns)  # type: ignore[arg-type]
+
+
+def study_resolution(lab: Laboratory, path: Path) -> None:
     """Constants over mesh and order from 20 x 5 x 1 on, the data of the finest quadratic mesh: their Fig.
     6."""
+    factors = (1, 2, 3, 4) if lab.full else (1, 2)
     fine = replace(lab.strip, elements=(40, 10, 2), element="hex27")
     test = lab.test("uniaxial", fine, 0.1, constants(TRUE), 1)
     rows = resolution_study(
@@ -204,6 +226,27 @@ def study_bonds(lab: Laboratory, path: Path) -> None:
     write_table(path, columns)
 
 
+STUDIES = {
+    "fits": study_fits,
+    "middle": study_middle,
+    "strains": study_strains,
+    "resolution": study_resolution,
+    "noise": study_noise,
+    "starts": study_starts,
+    "pulls": study_pulls,
+    "bonds": study_bonds,
+}
+
+
+def make(name: str, out: Path, *, full: bool, device: str) -> tuple[str, float]:
+    """Make one table that is not there; its name, and the seconds it took."""
+    started = time.perf_counter()
+    path = out / f"{name}.csv"
+    if not path.exists():
+        STUDIES[name](Laboratory(full, device), path)
+    return name, time.perf_counter() - started
+
+
 def main() -> None:
     """Make the tables that are wanted and not there."""
     plain = argparse.RawDescriptionHelpFormatter
@@ -211,23 +254,18 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--full", action="store_true")
     parser.add_argument("--device", default="cpu")
+    parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("study", nargs="*")
     given = parser.parse_args()
-    lab = Laboratory(given.full, given.device)
-    studies = {
-        "fits": study_fits,
-        "middle": study_middle,
-        "resolution": lambda own, path: study_resolution(own, path, (1, 2, 3, 4) if given.full else (1, 2)),
-        "noise": study_noise,
-        "starts": study_starts,
-        "pulls": study_pulls,
-        "bonds": study_bonds,
-    }
-    for name in given.study or studies:
-        path = given.out / f"{name}.csv"
-        if not path.exists():
-            studies[name](lab, path)
-        print(path.read_text(encoding="utf-8"))
+    given.out.mkdir(parents=True, exist_ok=True)
+    wanted = [name for name in given.study or STUDIES if not (given.out / f"{name}.csv").exists()]
+    one = partial(make, out=given.out, full=given.full, device=given.device)
+    with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
+        for name, seconds in pool.map(one, wanted):
+            with (given.out / "seconds.csv").open("a", encoding="utf-8") as file:
+                file.write(f"{name},{seconds:.1f}\n")
+    for name in given.study or STUDIES:
+        print(name, (given.out / f"{name}.csv").read_text(encoding="utf-8"), sep="\n")
 
 
 if __name__ == "__main__":

@@ -27,6 +27,7 @@ from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.paper_method import FAULTS as PAPER_METHOD
 from tests.mutants.prediction import FAULTS as PREDICTION
 from tests.mutants.rates import FAULTS as RATES
+from tests.mutants.readers import FAULTS as READERS
 from tests.mutants.refine import FAULTS as REFINE
 from tests.mutants.regions import FAULTS as REGIONS
 from tests.mutants.report import FAULTS as REPORT
@@ -66,6 +67,7 @@ FAULTS: tuple[Fault, ...] = (
     *RATES,
     *SEVERAL,
     *SHOT,
+    *READERS,
     *REFINE,
     *REGIONS,
     *REPORT,

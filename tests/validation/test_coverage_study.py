@@ -20,10 +20,9 @@ from benchmarks.coverage_problem import (  # noqa: E402
     FORCE_SIGMA,
     GROUP,
     NOISE,
-    TRUTH_ORDER,
     drawn,
     experiment,
-    extrapolated,
+    middle,
     stroke,
     template,
     velocity,
@@ -152,11 +151,9 @@ def test_a_truth_as_coarse_as_the_answer_is_refused() -> None:
         Study((M,), truth_mesh=(64, 86))
 
 
-def test_a_truth_is_what_two_meshes_extrapolate_to() -> None:
-    h = np.array([1.0, 2.0])[:, None] ** TRUTH_ORDER
+def test_a_truth_is_the_middle_of_both_elements() -> None:
     force, Z = np.array([3.0, 5.0]), np.array([6e-3, 7e-3])
-    fine, coarse = ((force + 0.1 * e, Z - 1e-4 * e) for e in h)
-    found = extrapolated(fine, coarse)
+    found = middle((force + 0.1, Z - 1e-4), (force - 0.1, Z + 1e-4))
     np.testing.assert_allclose(found[0], force, rtol=1e-12)
     np.testing.assert_allclose(found[1], Z, rtol=1e-12)
 

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.calibration.corners import corner_sigma, eight_bits, refined
 from dic.calibration.targets.base import Detection, Geometry, TargetNotFound, counts, positive
+from dic.opencv import cv2
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,6 @@ before the spline is part of the same filter.
 from functools import cache
 from typing import Any
 
-import cv2
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from scipy import ndimage
 from dic.arrays import FloatArray
 from dic.correlation.kernels.pixel_noise import REACH
 from dic.correlation.kernels.spline import PAD
+from dic.opencv import cv2
 
 LEAST = 1e-8
 """Response, over that in its middle, from which on the filter is cut off: below the rounding of fp32."""

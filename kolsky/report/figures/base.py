@@ -60,8 +60,6 @@ class FigureKind(Generic[Shown]):
     """Further options of `Figure.subplot_mosaic`."""
     applies: Callable[[Shown], bool] = lambda result: True
     """True if the result holds what the figure shows."""
-    start_early: Callable[[Shown], None] | None = None
-    """Starts the work of another process for the figure; such a figure is drawn last."""
 
 
 def label_panel(ax: Axes, text: str) -> None:

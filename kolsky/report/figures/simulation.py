@@ -1,4 +1,4 @@
-"""Figures of the simulation at the optimum: energies, deformed meshes, rendered stills."""
+"""Figures of the simulation at the optimum: energies, deformed meshes, stills."""
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
@@ -24,7 +24,7 @@ from kolsky.report.figures.base import (
 from kolsky.report.numbers import percent
 from kolsky.report.scene.fields import FIELDS
 from kolsky.report.scene.stills import COUNT as STILLS
-from kolsky.report.scene.stills import start_stills, stills
+from kolsky.report.scene.stills import draw_still, scene_of_stills
 
 PARTS = {
     "elastic": "#0072B2",
@@ -170,22 +170,19 @@ def caption_scene(result: Identification) -> str:
 
 
 def can_show_stills(result: Identification) -> bool:
-    """Return True if the result holds the scene and this machine can render it."""
-    return stills(result) is not None
+    """Return True if the result holds the scene."""
+    return scene_of_stills(result) is not None
 
 
 def draw_scene(result: Identification, panels: Panels) -> None:
     """Set the pictures side by side."""
-    found = stills(result)
-    assert found is not None  # checked by `applies`
-    stage, images = found
-    rows, columns = (np.flatnonzero((images < 255).any(axis=axes)) for axes in ((0, 2, 3), (0, 1, 3)))
-    cut = images[:, rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]  # without the empty margins
+    stage = scene_of_stills(result)
+    assert stage is not None  # checked by `applies`
     axes = [panels[f"scene {column}"] for column in range(STILLS)]
     for ax in axes:
         ax.set_axis_off()
-    for ax, image, time in zip(axes, cut, stage.times, strict=False):
-        ax.imshow(image, interpolation="antialiased")
+    for ax, (k, time) in zip(axes, enumerate(stage.times), strict=False):
+        draw_still(ax, stage, k)
         ax.text(0.5, 1.02, f"{MS * time:.2f} ms", transform=ax.transAxes, ha="center", va="bottom")
     kind = FIELDS[stage.field]
     colours = ScalarMappable(Normalize(*stage.limits), kind.colours)
@@ -223,6 +220,5 @@ FIGURES: tuple[FigureKind[Identification], ...] = (
         panels=lambda result: [[f"scene {column}" for column in range(STILLS)]],
         draw=draw_scene,
         applies=can_show_stills,
-        start_early=start_stills,
     ),
 )

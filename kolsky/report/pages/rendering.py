@@ -79,24 +79,18 @@ def draw_figures(
         Processes that draw, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
     """
     kinds, about = list(kinds), shown if captioned is None else captioned
-    apart = [kind for kind in kinds if kind.start_early is not None]
-    for kind in apart:
-        if kind.start_early is not None:
-            kind.start_early(about)
-    alone = [kind for kind in kinds if kind.start_early is None and kind.applies(about)]
+    kinds = [kind for kind in kinds if kind.applies(about)]
     with infrequent_gc():
-        pictures = draw_in_processes(processes, [partial(inline_svg, kind, shown) for kind in alone])
-        svgs = dict(zip((kind.name for kind in alone), pictures, strict=True))
-        svgs |= {kind.name: inline_svg(kind, shown) for kind in apart if kind.applies(about)}
+        pictures = draw_in_processes(processes, [partial(inline_svg, kind, shown) for kind in kinds])
     return [
         {
             "id": kind.name,
             "number": number,
-            "svg": Markup(svgs[kind.name]),  # serialised as XML: every text is escaped
+            "svg": Markup(picture),  # serialised as XML: every text is escaped
             "caption": with_subscripts(kind.caption(about)),
             "width": kind.width,
         }
-        for number, kind in enumerate((kind for kind in kinds if kind.name in svgs), start=first)
+        for number, (kind, picture) in enumerate(zip(kinds, pictures, strict=True), start=first)
     ]
 
 

@@ -1,7 +1,6 @@
-"""Picture of the specimen cut in half between its platens, measured points on it, measured body beside it.
+"""Picture of the specimen cut in half between its platens, rendered by PyVista.
 
-Axes: x across, y along the axis, Z toward the cameras. The half x <= 0 is drawn, seen from the front right,
-so that both the cut and the surface that the cameras saw are in view.
+For the stills and films of `kolsky film`; the report draws the same scene without it, see `stills`.
 """
 
 from __future__ import annotations
@@ -14,18 +13,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kolsky.base.arrays import FloatArray
 from kolsky.report.scene.fields import FIELDS
+from kolsky.report.scene.geometry import (
+    ASIDE,
+    AZIMUTH,
+    ELEVATION,
+    PLATEN,
+    Surface,
+    lifted,
+    measured_body,
+    platens,
+    simulated,
+)
 from kolsky.report.scene.scene_data import Scene
 
-TURNS = 61
-"""Angular divisions of half a revolution, ends included."""
 SIZE = (1008, 560)
 """Width and height of a picture [px]; multiples of 16, as video codecs require."""
-PLATEN, PLATEN_THICKNESS = 1.15, 0.07
-"""Radius of a platen over the specimen's largest, and its thickness over that."""
-ASIDE = 2.9
-"""Distance of the measured body from the simulated one over the largest radius."""
 MARGIN = 0.18
 """Share of the half-width left for the colour bar."""
 PAPER, STEEL, MEASURED = "#FFFFFF", "#9AA0A6", "#D9D9D9"
@@ -74,7 +77,7 @@ def render(
 
 
 class CannotRender(RuntimeError):
-    """VTK cannot render on this machine."""
+    """PyVista is not installed, or VTK cannot render on this machine."""
 
 
 def offscreen_pyvista() -> Any:
@@ -83,13 +86,28 @@ def offscreen_pyvista() -> Any:
     Raises
     ------
     CannotRender
-        If VTK finds neither a display nor EGL nor OSMesa.
+        If PyVista is not installed, or VTK finds neither a display nor EGL nor OSMesa.
     """
+    require_pyvista()
     if not renders():
         raise CannotRender(
             "VTK finds neither a display nor EGL nor OSMesa to draw with; install one (Debian: libegl1)"
         )
     return silent_pyvista()
+
+
+def require_pyvista() -> None:
+    """Refuse if PyVista is not installed.
+
+    Raises
+    ------
+    CannotRender
+        If it is not; the message says how to get it.
+    """
+    try:
+        import pyvista  # noqa: F401
+    except ImportError:
+        raise CannotRender("pictures of the scene need PyVista: pip install 'kolsky[scene]'") from None
 
 
 def silent_pyvista() -> Any:
@@ -115,9 +133,8 @@ def _fill(plotter: Any, pyvista: Any, scene: Scene, k: int, bar: bool) -> None:
     kind = FIELDS[scene.field]
     radius, top = float(scene.nodes[..., 0].max()), float(scene.nodes[..., 1].max())
     plotter.set_background(PAPER)
-    body = simulated(pyvista, scene, k)
     drawn = plotter.add_mesh(
-        body,
+        _mesh(pyvista, simulated(scene, k)),
         scalars="field",
         clim=scene.limits,
         cmap=kind.colours,
@@ -127,14 +144,15 @@ def _fill(plotter: Any, pyvista: Any, scene: Scene, k: int, bar: bool) -> None:
         specular=0.15,
         ambient=0.25,
     )
-    for platen in _platens(pyvista, radius, scene.nodes[k][scene.mesh.upper_face, 1].mean()):
-        plotter.add_mesh(platen, color=STEEL, opacity=0.5, smooth_shading=True, split_sharp_edges=True)
-    y, Z = scene.outline_at(k)
-    if y.size > 1:
+    for platen in platens(radius, scene.nodes[k][scene.mesh.upper_face, 1].mean()):
+        plotter.add_mesh(
+            _mesh(pyvista, platen), color=STEEL, opacity=0.5, smooth_shading=True, split_sharp_edges=True
+        )
+    beside = measured_body(scene, k)
+    if beside is not None:
+        plotter.add_mesh(_mesh(pyvista, beside), color=MEASURED, smooth_shading=True, ambient=0.3)
+        dots = lifted(scene.points_at(k), 0.004 * radius)
         shift = np.array([-ASIDE * radius, 0.0, 0.0])
-        beside = revolved(pyvista, np.column_stack([Z, y]), np.linspace(0.0, 2.0 * np.pi, 2 * TURNS - 1))
-        plotter.add_mesh(beside.translate(shift), color=MEASURED, smooth_shading=True, ambient=0.3)
-        dots = _lifted(scene.points_at(k), 0.004 * radius)
         plotter.add_points(dots, color=POINT, point_size=5.0, render_points_as_spheres=True)
         plotter.add_points(dots + shift, color=POINT, point_size=5.0, render_points_as_spheres=True)
     if bar:
@@ -144,12 +162,12 @@ def _fill(plotter: Any, pyvista: Any, scene: Scene, k: int, bar: bool) -> None:
             fmt="%.2f", font_family="arial",
         )  # fmt: skip
         plotter.add_text(f"{1e3 * scene.times[k]:.3f} ms", position="upper_left", color="black", font_size=12)
-    _set_camera(plotter, radius, top, beside=y.size > 1)
+    _set_camera(plotter, radius, top, beside=beside is not None)
 
 
 def _set_camera(plotter: Any, radius: float, top: float, *, beside: bool) -> None:
     """Set a parallel projection, the same at all times, with room for the colour bar at the right."""
-    azimuth, elevation = np.radians(40.0), np.radians(18.0)
+    azimuth, elevation = np.radians(AZIMUTH), np.radians(ELEVATION)
     right = np.array([np.cos(azimuth), 0.0, -np.sin(azimuth)])
     way = np.array(
         [np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)]
@@ -165,58 +183,10 @@ def _set_camera(plotter: Any, radius: float, top: float, *, beside: bool) -> Non
     )
 
 
-def simulated(pyvista: Any, scene: Scene, k: int) -> Any:
-    """Cut plane and outer surface of the half x <= 0, with the point data "field"."""
-    mesh, nodes, values = scene.mesh, scene.nodes[k], scene.values[k]
-    zero = np.zeros(len(nodes))
-    front = np.column_stack([zero, nodes[:, 1], nodes[:, 0]])
-    behind = np.column_stack([zero, nodes[:, 1], -nodes[:, 0]])
-    quads = np.column_stack([np.full(len(mesh.quads), 4), mesh.quads]).ravel()
-    both = np.concatenate([quads, _shifted(quads, len(nodes))])
-    cut = pyvista.PolyData(np.vstack([front, behind]), faces=both)
-    cut.point_data["field"] = np.tile(values, 2)
-    skin = np.concatenate([mesh.lower_face, mesh.side[1:-1], mesh.upper_face[::-1]])
-    angles = np.linspace(0.0, np.pi, TURNS)
-    shell = revolved(pyvista, nodes[skin], angles)
-    shell.point_data["field"] = np.tile(values[skin], TURNS)
-    return cut.append_polydata(shell)
-
-
-def revolved(pyvista: Any, line: FloatArray, angles: FloatArray) -> Any:
-    """Surface of revolution of a line (r, y), shape [n, 2]; angle 0 is toward the cameras, then x < 0."""
-    n = len(line)
-    r, y = line.T
-    x, Z = -np.sin(angles)[:, None] * r, np.cos(angles)[:, None] * r
-    points = np.stack([x, np.broadcast_to(y, x.shape), Z], axis=-1).reshape(-1, 3)
-    first = (n * np.arange(len(angles) - 1)[:, None] + np.arange(n - 1)).ravel()
-    faces = np.column_stack([np.full(first.size, 4), first, first + 1, first + n + 1, first + n])
-    return pyvista.PolyData(points, faces=faces.ravel())
-
-
-def _shifted(faces: NDArray[np.int64], by: int) -> NDArray[np.int64]:
-    """Faces [4, a, b, c, d, 4, ...] with a constant added to the number of every corner."""
-    table = faces.reshape(-1, 5).copy()
-    table[:, 1:] += by
-    return table.ravel()
-
-
-def _platens(pyvista: Any, radius: float, top: float) -> list[Any]:
-    """Halves of both platens behind the cut."""
-    thick, R = PLATEN_THICKNESS * radius, PLATEN * radius
-    angles = np.linspace(0.0, np.pi, TURNS)
-    halves = []
-    for low in (-thick, top):
-        line = np.array([[0.0, low], [R, low], [R, low + thick], [0.0, low + thick]])
-        wall = pyvista.PolyData(
-            np.array([[0.0, y, sign * r] for sign in (1.0, -1.0) for r, y in line]),
-            faces=[4, 0, 1, 2, 3, 4, 4, 5, 6, 7],
-        )
-        halves.append(wall.append_polydata(revolved(pyvista, line, angles)))
-    return halves
-
-
-def _lifted(points: FloatArray, by: float) -> FloatArray:
-    """Points moved outward by `by` [m], so that the surface does not hide them."""
-    across = np.hypot(points[:, 0], points[:, 2])
-    factor = 1.0 + by / np.where(across > 0.0, across, np.inf)
-    return np.column_stack([factor * points[:, 0], points[:, 1], factor * points[:, 2]])
+def _mesh(pyvista: Any, surface: Surface) -> Any:
+    """A surface as PyVista's."""
+    faces = np.column_stack([np.full(len(surface.faces), 4), surface.faces]).ravel()
+    mesh = pyvista.PolyData(surface.points, faces=faces)
+    if surface.values is not None:
+        mesh.point_data["field"] = surface.values
+    return mesh

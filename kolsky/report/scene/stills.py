@@ -1,25 +1,33 @@
-"""Still pictures of the report, rendered in a separate process while the other figures are drawn.
+"""Stills of the scene in a report, drawn by Matplotlib: faces from back to front in a parallel projection.
 
-VTK may crash the process that renders where it has nothing to draw with, so a page never renders in its own
-process; and a rendering that is started early is finished when the page needs it.
+It needs neither VTK nor a screen. Parts are drawn one over the other in the order in which the eye, above the
+specimen, meets them: the lower platen, the specimen, the upper platen; within a part, the face that is
+farther from the eye comes first. The cut has the colours of the scale; on the skin they are shaded.
 """
 
 from __future__ import annotations
 
-import hashlib
-import os
-import pickle
-import subprocess
-import sys
-import tempfile
-from dataclasses import dataclass
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import matplotlib
 import numpy as np
-from numpy.typing import NDArray
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import Normalize, to_rgb
 
-from kolsky.report.scene.drawing import render, silent_pyvista
+from kolsky.base.arrays import FloatArray
+from kolsky.report.scene.fields import FIELDS
 from kolsky.report.scene.film import evenly_spaced
+from kolsky.report.scene.geometry import (
+    ASIDE,
+    AZIMUTH,
+    ELEVATION,
+    Surface,
+    lifted,
+    measured_body,
+    platens,
+    simulated,
+)
 from kolsky.report.scene.scene_data import Scene, SceneDataMissing, scene_of
 
 if TYPE_CHECKING:
@@ -27,110 +35,104 @@ if TYPE_CHECKING:
 
 COUNT = 3
 """Number of still pictures in a report."""
-SIZE = (800, 480)
-"""Width and height of each [px]: 350 dots per inch on the page."""
-LONGEST = 120.0
-"""Seconds after which the process is killed."""
-CHILD = "from kolsky.report.scene.stills import child; child()"
+STEEL, MEASURED, POINT = "#9AA0A6", "#D9D9D9", "#D55E00"
+THROUGH = 0.65
+"""Opacity of a platen."""
+AMBIENT = 0.45
+"""Brightness of a face that is seen edge-on; one that faces the light has 1."""
 
-
-@dataclass(frozen=True)
-class Rendering:
-    """Running process and the file that it writes to."""
-
-    process: subprocess.Popen[bytes]
-    """Process that renders."""
-    output: IO[bytes]
-    """File of its pictures, complete when the process has ended."""
-
-
-_running: dict[str, Rendering] = {}
-_done: dict[str, NDArray[np.uint8] | None] = {}
-_last: tuple[tuple[object, ...], Scene | None] = ((), None)
-
-
-def start_stills(result: Identification) -> None:
-    """Start the process that renders the stills of a result; do nothing if the result lacks their data."""
-    scene = scene_of_stills(result)
-    if scene is not None:
-        _start(scene)
-
-
-def stills(result: Identification) -> tuple[Scene, NDArray[np.uint8]] | None:
-    """Return the stills and their scene.
-
-    Returns
-    -------
-    tuple or None
-        The scene at the times of the stills, and RGB pictures of shape [n, height, width, 3]; None if the
-        result lacks their data or this machine cannot render.
-    """
-    scene = scene_of_stills(result)
-    if scene is None:
-        return None
-    key = _start(scene)
-    if key not in _done:
-        _done.clear()  # of one result at a time
-        _done[key] = _collect(_running.pop(key), len(scene.times))
-    images = _done[key]
-    return None if images is None else (scene, images)
+_a, _e = np.radians(AZIMUTH), np.radians(ELEVATION)
+EYE = np.array([np.sin(_a) * np.cos(_e), np.sin(_e), np.cos(_a) * np.cos(_e)])
+"""Unit vector toward the eye."""
+RIGHT = np.array([np.cos(_a), 0.0, -np.sin(_a)])
+"""Unit vector of the picture to the right."""
+UP = np.cross(EYE, RIGHT)
+"""Unit vector of the picture upward."""
+LIGHT = (EYE + 0.35 * UP - 0.35 * RIGHT) / np.linalg.norm(EYE + 0.35 * UP - 0.35 * RIGHT)
+"""Unit vector toward the light, from above the left shoulder."""
 
 
 def scene_of_stills(result: Identification) -> Scene | None:
     """Scene at the times of the stills; None if the result lacks its data."""
-    global _last  # of one result at a time: a page asks for it when it begins, and for every figure
-    parts = (result.response, result.comparison, result.provenance)
-    if len(_last[0]) != len(parts) or any(a is not b for a, b in zip(_last[0], parts, strict=True)):
-        try:
-            scene = scene_of(result)
-        except SceneDataMissing:
-            _last = (parts, None)
-        else:
-            _last = (parts, scene.at(evenly_spaced(len(scene.times), COUNT)))
-    return _last[1]
-
-
-def child() -> None:
-    """Render in the child process: a scene from standard input, its pictures to standard output."""
-    scene: Scene = pickle.load(sys.stdin.buffer)  # written by `_start` of the process above
-    pyvista = silent_pyvista()
-    for k in range(len(scene.times)):
-        sys.stdout.buffer.write(render(pyvista, scene, k, size=SIZE, bar=False).tobytes())
-
-
-def _start(scene: Scene) -> str:
-    """Start the rendering of a scene unless it runs or is done; return the key of its pictures."""
-    text = pickle.dumps(scene)
-    key = hashlib.sha256(text).hexdigest()
-    if key in _running or key in _done:
-        return key
-    for old in list(_running):  # of a page that was never written
-        _running[old].process.kill()
-        _collect(_running.pop(old), 0)
-    output = tempfile.TemporaryFile()  # noqa: SIM115  # closed by `_finished`; a pipe would have to be emptied
-    with tempfile.TemporaryFile() as given:
-        given.write(text)
-        given.seek(0)
-        process = subprocess.Popen(
-            [sys.executable, "-c", CHILD],
-            stdin=given,
-            stdout=output,
-            stderr=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
-        )
-    _running[key] = Rendering(process, output)
-    return key
-
-
-def _collect(rendering: Rendering, count: int) -> NDArray[np.uint8] | None:
-    """Wait for the process and return its pictures, None if it failed."""
     try:
-        ended = rendering.process.wait(LONGEST)
-    except subprocess.TimeoutExpired:
-        rendering.process.kill()
-        ended = rendering.process.wait()
-    with rendering.output as output:
-        output.seek(0)
-        values = np.frombuffer(output.read(), dtype=np.uint8)
-    shape = (count, SIZE[1], SIZE[0], 3)
-    return values.reshape(shape) if ended == 0 and values.size == np.prod(shape) else None
+        scene = scene_of(result)
+    except SceneDataMissing:
+        return None
+    return scene.at(evenly_spaced(len(scene.times), COUNT))
+
+
+def draw_still(ax: Axes, scene: Scene, k: int) -> None:
+    """Draw the scene at one of its times into axes, lengths in the picture [m].
+
+    Parameters
+    ----------
+    ax
+        Axes without frame.
+    scene
+        What to draw.
+    k
+        Index into ``scene.times``.
+    """
+    kind = FIELDS[scene.field]
+    radius = float(scene.nodes[..., 0].max())
+    lower, upper = platens(radius, float(scene.nodes[k][scene.mesh.upper_face, 1].mean()))
+    body, beside = simulated(scene, k), measured_body(scene, k)
+    assert body.values is not None
+    colours = matplotlib.colormaps[kind.colours](
+        Normalize(*scene.limits, clip=True)(body.values[body.faces].mean(axis=1))
+    )[:, :3]
+    on_cut = (body.points[body.faces][..., 0] == 0.0).all(axis=1)
+    _draw(ax, lower, np.array(to_rgb(STEEL)), opacity=THROUGH)
+    _draw(ax, body, colours, unshaded=on_cut)
+    if beside is not None:
+        _draw(ax, beside, np.array(to_rgb(MEASURED)))
+        dots = lifted(scene.points_at(k), 0.004 * radius)
+        for shift in (0.0, -ASIDE * radius):
+            x, y = in_picture(dots + np.array([shift, 0.0, 0.0])).T
+            ax.plot(x, y, "o", color=POINT, ms=1.1, mew=0.0, rasterized=True)
+    _draw(ax, upper, np.array(to_rgb(STEEL)), opacity=THROUGH)
+    ax.set_aspect("equal")
+    low, high = extent(scene)
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(low[1], high[1])
+
+
+def extent(scene: Scene) -> tuple[FloatArray, FloatArray]:
+    """Lower left and upper right corner of what is drawn at any time of the scene [m]: one scale for all."""
+    radius, top = float(scene.nodes[..., 0].max()), float(scene.nodes[..., 1].max())
+    parts = [*platens(radius, top)]
+    parts += [beside for k in range(len(scene.times)) if (beside := measured_body(scene, k)) is not None]
+    shown = np.vstack([in_picture(part.points) for part in parts])
+    return shown.min(axis=0), shown.max(axis=0)
+
+
+def in_picture(points: FloatArray) -> FloatArray:
+    """Places to the right and up in the picture [m], shape [n, 2]."""
+    return points @ np.column_stack([RIGHT, UP])
+
+
+def brightness(surface: Surface) -> tuple[FloatArray, FloatArray]:
+    """Brightness of each face in [`AMBIENT`, 1], Lambert's law, and its distance toward the eye [m]."""
+    corners = surface.points[surface.faces]
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    size = np.linalg.norm(normal, axis=1)
+    normal /= np.where(size > 0.0, size, 1.0)[:, None]
+    normal *= np.where(normal @ EYE < 0.0, -1.0, 1.0)[:, None]  # the side that is seen
+    return AMBIENT + (1.0 - AMBIENT) * np.clip(normal @ LIGHT, 0.0, 1.0), corners.mean(axis=1) @ EYE
+
+
+def _draw(
+    ax: Axes, surface: Surface, colours: FloatArray, *, opacity: float = 1.0, unshaded: Any = False
+) -> None:
+    """Draw one part, colours of shape [3] or [n_faces, 3]; its opacity is that of the whole part."""
+    bright, toward = brightness(surface)
+    bright = np.where(unshaded, 1.0, bright)
+    order = np.argsort(toward)
+    flat = in_picture(surface.points)[surface.faces]
+    shown = (np.broadcast_to(colours, (len(bright), 3)) * bright[:, None])[order]
+    part = PolyCollection(
+        flat[order], facecolors=shown, edgecolors="none", antialiased=False, rasterized=True
+    )
+    if opacity < 1.0:  # of faces one by one, those behind would shine through and edges show twice
+        part.set_agg_filter(lambda image, dpi: (image * [1.0, 1.0, 1.0, opacity], 0, 0))
+    ax.add_collection(part)

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.opencv import cv2
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.shot.regions.session import Session

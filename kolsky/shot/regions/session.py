@@ -94,7 +94,7 @@ class Session:
 
     def png(self, frame: int) -> bytes | str:
         """A frame as an 8-bit PNG, grey values stretched over its middle 99 %; or why there is none."""
-        import cv2
+        from dic.opencv import cv2
 
         try:
             picture = np.asarray(self.pictures.frame(frame), dtype=np.float64)

@@ -3,6 +3,7 @@
 A page without a kernel in its front matter, or a cell whose failure is not seen, would be built all the same.
 """
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -52,8 +53,10 @@ def test_a_shell_cell_shows_both_streams(extensions, capsys):
     assert capsys.readouterr() == ("answer\n", "warning\n")
 
 
-def test_there_is_a_page_for_every_module_and_no_other(extensions, tmp_path):
-    from module_pages import PACKAGES, ROOT, write_pages
+def test_there_is_a_page_for_every_public_module_and_no_other(extensions, tmp_path):
+    from module_pages import REFERENCE, ROOT, public, sources, without_page, write_pages
+
+    import kolsky
 
     class App:
         srcdir = tmp_path
@@ -62,10 +65,38 @@ def test_there_is_a_page_for_every_module_and_no_other(extensions, tmp_path):
     stale.parent.mkdir(parents=True)
     stale.write_text("gone", encoding="utf-8")
     write_pages(App)
-    files = [f.relative_to(ROOT).with_suffix("") for name in PACKAGES for f in (ROOT / name).rglob("*.py")]
-    files = [f for f in files if f.name != "__main__"]
-    modules = {".".join(f.parts).removesuffix(".__init__") for f in files}
-    assert {page.stem for page in stale.parent.iterdir()} == modules
+    pages = {page.stem for page in stale.parent.iterdir()}
+    modules = sources()
+    files = [f.relative_to(ROOT) for name in ("kolsky", "dic") for f in (ROOT / name).rglob("*.py")]
+    names = {".".join(f.with_suffix("").parts).removesuffix(".__init__") for f in files}
+    assert {name for name in names if not name.endswith("__main__")} < set(modules)
+    assert set(kolsky._HOME.values()) < pages  # what `import kolsky` offers
+    assert {"kolsky.readers", "implicit", "dic.stereo"} < pages  # every package
+    assert "kolsky.report.scene.scene_data" in pages  # howto/films.md refers to it
+    assert "kolsky.report.scene.geometry" not in pages  # nobody does
+    assert len(pages) < 0.5 * len(modules)
     # a page documents its module, whatever names the package offers
     page = (stale.parent / "explicit.run_batch.rst").read_text(encoding="utf-8")
     assert ".. automodule:: explicit.run_batch\n" in page
+    package = (stale.parent / "kolsky.report.scene.rst").read_text(encoding="utf-8")
+    assert ":doc:`kolsky.report.scene.scene_data`\n   Scene: " in package
+    assert "``kolsky.report.scene.geometry``\n   Surfaces of the scene" in package
+    # only names in modules without a page may be unknown to a reference
+    hidden = re.compile(without_page(modules))
+    assert hidden.fullmatch("kolsky.report.scene.geometry.Surface.points")
+    assert not hidden.fullmatch("kolsky.report.scene.scene_data.Scene")
+    assert not hidden.fullmatch("kolsky.report.scene.misspelt.Scene")
+    # every way in which a page refers to one
+    folder = tmp_path / "docs"
+    folder.mkdir()
+    for n, said in enumerate(
+        (
+            "{py:func}`~dic.files.replacing`",
+            "{py:mod}`here <dic.robust>`",
+            "{doc}`x </api/generated/dic.arrays>`",
+        )
+    ):
+        assert REFERENCE.search(said), said
+        (folder / f"{n}.md").write_text(f"see {said}.", encoding="utf-8")
+    assert {"dic.files", "dic.robust", "dic.arrays"} < public(modules, folder)
+    assert "kolsky.report.scene.scene_data" not in public(modules, folder)

@@ -13,7 +13,6 @@ from synthetic import RESULTS
 from kolsky.report.figures import RECORDINGS, REGISTRY, by_name
 from kolsky.report.pages.identification import render
 from kolsky.report.result_folder import PAGE, write_identify_page
-from kolsky.report.scene import stills
 from kolsky.shot.recorded import Recorded
 
 ROOT = Path(__file__).parents[3]
@@ -94,7 +93,6 @@ def test_without_such_a_figure_the_page_has_no_such_section(made_up: Path, monke
 def test_a_command_saves_it_with_its_data(
     made_up: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stills, "start_stills", lambda result: None)  # no figure here shows them
     folder = tmp_path / "results"
     folder.mkdir()
     nothing = np.zeros(0)
@@ -120,8 +118,8 @@ def test_it_gets_into_the_index_of_modules(made_up: Path) -> None:
     pages = loaded("module_pages", ROOT / "docs" / "_ext" / "module_pages.py")
     package = made_up.parent / "__init__.py"
     package.write_text('"""Figures."""\n', encoding="utf-8")
-    text = pages.page(pages.Source("figures", package))
-    assert ":doc:`figures.peak_force`\n   Figure of the largest force: measured and simulated." in text
+    text = pages.page(pages.Source("figures", package), ())
+    assert "``figures.peak_force``\n   Figure of the largest force: measured and simulated." in text
 
 
 def test_two_figures_of_one_name_are_refused(made_up: Path) -> None:

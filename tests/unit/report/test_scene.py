@@ -1,12 +1,15 @@
 """Pictures and films of the deforming specimen, and the refusal where nothing can render."""
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from synthetic import synthetic
 from typer.testing import CliRunner
 
@@ -21,6 +24,7 @@ from kolsky.report.scene import drawing, stills
 from kolsky.report.scene.drawing import CannotRender, picture
 from kolsky.report.scene.fields import FIELDS, Solid, smallest_stretch
 from kolsky.report.scene.film import evenly_spaced, write_film, write_stills
+from kolsky.report.scene.geometry import ELEVATION, Surface, lifted, platens, simulated
 from kolsky.report.scene.scene_data import SceneDataMissing, scene_of
 
 SOLID = Solid(neo_hookean(1e5), VolumetricLaw(1e7), 1.1)
@@ -143,7 +147,6 @@ def test_stills_and_films(tmp_path: Path) -> None:
     assert sorted(p.suffix for p in tmp_path.iterdir()) == [".gif", ".mp4", ".png", ".png"]
 
 
-@rendering
 def test_the_figure_of_the_report() -> None:
     kind = REGISTRY["scene"]
     assert kind.applies(result())
@@ -182,23 +185,84 @@ def test_every_field_has_a_label_with_its_unit() -> None:
     assert json.dumps(list(FIELDS)) == '["stretch", "pressure", "energy"]'
 
 
-@rendering
-def test_stills_of_another_process_are_the_pictures_of_this_one() -> None:
-    scene = scene_of(result((1.25, 0.64)))
-    found = stills.stills(result((1.25, 0.64)))
-    assert found is not None
-    times = evenly_spaced(len(scene.times), stills.COUNT)
-    np.testing.assert_array_equal(found[0].times, scene.times[times])
-    here = picture(scene, times[1], size=stills.SIZE, bar=False)
-    np.testing.assert_array_equal(found[1][1], here)
+def test_stills_are_drawn_without_vtk(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("pyvista", "vtk", "vtkmodules"):
+        monkeypatch.setitem(sys.modules, name, None)
+    scene = stills.scene_of_stills(result((1.25, 0.64)))
+    assert scene is not None
+    times = scene_of(result((1.25, 0.64))).times
+    np.testing.assert_array_equal(scene.times, times[evenly_spaced(len(times), stills.COUNT)])
+    # Uniform fields: yellow at 1, violet at the least stretch; brightness does not change the hue.
+    hues = []
+    for k in (0, len(scene.times) - 1):
+        figure = Figure(figsize=(4, 3), dpi=100)
+        canvas = FigureCanvasAgg(figure)
+        ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        ax.set_axis_off()
+        stills.draw_still(ax, scene, k)
+        canvas.draw()
+        pixels = np.asarray(canvas.buffer_rgba())[..., :3].reshape(-1, 3).astype(int)
+        vivid = pixels[np.ptp(pixels, axis=1) > 40]
+        assert len(vivid) > 2000  # the specimen fills a good part of the picture
+        hues.append(float(np.mean(vivid[:, 0] > vivid[:, 2])))
+    assert hues[0] > 0.9
+    assert hues[1] < 0.5
 
 
-def test_a_process_that_cannot_render(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stills, "CHILD", "import os; os.abort()")  # as VTK does
-    assert stills.stills(result((1.24, 0.64))) is None
-    assert not REGISTRY["scene"].applies(result((1.24, 0.64)))
-    assert stills.stills(result((1.24, 0.65))) is None  # one that was given up leaves nothing behind
-    assert not stills._running
+def test_brightness_is_lamberts_law_and_distance_is_toward_the_eye() -> None:
+    # A square across the light is as bright as can be, one that holds it as dark; turned round, the same.
+    across = np.linalg.svd(stills.LIGHT[None])[2][1:]
+    assert np.dot(stills.LIGHT, stills.EYE) > 0.0  # so the seen side of the first square is the lit one
+    a, b = across
+    corners = np.array([-a - b, a - b, a + b, b - a])
+    holds = np.array([-a - stills.LIGHT, a - stills.LIGHT, a + stills.LIGHT, stills.LIGHT - a])
+    for points, expected in ((corners, 1.0), (corners[::-1], 1.0), (holds, stills.AMBIENT)):
+        bright, toward = stills.brightness(Surface(points + 2.0 * stills.EYE, np.arange(4)[None]))
+        np.testing.assert_allclose(bright, expected, atol=1e-12)  # round-off
+        np.testing.assert_allclose(toward, 2.0, atol=1e-12)
+    # The picture is a parallel projection: lengths across the eye's direction are kept, y goes upward.
+    np.testing.assert_allclose(
+        stills.in_picture(np.array([stills.EYE, stills.RIGHT, stills.UP, [0.0, 1.0, 0.0]])),
+        [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, np.cos(np.radians(ELEVATION))]],
+        atol=1e-12,
+    )
+
+
+def test_surfaces_of_the_scene_have_the_areas_of_their_solids() -> None:
+    # A cylinder of radius R and height H: half its skin is pi R H + pi R^2, the cut 2 R H.
+    scene = scene_of(result())
+    R, H = scene.nodes[0, :, 0].max(), scene.nodes[0, :, 1].max()
+
+    def area(surface: Surface) -> float:
+        corner = surface.points[surface.faces]
+        return float(
+            0.5
+            * np.linalg.norm(np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1]), axis=1).sum()
+        )
+
+    body = simulated(scene, 0)
+    # 60 chords of half a circle: shorter by (pi / 60)^2 / 24 = 1.1e-4
+    assert area(body) == pytest.approx(np.pi * R * H + np.pi * R**2 + 2.0 * R * H, rel=5e-4)
+    assert body.values is not None
+    assert len(body.values) == len(body.points)
+    lower, upper = platens(R, H)
+    assert upper.points[:, 1].min() == pytest.approx(H)
+    assert lower.points[:, 1].max() == pytest.approx(0.0)
+    moved = lifted(np.array([[3.0, 7.0, 4.0], [0.0, 1.0, 0.0]]), 0.5)
+    np.testing.assert_allclose(moved, [[3.3, 7.0, 4.4], [0.0, 1.0, 0.0]])
+
+
+def test_a_command_without_pyvista_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    shot = Path(__file__).parents[3] / "runs" / "open-01"
+    done = CliRunner().invoke(app, ["film", str(shot), "--out", str(tmp_path)])
+    assert done.exit_code == 2
+    assert "--format png" in done.output
+    assert "pip install 'kolsky[scene]'" in done.output
+    done = CliRunner().invoke(app, ["film", str(shot), "--format", "vtu", "--out", str(tmp_path)])
+    assert "identification.h5" in done.output  # what it needs, and not PyVista
 
 
 def test_the_smallest_stretch_is_the_smallest_singular_value() -> None:

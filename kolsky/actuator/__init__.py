@@ -1,0 +1,1 @@
+"""Pressurised soft actuators: their geometry, bending, markers, and the pressure for a wanted bend."""

@@ -1,0 +1,129 @@
+"""Tables without a declared layout: what spreadsheets of other countries write is read to the last bit."""
+
+import csv
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shot_folders import OPEN_01
+from typer.testing import CliRunner
+
+from kolsky.base.errors import InputError
+from kolsky.cli import app
+from kolsky.readers.found_layout import PLAIN, found_layout, layout_in_words
+from kolsky.readers.table import Column, read_table
+from kolsky.shot.load import load_shot
+from kolsky.shot.records import ForceChannel
+
+TABLES = ("scope.csv", "frames.csv", "flyer.csv", "centreline.csv", "quasi_static.csv")
+
+
+def _german(rows: list[list[str]]) -> bytes:
+    """Excel with German settings, "CSV (Trennzeichen-getrennt)"."""
+    return "\r\n".join(";".join(cell.replace(".", ",") for cell in row) for row in rows).encode("cp1252")
+
+
+def _french(rows: list[list[str]]) -> bytes:
+    """Excel with French settings, "CSV UTF-8 (délimité par des virgules)", which are semicolons there."""
+    return "\r\n".join(";".join(cell.replace(".", ",") for cell in row) for row in rows).encode("utf-8-sig")
+
+
+def _unicode_text(rows: list[list[str]]) -> bytes:
+    """Excel, "Unicode Text" with German settings."""
+    return "\r\n".join("\t".join(cell.replace(".", ",") for cell in row) for row in rows).encode("utf-16")
+
+
+def _titled(rows: list[list[str]]) -> bytes:
+    """A title and the line that tells Excel the delimiter, above the header."""
+    return b"sep=;\r\n" + "Versuch 7, Stößel\r\n".encode("cp1252") + _german(rows)
+
+
+def _american(rows: list[list[str]]) -> bytes:
+    """Commas and points in the code page of Windows, with a title line."""
+    return "Test 7, 25 µs\r\n".encode("cp1252") + "\r\n".join(",".join(row) for row in rows).encode("cp1252")
+
+
+WRITERS: dict[Callable[[list[list[str]]], bytes], str] = {
+    _german: "semicolons, decimal commas",
+    _french: "semicolons, decimal commas",
+    _unicode_text: "tabs, decimal commas, utf-16-le",
+    _titled: "semicolons, decimal commas, cp1252, header in line 3",
+    _american: "commas, decimal points, cp1252, header in line 2",
+}
+"""How a spreadsheet writes a table, and what is said of it."""
+
+
+@pytest.mark.parametrize("write", WRITERS, ids=lambda write: write.__name__)
+def test_a_shot_of_such_exports_works_unattended(
+    write: Callable[[list[list[str]]], bytes], tmp_path: Path
+) -> None:
+    folder = tmp_path / "shot"
+    folder.mkdir()
+    shutil.copy(OPEN_01 / "shot.toml", folder)
+    for name in TABLES:
+        with (OPEN_01 / name).open(encoding="utf-8", newline="") as file:
+            rows = list(csv.reader(file))
+        (folder / name).write_bytes(write(rows))
+    ours, theirs = load_shot(folder), load_shot(OPEN_01)
+    assert isinstance(ours.force, ForceChannel)
+    assert isinstance(theirs.force, ForceChannel)
+    assert ours.centre_line is not None
+    assert theirs.centre_line is not None
+    for here, there in (
+        (ours.force.recording.time, theirs.force.recording.time),
+        (ours.force.recording.value, theirs.force.recording.value),
+        (ours.flyer.time, theirs.flyer.time),
+        (ours.flyer.displacement, theirs.flyer.displacement),
+        (ours.centre_line.Z, theirs.centre_line.Z),
+        (ours.centre_line.time, theirs.centre_line.time),
+        (ours.curve.stress, theirs.curve.stress),
+        (ours.curve.stretch, theirs.curve.stretch),
+    ):
+        np.testing.assert_array_equal(here, there)
+    said = CliRunner().invoke(app, ["check", str(folder), "--json"]).stdout
+    assert f'"value": "{WRITERS[write]}"' in said
+
+
+def test_plain_tables_are_what_they_were_and_nothing_is_said(tmp_path: Path) -> None:
+    for name in TABLES:
+        assert found_layout(OPEN_01 / name, (OPEN_01 / name).read_bytes()) is PLAIN
+        assert layout_in_words(OPEN_01 / name) == ""
+    (tmp_path / "one.csv").write_text("F\n1\n2\n3\n", encoding="utf-8")  # one column has no delimiter
+    assert found_layout(tmp_path / "one.csv", b"F\n1\n2\n3\n") is PLAIN
+
+
+ROWS = [f"{i};0,{10 + i}" for i in range(12)]
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ([*ROWS[:4], "4;", *ROWS[5:]], "line 6: column 't (s)' is not a number: ''"),
+        ([*ROWS[:4], "4;0,6;7", *ROWS[5:]], "line 6: has 3 fields, the header has 2"),
+        ([*ROWS[:4], "4;0.6", *ROWS[5:]], "line 6: column 't (s)' is not a number: '0.6'"),  # two signs
+        ([row.replace("0,", "1.234,") for row in ROWS], "line 13: most fields between its semicolons"),
+        (
+            [f"{row} s" for row in ROWS],
+            "no plain numbers: '11;0,21 s'. Cure: export numbers without",
+        ),
+    ],
+)
+def test_what_is_no_table_is_refused_with_its_place(rows: list[str], words: str, tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join(["frame;t (s)", *rows]), encoding="utf-8")
+    with pytest.raises(InputError) as refused:
+        read_table(path).values(Column("t (s)"))
+    assert words in str(refused.value)
+
+
+def test_units_below_the_header_are_no_data(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join(["Zeit;Weg", "s;mm", *ROWS]), encoding="utf-8")
+    table = read_table(path)
+    np.testing.assert_allclose(
+        table.values(Column("Weg", 1e-3)), 1e-3 * np.round(np.linspace(0.1, 0.21, 12), 2), rtol=1e-15
+    )
+    assert table.first_line == 3
+    assert layout_in_words(path) == "semicolons, decimal commas, units in line 2"

@@ -1,0 +1,79 @@
+"""VTK files written without VTK, read back by VTK."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista
+
+from kolsky.report.vtk_files import QUAD, TRIANGLE, write_grid, write_series, write_surface
+
+POINTS = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 3.0, 0.0], [0.0, 3.0, 0.1]])
+FIELDS = {
+    "displacement [m]": POINTS + 1.0 / 3.0,
+    'share < 1 & "odd"': np.array([0.1, np.nan, 0.3, -1e300]),
+    "point": np.array([5, 6, 7, 2**40]),
+    "plane": POINTS[:, :2],
+}
+
+
+def _same(found: pyvista.DataSet) -> None:
+    np.testing.assert_array_equal(found.points, POINTS)  # the same bits
+    assert set(found.point_data.keys()) == set(FIELDS)
+    for name, values in FIELDS.items():
+        np.testing.assert_array_equal(found.point_data[name], values)
+
+
+@pytest.mark.parametrize(("cells", "kind"), [([[0, 1, 2, 3]], QUAD), ([[0, 1, 2], [0, 2, 3]], TRIANGLE)])
+def test_a_grid_reads_back(cells: list[list[int]], kind: int, tmp_path: Path) -> None:
+    write_grid(tmp_path / "a.vtu", POINTS, np.array(cells), kind, FIELDS)
+    found = pyvista.read(tmp_path / "a.vtu")
+    _same(found)
+    np.testing.assert_array_equal(found.cells_dict[kind], cells)
+
+
+def test_a_surface_reads_back_with_and_without_faces(tmp_path: Path) -> None:
+    write_surface(tmp_path / "a.vtp", POINTS, np.array([[0, 1, 2], [0, 2, 3]]), FIELDS)
+    found = pyvista.read(tmp_path / "a.vtp")
+    _same(found)
+    np.testing.assert_array_equal(found.regular_faces, [[0, 1, 2], [0, 2, 3]])
+    write_surface(tmp_path / "b.vtp", POINTS, np.zeros((0, 3), dtype=int), FIELDS)
+    found = pyvista.read(tmp_path / "b.vtp")
+    _same(found)
+    assert found.n_verts == 4  # else ParaView shows nothing
+
+
+def test_nothing_at_all_is_an_empty_file_that_is_read(tmp_path: Path) -> None:
+    nothing, no_cells = np.zeros((0, 3)), np.zeros((0, 3), dtype=int)
+    write_grid(tmp_path / "a.vtu", nothing, no_cells, TRIANGLE, {"u": nothing})
+    write_surface(tmp_path / "a.vtp", nothing, no_cells, {"u": nothing})
+    assert pyvista.read(tmp_path / "a.vtu").n_points == 0
+    assert pyvista.read(tmp_path / "a.vtp").n_points == 0
+
+
+def test_a_series_lists_its_times(tmp_path: Path) -> None:
+    files = [tmp_path / "a.vtp", tmp_path / "b.vtp"]
+    for file in files:
+        write_surface(file, POINTS, np.zeros((0, 3), dtype=int), {})
+    write_series(tmp_path / "s.pvd", [0.0, 1.0 / 3.0], files)
+    assert pyvista.get_reader(tmp_path / "s.pvd").time_values == [0.0, 1.0 / 3.0]
+
+
+@pytest.mark.parametrize(
+    ("points", "cells", "fields", "words"),
+    [
+        (POINTS[:, :2], [[0, 1, 2]], {}, "shape [n, 3], got (4, 2)"),
+        (POINTS, [[0, 1, 4]], {}, "points 0 to 3, got 0 to 4"),
+        (POINTS, [[0, -1, 2]], {}, "points 0 to 3, got -1 to 2"),
+        (POINTS, [[0, 1, 2]], {"u": np.zeros(3)}, "field 'u' must have one row per point, 4, got 3"),
+    ],
+)
+def test_what_is_refused(points: np.ndarray, cells: list, fields: dict, words: str, tmp_path: Path) -> None:
+    for write in (
+        lambda path: write_grid(path, points, np.array(cells), TRIANGLE, fields),
+        lambda path: write_surface(path, points, np.array(cells), fields),
+    ):
+        with pytest.raises(ValueError, match=re.escape(words)):
+            write(tmp_path / "a.vtu")
+    assert not list(tmp_path.iterdir())
