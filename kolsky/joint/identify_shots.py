@@ -214,7 +214,7 @@ def _refined(problem: JointProblem, x: FloatArray, slopes: FloatArray) -> Optimu
             least = best
         if best.confirmed:
             break
-        x = x + (step if gained > WORSE else 0.5 * step)
+        x = np.clip(x + (step if gained > WORSE else 0.5 * step), lower, upper)
     assert best is not None  # the first run is the best so far
     assert least is not None  # and the least
     if best.cost > least.cost + WORSE:

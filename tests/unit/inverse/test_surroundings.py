@@ -1,4 +1,4 @@
-"""What is beside the specimen: elastic parts behind it and in the flyer, the incident force that is compared."""
+"""What is beside the specimen: elastic parts behind it and in the flyer, the incident force as data."""
 
 from dataclasses import replace
 from pathlib import Path
