@@ -1,20 +1,24 @@
 """Equilibria of a pulled strip: seconds beside FElupe in the same run, and growth with the size.
 
     python -m benchmarks.implicit                     # 25 515 displacements, 10 steps to 125 %, and a peer
+    python -m benchmarks.implicit --peer dolfinx --python /usr/bin/python3
     python -m benchmarks.implicit --cells 20x5x1 --peer none
-    python -m benchmarks.implicit --growth 1e4 3e4 1e5 3e5 --peer none
+    python -m benchmarks.implicit --growth 1e4 3e4 1e5 3e5 1e6 --steps 1 --strain 0.125 --peer none
     python -m benchmarks.implicit --device cuda             # element kernels on a GPU
     python -m benchmarks.implicit --linear amg --growth 1e6 --peer none
     python -m benchmarks.implicit --kind tet4 --cells 73x18x8 --peer none   # 63 072 tetrahedra
 
 The strip is that of Schumacher and others (2020), 100 x 25 x 5 mm, bonded at both ends, of a neo-Hookean
-rubber with Poisson's ratio 0.45. `--peer felupe` (needs `pip install felupe`, which is not among the
-dependencies) solves the same mesh with the same element, law and steps; both take the same threads. It prints
-the seconds of both, their ratio and the largest difference of the forces. Let nothing else run meanwhile.
+rubber with Poisson's ratio 0.45. `--peer felupe` solves the same mesh with the same element, law, Gauss
+points and steps; `--peer dolfinx` does so by `tests/reference/J_dolfinx.py` in a Python that has DOLFINx
+(Debian: python3-dolfinx) with MUMPS. All take the same threads. It prints the seconds of both by the clock
+and of the processor, their ratio and the largest difference of the forces. Set OMP_NUM_THREADS=1, let nothing
+else run meanwhile; the ratio of processor seconds stands other work.
 """
 
 import argparse
 import json
+import subprocess
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -40,6 +44,8 @@ SHEAR, POISSON = 25e3, 0.45
 """Shear modulus [Pa] and Poisson's ratio."""
 STRETCH = 1.25
 """Nominal strain at the last step [-]."""
+DOLFINX = Path(__file__).resolve().parent.parent / "tests" / "reference" / "J_dolfinx.py"
+"""The strip by DOLFINx."""
 
 
 def strip(cells: tuple[int, ...], kind: str, device: str = "cpu") -> Model:
@@ -53,9 +59,9 @@ def strip(cells: tuple[int, ...], kind: str, device: str = "cpu") -> Model:
 def ours(model: Model, pulls: FloatArray, linear: str) -> dict[str, Any]:
     """Seconds, counts and forces of a solution, and seconds of its derivatives."""
     options = Newton(tolerance=1e-8, linear=linear)
-    started = time.perf_counter()
+    started, cpu = time.perf_counter(), time.process_time()
     found = solve(model, {"pull": pulls}, newton=options)
-    middle = time.perf_counter()
+    middle, cpu = time.perf_counter(), time.process_time() - cpu
     if linear in ("auto", "multifrontal"):
         direct(found)
     ended = time.perf_counter()
@@ -63,6 +69,7 @@ def ours(model: Model, pulls: FloatArray, linear: str) -> dict[str, Any]:
         "displacements": model.n_dofs,
         "outcome": found.outcome.name,
         "seconds": middle - started,
+        "processor seconds": cpu,
         "seconds of derivatives": ended - middle,
         "iterations": found.iterations,
         "factorisations": found.factorisations,
@@ -78,7 +85,7 @@ def felupe(mesh: Mesh, pulls: FloatArray) -> dict[str, Any]:
         "hex27": ("hexahedron27", fem.RegionTriQuadraticHexahedron),
         "hex8": ("hexahedron", fem.RegionHexahedron),
     }[mesh.kind]
-    started = time.perf_counter()
+    started, cpu = time.perf_counter(), time.process_time()
     region = region_of(fem.Mesh(mesh.points, mesh.cells, cell_type=name))
     field = fem.FieldContainer([fem.Field(region, dim=3)])
     boundaries = {
@@ -96,7 +103,20 @@ def felupe(mesh: Mesh, pulls: FloatArray) -> dict[str, Any]:
         answer = fem.newtonraphson(items=[body], tol=1e-8, verbose=False, **loadcase)
         inner = body.assemble.vector(answer.x).toarray().reshape(-1, 3)
         forces.append(float(inner[mesh.nodes("right"), 0].sum()))
-    return {"seconds": time.perf_counter() - started, "forces": forces}
+    return {
+        "seconds": time.perf_counter() - started,
+        "processor seconds": time.process_time() - cpu,
+        "forces": forces,
+    }
+
+
+def dolfinx(cells: tuple[int, ...], kind: str, python: str) -> dict[str, Any]:
+    """The same by DOLFINx, which may live in another Python; its forms are compiled before the time."""
+    order = {"hex27": "2", "hex8": "1"}[kind]
+    arguments = [python, str(DOLFINX), "x".join(map(str, cells)), "--order", order]
+    started = time.perf_counter()
+    said = subprocess.run(arguments, check=True, capture_output=True, text=True).stdout
+    return {**json.loads(said.splitlines()[-1]), "seconds": time.perf_counter() - started}
 
 
 def cells_for(displacements: float, kind: str) -> tuple[int, int, int]:
@@ -124,11 +144,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--steps", type=int, default=10)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--linear", default="auto", help="see implicit.linear.solvers")
-    parser.add_argument("--peer", choices=("felupe", "none"), default="felupe")
+    parser.add_argument("--peer", choices=("felupe", "dolfinx", "none"), default="felupe")
+    parser.add_argument("--python", default="python3", help="a Python that has DOLFINx")
+    parser.add_argument("--strain", type=float, default=STRETCH, help="nominal strain at the last step")
     parser.add_argument("--growth", type=float, nargs="*", default=[], help="numbers of displacements")
     parser.add_argument("--json", type=Path, help="write what was measured here")
     given = parser.parse_args(arguments)
-    pulls = SIZE[0] * STRETCH * np.arange(1, given.steps + 1) / given.steps
+    if given.peer == "dolfinx" and (given.strain, given.steps) != (STRETCH, 10):
+        parser.error("--peer dolfinx makes ten steps to 1.25")
+    pulls = SIZE[0] * given.strain * np.arange(1, given.steps + 1) / given.steps
     small = strip((2, 1, 1), given.kind, given.device)
     direct(solve(small, {"pull": [0.01]}))  # compiles
     sizes = [cells_for(n, given.kind) for n in given.growth]
@@ -141,18 +165,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
         entry |= ours(model, pulls, given.linear)
         line = (
             f"{'x'.join(map(str, cells))} {given.kind}: {entry['displacements']} displacements, "
-            f"{entry['outcome']}, {entry['seconds']:.2f} s ({entry['factorisations']} factorisations, "
+            f"{entry['outcome']}, {entry['seconds']:.2f} s, of the processor "
+            f"{entry['processor seconds']:.2f} s ({entry['factorisations']} factorisations, "
             f"{entry['iterations']} iterations), derivatives {entry['seconds of derivatives']:.2f} s"
         )
         print(line, flush=True)
-        if given.peer == "felupe":
-            entry["felupe"] = felupe(model.mesh, pulls)
-            other = np.array(entry["felupe"]["forces"])
+        if given.peer != "none":
+            peer = (
+                felupe(model.mesh, pulls)
+                if given.peer == "felupe"
+                else dolfinx(cells, given.kind, given.python)
+            )
+            entry[given.peer] = peer
+            other = np.array(peer["forces"])
             entry["largest difference"] = float(np.abs(np.array(entry["forces"]) / other - 1.0).max())
             print(
-                f"FElupe: {entry['felupe']['seconds']:.2f} s, "
-                f"{entry['felupe']['seconds'] / entry['seconds']:.1f} times ours; forces differ by at most "
-                f"{entry['largest difference']:.2g}",
+                f"{given.peer}: {peer['seconds']:.2f} s, of the processor {peer['processor seconds']:.2f} s, "
+                f"{peer['processor seconds'] / entry['processor seconds']:.1f} times ours; "
+                f"forces differ by at most {entry['largest difference']:.2g}",
                 flush=True,
             )
         report.append(entry)

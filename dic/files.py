@@ -2,38 +2,131 @@
 
 import errno
 import os
-import secrets
+import shutil
 import stat
+import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # Windows: what a killed process leaves stays there
+    fcntl = None  # type: ignore[assignment]
+
+
+HIDDEN = ".partial-"
+"""How the folders begin in which files are written before they take their places."""
+_looked: set[str] = set()
+"""Folders in which this process has removed what killed ones left."""
+
+
+@contextmanager
+def scratch(folder: Path) -> Iterator[Path]:
+    """A new hidden folder in `folder`, gone with everything in it when the block ends.
+
+    It is locked for as long as this process lives, so that the next one that writes here can tell what a
+    killed process left behind from what another one is writing: the former it removes first.
+
+    Parameters
+    ----------
+    folder
+        Where the results go; it must exist.
+    """
+    remove_abandoned(folder)
+    while True:
+        made = Path(tempfile.mkdtemp(prefix=HIDDEN, dir=folder))
+        try:
+            lock = _locked(made)
+        except (BlockingIOError, FileNotFoundError):
+            continue  # another process took it for abandoned before it was locked
+        if lock is None or made.exists():
+            break
+        os.close(lock)
+    try:
+        yield made
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
+        if lock is not None:
+            os.close(lock)
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove the hidden folders that killed processes left in a folder; once a process and folder."""
+    if fcntl is None or str(folder) in _looked:
+        return
+    _looked.add(str(folder))
+    for left in sorted(Path(folder).glob(f"{HIDDEN}*")):
+        if left.is_symlink() or not left.is_dir():
+            continue
+        try:
+            lock = _locked(left)
+        except OSError:  # another process writes in it, or it is gone
+            continue
+        if lock is not None:
+            shutil.rmtree(left, ignore_errors=True)
+            os.close(lock)
+
+
+def _locked(folder: Path) -> int | None:
+    """A handle of a folder that is locked with it; None where folders cannot be locked.
+
+    Raises
+    ------
+    BlockingIOError
+        If another process has locked it.
+    FileNotFoundError
+        If it is gone.
+    """
+    if fcntl is None:
+        return None
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(handle)
+        if isinstance(error, BlockingIOError):
+            raise
+        return None  # a file system without locks
+    return handle
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A new empty file beside `path` that takes its place when the block ends without an exception.
+    """A new empty file that takes the place of `path` when the block ends without an exception.
 
     The data are on the disk before the name changes, so a reader finds the old file or the whole new one.
     After an exception the old file is untouched and nothing else is left.
     """
     path = Path(path)
-    # The suffix stays last: some writers choose their format by it.
-    partial = path.with_name(f".{secrets.token_hex(6)}.{path.name}")
-    os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-    try:
+    with scratch(path.parent) as folder:
+        partial = folder / path.name  # some writers choose their format by the suffix
+        os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         yield partial
         with partial.open("rb+") as file:
             os.fsync(file.fileno())
         os.replace(partial, path)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
     if os.name == "posix":  # the new name itself; Windows cannot open a folder
-        folder = os.open(path.parent, os.O_RDONLY)
+        folder_handle = os.open(path.parent, os.O_RDONLY)
         try:
-            os.fsync(folder)
+            os.fsync(folder_handle)
         finally:
-            os.close(folder)
+            os.close(folder_handle)
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Hold a folder while files take their places in it: a second process that wants to waits for the end."""
+    handle = None
+    if fcntl is not None:
+        handle = os.open(folder, os.O_RDONLY)
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(handle, fcntl.LOCK_EX)
+    try:
+        yield
+    finally:
+        if handle is not None:
+            os.close(handle)
 
 
 KINDS = (

@@ -114,20 +114,21 @@ class Equations:
             closed = closed and bool(apart.max(initial=0.0) <= contact.depth)
         return tuple(pushes), closed
 
-    def carried_stiffness(self, state: State) -> FloatArray:
+    def carried_stiffness(self, state: State, *, single: bool = False) -> FloatArray:
         """Tangent of the internal forces less weight and pressure, element by element [N/m]."""
-        elements = self.body.stiffness(state.body)
+        elements = self.body.stiffness(state.body, single=single)
         for name, pressure in self.pressures:
             for cells, by in pressure.evaluate(state.u)[1]:
                 np.add.at(elements, cells, -state.at[name] * by)
         return elements
 
-    def stiffness(self, state: State, *, held: bool = False) -> FloatArray:
+    def stiffness(self, state: State, *, held: bool = False, single: bool = False) -> FloatArray:
         """Tangent of the residual, element by element [N/m], shape [m, k d, k d].
 
-        `held` keeps points in contact on their plane, as derivatives of the solution need it.
+        `held` keeps points in contact on their plane, as derivatives of the solution need it; `single`
+        is for factors that only guide an iteration.
         """
-        return self.with_contact(self.carried_stiffness(state), state, held=held)
+        return self.with_contact(self.carried_stiffness(state, single=single), state, held=held)
 
     def with_contact(self, elements: FloatArray, state: State, *, held: bool) -> FloatArray:
         """Element matrices with the stiffness of the points in contact; the same array if there are none."""

@@ -31,6 +31,9 @@ class Newton:
     """Most lengths tried along a direction."""
     linear: str = "auto"
     """The linear solver, see `implicit.linear.solvers`."""
+    single: bool = True
+    """Whether tangents may be factorised in single precision: they only guide the iteration, whose residual
+    is in double precision. Where that leads nowhere, and in mixed models, double precision is taken."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tolerance < 1e-2:
@@ -45,12 +48,19 @@ class Iteration:
     def __init__(self, equations: Equations, options: Newton) -> None:
         self.equations, self.options = equations, options
         self.iterations = self.factorisations = 0
+        self.single = options.single and equations.model.volumetric == "displacement"
+        """Whether factors are in single precision, until they fail to guide the iteration."""
         self.last_factors: Factors | None = None
         """Factors of the last equilibrium's iteration, near its tangent."""
 
     def factorised(self, state: State) -> Factors:
         """Factors of the tangent of a state."""
         self.factorisations += 1
+        if self.single:
+            try:
+                return self.equations.factors(self.equations.stiffness(state, single=True))
+            except SingularError:
+                self.single = False
         return self.equations.factors(self.equations.stiffness(state))
 
     def equilibrium(self, state: State) -> State | Outcome:
@@ -91,6 +101,7 @@ class Iteration:
                 continue
             if not after <= KEPT * before:
                 factors = None
+                self.single = self.single and not fresh
             state = following
         return Outcome.NOT_CONVERGED
 

@@ -159,7 +159,7 @@ def identify(
         lost_replicates=0 if replicates is None else replicates.lost,
         mesh=prepared.forward.mesh(settings.numerics.with_mesh(settings.refined_mesh)),
     )
-    noted = shot.flyer.notes if isinstance(shot.flyer, FlyerMotion) else ()
+    noted = (*(shot.flyer.notes if isinstance(shot.flyer, FlyerMotion) else ()), *shot.notes)
     return replace(result, warnings=(*of_fit, *noted, *warnings, *known.warnings, *found.freed.said(shot)))
 
 

@@ -17,7 +17,10 @@ MUST = ("Fx", "Fy", "Cx", "Cy")
 POSE = ("Tx", "Ty", "Tz", "Theta", "Phi", "Psi")
 UNITS = {"mm": 1e-3, "m": 1.0, "µm": 1e-6, "um": 1e-6, "inch": 25.4e-3}
 ENTRY = re.compile(r"\s*([^\[;:=\t]{1,40}?)\s*(?:\[([^\]]{1,20})\])?\s*[;:=\t]\s*(\S[^;]{0,60}?)\s*;?\s*$")
-CAMERA = re.compile(r"^\s*Cam(\d+)_", re.MULTILINE)
+LONGEST = 400
+"""Longest line that is searched for a name and a value [characters]; what the search takes grows with a power
+of the length."""
+CAMERA = re.compile(r"^[ \t]{0,40}Cam(\d{1,6})_", re.MULTILINE)
 
 
 class MatchID:
@@ -101,7 +104,7 @@ def _entries(source: Source) -> dict[str, tuple[float, int, str]]:
     known = {f"Cam{k}_{name}" for k in (0, 1) for name in NUMBERS} | set(POSE)
     entries: dict[str, tuple[float, int, str]] = {}
     for line, text in enumerate(source.text.splitlines(), start=1):
-        match = ENTRY.match(text)
+        match = ENTRY.match(text) if len(text) <= LONGEST else None
         if match is None:
             continue
         name = match[1].replace(" ", "")

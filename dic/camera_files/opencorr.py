@@ -36,8 +36,10 @@ class OpenCorr:
     def read(self, source: Source, length_unit: float) -> StereoRig:
         """The rig."""
         given: dict[tuple[int, str], tuple[float, int]] = {}
+        line, place = 1, 0
         for match in ENTRY.finditer(source.text):
-            view, name, line = int(match[1]), match[3], source.line_of(match.start(3))
+            line += source.text.count("\n", place, match.start(3))
+            view, name, place = int(match[1]), match[3], match.start(3)
             word = re.sub(r"(?<=[\d.])f$", "", match[4].strip())
             given[view, name] = (source.number(word, f"view {view}: {name}", line), line)
         views = sorted({view for view, _ in given})

@@ -25,6 +25,8 @@ from dic.images.series import (
 if TYPE_CHECKING:
     import h5py
 
+LARGEST_BLOCK = 2**29
+"""Largest block that a dataset of pictures may be stored in [bytes]; a block is unpacked as a whole."""
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
@@ -56,7 +58,9 @@ class Hdf5Pictures:
             with h5py.File(regular(self.path), "r") as file:
                 picture = np.asarray(file[self.dataset][index])
         except Exception as error:  # whatever the library makes of a damaged file is the file's fault
-            raise PictureError(self.path, f"cannot be read ({error})", frame=index) from error
+            raise PictureError(
+                self.path, f"cannot be read ({error})", frame=index, cure="copy or export it again"
+            ) from error
         return checked_frame(self.path, index, picture, self.shape, self.bits)
 
 
@@ -120,19 +124,35 @@ def _opened(path: Path, dataset: "h5py.Dataset") -> Hdf5Pictures:
     import h5py
 
     n_frames, rows, columns = dataset.shape
+    checked_count(path, n_frames)  # before its times are read
+    block = int(np.prod(dataset.chunks or (1,), dtype=object)) * dataset.dtype.itemsize
+    if block > LARGEST_BLOCK:
+        raise PictureError(
+            path,
+            f"is stored in blocks of {block} bytes, allowed are at most {LARGEST_BLOCK}",
+            cure="store it with a frame a block",
+        )
     container = dataset.dtype.itemsize * 8
     offset = np.asarray(dataset.attrs.get("crop_offset", (0.0, 0.0)), dtype=np.float64)
     if offset.shape != (2,) or not np.all(np.isfinite(offset)):
-        raise PictureError(path, f"attribute crop_offset must be two finite numbers, is {offset}")
+        raise PictureError(
+            path,
+            f"attribute crop_offset must be two finite numbers, is {offset}",
+            cure="write two numbers, in px",
+        )
     clock = None
     if isinstance(dataset.parent.get("times", getlink=True), h5py.HardLink):
         times = dataset.parent["times"]
         if not isinstance(times, h5py.Dataset) or times.shape != (n_frames,) or times.external:
-            raise PictureError(path, f"times must be a dataset of {n_frames} numbers, is {times}")
+            raise PictureError(
+                path,
+                f"times must be a dataset of {n_frames} numbers, is {times}",
+                cure="write a time a frame, or none",
+            )
         clock = np.asarray(times, dtype=np.float64)
     return Hdf5Pictures(
         path=path,
-        n_frames=checked_count(path, n_frames),
+        n_frames=n_frames,
         shape=checked_shape(path, rows, columns),
         bits=checked_bits(path, int(dataset.attrs.get("bits", container)), container),
         crop_offset=(float(offset[0]), float(offset[1])),

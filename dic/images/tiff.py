@@ -7,8 +7,10 @@ Both write uncompressed pages one after the other behind the first header, and t
 them, or none (ImageJ, above 4 GB); then the grey values are found without their headers.
 """
 
+import logging
 import re
 import struct
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,10 +34,16 @@ from dic.images.series import (
 if TYPE_CHECKING:
     import tifffile
 
+logging.getLogger("tifffile").addHandler(logging.NullHandler())  # what it finds becomes a `PictureError`
 _MAGIC = {b"II*\0": "<", b"MM\0*": ">", b"II+\0": "<", b"MM\0+": ">"}
 _MOST_TAGS = 4096
 _OWN_DECODERS = {1, 8, 32773, 32946}
 """Compressions decoded without a further library: none, Deflate (twice), PackBits; OpenCV has the others."""
+_DEFLATE = (8, 32946)
+_SLACK = 1_000_000
+"""What the strips of a page may hold beside its grey values: tiles reach beyond its edges [bytes]."""
+_HARMLESS = 200_000_000
+"""What strips may unpack to without a look before [bytes]; Deflate makes at most 1032 bytes of one."""
 _MIN_IS_WHITE, _MIN_IS_BLACK = 0, 1
 
 
@@ -126,9 +134,15 @@ def read(path: Path) -> TiffPictures:
             largest, description = page.tags.valueof(281), page.description
             stack = _stack(file, page, beyond) if len(offsets) == 1 else None
     except Exception as error:  # see TiffPictures.frame
-        raise PictureError(path, f"its first page cannot be read ({error})") from error
+        raise PictureError(
+            path, f"its first page cannot be read ({error})", cure="copy or export it again"
+        ) from error
     if not isinstance(stored, int) or not 8 <= stored <= 16:
-        raise PictureError(path, f"its grey values have {stored} bits, 8 to 16 can be read")
+        raise PictureError(
+            path,
+            f"its grey values have {str(stored)[:60]} bits, 8 to 16 can be read",
+            cure="export grey values of 8 to 16 bits",
+        )
     stated = _stated_bits(largest, description, stored)
     cut = beyond is not None
     promised = max(len(offsets) + cut, _promised(description) if cut or stack else 0)
@@ -158,14 +172,20 @@ def _chain(path: Path) -> tuple[tuple[int, ...], int | None]:
             if offset == 0:
                 return tuple(offsets), None if offsets else size
             if offset < first or offset in offsets or len(offsets) >= MOST_FRAMES:
-                raise PictureError(path, f"page {len(offsets)} starts at byte {offset}, where none can be")
+                raise PictureError(
+                    path,
+                    f"page {len(offsets)} starts at byte {offset}, where none can be",
+                    cure="copy or export it again",
+                )
             if offset + struct.calcsize(count) > size:
                 return tuple(offsets), offset
             file.seek(offset)
             (tags,) = struct.unpack(order + count, file.read(struct.calcsize(count)))
             if not 1 <= tags <= _MOST_TAGS:
                 raise PictureError(
-                    path, f"page {len(offsets)} has {tags} tags, allowed are 1 to {_MOST_TAGS}"
+                    path,
+                    f"page {len(offsets)} has {tags} tags, allowed are 1 to {_MOST_TAGS}",
+                    cure="copy or export it again",
                 )
             file.seek(tags * entry, 1)
             raw = file.read(struct.calcsize(link))
@@ -229,6 +249,7 @@ def _decode(path: Path, index: int, offset: int) -> NDArray[np.generic]:
                     frame=index,
                     cure="the file is cut off or damaged: copy or export it again",
                 )
+        _check_strips(file, page)
         if page.bitspersample == 12 and page.compression == 1 and not page.is_tiled:
             picture: NDArray[np.generic] = _unpacked(file, page, shape)
         elif page.bitspersample in (8, 16) and page.compression in _OWN_DECODERS:
@@ -238,6 +259,26 @@ def _decode(path: Path, index: int, offset: int) -> NDArray[np.generic]:
         if page.photometric == _MIN_IS_WHITE:
             picture = (2**page.bitspersample - 1 - picture.astype(np.int64)).astype(picture.dtype)
     return picture
+
+
+def _check_strips(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> None:
+    """Refuse strips that hold, or unpack to, more than the page: a small file may unpack to any size.
+
+    Raises
+    ------
+    ValueError
+        If they do.
+    """
+    most = page.imagelength * page.imagewidth * 2 + _SLACK
+    if sum(page.databytecounts) > 2 * most:
+        raise ValueError(f"its strips have {sum(page.databytecounts)} bytes, the page needs at most {most}")
+    if page.compression not in _DEFLATE or 1032 * sum(page.databytecounts) < _HARMLESS:
+        return
+    left = 2 * most
+    for segment in _segments(file, page):
+        left -= len(zlib.decompressobj().decompress(segment, left + 1))
+        if left < 0:
+            raise ValueError(f"its strips unpack to more than the {most} bytes that the page needs")
 
 
 def _unpacked(file: "tifffile.TiffFile", page: "tifffile.TiffPage", shape: tuple[int, int]) -> Grey:

@@ -1,6 +1,5 @@
 """Axial displacement of the flyer: one translation a frame, from all points that either camera sees."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,29 +7,25 @@ import numpy as np
 from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.bodies.follow import TrackedBody
 from dic.camera import StereoRig
-from dic.images import PictureError, Pictures
+from dic.images import Pictures
 from dic.outcome import PointOutcome
-from dic.rigid_body.edge_registration import SEARCH_STEP, EdgeRegistration, RegisteredEdge
+from dic.rigid_body.frames_before import SEARCH_RANGE, consistent_frames, registered_edges
 from dic.rigid_body.rest_from_rim import RestGeometry, find_rim, glance
-from dic.rigid_body.translation import translation_in
+from dic.rigid_body.translation import FREE, lateral_places, translation_in
 from dic.stereo.rays import pixels_per_length
 from dic.surfaces import SpecimenFrame
 from dic.surfaces.overlap import overlap_matrix
 
-SEARCH_RANGE = 0.9
-"""Half width of the interval about the prediction in which the edge strip is searched [px]."""
 OWN_SHARE = 0.5
 """Share of the variance of a match that is the frame's own; the rest is the reference's, common to all."""
-MOST_OFFSET_FRAMES = 40
-"""Frames at most from which the offsets of the rows at the border of the picture are found."""
-MOST_RECENT = 12
-"""Frames from which the error of the row at the region's end is found."""
 MODEL = 0.015
 """Standard deviation of the mean place at rest for what the static frames share: warm air, interpolation
 [px]."""
 FACE_SHARE, NARROW_FACE = 0.02, 1.0
 """And this share of the flyer's face beside its rim, where a camera sees more than so much of it [px]: it
 moves with the flyer, but what it hides of the specimen does not."""
+FEWEST_AT_REST = 3
+"""With fewer static frames that show the body, the others are given its place at rest too."""
 MOST_APART = 4.0
 """Largest disagreement of two places at rest that are joined, in standard deviations."""
 ROUNDS = 4
@@ -111,31 +106,37 @@ def axial_displacement(
         return None
     places, moves = _places(frame.positions(np.where(seen_twice[..., None], r.position, np.nan)))
     known = np.asarray(np.isfinite(places).all(axis=1))
-    rows, found, sigma, counts = [], [], [], []
+    rows, found, sigma, counts, common = [], [], [], [], 0.0
     twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
     overlap = overlap_matrix(body.points, subset)
     middle = frame.in_rig(np.median(places[known], axis=0) + moves[twice[0]])
     pixel = 1.0 / float(np.linalg.norm(pixels_per_length(rig.cameras[0], middle, frame.rotation[1])))
+    across, lateral, place_sigma = lateral_places(t, moves, seen_twice.sum(axis=1), pixel)
     for k in range(len(t)):
         near = moves[twice[np.argmin(np.abs(twice - k))]]
-        both = bool(np.isfinite(moves[k]).all())
-        fit = translation_in(body, rig, frame, k, places, known, near, both, overlap, pixel)
+        sure = FREE * pixel
+        if not np.isfinite(moves[k]).all():
+            near, sure = np.array([across[k, 0], near[1], across[k, 1]]), float(lateral[k])
+        fit = translation_in(body, rig, frame, k, places, known, near, sure, overlap)
+        if fit is not None and static[k] and k not in twice and not common:
+            beside = near + np.array([place_sigma[0], 0.0, place_sigma[1]])
+            other = translation_in(body, rig, frame, k, places, known, beside, sure, overlap)
+            common = 0.0 if other is None else abs(other[0] - fit[0])
         if fit is not None:
             rows.append(k)
             found.append(fit[0])
             sigma.append(fit[1])
             counts.append(fit[2])
-    fine = np.flatnonzero(_consistent_frames(rows, found, counts, static, SEARCH_RANGE * pixel)).tolist()
+    fine = np.flatnonzero(consistent_frames(rows, found, counts, static, SEARCH_RANGE * pixel)).tolist()
     rows, found = [rows[i] for i in fine], [found[i] for i in fine]
     sigma, counts = [sigma[i] for i in fine], [counts[i] for i in fine]
     if body.material in rows and len(rows) > 1:  # exact there, but not against all others
         at = rows.index(body.material)
         beside = [sigma[k] for k in (at - 1, at + 1) if 0 <= k < len(rows)]
         sigma[at] = max(sigma[at], min(beside))
-    common = 0.0
     by_edge = bool(rows) and not static[rows].any() and pictures is not None
     if by_edge and pictures is not None:
-        for k, edge in _registered_edges(
+        for k, edge in registered_edges(
             pictures, body, rig, frame, places[known], moves, rows, found, static
         ):
             rows.insert(0, k)
@@ -161,6 +162,8 @@ def axial_displacement(
             sigma_by_end = float(np.hypot(rim.sigma, geometry.length_sigma))
             disagreement = (rest - by_end, float(np.hypot(sigma_by_end, rest_sigma)))
             rest, rest_sigma = joined_rest((rest, rest_sigma), (by_end, sigma_by_end))
+        if int(at_rest.sum()) < FEWEST_AT_REST:
+            index, y, sigma, counts = with_rest(np.flatnonzero(static), rest, index, y, sigma, counts)
     else:
         if rim is None or geometry is None or not geometry.known:
             return None
@@ -169,11 +172,7 @@ def axial_displacement(
         rest_sigma = float(np.hypot(rim.sigma, geometry.length_sigma))
         if not replace(geometry, length_sigma=rest_sigma).known:
             return None
-        still = np.flatnonzero(static)
-        index = np.concatenate([still, index])
-        y = np.concatenate([np.full(still.size, rest), y])
-        sigma = [float(np.median(sigma))] * still.size + sigma
-        counts = [0] * still.size + counts
+        index, y, sigma, counts = with_rest(np.flatnonzero(static), rest, index, y, sigma, counts)
     return AxialDisplacement(
         t=t[index],
         frame=index,
@@ -183,6 +182,32 @@ def axial_displacement(
         rest_sigma=rest_sigma,
         from_rim=from_rim,
         rim_disagreement=disagreement,
+    )
+
+
+def with_rest(
+    static: IntArray, rest: float, index: IntArray, y: FloatArray, sigma: list[float], counts: list[int]
+) -> tuple[IntArray, FloatArray, list[float], list[int]]:
+    """The displacements with the static frames that do not show the body: there it rests.
+
+    Parameters
+    ----------
+    static
+        Frames in which it rests.
+    rest
+        Its place there [m].
+    index, y, sigma, counts
+        Frames that show it, ascending, with place, standard deviation [m] and points.
+    """
+    still = np.setdiff1d(static, index)
+    order = np.argsort(np.concatenate([still, index]), kind="stable")
+    spread = np.concatenate([np.full(still.size, float(np.median(sigma))), sigma])[order]
+    n = np.concatenate([np.zeros(still.size, dtype=np.int64), counts])[order]
+    return (
+        np.concatenate([still, index])[order],
+        np.concatenate([np.full(still.size, rest), y])[order],
+        spread.tolist(),
+        n.tolist(),
     )
 
 
@@ -216,99 +241,6 @@ def joined_rest(seen: tuple[float, float], by_end: tuple[float, float]) -> tuple
         return seen
     w = np.array([seen[1], by_end[1]]) ** -2.0
     return float((w[0] * seen[0] + w[1] * by_end[0]) / w.sum()), float(w.sum() ** -0.5)
-
-
-def _registered_edges(
-    pictures: tuple[Pictures, Pictures],
-    body: TrackedBody,
-    rig: StereoRig,
-    frame: SpecimenFrame,
-    places: FloatArray,
-    moves: FloatArray,
-    rows: list[int],
-    found: list[float],
-    static: BoolArray,
-) -> list[tuple[int, RegisteredEdge]]:
-    """The frames before the first of `rows`, latest first, with the registration of the edge strip."""
-    first, m = rows[0], body.material
-    twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
-    near = moves[twice[0]]
-    if not np.isfinite(moves[m]).all() or first < 1:
-        return []
-    chosen = (pictures[0].frame(m).astype(np.float64), pictures[1].frame(m).astype(np.float64))
-    registration = EdgeRegistration(chosen, body.mask, rig, frame, places, moves[m])
-    registration.fit_row_offsets(_in_view(pictures, moves, rows, found))
-    result: list[tuple[int, RegisteredEdge]] = []
-    recent: list[tuple[tuple[FloatArray, FloatArray], FloatArray]] = []
-    end_error: float | None = None
-    # The first points to come into view are few: the motion is that of the first ten frames together.
-    at, y = np.array(rows[:10], dtype=np.float64), np.array(found[:10])
-    speed = float(np.median(np.diff(y) / np.diff(at))) if at.size > 1 else 0.0
-    start = float(np.median(y - speed * (at - first)))
-    past = [(first, start), (first + 1, start + speed)]
-    for k in range(first - 1, -1, -1):
-        try:
-            pair = (pictures[0].frame(k).astype(np.float64), pictures[1].frame(k).astype(np.float64))
-        except PictureError:
-            continue  # its frame has an outcome that says so (`dic.images.frame_health`)
-        (last, there), (before, earlier) = past
-        speed = 0.0 if static[k] else (there - earlier) / (last - before)
-        expected = there + speed * (k - last)
-        settled = static[k] and static[min(k + 1, len(static) - 1)] and last == k + 1
-        around = SEARCH_STEP if settled else SEARCH_RANGE * (last - k)
-        tried = np.arange(-around, around + 0.5 * SEARCH_STEP, SEARCH_STEP) * registration.pixel
-        edge = registration.register(pair, near, expected + tried)
-        if edge is None:
-            continue
-        if edge.clear:
-            recent = [(pair, np.array([near[0], edge.y, near[2]])), *recent[: MOST_RECENT - 1]]
-        else:
-            end_error = registration.end_error(recent) if end_error is None else end_error
-            if end_error is None:
-                break  # what is left of the body is too near its own edge
-            edge = replace(edge, common=float(np.hypot(edge.common, end_error)))
-        result.append((k, edge))
-        past = [(k, edge.y), past[0]]
-    return result
-
-
-def _consistent_frames(
-    rows: list[int], found: list[float], counts: list[int], static: BoolArray, distance: float
-) -> list[bool]:
-    """Frames that agree with the path of those after them.
-
-    As a body comes into view a few of its points may agree on a wrong place. From the frame with most points
-    back to rest, a frame farther than `distance` [m], or half a step, from the line through the next is left
-    out.
-    """
-    fine = [True] * len(rows)
-    if not rows:
-        return fine
-    best = int(np.argmax(counts))
-    kept = [best]
-    for i in range(best - 1, -1, -1):
-        after = kept[-6:]
-        if len(after) >= 3 and not static[rows[i]]:
-            at, y = np.array([rows[k] for k in after]), np.array([found[k] for k in after])
-            speed = float(np.median(np.diff(y) / np.diff(at)))
-            off = found[i] - float(np.median(y + speed * (rows[i] - at)))
-            fine[i] = abs(off) <= max(distance, 0.5 * abs(speed))
-        if fine[i]:
-            kept.append(i)
-    return fine
-
-
-def _in_view(
-    pictures: tuple[Pictures, Pictures], moves: FloatArray, rows: list[int], found: list[float]
-) -> Iterator[tuple[tuple[FloatArray, FloatArray], FloatArray]]:
-    """Pictures of frames whose points give the translation, with it; about `MOST_OFFSET_FRAMES` of them."""
-    seen = [(k, y) for k, y in zip(rows, found, strict=True) if np.isfinite(moves[k]).all()]
-    for k, y in seen[:: max(len(seen) // MOST_OFFSET_FRAMES, 1)]:
-        try:
-            pair = (pictures[0].frame(k).astype(np.float64), pictures[1].frame(k).astype(np.float64))
-        except PictureError:
-            continue
-        yield pair, np.array([moves[k, 0], y, moves[k, 2]])
 
 
 def _of_mean(sigma: FloatArray) -> float:

@@ -15,9 +15,18 @@ from dic.stereo.rays import projection_slope
 from dic.surfaces import SpecimenFrame
 from dic.tracking import Track
 
-LATERAL_SIGMA = 0.9
-"""Prior standard deviation of the lateral motion since the nearest frame that both cameras saw, in lengths
+FREE = 9.0
+"""Prior standard deviation of the lateral motion where both cameras see the body, which tell it, in lengths
 that a pixel shows [-]."""
+LATERAL_SIGMA = 0.9
+"""The same, at most, since the nearest frame that both cameras saw, where one alone does [-]."""
+LEAST_LATERAL = 0.02
+"""And at least [-]: little, for one camera tells depth by the perspective of its points alone, and warm air
+looks like it."""
+NEAREST = 20
+"""Frames that both cameras saw whose mean tells where a body is across the axis."""
+FEWEST_FRAMES = 10
+"""Frames that both cameras saw, from which on they tell the lateral velocity."""
 GATE = 5.0
 """Outlier threshold: a point this many robust standard deviations off the body's motion is left out [-]."""
 
@@ -59,6 +68,55 @@ class ObservedPoints:
         return np.asarray(size <= GATE * spread * noise)
 
 
+def lateral_places(
+    t: FloatArray, moves: FloatArray, counts: IntArray, pixel: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Where a body is across the axis in the frames that one camera alone sees, by those that both saw.
+
+    It is the mean over the `NEAREST` of these, each with the number of its points as weight: the nearest of
+    all shows the fewest. A body that flies keeps its lateral velocity: what these frames show of it, with
+    twice its standard deviation, times the time to them may have been added since. The scatter of the frames
+    about their line is what the place itself is off by at most, in all frames alike.
+
+    Parameters
+    ----------
+    t
+        Frame times [s], shape [n_frames].
+    moves
+        Translations of the frames that both cameras saw [m], NaN in the others, shape [n_frames, 3].
+    counts
+        Points that both cameras saw, shape [n_frames].
+    pixel
+        Length that a pixel shows [m].
+
+    Returns
+    -------
+    NDArray
+        Translations along x and Z [m], shape [n_frames, 2].
+    NDArray
+        Standard deviations of the motion since, between `LEAST_LATERAL` and `LATERAL_SIGMA` pixels [m], shape
+        [n_frames].
+    NDArray
+        That of the place, along x and Z, common to all frames [m], shape [2].
+    """
+    twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
+    across, weight = moves[twice][:, [0, 2]], counts[twice].astype(np.float64)
+    low, high = LEAST_LATERAL * pixel, LATERAL_SIGMA * pixel
+    near = [twice_near[:NEAREST] for twice_near in np.argsort(np.abs(t[:, None] - t[twice]), axis=1)]
+    place = np.array([np.average(across[rows], axis=0, weights=weight[rows]) for rows in near])
+    if twice.size < FEWEST_FRAMES:
+        return place, np.full(len(t), high), np.full(2, low)
+    since = t[twice] - np.average(t[twice], weights=weight)
+    spread = float(weight @ since**2)
+    slope = (weight * since) @ across / spread
+    off = across - np.average(across, axis=0, weights=weight) - np.outer(since, slope)
+    scatter = np.sqrt((weight @ off**2) / weight.sum() * twice.size / (twice.size - 2))
+    own = scatter * np.sqrt(weight.sum() / (twice.size * spread))
+    speed = float(np.linalg.norm(np.abs(slope) + 2.0 * own))
+    apart = np.abs(t - [np.average(t[twice[rows]], weights=weight[rows]) for rows in near])
+    return place, np.clip(speed * apart, low, high), scatter
+
+
 def translation_in(
     body: TrackedBody,
     rig: StereoRig,
@@ -67,12 +125,11 @@ def translation_in(
     places: FloatArray,
     known: BoolArray,
     near: FloatArray,
-    both: bool,
+    lateral: float,
     overlap: csr_array,
-    pixel: float,
 ) -> tuple[float, float, int] | None:
     """Translation along y in frame `k` [m], its standard deviation and the number of points; None if not
-    seen. `pixel` is the length that a pixel shows [m]."""
+    seen. `lateral` is the prior standard deviation of the translation across y, about that of `near` [m]."""
     seen = [
         ObservedPoints.of(camera, track, k, places, known)
         for camera, track in zip(rig.cameras, body.tracks, strict=True)
@@ -81,7 +138,7 @@ def translation_in(
         return None
     move, keep = near.copy(), [np.ones(len(points.rows), dtype=bool) for points in seen]
     off = [points.off(frame, move) for points in seen]
-    across = 1.0 / (pixel * (10.0 * LATERAL_SIGMA if both else LATERAL_SIGMA)) ** 2
+    across = lateral**-2
     for _ in range(3):
         H = np.diag([across, 0.0, across])
         g = H @ (near - move)

@@ -60,14 +60,16 @@ class Body:
             return self._inverted(u, state.J)
         return BodyState(u, self.pattern.vector(state.forces), state)
 
-    def stiffness(self, state: BodyState) -> FloatArray:
-        """Element stiffness of a state [N/m], shape [m, k d, k d]."""
+    def stiffness(self, state: BodyState, *, single: bool = False) -> FloatArray:
+        """Element stiffness of a state [N/m], shape [m, k d, k d]; `single`: in single precision."""
         at = state.u.reshape(-1, self.model.dimension)
         pressure, curvature = None, None
         if self.field is not None:
             pressure, curvature = self.field.pressures(state.points.J)
         thickness = state.points.thickness
-        points = self.points.evaluate(at, self.rows, tangent=True, pressure=pressure, thickness=thickness)
+        points = self.points.evaluate(
+            at, self.rows, tangent=True, single=single, pressure=pressure, thickness=thickness
+        )
         stiffness = points.stiffness
         assert stiffness is not None
         if self.field is not None and curvature is not None:

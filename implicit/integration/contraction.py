@@ -27,18 +27,18 @@ def element_stiffness(E: FloatArray, weighted: FloatArray) -> FloatArray:
     """Sum over the points of E A dV E: stiffness of each element [N/m], shape [m, k d, k d].
 
     A is symmetric, so blocks (i, j) with i > j are transposes. `weighted` is A times the point's volume,
-    shape [m, g, d D, d D].
+    shape [m, g, d D, d D]; the result has the precision of E.
     """
     m, g, k, columns = E.shape
     d = weighted.shape[-1] // columns
-    K = np.empty((m, k, d, k, d))
+    K = np.empty((m, k, d, k, d), dtype=E.dtype)
     size = max(1, CHUNK // (g * k * columns))
     for start in range(0, m, size):
         part = slice(start, start + size)
         of_points = np.ascontiguousarray(np.swapaxes(E[part], 2, 3))  # [., g, D, k]
         n = len(of_points)
         left = np.swapaxes(of_points.reshape(n, g * columns, k), 1, 2)
-        A = weighted[part].reshape(n, g, d * columns, d, columns)
+        A = weighted[part].astype(E.dtype, copy=False).reshape(n, g, d * columns, d, columns)
         for j in range(d):
             right = np.matmul(A[:, :, : (j + 1) * columns, j], of_points)  # [., g, (i, J), k]
             for i in range(j + 1):

@@ -90,6 +90,7 @@ class Points:
         rows: FloatArray,
         *,
         tangent: bool,
+        single: bool = False,
         pressure: FloatArray | None = None,
         thickness: FloatArray | None = None,
     ) -> PointState:
@@ -103,6 +104,8 @@ class Points:
             What `rows` gave.
         tangent : bool
             Whether the stiffness is wanted.
+        single : bool
+            Whether the stiffness is summed in single precision.
         pressure : array, shape [m, g], optional
             Pressure of a mixed model [Pa].
         thickness : array, shape [m, g], optional
@@ -123,17 +126,22 @@ class Points:
             outputs=[P, A, H, J, W],
             device=self.device,
         )
-        forces, stiffness = (self._on_device if self.device.is_cuda else self._by_blas)(P, A, tangent)
+        forces, stiffness = (self._on_device if self.device.is_cuda else self._by_blas)(P, A, tangent, single)
         return PointState(P.numpy(), forces, stiffness, H.numpy(), J.numpy(), W.numpy(), stretch.numpy())
 
-    def _by_blas(self, P: Any, A: Any, tangent: bool) -> tuple[FloatArray, FloatArray | None]:
+    @cached_property
+    def _single(self) -> FloatArray:
+        return self.geometry.E.astype(np.float32)
+
+    def _by_blas(self, P: Any, A: Any, tangent: bool, single: bool) -> tuple[FloatArray, FloatArray | None]:
         E, volumes = self.geometry.E, self.geometry.volumes
         forces = element_forces(E, P.numpy() * volumes[..., None]).reshape(len(E), -1)
         if not tangent:
             return forces, None
+        E = self._single if single else E
         return forces, element_stiffness(E, A.numpy() * volumes[..., None, None])
 
-    def _on_device(self, P: Any, A: Any, tangent: bool) -> tuple[FloatArray, FloatArray | None]:
+    def _on_device(self, P: Any, A: Any, tangent: bool, single: bool) -> tuple[FloatArray, FloatArray | None]:
         m, k = self.model.mesh.cells.shape
         forces = self._zeros((m, k * self.d))
         kernel = force_kernel(self.d, self.columns)
@@ -144,7 +152,7 @@ class Points:
         stiffness = self._zeros((m, k * self.d, k * self.d))
         kernel = stiffness_kernel(self.d, self.columns)
         wp.launch(kernel, (m, k, k), inputs=[*given, A], outputs=[stiffness], device=self.device)
-        return forces.numpy(), stiffness.numpy()
+        return forces.numpy(), stiffness.numpy().astype(np.float32 if single else np.float64, copy=False)
 
     def stress_by_row(self, u: FloatArray, rows: FloatArray, thickness: FloatArray) -> FloatArray:
         """Derivatives of the full 3 x 3 P by the numbers of the kernels' row at fixed deformation, by the

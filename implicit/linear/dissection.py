@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from explicit.arrays import BoolArray, FloatArray, IntArray
+from explicit.arrays import FloatArray, IntArray
 
 LEAF_COMPONENTS = 350
 """Displacement components of all cells of a leaf, about: fewer make more and smaller fronts."""
@@ -26,8 +26,6 @@ class Front:
     """Cells that are assembled here (of a leaf; none of others)."""
     local: IntArray
     """Place in the front of each component of those cells, the last for held ones, shape [., k d]."""
-    coupled: BoolArray
-    """Whether several components of a cell are one unknown, shape [.]."""
     unknowns: IntArray
     """Unknowns of the front, the eliminated ones first, then the boundary in the order of elimination."""
     eliminated: int
@@ -35,8 +33,23 @@ class Front:
     children: tuple[int, ...]
     """Fronts that are added here."""
     runs: tuple[list[tuple[int, int, int]], ...]
-    """Of the boundary of each child, runs of unknowns that are neighbours here too: where a run starts there,
-    where here, and its length."""
+    """Of the boundary of each child, runs of unknowns that are neighbours here too, all eliminated or none:
+    where a run starts there, where here, and its length."""
+
+    start: int
+    """Where the eliminated ones begin in the order of elimination."""
+    outside: IntArray
+    """Places of the others in that order."""
+
+    @property
+    def own(self) -> slice:
+        """The eliminated ones in the order of elimination."""
+        return slice(self.start, self.start + self.eliminated)
+
+    @property
+    def left(self) -> int:
+        """How many unknowns are left over for the parent."""
+        return len(self.unknowns) - self.eliminated
 
 
 def dissect(centres: FloatArray, components: IntArray, count: int) -> list[Front]:
@@ -84,18 +97,18 @@ def dissect(centres: FloatArray, components: IntArray, count: int) -> list[Front
         place[unknowns] = np.arange(len(unknowns))
         place[-1] = len(unknowns)
         local = place[components[cells]]
-        ordered = np.sort(local, axis=1)
-        coupled = ((np.diff(ordered, axis=1) == 0) & (ordered[:, 1:] < len(unknowns))).any(axis=1)
-        runs = tuple(_runs(place[boundaries[c]]) for c in below)
+        runs = tuple(_runs(place[boundaries[c]], len(own)) for c in below)
         boundaries.append(outside)
-        fronts.append(Front(cells, local, coupled, unknowns, len(own), below, runs))
+        starts_at = int(starts[number])
+        fronts.append(Front(cells, local, unknowns, len(own), below, runs, starts_at, rank[outside]))
     return fronts
 
 
-def _runs(places: IntArray) -> list[tuple[int, int, int]]:
+def _runs(places: IntArray, eliminated: int) -> list[tuple[int, int, int]]:
     if len(places) == 0:
         return []
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(places) != 1) + 1, [len(places)]])
+    ends = (np.diff(places) != 1) | (places[1:] == eliminated)
+    starts = np.concatenate([[0], np.flatnonzero(ends) + 1, [len(places)]])
     return [(int(a), int(places[a]), int(b - a)) for a, b in pairwise(starts)]
 
 

@@ -10,21 +10,26 @@ unknown is without a stiffness of its own.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-from scipy.linalg import lapack
-from scipy.linalg.blas import dgemm, dsyrk, dtrsm
+from scipy.linalg import get_blas_funcs, get_lapack_funcs
 
 from explicit.arrays import FloatArray, IntArray
 from implicit.linear.base import SingularError
 from implicit.linear.dissection import Front
+from implicit.linear.leaves import Blocks, leaves
 
-SMALLEST_PIVOT = 1e-13
-"""Least pivot as a share of the diagonal's largest entry of the front; below it the matrix is singular."""
-
-
-SMALL_ELEMENT = 30
-"""Most components of elements that are added all at once."""
+SMALLEST_PIVOT = {"d": 1e-13, "f": 1e-6}
+"""Least pivot as a share of the diagonal's largest entry of the front, in double and single precision; below
+it the matrix is singular."""
+_BLAS, _LAPACK = ("trsm", "syrk", "gemm"), ("potrf", "getrf", "laswp")
+ROUTINES: dict[str, dict[str, Any]] = {
+    kind: dict(zip(_BLAS, get_blas_funcs(_BLAS, dtype=kind), strict=True))
+    | dict(zip(_LAPACK, get_lapack_funcs(_LAPACK, dtype=kind), strict=True))
+    for kind in "df"
+}
+"""Routines of BLAS and LAPACK in both precisions."""
 
 
 class _IndefiniteError(ValueError):
@@ -35,7 +40,7 @@ class Multifrontal:
     """A factorised matrix; see `implicit.linear.base.Factors`."""
 
     def __init__(self, fronts: list[Front], elements: FloatArray, count: int, *, symmetric: bool) -> None:
-        """Factorise the sum of element matrices of shape [m, k d, k d].
+        """Factorise the sum of element matrices of shape [m, k d, k d], in their precision.
 
         Raises
         ------
@@ -43,6 +48,8 @@ class Multifrontal:
             If it is singular.
         """
         self.fronts, self.count, self.positive = fronts, count, symmetric
+        self._order = np.concatenate([front.unknowns[: front.eliminated] for front in fronts])
+        self._kind = elements.dtype
         if symmetric:
             try:
                 self._blocks = _factorised(fronts, elements, _cholesky, lower=True)
@@ -60,144 +67,134 @@ class Multifrontal:
         return self._solve(right, transposed=not self.positive)
 
     def _solve(self, right: FloatArray, *, transposed: bool) -> FloatArray:
-        x = np.array(right, dtype=float).reshape(self.count, -1)
+        x = np.asarray(right, dtype=self._kind).reshape(self.count, -1)[self._order]
         forward, backward = (_forward, _backward) if self.positive else (_lu_forward, _lu_backward)
         if transposed:
             forward, backward = _lu_forward_transposed, _lu_backward_transposed
         for front, block in zip(self.fronts, self._blocks, strict=True):
-            own, outside = front.unknowns[: front.eliminated], front.unknowns[front.eliminated :]
-            if len(own):
-                forward(x, own, outside, block)
+            if front.eliminated:
+                forward(x, front.own, front.outside, block)
         for front, block in zip(reversed(self.fronts), reversed(self._blocks), strict=True):
-            own, outside = front.unknowns[: front.eliminated], front.unknowns[front.eliminated :]
-            if len(own):
-                backward(x, own, outside, block)
-        return x.reshape(np.shape(right))
+            if front.eliminated:
+                backward(x, front.own, front.outside, block)
+        found = np.empty((self.count, x.shape[1]))
+        found[self._order] = x
+        return found.reshape(np.shape(right))
 
 
-Eliminate = Callable[[FloatArray, int], tuple[tuple[FloatArray, ...], FloatArray]]
-"""Eliminates the first unknowns of a front: what is kept of them, and the matrix of the others."""
+Eliminate = Callable[[Blocks], tuple[FloatArray, ...]]
+"""Eliminates a front in place: what is kept of it. F22 becomes what is left for the parent."""
 
 
 def _factorised(
     fronts: list[Front], elements: FloatArray, eliminate: Eliminate, *, lower: bool
 ) -> list[tuple[FloatArray, ...]]:
-    """Factors of every front; `lower`: only lower triangles are filled in beyond the leaves."""
-    blocks: list[tuple[FloatArray, ...]] = []
+    """Factors of every front; `lower`: only lower triangles are filled in."""
+    kept: list[tuple[FloatArray, ...]] = []
     updates: dict[int, FloatArray] = {}
+    assembled = leaves(fronts, elements, lower=lower)
     for number, front in enumerate(fronts):
-        F = _assembled(front, elements[front.cells])
-        for child, runs in zip(front.children, front.runs, strict=True):
-            _add(F, updates.pop(child), runs, lower=lower)
-        block, updates[number] = eliminate(F, front.eliminated)
-        blocks.append(block)
-    return blocks
-
-
-def _assembled(front: Front, elements: FloatArray) -> FloatArray:
-    """Sum of a front's element matrices, shape [n, n]; a last row for held components is dropped."""
-    n = len(front.unknowns)
-    if len(elements) == 0:
-        return np.zeros((n, n), order="F")
-    F = np.zeros((n + 1, n + 1), order="F")
-    if elements.shape[1] <= SMALL_ELEMENT:
-        places = front.local[:, :, None] + (n + 1) * front.local[:, None, :]
-        np.add.at(F.reshape(-1, order="F"), places.ravel(), elements.ravel())
-        return F[:n, :n]
-    for element, local, coupled in zip(elements, front.local, front.coupled, strict=True):
-        if coupled:
-            np.add.at(F, np.ix_(local, local), element)
+        if front.children:
+            p, q = front.eliminated, front.left
+            shapes = ((p, p), (q, p), (p, 0 if lower else q), (q, q))
+            blocks: Any = tuple(np.zeros(shape, elements.dtype, order="F") for shape in shapes)
+            for child, runs in zip(front.children, front.runs, strict=True):
+                _add(blocks, updates.pop(child), runs, p, lower=lower)
         else:
-            F[np.ix_(local, local)] += element
-    return F[:n, :n]
+            blocks = next(assembled)
+        kept.append(eliminate(blocks))
+        updates[number] = blocks[3]
+    return kept
 
 
-def _add(F: FloatArray, update: FloatArray, runs: list[tuple[int, int, int]], *, lower: bool) -> None:
-    """Add a child's matrix, run by run of neighbours in both."""
-    for i, (row, at_row, rows) in enumerate(runs):
-        for column, at_column, columns in runs[: i + 1] if lower else runs:
+def _add(
+    blocks: Blocks, update: FloatArray, runs: list[tuple[int, int, int]], p: int, *, lower: bool
+) -> None:
+    """Add a child's matrix, run by run of neighbours in both; p unknowns are eliminated."""
+    F11, F21, F12, F22 = blocks
+    for k, (column, j, columns) in enumerate(runs):
+        for row, i, rows in runs[k:] if lower else runs:
             part = update[row : row + rows, column : column + columns]
-            F[at_row : at_row + rows, at_column : at_column + columns] += part
+            if j < p:
+                into = F11[i : i + rows] if i < p else F21[i - p : i - p + rows]
+                into[:, j : j + columns] += part
+            else:
+                into = F12[i : i + rows] if i < p else F22[i - p : i - p + rows]
+                into[:, j - p : j - p + columns] += part
 
 
-def _cholesky(F: FloatArray, p: int) -> tuple[tuple[FloatArray, ...], FloatArray]:
-    L, info = lapack.dpotrf(F[:p, :p], lower=1, clean=0)
-    if info != 0 or (p and np.diag(L).min() ** 2 < SMALLEST_PIVOT * np.abs(np.diag(F)[:p]).max()):
+def _cholesky(blocks: Blocks) -> tuple[FloatArray, ...]:
+    F11, low, _, F22 = blocks
+    if F11.size == 0:
+        return F11, low
+    largest = F11.diagonal().max()
+    use = ROUTINES[F11.dtype.char]
+    L, info = use["potrf"](F11, lower=1, clean=0, overwrite_a=1)
+    if info != 0 or L.diagonal().min() ** 2 < SMALLEST_PIVOT[F11.dtype.char] * largest:
         raise _IndefiniteError
-    if p == len(F):
-        return (L, np.zeros((0, p))), np.zeros((0, 0))
-    if p == 0:
-        return (L, np.zeros((len(F), 0))), F
-    low = dtrsm(1.0, L, F[p:, :p], side=1, lower=1, trans_a=1)
-    left = dsyrk(-1.0, low, beta=1.0, c=F[p:, p:], lower=1)
-    return (L, low), left
+    if F22.size:
+        low = use["trsm"](1.0, L, low, side=1, lower=1, trans_a=1, overwrite_b=1)
+        use["syrk"](-1.0, low, beta=1.0, c=F22, lower=1, overwrite_c=1)
+    return L, low
 
 
-def _lu(F: FloatArray, p: int) -> tuple[tuple[FloatArray, ...], FloatArray]:
-    if p == 0:
-        return (np.zeros((0, 0)), np.zeros(0), np.zeros((len(F), 0)), np.zeros((0, len(F)))), F
-    LU, pivots, info = lapack.dgetrf(F[:p, :p])
-    if p == len(F):
-        low, right, left = np.zeros((0, p)), np.zeros((p, 0)), np.zeros((0, 0))
-    least = np.abs(np.diag(LU)).min()
-    if info != 0 or not least > SMALLEST_PIVOT * np.abs(np.diag(F)).max():
+def _lu(blocks: Blocks) -> tuple[FloatArray, ...]:
+    F11, low, right, F22 = blocks
+    if F11.size == 0:
+        return F11, np.zeros(0), low, right
+    largest = max(np.abs(F11.diagonal()).max(), np.abs(F22.diagonal()).max(initial=0.0))
+    use = ROUTINES[F11.dtype.char]
+    LU, pivots, info = use["getrf"](F11, overwrite_a=1)
+    least = np.abs(LU.diagonal()).min()
+    if info != 0 or not least > SMALLEST_PIVOT[F11.dtype.char] * largest:
         raise SingularError(f"a pivot is {least:.3g} N/m: the stiffness is singular")
-    if p == len(F):
-        return (LU, pivots, low, right), left
-    right = F[:p, p:].copy(order="F")
-    for i, j in enumerate(pivots):
-        if i != j:
-            right[[i, j]] = right[[j, i]]
-    right = dtrsm(1.0, LU, right, lower=1, diag=1)
-    low = dtrsm(1.0, LU, F[p:, :p], side=1, lower=0)
-    return (LU, pivots, low, right), dgemm(-1.0, low, right, beta=1.0, c=F[p:, p:])
+    if F22.size:
+        right = use["laswp"](right, pivots, overwrite_a=1)
+        right = use["trsm"](1.0, LU, right, lower=1, diag=1, overwrite_b=1)
+        low = use["trsm"](1.0, LU, low, side=1, lower=0, overwrite_b=1)
+        use["gemm"](-1.0, low, right, beta=1.0, c=F22, overwrite_c=1)
+    rows = use["laswp"](np.arange(len(LU), dtype=LU.dtype)[:, None], pivots)[:, 0].astype(np.int64)
+    return LU, rows, low, right
 
 
-def _forward(x: FloatArray, own: IntArray, outside: IntArray, block: tuple[FloatArray, ...]) -> None:
+def _forward(x: FloatArray, own: slice, outside: IntArray, block: tuple[FloatArray, ...]) -> None:
     L, low = block
-    solved = dtrsm(1.0, L, x[own], lower=1)
-    x[own] = solved
-    x[outside] -= low @ solved
+    x[own] = _solved(L, x[own], lower=1)
+    x[outside] -= low @ x[own]
 
 
-def _backward(x: FloatArray, own: IntArray, outside: IntArray, block: tuple[FloatArray, ...]) -> None:
+def _backward(x: FloatArray, own: slice, outside: IntArray, block: tuple[FloatArray, ...]) -> None:
     L, low = block
-    x[own] = dtrsm(1.0, L, x[own] - low.T @ x[outside], lower=1, trans_a=1)
+    x[own] = _solved(L, x[own] - low.T @ x[outside], lower=1, trans_a=1)
 
 
-def _exchanged(rows: FloatArray, pivots: FloatArray, *, back: bool) -> FloatArray:
-    order = range(len(pivots) - 1, -1, -1) if back else range(len(pivots))
-    for i in order:
-        j = int(pivots[i])
-        if i != j:
-            rows[[i, j]] = rows[[j, i]]
-    return rows
+def _lu_forward(x: FloatArray, own: slice, outside: IntArray, block: tuple[FloatArray, ...]) -> None:
+    LU, rows, low, _right = block
+    x[own] = _solved(LU, x[own][rows], lower=1, diag=1)
+    x[outside] -= low @ x[own]
 
 
-def _lu_forward(x: FloatArray, own: IntArray, outside: IntArray, block: tuple[FloatArray, ...]) -> None:
-    LU, pivots, low, _right = block
-    solved = dtrsm(1.0, LU, _exchanged(x[own], pivots, back=False), lower=1, diag=1)
-    x[own] = solved
-    x[outside] -= low @ solved
-
-
-def _lu_backward(x: FloatArray, own: IntArray, outside: IntArray, block: tuple[FloatArray, ...]) -> None:
-    LU, _pivots, _low, right = block
-    x[own] = dtrsm(1.0, LU, x[own] - right @ x[outside], lower=0)
+def _lu_backward(x: FloatArray, own: slice, outside: IntArray, block: tuple[FloatArray, ...]) -> None:
+    LU, _rows, _low, right = block
+    x[own] = _solved(LU, x[own] - right @ x[outside], lower=0)
 
 
 def _lu_forward_transposed(
-    x: FloatArray, own: IntArray, outside: IntArray, block: tuple[FloatArray, ...]
+    x: FloatArray, own: slice, outside: IntArray, block: tuple[FloatArray, ...]
 ) -> None:
-    LU, _pivots, _low, right = block
-    solved = dtrsm(1.0, LU, x[own], lower=0, trans_a=1)
-    x[own] = solved
-    x[outside] -= right.T @ solved
+    LU, _rows, _low, right = block
+    x[own] = _solved(LU, x[own], lower=0, trans_a=1)
+    x[outside] -= right.T @ x[own]
 
 
 def _lu_backward_transposed(
-    x: FloatArray, own: IntArray, outside: IntArray, block: tuple[FloatArray, ...]
+    x: FloatArray, own: slice, outside: IntArray, block: tuple[FloatArray, ...]
 ) -> None:
-    LU, pivots, low, _right = block
-    solved = dtrsm(1.0, LU, x[own] - low.T @ x[outside], lower=1, diag=1, trans_a=1)
-    x[own] = _exchanged(solved, pivots, back=True)
+    LU, rows, low, _right = block
+    solved = _solved(LU, x[own] - low.T @ x[outside], lower=1, diag=1, trans_a=1)
+    x[own][rows] = solved
+
+
+def _solved(L: FloatArray, right: FloatArray, **options: int) -> FloatArray:
+    """Solution of a triangular system."""
+    return np.asarray(ROUTINES[L.dtype.char]["trsm"](1.0, L, right, **options))

@@ -5,13 +5,19 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from kolsky.shot.schema import fields as f
-from kolsky.shot.schema.section import LengthColumn, Section, TextLayoutSection
+from kolsky.shot.schema.section import ColumnSection, LengthColumn, Section, TextLayoutSection
 
 Pressure = Annotated[float, BeforeValidator(f.physical("Pa", ">= 0", "a pressure"))]
 Angle = Annotated[float, BeforeValidator(f.physical("rad", what="an angle"))]
 Acceleration = Annotated[float, BeforeValidator(f.number)]
 Count = Annotated[int, Field(ge=1, le=200)]
 Vector = Annotated[list[Acceleration], Field(min_length=3, max_length=3)]
+
+
+class PressureColumn(ColumnSection):
+    """A column of pressures."""
+
+    unit: f.StressUnit
 
 
 class GeometrySection(Section):
@@ -99,7 +105,7 @@ class MarkersSection(Section):
     x: LengthColumn
     z: LengthColumn
     gravity: f.Name = "gravity"
-    pressure: f.Name = "pressure (Pa)"
+    pressure: PressureColumn
     marker: f.Name = "marker"
     sigma: f.LengthDeviation
 

@@ -2,16 +2,15 @@
 
 import csv
 import os
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from dic.files import regular, replacing, text_cell
+from dic.files import HIDDEN, alone_in, regular, replacing, scratch, text_cell
 from kolsky.base.errors import InputError
 
-__all__ = ["filling", "regular", "usable_folder", "write_table"]
+__all__ = ["filling", "missing", "regular", "remove_empty", "usable_folder", "write_table"]
 
 CURE = "give another place with --out FOLDER"
 
@@ -75,35 +74,42 @@ def filling(folder: Path) -> Iterator[Path]:
     InputError
         If a file cannot be written or put in its place.
     """
-    made = _missing(folder)
+    made = missing(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".partial-", dir=folder) as partial:
-            yield Path(partial)
-            files = sorted(p for p in Path(partial).rglob("*") if p.is_file())
+        with scratch(folder) as partial:
+            yield partial
+            files = sorted(p for p in partial.rglob("*") if p.is_file() and not _hidden(p, partial))
             places = [folder / p.relative_to(partial) for p in files]
             for place in places:
                 if place.is_dir():
                     raise InputError(place, "is a folder where a result must go", cure=CURE)
-            for place in places:
-                place.parent.mkdir(parents=True, exist_ok=True)
-            for file, place in zip(files, places, strict=True):
-                os.replace(file, place)
+            with alone_in(folder):
+                for place in places:
+                    place.parent.mkdir(parents=True, exist_ok=True)
+                for file, place in zip(files, places, strict=True):
+                    os.replace(file, place)
     except OSError as error:
-        _remove_empty(made)
+        remove_empty(made)
         cause = error.strerror or str(error)
         raise InputError(folder, f"results cannot be written: {cause}", cure=CURE) from error
     except BaseException:
-        _remove_empty(made)
+        remove_empty(made)
         raise
 
 
-def _missing(folder: Path) -> list[Path]:
+def _hidden(path: Path, above: Path) -> bool:
+    """Whether a file lies in a hidden folder of `dic.files.scratch` inside another."""
+    return any(part.startswith(HIDDEN) for part in path.relative_to(above).parts[:-1])
+
+
+def missing(folder: Path) -> list[Path]:
     """The folder and those above it that do not exist, innermost first."""
     return [path for path in (folder, *folder.parents) if not path.exists()]
 
 
-def _remove_empty(folders: list[Path]) -> None:
+def remove_empty(folders: list[Path]) -> None:
+    """Remove those folders, innermost first, that hold nothing."""
     for path in folders:
         if path.is_dir() and not any(path.iterdir()):
             path.rmdir()

@@ -25,6 +25,11 @@ OpenGroup: TypeAlias = h5py.Group
 """A group of an open file."""
 COMPRESSED_FROM = 4096
 """Values of a dataset from which on it is compressed."""
+MOST_PACKING = 20
+"""Most that a whole file unpacks to, over its size; measurements pack to a half, nothing but zeros to a
+thousandth."""
+FREELY_UNPACKED = 2**28
+"""What a file of any size may unpack to [bytes]."""
 
 
 class Refused(Exception):
@@ -42,7 +47,7 @@ class Format:
     readable: tuple[int, ...] = (1,)
     """Versions that are read."""
     largest: int = 2**30
-    """Largest dataset that is read [bytes]."""
+    """Most that is read of a file [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +61,13 @@ class Place:
     version: int
     """Version of the file's format."""
     largest: int
-    """Largest dataset that is read [bytes]."""
+    """Most that is read of the file [bytes]."""
     sizes: dict[str, int] = field(default_factory=dict)
     """Sizes of the named dimensions met so far; a dimension of one name has one size."""
     unit: str = ""
     """Unit of the record it belongs to, see `kolsky.base.hdf5_items.OWN`."""
+    taken: list[int] = field(default_factory=lambda: [0])
+    """What was read of the file so far [bytes], one number for all its places."""
 
     @property
     def name(self) -> str:
@@ -127,7 +134,8 @@ def reading(path: Path, form: Format, *, cure: str) -> Iterator[Place]:
                 raise Refused(
                     f"version {version} of the format {name!r}, expected version {known} of {form.name!r}"
                 )
-            yield Place(file, "entry", int(str(version)), form.largest)
+            most = max(FREELY_UNPACKED, MOST_PACKING * Path(path).stat().st_size)
+            yield Place(file, "entry", int(str(version)), min(form.largest, most))
     except FileNotFoundError:
         raise InputError(path, "no such file", cure=cure) from None
     except Refused as error:
@@ -237,8 +245,9 @@ def take(place: Place, unit: str | None, dimensions: str, kind: str) -> Any:
     wrong = shape_problem(dataset.shape, dimensions, place.sizes)
     if wrong:
         raise Refused(f"{where}: {wrong}")
-    if dataset.size * dataset.dtype.itemsize > place.largest:
-        raise Refused(f"{where}: more than {place.largest} bytes")
+    place.taken[0] += dataset.size * dataset.dtype.itemsize
+    if place.taken[0] > place.largest:
+        raise Refused(f"{where}: the file unpacks to more than {place.largest} bytes")
     if unit is not None and dataset.attrs.get("units") != unit:
         raise Refused(f"{where}: in {dataset.attrs.get('units')!r}, must be in {unit!r}")
     return _text(dataset[()], where) if kind == "t" else dataset[()]

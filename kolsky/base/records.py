@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kolsky.base.arrays import FloatArray, IntArray
+from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     import explicit.materials
@@ -58,6 +58,11 @@ class FlyerMotion:
     """Standard deviation of each displacement [m], shape [n]."""
     zero_sigma: float = 0.0
     """Standard deviation of the place at rest that displacements count from, common to all after it [m]."""
+    shared_sigma: FloatArray | None = None
+    """Standard deviation of an error that successive displacements have in common, warm air for one [m],
+    shape [n]; None if none is known. `sigma` does not hold it."""
+    shared_memory: float = 0.0
+    """Time after which 1/e of that error is left [s]."""
     notes: tuple[str, ...] = ()
     """What was found in its record that its user should know, a sentence each."""
 
@@ -95,7 +100,15 @@ class CentreLine:
     Z: FloatArray
     """Out-of-plane position from the specimen's axis: the model's r [m], shape [n]."""
     sigma: FloatArray
-    """Standard deviation of Z [m], shape [n]."""
+    """Standard deviation of Z, independent from point to point [m], shape [n]."""
+    modes: FloatArray | None = None
+    """Errors of Z that points and frames have in common, one standard deviation each [m], shape [n_modes, n];
+    None if none is known."""
+
+    def select(self, points: IntArray | BoolArray) -> "CentreLine":
+        """Some of the points, by number or as a mask."""
+        columns = (self.time[points], self.frame[points], self.y[points], self.Z[points], self.sigma[points])
+        return CentreLine(*columns, modes=None if self.modes is None else self.modes[:, points])
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,9 @@ from typing import Annotated
 import typer
 
 from kolsky.base.errors import InputError
+from kolsky.cli.actuator_control import actuator_control
+from kolsky.cli.actuator_invert import actuator_invert
+from kolsky.cli.actuator_simulate import actuator_simulate
 from kolsky.cli.budget import budget
 from kolsky.cli.calibrate import calibrate
 from kolsky.cli.channels import channels
@@ -20,6 +23,8 @@ from kolsky.cli.doctor import doctor
 from kolsky.cli.film import film
 from kolsky.cli.identify import identify
 from kolsky.cli.material_fit import material_fit
+from kolsky.cli.material_healing import material_healing
+from kolsky.cli.material_relaxation import material_relaxation
 from kolsky.cli.new import new
 from kolsky.cli.options import with_solver_options
 from kolsky.cli.plan import plan
@@ -61,9 +66,14 @@ COMMANDS: dict[str, Command] = {
     "doctor": doctor,
     "material reference-curve": reference_curve,
     "material fit": material_fit,
+    "material relaxation": material_relaxation,
+    "material healing": material_healing,
     "specimen fit": specimen_fit,
     "specimen simulate": specimen_simulate,
     "specimen plan": specimen_plan,
+    "actuator simulate": actuator_simulate,
+    "actuator invert": actuator_invert,
+    "actuator control": actuator_control,
     "virtual new": virtual_new,
     "virtual make": virtual_make,
 }
@@ -72,6 +82,7 @@ COMMANDS: dict[str, Command] = {
 GROUPS = {
     "material": "The quasi-static tests of the material behind a shot.",
     "specimen": "Whole specimens in slow tests, simulated and fitted.",
+    "actuator": "Pressurised soft actuators: bend, pressure for a bend, closed loop.",
     "virtual": "The virtual laboratory: shots whose answer is known.",
 }
 """Groups of commands and their line of `--help`."""

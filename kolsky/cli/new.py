@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kolsky.base.errors import InputError
-from kolsky.base.files import regular
 
 if TYPE_CHECKING:
     from kolsky.shot.survey import Survey
@@ -47,7 +46,9 @@ def new(
             at_fault, "exists already and is left as it is", cure="edit it, or choose another folder"
         ) from None
     except OSError as error:
-        raise InputError(folder, f"cannot be written ({error.strerror})") from None
+        raise InputError(
+            folder, f"cannot be written ({error.strerror})", cure="give another folder, or make it writable"
+        ) from None
     if bars:
         for table in found.recordings:
             typer.echo(f"  {table.path.name}: a recording")
@@ -94,10 +95,8 @@ def _resource(name: str) -> str:
 
 
 def _text_of(series: Path) -> str:
-    from kolsky.shot.schema.reading import find_shot_file
+    from kolsky.readers.text import decode, read_bytes
+    from kolsky.shot.schema.reading import TOML_LIMIT, find_shot_file
 
     path = find_shot_file(series)
-    try:
-        return regular(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, f"cannot be read ({error})") from None
+    return decode(path, read_bytes(path, limit=TOML_LIMIT))

@@ -89,7 +89,9 @@ class DesignChoice:
             if given != (need in kind.needs):
                 kinds = [other.option for other in DESIGNS.values() if need in other.needs]
                 raise InputError(
-                    texts.COMMAND_LINE, f"{option} and --design {' or '.join(kinds)} need each other"
+                    texts.COMMAND_LINE,
+                    f"{option} and --design {' or '.join(kinds)} need each other",
+                    cure="give both, or neither",
                 )
         if self.points is not None and self.logarithmic:
             raise InputError(
@@ -120,7 +122,9 @@ class DesignChoice:
         try:
             return Box.of(bounds, logarithmic=self.logarithmic)
         except ValueError as error:
-            raise InputError(texts.COMMAND_LINE, f"--log: {error}") from None
+            raise InputError(
+                texts.COMMAND_LINE, f"--log: {error}", cure="leave it out for a parameter that may be 0"
+            ) from None
 
     def _constraints(self, box: "Box") -> "list[Constraint]":
         from doe.constraints import Constraint
@@ -156,7 +160,11 @@ class DesignChoice:
                 candidates=candidates,
             )
         except ValueError as error:
-            raise InputError(texts.COMMAND_LINE, f"--design {self.kind}: {error}") from None
+            raise InputError(
+                texts.COMMAND_LINE,
+                f"--design {self.kind}: {error}",
+                cure="`kolsky sweep --help` shows what each design needs",
+            ) from None
 
 
 @dataclass(frozen=True)
@@ -212,7 +220,7 @@ class Records:
         try:
             rows = shard(len(design), *self.shard)
         except ValueError as error:
-            raise InputError(texts.COMMAND_LINE, f"--shard: {error}") from None
+            raise InputError(texts.COMMAND_LINE, f"--shard: {error}", cure="take fewer parts") from None
         return Design(design.points[rows], design.box, design.kind, design.settings)
 
     @contextmanager
@@ -225,6 +233,20 @@ class Records:
         except (LedgerError, OSError) as error:
             cure = "give another place with --ledger FILE, or --ledger none; --merge takes ledgers only"
             raise InputError(texts.COMMAND_LINE, f"--ledger: {error}", cure=cure) from error
+
+
+SCHEDULER_FILE = 1_000_000
+"""Largest scheduler file that is read [bytes]."""
+PATIENCE = 5.0
+"""Time that a Dask scheduler has to answer [s]."""
+
+
+def _is_file(text: str) -> bool:
+    """Whether a text names a file; an address may be longer than any name."""
+    try:
+        return Path(text).is_file()
+    except OSError:
+        return False
 
 
 @dataclass(frozen=True)
@@ -269,10 +291,18 @@ class Workers:
         except ImportError:
             cure = "pip install 'kolsky[cluster]'"
             raise InputError(texts.COMMAND_LINE, "--dask needs the package distributed", cure=cure) from None
-        place = {"scheduler_file": self.dask} if Path(self.dask).is_file() else {"address": self.dask}
+        file = _is_file(self.dask)
+        if file and Path(self.dask).stat().st_size > SCHEDULER_FILE:
+            raise InputError(
+                Path(self.dask),
+                f"has {Path(self.dask).stat().st_size} bytes",
+                allowed=f"a scheduler file, of at most {SCHEDULER_FILE} bytes",
+                cure="give the file that `dask scheduler --scheduler-file` writes",
+            )
+        place = {"scheduler_file": self.dask} if file else {"address": self.dask}
         try:
-            return Client(**place, timeout=10, set_as_default=False)
-        except (OSError, ValueError, TypeError) as error:
+            return Client(**place, timeout=PATIENCE, set_as_default=False)
+        except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             cure = "start one with `dask scheduler` and give its address or its scheduler file"
             raise InputError(
                 texts.COMMAND_LINE, f"--dask {self.dask}: no scheduler answers ({error})", cure=cure

@@ -23,7 +23,9 @@ def virtual_new(
             path, "exists already and is left as it is", cure="edit it, or choose another folder"
         ) from None
     except OSError as error:
-        raise InputError(folder, f"cannot be written ({error.strerror})") from None
+        raise InputError(
+            folder, f"cannot be written ({error.strerror})", cure="give another folder, or make it writable"
+        ) from None
     typer.echo(f"wrote {path}; change it, then: kolsky virtual make {path} --out {folder / 'shot'}")
 
 

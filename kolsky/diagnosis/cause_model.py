@@ -99,7 +99,8 @@ class CauseModel:
             if response is not None:
                 change = point.changed.alteration
                 found[i] = change.vector(response, self.observations) + self.shift(change)
-        return found
+        offset = self.observations.front_offset
+        return found if offset is None else found - offset
 
     def whole(self, point: Point) -> Point:
         """The point with the free input among its changes."""
@@ -193,7 +194,8 @@ class CauseModel:
         noise = np.concatenate([o.force_sigma, o.centre_line.sigma])
         sigma = np.hypot(noise, np.concatenate([ringing, np.abs(rough[n:])]))
         common = moved / (ratio**FIRST_ORDER - 1.0)
-        patterns = np.column_stack([common, self._flyer_noise(numerics)])
+        shared = () if o.centre_line.modes is None else np.pad(o.centre_line.modes, ((0, 0), (n, 0)))
+        patterns = np.column_stack([common, self._flyer_noise(numerics), *shared])
         times = np.concatenate([o.force_times, o.centre_line.time])
         width = float(np.diff(o.bins.edges).mean())
         return ExpectedResidual(
@@ -254,9 +256,10 @@ def _thinned(o: Observations) -> Observations:
     if n <= MOST_POINTS:
         return o
     kept: IntArray = np.linspace(0, n - 1, MOST_POINTS).round().astype(np.int64)
-    line = o.centre_line
-    fewer = replace(line, **{name: getattr(line, name)[kept] for name in line.__dataclass_fields__})
-    return replace(o, centre_line=fewer)
+    offset, bins = o.front_offset, o.n_force
+    if offset is not None:
+        offset = np.concatenate([offset[:bins], offset[bins:][kept]])
+    return replace(o, centre_line=o.centre_line.select(kept), front_noise=None, front_offset=offset)
 
 
 def _forward(forward: Forward, factors: Mapping[str, float]) -> Forward:

@@ -35,6 +35,10 @@ class Observations:
     """Changes of the predicted data by the noise of the front face's motion, a standard deviation each of
     independent modes: bins [N], then all points [m], shape [n_modes, n_bins + Q]; see
     `kolsky.inverse.front_noise`. None until it is known."""
+    front_offset: FloatArray | None = None
+    """What the front face's path, moved to where the data put it, adds to all predictions along those
+    patterns: bins [N], then all points [m], shape [n_bins + Q]; see `kolsky.inverse.likely_path`. None if it
+    was not moved."""
 
     @property
     def has_shape(self) -> bool:
@@ -146,13 +150,7 @@ def observe(
             else "the outline has no point"
         )
     point = point[np.argsort(centre_line.time[point], kind="stable")]
-    line = CentreLine(
-        time=centre_line.time[point],
-        frame=centre_line.frame[point],
-        y=centre_line.y[point],
-        Z=centre_line.Z[point],
-        sigma=centre_line.sigma[point],
-    )
+    line = centre_line.select(point)
     _positive("Z", line.Z)
     _positive("sigma of Z", line.sigma)
     return Observations(force=inside, bins=bins, centre_line=line, incident=front)

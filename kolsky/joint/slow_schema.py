@@ -1,18 +1,22 @@
-"""A file of slow tests: relaxation, ramps and oscillation of the same material, a table a test."""
+"""A file of slow tests of one material: relaxation, ramps, oscillation, temperature sweeps, a table each."""
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
+from explicit.materials import AnyLaw
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.joint.records import Slow
 from kolsky.material.relaxation.evidence import DynamicTest, Evidence, HistoryTest
+from kolsky.material.relaxation.temperature import Superposition, TemperatureSweep, superpose
 from kolsky.readers.table import Column, Table, read_table
 from kolsky.shot.schema import fields as f
+from kolsky.shot.schema.curve import LawSection
 from kolsky.shot.schema.reading import TomlFile, parse_toml
 from kolsky.shot.schema.section import (
     ColumnSection,
@@ -27,10 +31,16 @@ NEEDED = {
     "relaxation": ("time", "stress", "strain"),
     "history": ("time", "stress", "strain_column"),
     "oscillation": ("frequency", "storage", "loss"),
+    "sweep": ("frequency", "storage", "loss", "temperature", "reference"),
 }
 """Keys that a kind of test needs."""
-_OWN = ("time", "stress", "strain", "strain_column", "frequency", "storage", "loss", "rise")
-_OPTIONAL = {"relaxation": ("rise",), "history": (), "oscillation": ()}
+_OWN = (
+    *("time", "stress", "strain", "strain_column", "frequency", "storage", "loss", "rise"),
+    *("temperature", "reference"),
+)
+_OPTIONAL: dict[str, tuple[str, ...]] = {"relaxation": ("rise",)}
+_ZEROS = {"degC": 273.15, "°C": 273.15, "K": 0.0}
+"""Unit of a temperature -> what leads to kelvin; a temperature is no multiple of another."""
 
 
 def _frequency(text: object) -> float:
@@ -46,10 +56,33 @@ class FrequencyColumn(ColumnSection):
     unit: Annotated[float, BeforeValidator(_frequency)]
 
 
+def _temperature_unit(text: object) -> float:
+    if not isinstance(text, str) or text not in _ZEROS:
+        raise f.problem("is not a unit of temperatures", allowed='"degC", "K"')
+    return _ZEROS[text]
+
+
+def _temperature(text: object) -> float:
+    number, _, unit = text.strip().partition(" ") if isinstance(text, str) else ("", "", "")
+    try:
+        value = float(number) + _ZEROS[unit.strip()]
+    except (ValueError, KeyError):
+        raise f.problem("is not a temperature", cure='write e.g. "25 degC" or "298 K"') from None
+    if not 0.0 < value < 2000.0:
+        raise f.problem("is not allowed", allowed="above absolute zero, below 2000 K")
+    return value
+
+
+class TemperatureColumn(ColumnSection):
+    """A column of temperatures; once read, `unit` is what is added to lead to kelvin."""
+
+    unit: Annotated[float, BeforeValidator(_temperature_unit)]
+
+
 class SlowTest(Section):
     """[test.NAME]: one slow test of the material, its file beside the list."""
 
-    kind: Literal["relaxation", "history", "oscillation"]
+    kind: Literal["relaxation", "history", "oscillation", "sweep"]
     file: f.FileName
     layout: TextLayoutSection | None = None
     time: TimeColumn | None = None
@@ -63,6 +96,9 @@ class SlowTest(Section):
     frequency: FrequencyColumn | None = None
     storage: StressColumn | None = None
     loss: StressColumn | None = None
+    temperature: TemperatureColumn | None = None
+    reference: Annotated[float, BeforeValidator(_temperature)] | None = None
+    """Temperature that a sweep is brought to [K]."""
     relative_sigma: f.Share = 0.0
     sigma_floor: f.Stress = 0.0
 
@@ -73,7 +109,7 @@ class SlowTest(Section):
             if getattr(self, name) is None:
                 raise f.problem(f'is missing; kind = "{self.kind}" needs it', key=name, cure="add it")
         for name in _OWN:
-            if name in self.model_fields_set and name not in (*needed, *_OPTIONAL[self.kind]):
+            if name in self.model_fields_set and name not in (*needed, *_OPTIONAL.get(self.kind, ())):
                 raise f.problem(
                     f'is given, but kind = "{self.kind}" does not read it, so it would have no effect',
                     key=name,
@@ -93,14 +129,29 @@ class SlowTest(Section):
 
 
 class SlowFile(Section):
-    """A list of slow tests."""
+    """A list of slow tests, and the material law that they are compared with."""
 
     format: Literal[1]
+    law: LawSection | None = None
     test: dict[str, SlowTest] = Field(min_length=1)
 
 
+@dataclass(frozen=True)
+class SlowList:
+    """Slow tests as read."""
+
+    tests: Slow
+    """The tests; of a sweep what it gave at its reference temperature."""
+    sweeps: Mapping[str, Superposition]
+    """Temperature sweeps by name, those whose shifts are not determined too."""
+    files: Mapping[str, str]
+    """SHA-256 of the files by path."""
+    law: AnyLaw | None
+    """The law that the list declares."""
+
+
 def read_slow_tests(path: Path) -> Slow:
-    """Read a list of slow tests and their files.
+    """Read a list of slow tests and their files, for shots whose law is their own.
 
     Raises
     ------
@@ -108,21 +159,55 @@ def read_slow_tests(path: Path) -> Slow:
         If the list or a file cannot be used; the message names file, line, key and cure.
     """
     toml = parse_toml(path)
+    if "law" in toml.content:
+        raise InputError(
+            path, "is the shots' own here, so [law] would have no effect", key="law", cure="remove it"
+        )
+    made = read_slow_list(toml)
+    for name, sweep in made.sweeps.items():
+        if not sweep.determined:
+            try:
+                sweep.reduced()
+            except ValueError as error:
+                raise InputError(path, str(error), key=f"test.{name}", cure="leave it out") from None
+    return made.tests
+
+
+def read_slow_list(source: Path | TomlFile) -> SlowList:
+    """Read a list of slow tests and their files, its law, and how its sweeps were brought together.
+
+    Raises
+    ------
+    InputError
+        As of `read_slow_tests`; a sweep whose shifts are not determined is none of the tests.
+    """
+    toml = source if isinstance(source, TomlFile) else parse_toml(source)
     declared = toml.validated(SlowFile)
-    return tuple(_read(toml, name, test) for name, test in declared.test.items())
-
-
-def _read(toml: TomlFile, name: str, test: SlowTest) -> Evidence:
-    layout = None if test.layout is None else test.layout.as_layout()
-    table = read_table(toml.path.parent / test.file, layout=layout)
-    try:
-        if test.kind == "oscillation":
-            return _oscillation(name, test, table)
-        return _history(name, test, table)
-    except InputError:
-        raise
-    except ValueError as error:
-        raise InputError(table.path, f"cannot be used as the slow test {name}: {error}") from error
+    tests: list[Evidence] = []
+    sweeps: dict[str, Superposition] = {}
+    files = {str(toml.path): toml.sha256}
+    for name, test in declared.test.items():
+        layout = None if test.layout is None else test.layout.as_layout()
+        table = read_table(toml.path.parent / test.file, layout=layout)
+        files[str(table.path)] = table.sha256
+        try:
+            if test.kind == "sweep":
+                sweeps[name] = _sweep(name, test, table)
+                if sweeps[name].determined:
+                    tests.append(sweeps[name].reduced())
+            elif test.kind == "oscillation":
+                tests.append(_oscillation(name, test, table))
+            else:
+                tests.append(_history(name, test, table))
+        except InputError:
+            raise
+        except ValueError as error:
+            raise InputError(
+                table.path,
+                f"cannot be used as the slow test {name}: {error}",
+                cure="correct the table or its columns in the list",
+            ) from error
+    return SlowList(tuple(tests), sweeps, files, None if declared.law is None else declared.law.law)
 
 
 def _column(section: ColumnSection | None) -> Column:
@@ -162,3 +247,11 @@ def _oscillation(name: str, test: SlowTest, table: Table) -> DynamicTest:
         sigma_loss=_sigma(test, parts["loss"]),
         label=name,
     )
+
+
+def _sweep(name: str, test: SlowTest, table: Table) -> Superposition:
+    column = test.temperature
+    assert column is not None  # the schema saw to it
+    assert test.reference is not None
+    kelvin = table.values(Column(column.column, 1.0)) + column.unit
+    return superpose(TemperatureSweep(kelvin, _oscillation(name, test, table), test.reference))

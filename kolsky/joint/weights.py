@@ -18,7 +18,8 @@ from scipy.optimize import lsq_linear
 
 from doe.whitening import Whitening
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
-from kolsky.inverse.objective import BLOCKS, Objective
+from kolsky.inverse.block_covariance import BLOCKS
+from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Observations
 
 GAIN, CLOCK, SCATTER = "gain", "clock", "scatter"
@@ -112,8 +113,8 @@ class Stack:
         rows = [np.zeros((0, len(sigma)))]
         start = 0
         for objective, end in zip(objectives, self.ends, strict=True):
-            rows.append(np.zeros((len(objective.front_noise), len(sigma))))
-            rows[-1][:, start:end] = objective.front_noise
+            rows.append(np.zeros((len(objective.common), len(sigma))))
+            rows[-1][:, start:end] = objective.common
             start = end
         for shared in (self.common, self.curve):
             if shared is not None:

@@ -16,6 +16,7 @@ from kolsky.material.curves.band import (
     mean_of_repeats,
     resample,
 )
+from kolsky.material.curves.holds import Hold, remarks_of, without_hold
 from kolsky.material.curves.uniaxial import Toe, UniaxialTest, ZeroedTest, correct_toe, loading_ramps
 from kolsky.material.end_friction.correct import correct_friction
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, FrictionCorrection
@@ -112,9 +113,13 @@ def reference_curve(
         raise ValueError("a reference curve has one branch; these tests are of tension and of compression")
     if treatment.ends is not None and not compression:
         raise ValueError("end friction can be taken out of compression tests only")
-    begun = tuple(correct_toe(_ramp(test, treatment, pull), treatment.toe) for test in tests)
+    ramps = [_ramp(test, treatment, pull) for test in tests]
+    begun = tuple(correct_toe(ramp, treatment.toe) for ramp, _ in ramps)
     axis = _axis([one.test for one in begun], treatment)
     apparent, remarks = _mean(begun, axis, treatment)
+    remarks += tuple(
+        said for test, (_, hold) in zip(tests, ramps, strict=True) for said in remarks_of(test.name, hold)
+    )
     times, bulge = _mean_time_and_bulge(begun, axis)
     friction, band = None, apparent
     if treatment.ends is not None:
@@ -147,7 +152,8 @@ def reference_curve(
     )
 
 
-def _ramp(test: UniaxialTest, treatment: Treatment, pull: Pull) -> UniaxialTest:
+def _ramp(test: UniaxialTest, treatment: Treatment, pull: Pull) -> tuple[UniaxialTest, Hold | None]:
+    """The ramp that counts, to where its strain is reached, and the hold after it."""
     if treatment.compliance > 0.0:
         size = treatment.specimen
         assert size is not None
@@ -157,7 +163,8 @@ def _ramp(test: UniaxialTest, treatment: Treatment, pull: Pull) -> UniaxialTest:
         raise ValueError(
             f"{test.name}: the record has one loading ramp; a conditioned specimen was loaded before"
         )
-    return test.part(ramps[0] if pull == "first" else ramps[-1])
+    ramp, hold = without_hold(test, ramps[0] if pull == "first" else ramps[-1])
+    return test.part(ramp), hold
 
 
 def _axis(tests: Sequence[UniaxialTest], treatment: Treatment) -> FloatArray:

@@ -5,11 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.units import DIMENSIONS, UnitError, unit_factor
+from kolsky.readers import judge
 from kolsky.readers.contents import Channel, Contents, Layout
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.signalunits import si_unit, split_unit
@@ -61,14 +60,7 @@ def read_columns(
                 cure="correct its name, or give its number; `kolsky channels FILE` lists them",
             )
         values = channel.values() * _factor(path, channel, (units or {}).get(column), base, what)
-        bad = np.flatnonzero(~np.isfinite(values))
-        if bad.size:
-            raise InputError(
-                path,
-                f"column '{channel.name}' is not a finite number",
-                line=channel.place(int(bad[0])),
-                cure="mend or remove the line",
-            )
+        judge.finite(path, channel, values)
         found[what] = values
     return found, contents.sha256
 
@@ -185,14 +177,7 @@ def read_homogeneous(
     ]
     values = [column.values() * unit for column, unit in zip(columns, units, strict=True)]
     for column, value in zip(columns, values, strict=True):
-        bad = np.flatnonzero(~np.isfinite(value))
-        if bad.size:
-            raise InputError(
-                path,
-                f"column '{column.name}' is not a finite number",
-                line=column.place(int(bad[0])),
-                cure="mend or remove the row",
-            )
+        judge.finite(path, column, value)
     return HomogeneousTable(path, contents.sha256, *values)
 
 

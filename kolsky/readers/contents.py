@@ -82,8 +82,12 @@ class ChannelInfo:
 
 BINARY_LIMIT = 1_000_000_000
 """Largest binary file that is read [bytes]."""
-SAMPLES_LIMIT = 50_000_000
+SAMPLES_LIMIT = 20_000_000
 """Most samples of one channel that are read; a compressed file may promise more than fits in memory."""
+
+LARGEST_SAMPLE = 1e30
+"""Largest size of a sample that is read, in any unit: nothing that is measured is beyond it, and squares and
+products of such samples are finite."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +177,9 @@ def file_hash(path: Path, *, limit: int = BINARY_LIMIT) -> str:
     except FileNotFoundError:
         raise InputError(path, "there is no such file", cure="put it there or correct its name") from None
     except OSError as error:
-        raise InputError(path, f"cannot be read ({error.strerror})") from None
+        raise InputError(
+            path, f"cannot be read ({error.strerror})", cure="copy it again, and see that it may be read"
+        ) from None
 
 
 def head_of(path: Path, size: int = 4096) -> bytes:

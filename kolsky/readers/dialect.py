@@ -48,7 +48,10 @@ class Dialect:
             return (line.replace('"', "") if self.quoted else line).split()
         if self.quoted and '"' in line:
             cells = csv.reader([line], delimiter=self.delimiter, skipinitialspace=True)
-            return [part.strip() for part in next(cells, [])]
+            try:
+                return [part.strip() for part in next(cells, [])]
+            except csv.Error:  # a field of more than 131 072 characters: no number, whatever it is
+                pass
         return [part.strip() for part in line.split(self.delimiter)]
 
     def is_number(self, field: str) -> bool:

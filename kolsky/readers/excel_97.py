@@ -12,7 +12,7 @@ from kolsky.readers.excel import COMPRESSED_LIMIT, chosen_sheet, damaged, sheet_
 
 BINARY = True
 
-LONGEST = 120.0
+LONGEST = 9.0
 """Longest time that the cells of one workbook may take [s]."""
 _HEAD = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 

@@ -62,7 +62,7 @@ def inside(path: Path) -> tuple[list[NamedArray], dict[str, float], dict[str, st
         with h5py.File(regular(path), "r") as file:
             _attributes("/", file.attrs, scalars, texts)
             _walk(path, file, "", {}, arrays, scalars, texts)
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
         raise InputError(
             path, f"is not an HDF5 file that can be read ({error})", cure="copy or export it again"
         ) from None

@@ -56,7 +56,10 @@ class HeaderClock:
 
 
 def bare_key(text: str) -> str:
-    """A key without case, blanks, signs and unit: "Sample Interval:" is "sampleinterval"."""
+    """A key without case, blanks, signs and unit: "Sample Interval:" is "sampleinterval"; a text longer than
+    `LONGEST_PAIR` is none, and nothing is left of it."""
+    if len(text) > LONGEST_PAIR:
+        return ""
     return re.sub(r"[^a-z0-9]", "", re.sub(r"[(\[].*?[)\]]", "", text.lower()))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import Channel
+from kolsky.readers.contents import LARGEST_SAMPLE, Channel
 
 SHORTEST_FLAT_TOP = 8
 """Shortest run of equal samples at an extreme that counts as clipping."""
@@ -15,21 +15,21 @@ LONGER_THAN_OTHERS = 4
 
 
 def finite(path: Path, channel: Channel, values: FloatArray) -> None:
-    """Refuse NaN and infinity.
+    """Refuse NaN, infinity and what is larger than anything measured.
 
     Raises
     ------
     InputError
         With the first such sample and their number.
     """
-    bad = np.flatnonzero(~np.isfinite(values))
+    bad = np.flatnonzero(~(np.abs(values) <= LARGEST_SAMPLE))  # NaN compares false
     if bad.size:
         raise _error(
             path,
             channel,
             int(bad[0]),
             f"is {values[bad[0]]}" + (f", the first of {bad.size}" if bad.size > 1 else ""),
-            "a recorder gives every sample a value; export again without gaps",
+            f"a recorder gives every sample a value of at most {LARGEST_SAMPLE:g}; export again without gaps",
         )
 
 

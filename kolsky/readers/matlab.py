@@ -21,11 +21,13 @@ import numpy as np
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.readers.arrays import NamedArray, array_channels, column_of, columns_of
-from kolsky.readers.contents import SAMPLES_LIMIT, Contents, Layout, file_hash, head_of
+from kolsky.readers.contents import Contents, Layout, file_hash, head_of
 from kolsky.readers.hdf5 import inside
 
 BINARY = True
 
+UNPACKED_LIMIT = 400_000_000
+"""Largest file before 7.3, and largest size of all its variables unpacked [bytes]."""
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
@@ -62,37 +64,42 @@ def variables(data: bytes, limit: int) -> Iterator[Variable]:
     data
         The whole file.
     limit
-        Most bytes that an element may unpack to.
+        Most bytes that all its elements together may unpack to.
 
     Raises
     ------
     DamagedError
-        If a count leads out of the file, a type is unknown, or an element unpacks to more than `limit`.
+        If a count leads out of the file, a type is unknown, or its elements unpack to more than `limit`.
     """
     if len(data) < _HEADER or data[126:128] not in (b"IM", b"MI"):
         raise DamagedError("the header is no MATLAB header")
     order = "<" if data[126:128] == b"IM" else ">"
-    place = _HEADER
+    place, left = _HEADER, limit
+    whole = memoryview(data)  # no copies of parts that may be large
     while place + 8 <= len(data):
         kind, count = struct.unpack_from(order + "II", data, place)
-        body = data[place + 8 : place + 8 + count]
+        body = whole[place + 8 : place + 8 + count]
         if len(body) < count:
             raise DamagedError(f"an element of {count} bytes at byte {place} is cut off")
         place += 8 + count
         if kind == _COMPRESSED:
-            kind, body = _unpacked(body, order, limit)
+            kind, body = _unpacked(body, order, left)
         if kind != _MATRIX:
             raise DamagedError(f"an element of type {kind} where a matrix must be")
-        yield _variable(body, order)
+        made = _variable(body, order, left)
+        left -= max(len(body), 0 if made.values is None else made.values.nbytes)
+        if left < 0:
+            raise DamagedError(f"its variables unpack to more than {limit / 1e6:.0f} MB")
+        yield made
     if place < len(data):
         raise DamagedError("the last element is cut off")
 
 
-def _unpacked(body: bytes, order: str, limit: int) -> tuple[int, bytes]:
+def _unpacked(body: memoryview, order: str, limit: int) -> tuple[int, memoryview]:
     """Type and bytes of a compressed element."""
     inflate = zlib.decompressobj()
     try:
-        plain = inflate.decompress(body, limit)
+        plain = memoryview(inflate.decompress(body, max(limit, 1)))  # 0 would be no limit
     except zlib.error as error:
         raise DamagedError(f"a compressed element is damaged ({error})") from None
     if inflate.unconsumed_tail:
@@ -105,7 +112,7 @@ def _unpacked(body: bytes, order: str, limit: int) -> tuple[int, bytes]:
     return kind, plain[8 : 8 + count]
 
 
-def _variable(body: bytes, order: str) -> Variable:
+def _variable(body: memoryview, order: str, limit: int) -> Variable:
     """One matrix element: flags, dimensions, name, numbers."""
     elements = _elements(body, order)
     try:
@@ -118,7 +125,7 @@ def _variable(body: bytes, order: str) -> Variable:
             return Variable("", "object", None)
         _, dimensions = next(elements)
         _, name = next(elements)
-        text = name.decode("latin-1")
+        text = bytes(name).decode("latin-1")
         if kind not in _NUMBERS.values():
             return Variable(text, kind, None)
         if word & _COMPLEX:
@@ -135,11 +142,13 @@ def _variable(body: bytes, order: str) -> Variable:
         size *= n
     if min(shape, default=-1) < 0 or size * kept.itemsize != len(numbers):
         raise DamagedError(f"variable '{text}' of shape {shape} has {len(numbers)} bytes")
+    if size * np.dtype(kind).itemsize > limit:
+        raise DamagedError(f"variable '{text}' of shape {shape} is larger than the {limit / 1e6:.0f} MB left")
     values = np.frombuffer(numbers, dtype=kept).astype(kind).reshape(shape, order="F")
     return Variable(text, "number", values)
 
 
-def _elements(body: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+def _elements(body: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
     """Type and bytes of the elements inside a matrix."""
     place = 0
     while place + 8 <= len(body):
@@ -187,6 +196,7 @@ def read(path: Path, layout: Layout) -> Contents:
         others: list[str] = []
         version = "7.3"
     else:
+        file_hash(path, limit=UNPACKED_LIMIT)
         arrays, scalars, others = _plain(path)
         version = "5 to 7"
     if not arrays:
@@ -212,7 +222,7 @@ def _plain(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str]]:
     """Arrays, scalars, and what is neither with its class, of a file before 7.3."""
     arrays, scalars, others = [], {}, []
     try:
-        found = list(variables(path.read_bytes(), 8 * SAMPLES_LIMIT))
+        found = list(variables(path.read_bytes(), UNPACKED_LIMIT))
     except DamagedError as error:
         raise InputError(
             path, f"is not a .mat file that can be read ({error})", cure="copy it again; it may be cut off"

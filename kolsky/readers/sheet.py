@@ -8,7 +8,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.readers.contents import ColumnId, Layout
+from kolsky.readers.contents import LARGEST_SAMPLE, ColumnId, Layout
 from kolsky.readers.dialect import Dialect
 from kolsky.readers.header import KEYS, bare_key
 from kolsky.readers.signalunits import si_unit, split_unit
@@ -65,11 +65,14 @@ class Sheet:
             numbers = np.loadtxt(rows, delimiter=delimiter, usecols=column, comments=None, ndmin=1)
         except ValueError as error:
             raise self._first_bad_number(column, str(error)) from None
-        bad = np.flatnonzero(np.isinf(numbers) if gaps else ~np.isfinite(numbers))
+        bad = np.flatnonzero(~(np.abs(numbers) <= LARGEST_SAMPLE) & ~(np.isnan(numbers) & gaps))
         if bad.size:
             row = int(bad[0])
+            problem = (
+                f"larger than {LARGEST_SAMPLE:g}" if np.isfinite(numbers[row]) else "not a finite number"
+            )
             raise self.error(
-                f"column '{self.names[column]}' is not a finite number: '{self.field(column, row)}'"
+                f"column '{self.names[column]}' is {problem}: '{self.field(column, row)[:60]}'"
                 + (f", the first of {bad.size}" if bad.size > 1 else ""),
                 row,
                 "a recorder gives every sample a value; export again without gaps",

@@ -268,4 +268,7 @@ def _dialect(path: Path, layout: Layout) -> Dialect:
 def _names(line: str, delimiter: str) -> tuple[str, ...]:
     if delimiter == " ":
         return tuple(line.replace('"', "").split())
-    return tuple(name.strip() for name in next(csv.reader([line], delimiter=delimiter), []))
+    try:
+        return tuple(name.strip() for name in next(csv.reader([line], delimiter=delimiter), []))
+    except csv.Error:  # a name of more than 131 072 characters
+        return tuple(name.strip() for name in line.split(delimiter))

@@ -8,7 +8,7 @@ is not the process that reads a shot: `kolsky.readers.excel_97` starts this one.
 import json
 import sys
 
-MEMORY = 4_000_000_000
+MEMORY = 1_300_000_000
 """Most memory of this process, where the system can limit it [bytes]."""
 
 

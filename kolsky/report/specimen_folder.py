@@ -50,7 +50,7 @@ def write_specimen_results(
 
     with filling(folder) as partial:
         output.write_fits(partial, view.fits)
-        _json(partial / "specimen.json", output.fits_json(view.fits, inputs))
+        write_json(partial / "specimen.json", output.fits_json(view.fits, inputs))
         write_page(partial / "specimen.html", view, inputs)
         for name, rows in (studies or {}).items():
             output.write_study(partial / f"{name}.csv", rows)
@@ -73,7 +73,9 @@ def write_sheet_results(
 
     with filling(folder) as partial:
         output.write_field(partial, view.fit, view.steps)
-        _json(partial / "specimen.json", output.field_json(view.fit, view.steps) | {"inputs": dict(inputs)})
+        write_json(
+            partial / "specimen.json", output.field_json(view.fit, view.steps) | {"inputs": dict(inputs)}
+        )
         if view.stiffness is not None:
             output.write_map(partial / "map.csv", view.stiffness, view.mesh)
         write_page(partial / "specimen.html", view, inputs)
@@ -110,5 +112,6 @@ def _wide(values: FloatArray) -> FloatArray:
     return np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
 
 
-def _json(path: Path, content: Mapping[str, Any]) -> None:
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write an object of JSON types."""
     path.write_text(json.dumps(content, indent=2, allow_nan=False), encoding="utf-8")

@@ -117,6 +117,7 @@ OUTLINE = Record(
         "y": Floats("m", "points"),
         "Z": Floats("m", "points"),
         "sigma": Floats("m", "points"),
+        "modes": Floats("m", "modes points", optional=True),
     },
 )
 RECORDED = Record(

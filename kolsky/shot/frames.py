@@ -13,7 +13,7 @@ from kolsky.readers.shot_tables import FlyerTable, FrameTimes, OutlineTable, rea
 from kolsky.readers.table import Column
 from kolsky.shot.schema.measured import FlyerSection
 from kolsky.shot.schema.reading import ShotToml
-from kolsky.shot.stray_frames import stray_frames
+from kolsky.shot.stray_frames import stray_at_rest, stray_frames
 
 MOTION_SIGMAS = 6.0
 """A displacement this many sigmas from rest is motion: noise does that once in 5e8 frames."""
@@ -196,6 +196,35 @@ def flyer_moves(
         )
 
 
+def sound_at_rest(flyer: FlyerMotion, rest: float) -> FlyerMotion:
+    """The motion with the stray ones of its static frames as uncertain as they are off, and named.
+
+    Parameters
+    ----------
+    flyer
+        Its motion, from pictures.
+    rest
+        Time of the last static frame on the shot's clock [s].
+    """
+    static = np.flatnonzero(flyer.time <= rest)
+    if static.size == 0:
+        return flyer
+    shared = np.zeros(1) if flyer.shared_sigma is None else flyer.shared_sigma
+    at_rest, sigma = flyer.displacement[static], np.hypot(flyer.sigma, shared)[static]
+    stray = stray_at_rest(at_rest, sigma, MOTION_SIGMAS)
+    if not stray.any():
+        return flyer
+    off = np.abs(at_rest - np.median(at_rest[~stray]))
+    uncertain, moved = flyer.sigma.copy(), flyer.displacement - at_rest[~stray].mean()
+    uncertain[static[stray]] = off[stray]
+    said = [
+        f"the flyer was found {1e6 * off[i]:.3g} um from its place at {in_us(flyer.time[static[i]])}, and "
+        "back there in the static frames after it: that frame is taken to be uncertain by as much"
+        for i in np.flatnonzero(stray)
+    ]
+    return replace(flyer, displacement=moved, sigma=uncertain, notes=(*flyer.notes, *said))
+
+
 def body_moves(flyer: FlyerMotion, rest: float, source: Path, toml: ShotToml) -> None:
     """At rest in the static frames, then toward the specimen: a flyer that was followed in pictures.
 
@@ -218,7 +247,9 @@ def body_moves(flyer: FlyerMotion, rest: float, source: Path, toml: ShotToml) ->
             cure="declare a region in [dic] flyer that the flyer covers in the static frames too",
         )
     travel = flyer.displacement - flyer.displacement[static].mean()
-    score = np.where(static, np.abs(travel) / flyer.sigma, 0.0)
+    shared = np.zeros(1) if flyer.shared_sigma is None else flyer.shared_sigma
+    sigma = np.hypot(flyer.sigma, shared)
+    score = np.where(static, np.abs(travel) / sigma, 0.0)
     if score.max() > MOTION_SIGMAS:
         row = int(np.argmax(score))
         raise toml.error(

@@ -11,9 +11,9 @@ from kolsky.base.records import MaterialCurve
 from kolsky.readers.shot_tables import FrameTimes
 from kolsky.shot.curve import read_curve
 from kolsky.shot.force import check_sign, force_channel
-from kolsky.shot.frames import body_moves, flyer_motion, read_frames
+from kolsky.shot.frames import body_moves, flyer_motion, read_frames, sound_at_rest
 from kolsky.shot.incident import compared_incident
-from kolsky.shot.outline import check_outline, read_outline
+from kolsky.shot.outline import check_outline, each_once, read_outline
 from kolsky.shot.picture_set import PictureSet, open_pictures
 from kolsky.shot.records import ForceChannel, ModelSettings, OpticalData, PicturedShot, Shot, ShotBase
 from kolsky.shot.schema.apparatus import elastic_body
@@ -67,11 +67,12 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
     check_sign(force.raw_force(), force.time, span, flyer, toml)
     centre_line, table = read_outline(folder, frames, declared.centre_line, toml)
     check_outline(centre_line, table.path, rest, span, toml, line_of=table.line)
+    centre_line, notes = each_once(centre_line, table)
     curve, curve_hashes = read_curve(folder, declared.baseline)
     exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: table.sha256}
     base = _base(toml, frames, force, curve, curve_hashes, exports)
     base |= compared_incident(toml, span)
-    return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
+    return Shot(**base, flyer=flyer, centre_line=centre_line, window=span, notes=notes)
 
 
 def load_pictures(source: Source) -> PicturedShot:
@@ -134,7 +135,8 @@ def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
     curve, curve_hashes = read_curve(folder, declared.baseline)
     base = _base(toml, frames, force, curve, curve_hashes, inputs)
     base |= compared_incident(toml, span)
-    return Shot(**base, flyer=flyer, centre_line=centre_line, window=span)
+    fitted = declared.surface.frame == "cylinder"
+    return Shot(**base, flyer=flyer, centre_line=centre_line, window=span, axis_by_radius=fitted)
 
 
 def _with_pictures(
@@ -147,6 +149,7 @@ def _with_pictures(
 
         measure = measured
     found = measure(shot.pictures)
+    found = replace(found, flyer=sound_at_rest(found.flyer, rest))
     assert isinstance(shot.force, ForceChannel)  # `_pictured` made it so
     frame_time = frames.time + toml.declared.frames.clock_offset
     body_moves(found.flyer, rest, found.source, toml)
@@ -162,12 +165,14 @@ def _with_pictures(
     check_outline(found.centre_line, found.source, rest, span, toml)
     base = {field.name: getattr(shot, field.name) for field in fields(ShotBase)}
     base |= compared_incident(toml, span)
+    base["uncertainty"] = {**found.offsets, **shot.uncertainty}  # what is declared counts
     return Shot(
         **base,
         flyer=found.flyer,
         centre_line=found.centre_line,
         window=span,
         symmetry_end=found.symmetry_end,
+        axis_by_radius=True,
     )
 
 

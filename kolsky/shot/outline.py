@@ -130,6 +130,35 @@ def check_outline(
         raise InputError(path, "no point is inside the window", cure="export the frames of the test")
 
 
+def each_once(line: CentreLine, table: OutlineTable) -> tuple[CentreLine, tuple[str, ...]]:
+    """The outline with every point counted once, and a sentence about those that the file has several times.
+
+    A row that stands twice in an export is one measurement: counted twice it would weigh as much as two, and
+    five hundred times it would draw the answer to itself.
+
+    Parameters
+    ----------
+    line
+        The outline, rows as in the file, shape [n].
+    table
+        The file it was read from.
+    """
+    rows = np.column_stack([line.frame, line.y, line.Z])
+    _, first, counts = np.unique(rows, axis=0, return_index=True, return_counts=True)
+    if first.size == len(rows):
+        return line, ()
+    kept, worst, several = np.sort(first), int(np.argmax(counts)), int((counts > 1).sum())
+    row = int(first[worst])
+    note = (
+        f"{table.path.name} line {table.line(row)}: the point of frame {line.frame[row]} stands"
+        f" {counts[worst]} times in the outline"
+        + (f", as do {several - 1} others more than once" if several > 1 else "")
+        + "; each was counted once: look at the export"
+    )
+    once = CentreLine(line.time[kept], line.frame[kept], line.y[kept], line.Z[kept], line.sigma[kept])
+    return once, (note,)
+
+
 def _check_height(line: CentreLine, path: Path, static: BoolArray, length: float) -> None:
     """The outline at rest reaches as high as one of a specimen of this length."""
     if not static.any():

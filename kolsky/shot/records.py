@@ -145,8 +145,12 @@ class Shot(ShotBase):
     """The specimen's outline at the frames; None if nobody looked."""
     window: tuple[float, float]
     """First and last time that is simulated and compared, on the shot's clock [s]."""
+    notes: tuple[str, ...] = ()
+    """What was odd in the recordings and how it was dealt with, a sentence each."""
     symmetry_end: float | None = None
     """Time at which the flyer leaves its first direction, if pictures say so [s]."""
+    axis_by_radius: bool = False
+    """Whether the outline's axis was placed by the declared radius at rest, so that Z grows with it."""
 
     @cached_property
     def flyer_path(self) -> FlyerPath:
@@ -180,3 +184,6 @@ class OpticalData:
     """The file that a complaint about them names."""
     symmetry_end: float | None = None
     """Time at which the flyer leaves its first direction, on the shot's clock [s]; None if it does not."""
+    offsets: Mapping[str, float] = field(default_factory=dict)
+    """Standard uncertainties of the outline's place, by their keys of [uncertainty] [m]; empty if they are
+    not known."""

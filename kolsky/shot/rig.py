@@ -130,7 +130,9 @@ def _from_file(toml: TomlFile, section: CalibrationSection) -> tuple[StereoRig, 
         rig = read_rig(toml.path.parent / section.file, length_unit=section.length_unit)
     except CameraFileError as error:
         raise InputError(
-            toml.path.parent / section.file, f"is no calibration that can be read: {error}"
+            toml.path.parent / section.file,
+            f"is no calibration that can be read: {error}",
+            cure="export the calibration again, in one of the formats of docs/howto/pictures",
         ) from None
     return rig, f"from the file {section.file}"
 

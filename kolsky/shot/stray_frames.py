@@ -18,6 +18,10 @@ STRAY_STEPS = 3.0
 less than one."""
 MOST = 0.03
 """Largest share of the frames that can be stray; more of them are noise of another kind."""
+MOST_AT_REST = 0.25
+"""Largest share of the static frames that can be stray."""
+LAST_AT_REST = 3
+"""Last static frames that must be sound: a motion that begins in them is one."""
 NEIGHBOURS = 6
 """Frames whose cubic says where the flyer is: with four, all five would contradict each other alike."""
 
@@ -57,6 +61,30 @@ def stray_frames(
         worst = int(np.argmax(np.where(beyond & ~stray, np.abs(apart) / spread, 0.0)))
         stray[worst], off[worst] = True, apart[worst]
     return np.zeros(time.size, dtype=bool), np.zeros(time.size)
+
+
+def stray_at_rest(displacement: FloatArray, sigma: FloatArray, limit: float) -> BoolArray:
+    """Find displacements of static frames that the later static ones take back: a flyer does not return.
+
+    Parameters
+    ----------
+    displacement
+        Of the flyer in the static frames, in their order [m], shape [n].
+    sigma
+        Standard deviations [m], shape [n].
+    limit
+        A displacement so many of them from the median is off [-].
+
+    Returns
+    -------
+    BoolArray
+        Which displacements are stray, shape [n]; none if one of the last `LAST_AT_REST` is off, or more than
+        `MOST_AT_REST` of all are.
+    """
+    off = np.abs(displacement - np.median(displacement)) > limit * sigma
+    if off[-LAST_AT_REST:].any() or off.sum() > MOST_AT_REST * off.size:
+        return np.zeros(off.size, dtype=bool)
+    return np.asarray(off)
 
 
 def _apart(time: FloatArray, displacement: FloatArray, sound: np.ndarray, row: int) -> tuple[float, float]:

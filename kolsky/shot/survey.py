@@ -14,12 +14,11 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import regular
 from kolsky.base.units import UnitError, unit_factor
 from kolsky.readers.contents import Contents, Layout
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.table import read_table
-from kolsky.readers.text import ENCODINGS, matched
+from kolsky.readers.text import ENCODINGS, decode_text, matched, read_bytes
 
 SUFFIXES = (
     ".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", ".xls", ".xlsx", ".tdms", ".mat", ".lvm", ".wfm", ".isf",
@@ -273,7 +272,8 @@ def _units_below(path: Path, split, layout: Mapping[str, str | int]) -> list[str
     """The units of the columns where they stand on a line of their own."""
     if "units_line" not in layout:
         return []
-    text = regular(path).read_text(encoding=str(layout.get("encoding", "utf-8-sig")))
+    said = layout.get("encoding")
+    text, _ = decode_text(path, read_bytes(path), None if said is None else str(said))
     return [cell.strip("()[] ") for cell in split(text.split("\n")[int(layout["units_line"]) - 1].strip())]
 
 

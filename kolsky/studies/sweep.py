@@ -16,7 +16,7 @@ from doe.executors import ExecutorFactory, Pace, run_chunks
 from doe.ledger import Ledger, LedgerError, Run
 from explicit import Outcome
 from kolsky.base.arrays import FloatArray
-from kolsky.base.files import write_table
+from kolsky.base.files import missing, remove_empty, write_table
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.misfit import SCALE_FORCE, SCALE_SHAPE, terms
 from kolsky.inverse.observations import predict
@@ -186,18 +186,22 @@ def sweep(
 @contextmanager
 def _merged(path: Path, model: bytes, others: tuple[Path, ...]) -> Iterator[Ledger]:
     """A ledger that has taken over others; if one is refused, no ledger stays that was not there before."""
-    fresh = not path.exists()
+    fresh, made = not path.exists(), missing(path.parent)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with Ledger(path, model) as book:
-        try:
-            for other in others:
-                book.merge(other)
-        except LedgerError:
-            if fresh and not len(book):
-                book.close()
-                path.unlink(missing_ok=True)
-            raise
-        yield book
+    try:
+        with Ledger(path, model) as book:
+            try:
+                for other in others:
+                    book.merge(other)
+            except BaseException:
+                if fresh:
+                    book.close()
+                    path.unlink(missing_ok=True)
+                raise
+            yield book
+    except BaseException:
+        remove_empty(made)
+        raise
 
 
 def _refuse_strangers(ledger: Path, runs: list[Run]) -> None:

@@ -173,11 +173,35 @@ def input_directions(
             except RunLost as lost:
                 absent[key] = str(lost)
                 continue
+            if key == "specimen_diameter" and shot.axis_by_radius:
+                change = outline_follows(change, step, shot.specimen.diameter, objective.n_force)
         found.append(InputDirection(key, step, np.nan_to_num(change), declared_value(key, shot, held)))
         stages.progress("inputs", done + 1, len(wanted))
     stages.progress("inputs", len(wanted), len(wanted))
     vector = objective.vectors(predict(reference, objective.observations))[0]
     return InputDirections(box.names, x, objective, vector, jacobian, tuple(found), absent)
+
+
+def outline_follows(change: FloatArray, step: float, diameter: float, n_force: int) -> FloatArray:
+    """Change of prediction minus data by a larger diameter, where the outline's axis was placed by it.
+
+    An axis that lies the declared radius behind the surface at rest moves back with it, and every measured Z
+    grows by as much: the model's outline and the measured one grow alike, and what is left is their strain.
+
+    Parameters
+    ----------
+    change
+        Change of the prediction alone, shape [k].
+    step
+        By how much the diameter is larger, relative to it.
+    diameter
+        The declared one [m].
+    n_force
+        Entries of the force at the head of the data vector.
+    """
+    found = change.copy()
+    found[n_force:] -= 0.5 * step * diameter
+    return found
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,9 @@ from kolsky.inverse.front_noise import replicate_uncertainty
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.staged_runs import Replicates
 
+OUTLINE = "common errors of the outline"
+"""Name of the part by errors that outline points have in common."""
+
 
 def scale_uncertainty(change: FloatArray, gains: Sequence[FloatArray]) -> FloatArray:
     """Standard uncertainty from a common scale: the largest move that any of the slopes gives.
@@ -42,7 +45,7 @@ class InputChanges:
 
     replicates: Mapping[str, FloatArray]
     """Source -> data of each replicate minus the reference's, shape [n, k]: "flyer motion", "material
-    curve"."""
+    curve"; of what is known as patterns of one standard deviation each, `OUTLINE`, these times root n."""
     scales: Mapping[str, FloatArray]
     """Source -> change by one standard uncertainty of a common scale, shape [k]: "force scale", "motion
     scale"."""
@@ -77,11 +80,13 @@ def input_changes(objective: Objective, replicates: Replicates | None) -> InputC
     scales = {}
     if objective.observations.force_sigma_gain > 0.0:
         scales["force scale"] = objective.scale_error
+    outline = objective.outline_errors
+    known = {OUTLINE: np.sqrt(len(outline)) * outline} if len(outline) else {}
     if replicates is None:
-        return InputChanges({}, scales)
+        return InputChanges(known, scales)
     vectors = objective.vectors(replicates.prediction)
     change = np.nan_to_num(vectors - vectors[0])
     if replicates.scale.any():
         scales["motion scale"] = change[replicates.scale][0]
     drawn = {"flyer motion": change[replicates.flyer], "material curve": change[replicates.curve]}
-    return InputChanges(drawn, scales)
+    return InputChanges({**drawn, **known}, scales)

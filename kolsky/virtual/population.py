@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from kolsky.readers.text import matched
 from kolsky.shot.schema import fields as f
 from kolsky.shot.schema.section import Section
 from kolsky.virtual.streams import stream
@@ -60,7 +61,7 @@ class Draw(Section):
         """The two numbers, their unit, and whether both are whole numbers; no unit for plain numbers."""
         first, second = (getattr(self, key) for key in _KINDS[self.spread])
         if isinstance(first, str) and isinstance(second, str):
-            matches = [_WRITTEN.fullmatch(text) for text in (first, second)]
+            matches = [matched(_WRITTEN, text) for text in (first, second)]
             if None in matches:
                 raise ValueError("holds a text that is not a number with a unit")
             (a, unit), (b, other) = (match.groups() for match in matches if match)

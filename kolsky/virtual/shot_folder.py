@@ -9,6 +9,7 @@ import numpy as np
 
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling, write_table
+from kolsky.readers.text import read_bytes
 from kolsky.virtual.instruments import measure_curve, measure_flyer, measure_outline, record_forces
 from kolsky.virtual.records import Truth
 from kolsky.virtual.scope_files import FORMATS
@@ -18,6 +19,8 @@ from kolsky.virtual.specification import ShotSpecification
 TRUTH = "truth.json"
 """The answer of a made shot; nothing but this room and studies of the package itself read it."""
 SURFACE = "truth_surface.npz"
+ANSWER_LIMIT = 1_000_000
+"""Largest `TRUTH` that is read [bytes]."""
 TIME_DIGITS = "{:.10e}"
 
 
@@ -126,8 +129,9 @@ def is_there(shot: ShotSpecification, folder: Path) -> bool:
         return False
     answer = folder / TRUTH
     try:
-        same = json.loads(answer.read_text("utf-8")).get("specification_sha256") == _hash(shot)
-    except (OSError, ValueError, AttributeError):
+        found = json.loads(read_bytes(answer, limit=ANSWER_LIMIT))
+        same = found.get("specification_sha256") == _hash(shot)
+    except (InputError, ValueError, AttributeError, RecursionError):
         same = False
     if not same:
         raise InputError(

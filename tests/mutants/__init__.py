@@ -11,6 +11,7 @@ from tests.mutants.bars_quoted import FAULTS as BARS_QUOTED
 from tests.mutants.budget import FAULTS as BUDGET
 from tests.mutants.causes import FAULTS as CAUSES
 from tests.mutants.cli import FAULTS as CLI
+from tests.mutants.common_errors import FAULTS as COMMON_ERRORS
 from tests.mutants.coverage import FAULTS as COVERAGE
 from tests.mutants.diagnosis import FAULTS as DIAGNOSIS
 from tests.mutants.dic import FAULTS as DIC
@@ -33,6 +34,7 @@ from tests.mutants.regions import FAULTS as REGIONS
 from tests.mutants.report import FAULTS as REPORT
 from tests.mutants.results import FAULTS as RESULTS
 from tests.mutants.several_parameters import FAULTS as SEVERAL
+from tests.mutants.shared_errors import FAULTS as SHARED_ERRORS
 from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.slow_compression import FAULTS as SLOW_COMPRESSION
 from tests.mutants.specimen import FAULTS as SPECIMEN
@@ -50,6 +52,7 @@ FAULTS: tuple[Fault, ...] = (
     *CAUSES,
     *BUDGET,
     *CLI,
+    *COMMON_ERRORS,
     *COVERAGE,
     *DIAGNOSIS,
     *DIC,
@@ -66,6 +69,7 @@ FAULTS: tuple[Fault, ...] = (
     *PREDICTION,
     *RATES,
     *SEVERAL,
+    *SHARED_ERRORS,
     *SHOT,
     *READERS,
     *REFINE,

@@ -30,8 +30,10 @@ less than the noise within a few frames (bar ringing of 0.1 m/s at 25 kHz is 0.6
 not in the path's uncertainty either; `chi2_per_dof` above 1 at a trusted sigma is its only trace.
 """
 
+from collections.abc import Callable
+
 import numpy as np
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from kolsky.bars.flyer.jerks import ZERO_PRIOR, hat_functions, maximum_likelihood, noise_parts, posterior
 from kolsky.bars.flyer.path import FlyerPath, responses
@@ -96,18 +98,20 @@ def fit_flyer(
     weight = unit / sigma
     G = np.column_stack([np.ones(t.size), responses(t, knots, 0) / frame**3]) * weight[:, None]
     hats = _smoothness((0.5 * (knots[1:] + knots[:-1]) - start) / frame, restart, start, frame)
-    parts = noise_parts(weight)
-    log_scales, log_tau = maximum_likelihood(y, weight, np.diff(knots) / frame, hats, parts)
+    parts, shared = noise_parts(weight), shared_noise(motion, t, sigma, seen)
+    log_scales, log_tau = maximum_likelihood(y, weight, np.diff(knots) / frame, hats, parts, shared)
     s = np.sqrt(parts @ np.exp(2.0 * log_scales))  # noise over declared sigma, frame by frame
     prior = np.concatenate([[ZERO_PRIOR], np.exp(hats @ log_tau)])
-    seen_by = G * prior / s[:, None]
-    z, V, rest = posterior(y / s, seen_by)
+    whitened = whitening(t, s, motion.shared_memory, shared)
+    seen_by = whitened(G * prior)
+    z, V, rest = posterior(whitened(y), seen_by)
     effective = prior.size - float(np.trace(V))
     dof = motion.time.size - effective
     u = prior[1:] * unit / frame**3
     spread = u[:, None] * V[1:, 1:] * u
     if covariance is not None:
-        gain = u[:, None] * (V @ seen_by.T)[1:] / (s * sigma)  # of the jerks by the displacements
+        # Of the jerks by the displacements.
+        gain = u[:, None] * whitened((V @ seen_by.T)[1:].T, back=True).T / sigma
         gain = gain[:, seen]
         spread = spread + gain @ (covariance - np.diag(motion.sigma**2)) @ gain.T
     return FlyerPath(
@@ -116,7 +120,9 @@ def fit_flyer(
         covariance=spread,
         zero=float(about + ZERO_PRIOR * unit * z[0]),
         noise_scale=float(np.median(s[seen])),
-        chi2_per_dof=float(np.sum((s * rest) ** 2) / dof),
+        chi2_per_dof=float(np.sum(rest**2) * np.median(s[seen]) ** 2 / dof)
+        if shared is not None
+        else float(np.sum((s * rest) ** 2) / dof),
         dof=dof,
         static_scatter=float(np.sqrt(np.sum(y[static] ** 2) / ((static & seen).sum() - 1))),
     )
@@ -132,6 +138,42 @@ def _smoothness(frames: FloatArray, restart: float | None, start: float, frame: 
         return hat_functions(frames)
     blocks = hat_functions(frames[before]), hat_functions(frames[~before] - since)
     return np.asarray(block_diag(*blocks))
+
+
+def shared_noise(
+    motion: FlyerMotion, t: FloatArray, sigma: FloatArray, seen: BoolArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """`evidence`'s `shared`: size over sigma and what is left from frame to frame; None if there is none.
+
+    Parameters
+    ----------
+    motion
+        The displacements.
+    t, sigma, seen
+        Times [s], standard deviations [m], and which are data, with frames put in gaps, shape [n].
+    """
+    if motion.shared_sigma is None or not motion.shared_sigma.any():
+        return None
+    size = np.zeros(t.size)
+    size[seen] = motion.shared_sigma / sigma[seen]
+    return size, np.exp(-np.diff(t, prepend=t[0]) / motion.shared_memory)
+
+
+def whitening(
+    t: FloatArray, s: FloatArray, memory: float, shared: tuple[FloatArray, FloatArray] | None
+) -> Callable[..., FloatArray]:
+    """The map that makes the displacements' errors independent, of variance 1; for columns [n_frames, ...].
+
+    Without a shared error it divides by `s`. With one it is L^-1 of the covariance ``s^2 + q q' exp(-|dt| /
+    memory)`` = L L', q the shared error's size over sigma; `back` asks for the transposed map.
+    """
+    if shared is None:
+        return lambda columns, back=False: np.asarray((columns.T / s).T)
+    covariance = np.outer(shared[0], shared[0]) * np.exp(-np.abs(t[:, None] - t) / memory)
+    lower = cholesky(covariance + np.diag(s**2), lower=True)
+    return lambda columns, back=False: solve_triangular(
+        lower, columns, lower=True, trans="T" if back else "N"
+    )
 
 
 def _without_gaps(time: FloatArray, frame: float) -> tuple[FloatArray, BoolArray]:

@@ -89,13 +89,18 @@ def noise_parts(weight: FloatArray) -> FloatArray:
 
 
 def maximum_likelihood(
-    y: FloatArray, weight: FloatArray, spans: FloatArray, hats: FloatArray, parts: FloatArray | None = None
+    y: FloatArray,
+    weight: FloatArray,
+    spans: FloatArray,
+    hats: FloatArray,
+    parts: FloatArray | None = None,
+    shared: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Log noise scales and log tau at the control points, of largest marginal likelihood.
 
     Parameters
     ----------
-    y, weight, spans, hats, parts
+    y, weight, spans, hats, parts, shared
         As for `evidence`.
 
     Returns
@@ -118,7 +123,7 @@ def maximum_likelihood(
         best = minimize(
             evidence,
             x,
-            args=(y, weight, spans, hats, parts),
+            args=(y, weight, spans, hats, parts, shared),
             jac=True,
             method="L-BFGS-B",
             bounds=[(0.0, None)] + [(np.log(LEAST_ADDED), None)] * (n_parts - 1) + [(lowest, highest)] * n,
@@ -141,6 +146,7 @@ def evidence(
     spans: FloatArray,
     hats: FloatArray,
     parts: FloatArray | None = None,
+    shared: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[float, FloatArray]:
     """-2 log of the marginal likelihood of log scale and log tau, with its gradient.
 
@@ -166,6 +172,10 @@ def evidence(
     parts
         Parts of each frame's variance (`noise_parts`), which the scales multiply, shape [n_frames, n_parts];
         None: the declared one alone.
+    shared
+        An error that successive frames have in common, a first-order autoregression of variance 1 as one more
+        state: its size over sigma in each frame [-], 0 where a frame has no displacement, and what is left of
+        it from the frame before [-], shape [n_frames] each; None: there is none.
 
     Returns
     -------
@@ -176,32 +186,36 @@ def evidence(
     scales, tau = np.split(theta, [parts.shape[1]])
     noise, variance = parts * np.exp(2.0 * scales), np.exp(2.0 * (hats @ tau))
     n, moving = y.size, slice(y.size - spans.size, y.size)
-    kicks, steps = np.zeros((n, 4)), np.tile(np.eye(4), (n, 1, 1))
+    m = 4 if shared is None else 5
+    kicks, steps = np.zeros((n, m)), np.tile(np.eye(m), (n, 1, 1))
     steps[moving, 1, 2] = steps[moving, 2, 3] = kicks[moving, 3] = spans
     steps[moving, 1, 3] = kicks[moving, 2] = spans**2 / 2.0
     kicks[moving, 1] = spans**3 / 6.0
-    growth = np.zeros((n, 4, 4))
+    growth = np.zeros((n, m, m))
     growth[moving] = variance[:, None, None] * kicks[moving, :, None] * kicks[moving, None, :]
-    seen = weight[:, None] * np.array([1.0, 1.0, 0.0, 0.0])
+    seen = weight[:, None] * np.array([1.0, 1.0, 0.0, 0.0, 0.0])[:m]
     data = weight > 0.0
     own = np.where(data, noise.sum(axis=1), 1.0)  # a frame without a displacement says nothing of the noise
-    S, K = np.empty(n), np.empty((n, 4))
-    P = np.diag([ZERO_PRIOR**2, 0.0, 0.0, 0.0])
+    S, K = np.empty(n), np.empty((n, m))
+    P = np.diag([ZERO_PRIOR**2, 0.0, 0.0, 0.0, 1.0][:m])
+    if shared is not None:
+        seen[:, 4], steps[:, 4, 4] = shared
+        growth[:, 4, 4] = 1.0 - shared[1] ** 2
     for k, (z, step, new) in enumerate(zip(seen, steps, growth, strict=True)):
         P = step.dot(P).dot(step.T) + new
         column = P.dot(z)
         S[k] = z.dot(column) + own[k]
         K[k] = column / S[k]
         P -= K[k, :, None] * column
-    left = np.eye(4) - K[:, :, None] * seen[:, None]
-    state, expected = np.zeros(4), np.empty((n, 4))
+    left = np.eye(m) - K[:, :, None] * seen[:, None]
+    state, expected = np.zeros(m), np.empty((n, m))
     for k, (step, rest, gain) in enumerate(zip(steps, left, K * y[:, None], strict=True)):
         expected[k] = step.dot(state)
         state = rest.dot(expected[k]) + gain
     miss = (y - np.sum(seen * expected, axis=1)) / S
     # Back: what all later frames say, r and N, as it stands after each frame.
     back = left @ steps
-    r, N = np.zeros((n, 4)), np.zeros((n, 4, 4))
+    r, N = np.zeros((n, m)), np.zeros((n, m, m))
     ahead = np.einsum("kj,kji->ki", seen, steps)
     by_miss, by_frame = miss[:, None] * ahead, ahead[:, :, None] * ahead[:, None] / S[:, None, None]
     for k in range(n - 1, 0, -1):

@@ -152,10 +152,11 @@ class _March:
         self.free = np.flatnonzero(~fixed)
         rows = np.repeat(mesh.dofs, 18, axis=1).ravel()
         columns = np.tile(mesh.dofs, (1, 18)).ravel()
-        contact = 2 * platen.nodes
+        first, second, self.paired = platen.points.pairs
+        first, second = 2 * first.ravel(), 2 * second.ravel()
         every = np.arange(size)
-        rows = np.concatenate([rows, contact, contact, contact + 1, every])
-        columns = np.concatenate([columns, contact, contact + 1, contact + 1, every])
+        rows = np.concatenate([rows, first, first, first + 1, every])
+        columns = np.concatenate([columns, second, second + 1, second + 1, every])
         place = np.full(size, -1)
         place[self.free] = np.arange(self.free.size)
         kept = (place[rows] >= 0) & (place[columns] >= 0)
@@ -263,7 +264,7 @@ class _March:
         return False
 
     def _newton(self, u: FloatArray, to: float) -> FloatArray | None:
-        nodes = self.platen.nodes
+        points = self.platen.points
         with np.errstate(all="ignore"):
             for count in range(ITERATIONS):
                 try:
@@ -271,8 +272,8 @@ class _March:
                 except FloatingPointError:
                     return None
                 rest = internal + self.drag * self.drag_unit * (u - self.crept)
-                np.add.at(rest, 2 * nodes, -contact.tangential)
-                np.add.at(rest, 2 * nodes + 1, contact.normal)
+                rest[0::2] -= points.shared(contact.tangential)
+                rest[1::2] += points.shared(contact.normal)
                 size = np.abs(rest[self.free]).sum()
                 if not np.isfinite(size):
                     return None
@@ -290,8 +291,9 @@ class _March:
         return None
 
     def _factor(self, stiffness: FloatArray, contact: ContactForces):  # type: ignore[no-untyped-def]
-        c = contact.stiffness
-        parts = [stiffness.ravel(), -c[:, 0, 0], -c[:, 0, 1], -c[:, 1, 1], self.drag * self.drag_unit]
+        c = -contact.stiffness[:, :, :, None] * self.paired[:, None, None, :]
+        touch = (c[:, i, j].ravel() for i, j in ((0, 0), (0, 1), (1, 1)))
+        parts = [stiffness.ravel(), *touch, self.drag * self.drag_unit]
         data = np.concatenate(parts)[self.kept]
         values = np.bincount(self.slot, weights=data, minlength=self.row.size)
         n = self.free.size
@@ -305,7 +307,7 @@ class _March:
         """Keep an equilibrium, with its derivatives."""
         self.steps += 1
         _, contact, stiffness = self._balance(self.laws[0], u, to)
-        state, nodes = self.body.deformation(u), self.platen.nodes
+        state, points = self.body.deformation(u), self.platen.points
         n = self.change.shape[1]
         by = np.zeros((u.size, n))
         base = self.body.isochoric_forces(self.laws[0], state) if n else np.zeros(u.size)
@@ -313,11 +315,11 @@ class _March:
             by[:, k] = (self.body.isochoric_forces(law, state) - base) / step
         direct = by.copy()
         pressed = (contact.normal > 0.0)[:, None] * self.grip.normal_change
-        direct[2 * nodes] -= contact.by_anchor[:, None] * self.grip.anchor_change
-        direct[2 * nodes] -= contact.by_normal[:, None] * pressed
-        direct[2 * nodes + 1] += pressed
+        held = contact.by_anchor[:, None] * self.grip.anchor_change + contact.by_normal[:, None] * pressed
         if self.by_friction:
-            direct[2 * nodes, -1] -= contact.by_friction
+            held[:, -1] += contact.by_friction
+        direct[0::2] -= points.shared(held)
+        direct[1::2] += points.shared(pressed)
         change = np.zeros_like(by)
         if n:
             change[self.free] = -self.factor.solve(direct[self.free])
@@ -329,11 +331,8 @@ class _March:
             axis=0
         )
         c = contact.stiffness
-        slid = c[:, 0, 0, None] * change[2 * nodes] + c[:, 0, 1, None] * change[2 * nodes + 1]
-        slid += contact.by_anchor[:, None] * self.grip.anchor_change
-        slid += contact.by_normal[:, None] * pressed
-        if self.by_friction:
-            slid[:, -1] += contact.by_friction
+        out, down = points.at(change[0::2]), points.at(change[1::2])
+        slid = c[:, 0, 0, None] * out + c[:, 0, 1, None] * down + held
         x = self.mesh.nodes + u.reshape(-1, 2)
-        self.grip = self.platen.gripped(x, contact, self.grip, change[2 * nodes], change[2 * nodes + 1], slid)
+        self.grip = self.platen.gripped(x, contact, self.grip, out, down, slid)
         self.before, self.u, self.at, self.change = self.u, u, (self.at[1], to), change

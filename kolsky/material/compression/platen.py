@@ -1,19 +1,21 @@
-r"""Contact of face and side with a flat rigid platen, node by node: no penetration, stick, Coulomb's law.
+r"""Contact of face and side with a flat rigid platen, point by point: no penetration, stick, Coulomb's law.
 
-A node with the undeformed area :math:`A` that lies :math:`g` inside the platen feels
-:math:`N = N_0 + k A g` if that is positive, with :math:`N_0` its force at the last equilibrium (the augmented
-Lagrangian, one pass a step): what is left of the overclosure is that of one step. Across,
-:math:`T = -k A (x - a)` from its anchor :math:`a`, at most :math:`f N` in size, where the anchor then follows
-(return mapping; Wriggers, Computational Contact Mechanics, 2006, ch. 10). The penalty :math:`k` is `STIFF`
-times the specimen's shear modulus over the smallest element.
+A point (`kolsky.material.compression.contact_points`) with the undeformed area :math:`A` that lies :math:`g`
+inside the platen feels :math:`N = N_0 + k A g` if that is positive, with :math:`N_0` its force at the last
+equilibrium (the augmented Lagrangian, one pass a step): what is left of the overclosure is that of one step.
+Across, :math:`T = -k A (x - a)` from its anchor :math:`a`, at most :math:`f N` in size, where the anchor then
+follows (return mapping; Wriggers, Computational Contact Mechanics, 2006, ch. 10). The penalty :math:`k` is
+`STIFF` times the specimen's shear modulus over the smallest element.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kolsky.base.arrays import FloatArray
+from kolsky.material.compression.contact_points import ContactPoints
 from kolsky.material.compression.mesh import HalfCylinder
 
 STIFF = 200.0
@@ -22,30 +24,30 @@ STIFF = 200.0
 
 @dataclass(frozen=True)
 class Grip:
-    """What each contact node remembers from the last equilibrium."""
+    """What each contact point remembers from the last equilibrium."""
 
     touching: NDArray[np.bool_]
-    """True where a node lay on the platen, shape [n_contact]."""
+    """True where a point lay on the platen, shape [n_contact]."""
     anchor: FloatArray
     """Radius at which its tangential force is zero [m], shape [n_contact]."""
     anchor_change: FloatArray
     """Derivatives of the anchors by the parameters, shape [n_contact, n_parameters]."""
     normal: FloatArray
-    """Force pressing the node down [N], shape [n_contact]."""
+    """Force pressing the point down [N], shape [n_contact]."""
     normal_change: FloatArray
     """Its derivatives by the parameters, shape [n_contact, n_parameters]."""
 
 
 @dataclass(frozen=True)
 class ContactForces:
-    """Forces on the contact nodes and their derivatives."""
+    """Forces on the contact points and their derivatives."""
 
     normal: FloatArray
-    """Force pressing the node down [N], >= 0, shape [n_contact]."""
+    """Force pressing the point down [N], >= 0, shape [n_contact]."""
     tangential: FloatArray
     """Radial force [N], shape [n_contact]."""
     stiffness: FloatArray
-    """d(radial, axial force on the node) / d(r, z), row by row [N/m], shape [n_contact, 2, 2]."""
+    """d(radial, axial force on the point) / d(r, z), row by row [N/m], shape [n_contact, 2, 2]."""
     by_anchor: FloatArray
     """d(radial force)/d(anchor) [N/m], shape [n_contact]."""
     by_normal: FloatArray
@@ -69,30 +71,28 @@ class Platen:
     modulus: float
     """Shear modulus that the penalty is measured in [Pa]."""
 
-    @property
-    def nodes(self) -> NDArray[np.int64]:
-        """Nodes that can touch, shape [n_contact]."""
-        side = self.mesh.side[1:-1]
-        return side if self.bonded else np.concatenate([side, self.mesh.face])
+    @cached_property
+    def points(self) -> ContactPoints:
+        """Points that can touch."""
+        return ContactPoints.of(self.mesh, face=not self.bonded)
 
-    @property
+    @cached_property
     def penalty(self) -> FloatArray:
-        """k A of each contact node [N/m], shape [n_contact]."""
+        """k A of each point [N/m], shape [n_contact]."""
         r, z = self.mesh.nodes.T
         smallest = min(np.diff(np.unique(r)).min(), np.diff(np.unique(z)).min()) * 2.0
-        return np.asarray(STIFF * self.modulus / smallest * self.mesh.areas[self.nodes])
+        return np.asarray(STIFF * self.modulus / smallest * self.points.areas)
 
     def at_rest(self, n_parameters: int) -> Grip:
         """Before the platen moves: the face lies on it."""
-        nodes = self.nodes
-        count = len(nodes)
-        touching = self.mesh.nodes[nodes, 1] >= self.mesh.height * (1.0 - 1e-9)
-        nothing = np.zeros((count, n_parameters))
-        return Grip(touching, self.mesh.nodes[nodes, 0].copy(), nothing, np.zeros(count), nothing)
+        r, z = self.points.at(self.mesh.nodes).T
+        nothing = np.zeros((r.size, n_parameters))
+        touching = z >= self.mesh.height * (1.0 - 1e-9)
+        return Grip(touching, r, nothing, np.zeros(r.size), nothing)
 
     def forces(self, x: FloatArray, level: float, grip: Grip) -> ContactForces:
         """Forces at the nodes' places x, shape [n_nodes, 2], under a platen at a height [m]."""
-        r, z = x[self.nodes].T
+        r, z = self.points.at(x).T
         k = self.penalty
         normal = np.maximum(grip.normal + k * (z - level), 0.0)
         pressed = normal > 0.0
@@ -126,12 +126,12 @@ class Platen:
         down: FloatArray,
         slid: FloatArray,
     ) -> Grip:
-        """What the nodes remember of an equilibrium.
+        """What the points remember of an equilibrium.
 
-        `moved`, `down` and `slid` are the derivatives of the nodes' radii, heights and tangential forces by
+        `moved`, `down` and `slid` are the derivatives of the points' radii, heights and tangential forces by
         the parameters, shape [n_contact, n_parameters].
         """
-        r, k = x[self.nodes, 0], self.penalty
+        r, k = self.points.at(x)[:, 0], self.penalty
         touching = found.normal > 0.0
         pressing = np.where(touching[:, None], grip.normal_change + k[:, None] * down, 0.0)
         stuck = touching & grip.touching & ~found.slipping

@@ -19,6 +19,8 @@ from kolsky.base.arrays import FloatArray
 from kolsky.material.relaxation.evidence import DynamicTest, HistoryTest
 from kolsky.material.relaxation.rate_fit import RateFit
 
+SETBACK = 0.01
+"""Share of the largest strain that a held one may go back by: noise of the strain is no unloading [-]."""
 LEAST_STRAIN = 0.02
 """Least |lam - 1| a sample needs [-]: below, noise and contact outweigh the modulus."""
 
@@ -52,7 +54,8 @@ def apparent_moduli(test: HistoryTest | DynamicTest) -> ApparentModuli:
     Raises
     ------
     ValueError
-        If a history turns back, after which its strain has no age, or no sample is strained enough.
+        If a history turns back by more than `SETBACK`, after which its strain has no age, or no sample is
+        strained enough.
     """
     if isinstance(test, DynamicTest):
         return ApparentModuli(
@@ -63,13 +66,16 @@ def apparent_moduli(test: HistoryTest | DynamicTest) -> ApparentModuli:
             sigma=test.sigma_storage.copy(),
         )
     strain = np.log(test.stretch)
-    rise = np.diff(strain, prepend=0.0)
-    if (rise > 0.0).any() and (rise < 0.0).any():
-        back = int(np.argmax(np.sign(rise) == -np.sign(rise[np.flatnonzero(rise)[0]])))
+    side = 1.0 if strain[np.argmax(np.abs(strain))] > 0.0 else -1.0
+    most = side * np.maximum.accumulate(side * strain)
+    back = np.abs(strain - most) > SETBACK * np.abs(strain).max()
+    if back.any():
+        k = int(np.argmax(back))
         raise ValueError(
-            f"{test.label}: the stretch turns back at sample {back} ({test.time[back]:g} s); give what "
-            "comes before"
+            f"{test.label}: the stretch turns back at sample {k} ({test.time[k]:g} s); give what comes before"
         )
+    strain = most
+    rise = np.diff(strain, prepend=0.0)
     # Between the samples the strain rises steadily: its middle is the age of that part.
     middle = 0.5 * (test.time + np.concatenate([test.time[:1], test.time[:-1]]))
     shown = np.isfinite(test.sigma) & (np.abs(test.stretch - 1.0) >= LEAST_STRAIN)

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from kolsky.report.figures import (
+    actuator,
     budget,
     calibration,
     checked,
@@ -18,6 +19,7 @@ from kolsky.report.figures import (
     rate_curves,
     rates,
     recordings,
+    relaxation,
     sensitivity,
     sheet,
     simulation,
@@ -33,6 +35,7 @@ from kolsky.report.figures import (
 from kolsky.report.figures.base import FigureKind
 
 __all__ = [
+    "ACTUATORS",
     "BARS_TOGETHER",
     "BAR_CHECKS",
     "BASELINES",
@@ -49,6 +52,7 @@ __all__ = [
     "RATES",
     "RECORDINGS",
     "REGISTRY",
+    "RELAXATIONS",
     "REPEATS",
     "SCANS",
     "SENSITIVITY",
@@ -131,12 +135,16 @@ SWEEPS = by_name(sweep.FIGURES)
 BUDGETS = by_name(budget.FIGURES)
 """Error budget."""
 MODULI = by_name([rate_curves.MODULI])
+RELAXATIONS = by_name(relaxation.FIGURES)
 """Moduli of tests of every kind over their time scales."""
 
 SPECIMENS = by_name(specimen.FIGURES)
 """Whole specimens fitted to forces."""
 SHEETS = by_name(sheet.FIGURES)
 """Sheet fitted to a displacement field."""
+
+ACTUATORS = by_name(actuator.FIGURES)
+"""Pressurised actuator."""
 
 SHOWN_BY: dict[str, Registry] = {
     "dic.calibration.result.Calibration": CALIBRATION,
@@ -147,8 +155,10 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.bars.result.WavesResult": WAVES,
     "kolsky.inverse.result.Identification": REGISTRY,
     "kolsky.joint.records.JointResult": JOINT,
+    "kolsky.joint.slow_dynamics.SlowDynamics": RELAXATIONS,
     "kolsky.material.fits.compare.Comparison": MATERIALS,
     "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
+    "kolsky.report.actuator_view.ActuatorView": ACTUATORS,
     "kolsky.report.full_field_view.FullFieldView": FULL_FIELDS,
     "kolsky.report.specimen_view.SheetView": SHEETS,
     "kolsky.report.specimen_view.SpecimenView": SPECIMENS,

@@ -96,6 +96,7 @@ SOURCES = {
     "force scale": "the uncertainty of the force’s scale",
     "motion scale": "the uncertainty of the motion’s scale",
     "flyer motion": "the noise of what moves the front face",
+    "common errors of the outline": "what the errors of outline points have in common",
     "material curve": "the uncertainty of the quasi-static curve",
 }
 """Words for the keys of `Estimate.noise_parts`."""

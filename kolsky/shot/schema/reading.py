@@ -18,6 +18,10 @@ from kolsky.shot.schema.schema import ShotFile, schema
 TOML_LIMIT = 1_000_000
 """Largest shot.toml that is read [bytes]."""
 
+LONGEST_LINE = 20_000
+"""Most characters of a line: a key of a hundred thousand parts would take a minute to take apart."""
+DEEPEST = 30
+"""Most tables and lists inside each other."""
 LINE_SHOWN = 60
 """Most characters of a line that a message shows."""
 
@@ -109,11 +113,38 @@ def parse_toml(path: Path) -> TomlFile:
     """
     data = read_bytes(path, limit=TOML_LIMIT)
     text = decode(path, data)
+    long = next((i for i, line in enumerate(text.split("\n"), start=1) if len(line) > LONGEST_LINE), None)
+    if long is not None:
+        raise InputError(
+            path,
+            f"has a line of more than {LONGEST_LINE} characters",
+            line=long,
+            cure="is it the right file? if so, break the list into lines",
+        )
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # beside its own, tomllib lets these two through
         raise _syntax_error(path, text, str(error)) from None
+    if _depth(content) > DEEPEST:
+        raise InputError(
+            path, f"has more than {DEEPEST} tables and lists inside each other", cure="is it the right file?"
+        )
     return TomlFile(path, hashlib.sha256(data).hexdigest(), content, key_lines(text))
+
+
+def _depth(content: object) -> int:
+    """How many tables and lists are inside each other; counted without a call inside a call."""
+    level, depth = [content], 0
+    while level := [
+        item
+        for holder in level
+        if isinstance(holder, dict | list)
+        for item in (holder.values() if isinstance(holder, dict) else holder)
+    ]:
+        depth += 1
+        if depth > DEEPEST:
+            break
+    return depth
 
 
 def parsed(source: Source) -> TomlFile:

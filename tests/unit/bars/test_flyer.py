@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import approx_fprime
 
-from kolsky.bars.flyer.fit import fit_flyer
+from kolsky.bars.flyer.fit import fit_flyer, whitening
 from kolsky.bars.flyer.jerks import (
     CHANGE_PER_OCTAVE,
     ZERO_PRIOR,
@@ -281,3 +281,55 @@ def test_known_answer_shots(folder):
     after = np.linspace(onset + 65e-6, onset + 145e-6, 50)
     assert path.velocity(after).mean() == pytest.approx(speed, rel=0.003)
     assert np.abs(path.position(np.linspace(t[11], onset, 20))).max() < 0.2e-6
+
+
+def test_an_error_that_frames_have_in_common():
+    """The marginal likelihood with an autoregressive error against the dense Gaussian, and its gradient."""
+    theta, y, weight, spans, hats, G = small_problem()
+    size, keep = 0.7 * weight, np.full(y.size, np.exp(-0.4))
+    at = np.arange(y.size)
+    together = np.outer(size, size) * np.exp(-0.4 * np.abs(at[:, None] - at))
+    prior = np.concatenate([[ZERO_PRIOR], np.exp(hats @ theta[1:])])
+    C = np.exp(2.0 * theta[0]) * np.eye(y.size) + together + (G * prior**2) @ G.T
+    dense = y @ np.linalg.solve(C, y) + np.linalg.slogdet(C)[1]
+    smooth = np.sum((np.diff(theta[1:]) / CHANGE_PER_OCTAVE) ** 2)
+    value, slope = evidence(theta, y, weight, spans, hats, None, (size, keep))
+    assert value == pytest.approx(dense + smooth, rel=1e-6)  # round-off of the dense solution
+    numeric = approx_fprime(theta, lambda q: evidence(q, y, weight, spans, hats, None, (size, keep))[0], 1e-6)
+    np.testing.assert_allclose(slope, numeric, atol=1e-3, rtol=1e-4)
+
+
+def test_errors_are_made_independent():
+    """L^-1 of the covariance s² + q q' k, and its transpose."""
+    t, s = np.array([0.0, 1.0, 3.0]), np.array([1.0, 2.0, 1.0])
+    q = np.array([0.5, 0.5, 2.0])
+    covariance = np.diag(s**2) + np.outer(q, q) * np.exp(-np.abs(t[:, None] - t) / 2.0)
+    whitened = whitening(t, s, 2.0, (q, np.zeros(3)))
+    L_inverse = whitened(np.eye(3))
+    np.testing.assert_allclose(L_inverse @ covariance @ L_inverse.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(whitened(np.eye(3), back=True), L_inverse.T, atol=1e-12)
+    np.testing.assert_allclose(whitening(t, s, 1.0, None)(np.ones((3, 2))), np.outer(1.0 / s, np.ones(2)))
+
+
+def test_warm_air_is_no_motion():
+    """Air of 0.4 um that lasts 12 frames before a flyer that is seen to 0.02 um: taken for noise of single
+    frames the path follows it; told of it, the path's velocity is right within its sigma."""
+    rng = np.random.default_rng(7)
+    air, keep = np.empty(FRAMES.size), np.exp(-1.0 / 12.0)
+    air[0] = rng.standard_normal()
+    for k in range(1, air.size):
+        air[k] = keep * air[k - 1] + np.sqrt(1.0 - keep**2) * rng.standard_normal()
+    sigma = np.full(FRAMES.size, 0.02e-6)
+    seen = position(FRAMES) + 0.4e-6 * air + sigma * rng.standard_normal(FRAMES.size)
+    plain = FlyerMotion(FRAMES, seen, sigma)
+    told = replace(plain, shared_sigma=np.full(FRAMES.size, 0.4e-6), shared_memory=12.0 * FRAME)
+    late = np.linspace(ONSET + 100e-6, FRAMES[-6], 300)
+    errors, spreads = [], []
+    for motion in (plain, told):
+        path = fit_flyer(motion, start=START)
+        errors.append(path.velocity(late) - velocity(late))
+        spreads.append(path.sigma_velocity(late))
+    rms = [np.sqrt(np.mean(one**2)) for one in errors]
+    assert rms[1] < 0.6 * rms[0]
+    assert np.sqrt(np.mean((errors[1] / spreads[1]) ** 2)) < 2.0
+    assert np.sqrt(np.mean((errors[0] / spreads[0]) ** 2)) > 2.0

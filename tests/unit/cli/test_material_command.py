@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from explicit.materials.laws.mooney_rivlin import MooneyRivlin
 from kolsky.base.errors import InputError
 from kolsky.cli import app
-from kolsky.cli.material_fit import read_tests
+from kolsky.cli.homogeneous_options import read_tests
 from kolsky.material.fits.homogeneous import incompressible_stress
 from kolsky.material.fits.homogeneous_files import Columns
 from kolsky.material.fits.modes import Mode

@@ -143,7 +143,7 @@ BAD_FILES = {
     "damping (us),damping\n1,1\n": "damping stands twice",
     "poisson\n0.4\n0.4\n": "poisson has one value only",
     "=cmd()\n1\n": "is no column",
-    "": "has no header",
+    "": "is empty",
 }
 
 

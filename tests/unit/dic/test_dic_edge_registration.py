@@ -7,8 +7,8 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 
-from dic.rigid_body.axial_displacement import _consistent_frames
 from dic.rigid_body.edge_registration import LARGEST_EDGE, EdgeRegistration
+from dic.rigid_body.frames_before import consistent_frames
 from dic.surfaces import SpecimenFrame
 from dic.synthetic.cylinder import Speckles
 
@@ -121,9 +121,9 @@ def test_a_wrong_place_agreed_on_by_few_points_is_left_out():
     found = [-19e-6 * k for k in rows]
     wrong = [k + (300e-6 if i < 6 else 0.0) for i, k in enumerate(found)]
     counts = [8 if i < 6 else 30 + i for i in range(len(rows))]
-    assert _consistent_frames(rows, found, counts, static, 50e-6) == [True] * len(rows)
-    assert _consistent_frames(rows, wrong, counts, static, 50e-6) == [False] * 6 + [True] * (len(rows) - 6)
-    assert _consistent_frames([], [], [], static, 50e-6) == []
+    assert consistent_frames(rows, found, counts, static, 50e-6) == [True] * len(rows)
+    assert consistent_frames(rows, wrong, counts, static, 50e-6) == [False] * 6 + [True] * (len(rows) - 6)
+    assert consistent_frames([], [], [], static, 50e-6) == []
 
 
 @pytest.mark.parametrize("scale", [0.1, 10.0])

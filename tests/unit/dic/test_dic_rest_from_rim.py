@@ -8,7 +8,7 @@ import pytest
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 
 from dic.images import PictureError
-from dic.rigid_body.axial_displacement import joined_rest, shared
+from dic.rigid_body.axial_displacement import joined_rest, shared, with_rest
 from dic.rigid_body.rest_from_rim import RestGeometry, find_rim, first_varying, glance, joined
 from dic.surfaces import SpecimenFrame
 from dic.synthetic.cylinder import Speckles
@@ -114,3 +114,14 @@ def test_the_rim_of_a_body_that_passes_a_specimen_is_found():
     still = np.zeros_like(moves)
     frozen = (series_of(lambda k: pictures[0]), series_of(unreadable))
     assert find_rim(frozen, tracked, RIG, FRAME, places, still, geometry) is None
+
+
+def test_static_frames_that_do_not_show_the_body_are_at_rest() -> None:
+    """Frames 0 to 2 rest at 6 mm; frame 1 was seen a little off, and stays as it was seen."""
+    index, y, sigma, counts = with_rest(
+        np.arange(3), 6e-3, np.array([1, 3]), np.array([6.001e-3, 5e-3]), [1e-6, 3e-6], [4, 9]
+    )
+    assert index.tolist() == [0, 1, 2, 3]
+    np.testing.assert_allclose(y, [6e-3, 6.001e-3, 6e-3, 5e-3])
+    np.testing.assert_allclose(sigma, [2e-6, 1e-6, 2e-6, 3e-6])
+    assert counts == [0, 4, 0, 9]

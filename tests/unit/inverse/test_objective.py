@@ -319,3 +319,18 @@ def test_the_most_likely_discrepancy_where_variances_differ() -> None:
         assert cost[1] < min(cost[0], cost[2])
     # Two hundred certain bins know 1.44 to (1 + 1.44) sqrt(2 / 200) = 0.24, the mean of twenty to 0.055.
     assert np.mean(found) == pytest.approx(1.44, abs=0.2)
+
+
+def test_errors_that_outline_points_have_in_common() -> None:
+    """Two points that are off together by 3 sigma count as one: C = s² (1 + 9 · ones), by hand."""
+    one = objective(np.array([1.0]), np.array([1e-3, 2e-3]))
+    line = replace(one.observations.centre_line, modes=np.full((1, 2), 3.0 * NOISE_SHAPE))
+    seen = replace(one, observations=replace(one.observations, centre_line=line))
+    alike, unlike = np.array([1.0, 1.0]), np.array([1.0, -1.0])
+    vectors = np.array([np.append([1.0], one.data[1:] + NOISE_SHAPE * r) for r in (alike, unlike)])
+    # along (1, 1) / √2 the variance is 1 + 2 · 9, along (1, -1) / √2 it is 1
+    np.testing.assert_allclose(seen.chi2(vectors, "shape"), [2.0 / 19.0, 2.0])
+    np.testing.assert_allclose(seen.sigma[1:], np.sqrt(10.0) * NOISE_SHAPE)
+    assert seen.pattern_variance.tolist() == [0.0, 0.0, 0.0]
+    some = replace(seen, counted=np.array([False, True]))
+    np.testing.assert_allclose(some.outline_errors, [[0.0, 3.0 * NOISE_SHAPE]])

@@ -1,5 +1,6 @@
 """Thresholds, signs and ends of the checks of a shot, met from both sides by numbers worked out by hand."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +14,7 @@ from kolsky.base.records import CentreLine, FlyerMotion, Recording
 from kolsky.readers.shot_tables import FlyerTable, FrameTimes, UniaxialTable
 from kolsky.shot.curve import check_curve
 from kolsky.shot.force import check_baseline, check_range, check_sign, check_signal
-from kolsky.shot.frames import body_moves, flyer_covers, flyer_moves, frames_agree
+from kolsky.shot.frames import body_moves, flyer_covers, flyer_moves, frames_agree, sound_at_rest
 from kolsky.shot.outline import check_outline
 from kolsky.shot.records import ForceChannel
 from kolsky.shot.window import window
@@ -185,6 +186,30 @@ def test_a_flyer_moves_by_more_than_six_sigmas_and_less_than_the_length() -> Non
 
 def test_a_flyer_moves_toward_the_specimen() -> None:
     assert "away from the specimen" in refused(flyer_moves, *flyer([0.0] * 4 + [-1e-3]), 1e-6, Toml())
+
+
+def test_a_body_that_is_back_at_rest_did_not_move() -> None:
+    """One of twelve static frames 8 um off, ten sigmas: the others after it are where they were."""
+    rest, still = 11.5e-5, [0.0] * 12
+    odd = [*still[:4], 8e-6, *still[5:], 1e-3]
+    motion = sound_at_rest(flyer(odd)[1], rest)
+    np.testing.assert_allclose(motion.sigma[[3, 4, 5]], [1e-6, 8e-6, 1e-6])
+    assert motion.displacement[4] == pytest.approx(8e-6)
+    assert "8 um from its place" in motion.notes[0]
+    body_moves(motion, rest, FILE, Toml())
+    # one that lasts to the end of the static frames is a motion, and four of twelve are no accident
+    for moved in ([*still[:9], 2e-5, 2e-5, 2e-5, 1e-3], [*([2e-5] * 4), *still[4:], 1e-3]):
+        assert "frames.static" in refused(
+            body_moves, sound_at_rest(flyer(moved)[1], rest), rest, FILE, Toml()
+        )
+
+
+def test_warm_air_at_rest_is_no_motion() -> None:
+    """0.5 um of what successive frames have in common, beside 0.05 um of their own: 0.6 um is no motion."""
+    motion = flyer([0.0, 0.0, 0.0, 0.8e-6, 1e-3])[1]
+    motion = replace(motion, sigma=np.full(5, 5e-8))
+    assert "frames.static" in refused(body_moves, motion, 3.5e-5, FILE, Toml())
+    body_moves(replace(motion, shared_sigma=np.full(5, 5e-7)), 3.5e-5, FILE, Toml())
 
 
 def test_a_body_in_pictures_rests_and_moves_by_its_own_sigmas() -> None:

@@ -31,8 +31,8 @@ TABLES = {
 """Given in place of a table of numbers."""
 DESIGNS = {
     "points.csv": "points.csv line 3: 'banana' is not a number .*Cure: ",
-    "noise.csv": "noise.csv: cannot be read as a CSV file: .*Cure: ",
-    "absent.csv": "absent.csv: cannot be read as a CSV file: No such file.*Cure: ",
+    "noise.csv": "noise.csv line 1: is not UTF-8 text: byte 0x80.*Cure: ",
+    "absent.csv": "absent.csv: there is no such file. Cure: ",
 }
 """Given in place of a design."""
 OF_SHOTS = (

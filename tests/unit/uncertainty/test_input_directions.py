@@ -13,7 +13,12 @@ from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import observe
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.uncertainty.input_directions import InputDirection, InputDirections, MovedInputs
+from kolsky.uncertainty.input_directions import (
+    InputDirection,
+    InputDirections,
+    MovedInputs,
+    outline_follows,
+)
 from kolsky.uncertainty.inputs import CLOCK, parameter_step, plain_amount
 from kolsky.uncertainty.moved_runs import MovedRuns
 
@@ -228,3 +233,10 @@ def test_steps_and_plain_amounts() -> None:
     # The power of ten that is not above a hundredth of 1/2 - nu.
     for poisson, amount in ((0.499, 1e-5), (0.4985, 1e-5), (0.4995, 1e-6), (0.45, 1e-4)):
         assert plain_amount("poisson", poisson) == pytest.approx(amount, rel=1e-9)
+
+
+def test_an_axis_placed_by_the_radius_moves_with_it() -> None:
+    """0.1 % of 10 mm: the model's outline grows by what the bulge makes of 5 um, the measured one by 5 um."""
+    change = np.array([3.0, 4.0, 6e-6, 5e-6])
+    np.testing.assert_allclose(outline_follows(change, 1e-3, 10e-3, 2), [3.0, 4.0, 1e-6, 0.0], atol=1e-18)
+    assert change[2] == 6e-6

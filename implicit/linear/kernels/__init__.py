@@ -1,0 +1,1 @@
+"""Warp kernels that fill the fronts of a factorisation."""

@@ -1,0 +1,168 @@
+"""A camera that looks at the plane of bending: Zhang's calibration, pixels to the plane, and made pictures.
+
+The plane of bending is that of x and z of the actuator. A flat chessboard that is held in it once gives the
+camera's place; views of it held anywhere give lens and distortion (Zhang 2000, by OpenCV). Made pictures have
+the projected discs of the markers, blue on grey, with blur and noise: markers whose places are known.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+
+BLUE, GREY = (200, 60, 20), (170, 170, 170)
+"""Colours of markers and background in made pictures, blue green red."""
+BOARD = (9, 6)
+"""Inner corners of the chessboard."""
+DOWN = np.array([1.0, -1.0])
+"""Signs of a board's columns and rows along x and z."""
+FINE = 4
+"""Bits of a pixel's fraction with which OpenCV draws polygons."""
+
+
+@dataclass(frozen=True)
+class PlaneCamera:
+    """A camera and where the plane of bending is before it."""
+
+    matrix: FloatArray
+    """Focal lengths and principal point [px], shape [3, 3]."""
+    distortion: FloatArray
+    """Distortion coefficients of OpenCV [-], shape [5]."""
+    rotation: FloatArray
+    """Rotation vector from the plane's axes (x, z, out of it) to the camera's [rad], shape [3]."""
+    translation: FloatArray
+    """Origin of the plane in the camera's axes [m], shape [3]."""
+    error: float = 0.0
+    """Root mean square distance of the calibration's corners [px]."""
+
+    def project(self, places: FloatArray) -> FloatArray:
+        """Pixels of places x, z in the plane [m] of shape [n, 2], shape [n, 2]."""
+        solid = np.column_stack([places, np.zeros(len(places))])
+        found, _ = cv2.projectPoints(solid, self.rotation, self.translation, self.matrix, self.distortion)
+        return np.asarray(found[:, 0], dtype=np.float64)
+
+    def in_plane(self, pixels: FloatArray) -> FloatArray:
+        """Places x, z in the plane [m] of pixels of shape [n, 2], shape [n, 2]."""
+        rays = cv2.undistortPoints(
+            np.asarray(pixels, dtype=np.float64)[:, None], self.matrix, self.distortion,
+            criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12),
+        )  # fmt: skip
+        R, _ = cv2.Rodrigues(self.rotation)
+        # in the camera's axes the plane is R[:, :2] (x, z) + t: three equations for x, z and the depth
+        found = []
+        for ray in np.asarray(rays)[:, 0]:
+            system = np.column_stack([R[:, 0], R[:, 1], -np.array([ray[0], ray[1], 1.0])])
+            found.append(np.linalg.solve(system, -self.translation)[:2])
+        return np.array(found)
+
+
+def calibrate(
+    views: Sequence[FloatArray],
+    in_plane: FloatArray,
+    square: float,
+    size: tuple[int, int],
+    *,
+    first: tuple[float, float] = (0.0, 0.0),
+) -> PlaneCamera:
+    """Calibrate a camera by the corners of a chessboard.
+
+    Parameters
+    ----------
+    views
+        Corners of each view [px], each of shape [n, 2], row by row.
+    in_plane
+        Corners of the view in the plane of bending, whose rows run along x and follow each other along -z.
+    square
+        Edge of a square [m].
+    size
+        Width and height of the pictures [px].
+    first
+        Place x, z of the first of these corners in the plane [m].
+    """
+    board = board_corners(square)
+    flat = np.column_stack([board, np.zeros(len(board))]).astype(np.float32)
+    error, matrix, distortion, _, _ = cv2.calibrateCamera(
+        [flat] * len(views), [view.astype(np.float32)[:, None] for view in views], size, None, None
+    )
+    distortion = np.asarray(distortion, dtype=np.float64).ravel()[:5]
+    _, rotation, translation = cv2.solvePnP(
+        flat + np.array([*first, 0.0]), in_plane.astype(np.float64), matrix, distortion
+    )
+    return PlaneCamera(np.asarray(matrix), distortion, rotation.ravel(), translation.ravel(), float(error))
+
+
+def board_corners(square: float) -> FloatArray:
+    """Inner corners of the chessboard, row by row from the top: along x, then along -z [m], shape [n, 2]."""
+    columns, rows = BOARD
+    x, z = np.meshgrid(np.arange(columns), np.arange(rows))
+    return square * np.column_stack([x.ravel(), -z.ravel()])
+
+
+def find_corners(picture: np.ndarray) -> FloatArray:
+    """Corners of the chessboard in a picture [px], row by row, shape [n, 2].
+
+    Raises
+    ------
+    ValueError
+        If they are not all found.
+    """
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if picture.ndim == 3 else picture
+    ok, corners = cv2.findChessboardCornersSB(grey, BOARD)
+    if not ok:
+        raise ValueError(f"no chessboard with {BOARD[0]} x {BOARD[1]} inner corners is seen")
+    found = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
+    # either end of a board may come first: take the upper left one
+    return found if found[0].sum() <= found[-1].sum() else found[::-1]
+
+
+def draw_markers(
+    camera: PlaneCamera,
+    places: FloatArray,
+    *,
+    diameter: float,
+    size: tuple[int, int],
+    noise: float = 0.0,
+    rng: np.random.Generator | None = None,
+) -> np.ndarray:
+    """Make a picture of blue discs at places in the plane [m] of shape [n, 2], with noise in grey values."""
+    picture = np.full((size[1], size[0], 3), GREY, dtype=np.uint8)
+    turn = np.linspace(0.0, 2.0 * np.pi, 49)[:-1]
+    ring = 0.5 * diameter * np.column_stack([np.cos(turn), np.sin(turn)])
+    for place in places:
+        outline = np.rint(2**FINE * camera.project(place + ring)).astype(np.int32)
+        cv2.fillPoly(picture, [outline], BLUE, lineType=cv2.LINE_AA, shift=FINE)
+    return _grainy(picture, noise, rng)
+
+
+def draw_board(
+    camera: PlaneCamera,
+    square: float,
+    *,
+    first: tuple[float, float] = (0.0, 0.0),
+    size: tuple[int, int],
+    noise: float = 0.0,
+    rng: np.random.Generator | None = None,
+) -> np.ndarray:
+    """Make a picture of the chessboard in the plane of a camera."""
+    picture = np.full((size[1], size[0], 3), 255, dtype=np.uint8)
+    edge = np.linspace(0.0, 1.0, 9)[:-1]
+    corners = [(edge, 0 * edge), (1 + 0 * edge, edge), (1 - edge, 1 + 0 * edge), (0 * edge, 1 - edge)]
+    outline = np.concatenate([np.column_stack(side) for side in corners])
+    for i in range(-1, BOARD[0]):
+        for j in range(-1, BOARD[1]):
+            if (i + j) % 2 == 0:
+                pixels = np.rint(
+                    2**FINE * camera.project(np.asarray(first) + square * DOWN * (np.array([i, j]) + outline))
+                )
+                cv2.fillPoly(picture, [pixels.astype(np.int32)], (0, 0, 0), lineType=cv2.LINE_AA, shift=FINE)
+    return _grainy(picture, noise, rng)
+
+
+def _grainy(picture: np.ndarray, noise: float, rng: np.random.Generator | None) -> np.ndarray:
+    soft = cv2.GaussianBlur(picture, (5, 5), 0.8)
+    if noise == 0.0 or rng is None:
+        return soft
+    return np.clip(np.rint(soft + noise * rng.standard_normal(soft.shape)), 0, 255).astype(np.uint8)

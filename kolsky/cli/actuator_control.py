@@ -1,0 +1,56 @@
+"""`kolsky actuator control`: the closed loop with a simulated plant, and how long its ticks take."""
+
+from time import perf_counter
+
+from kolsky.cli import texts
+from kolsky.cli.actuator_simulate import ActuatorPath, OutOfActuator
+from kolsky.cli.options import AsJson, Device, Figures
+
+
+def actuator_control(
+    spec: ActuatorPath,
+    out: OutOfActuator = None,
+    device: Device = "cpu",
+    figures: Figures = "",
+    as_json: AsJson = False,
+) -> None:
+    """Close the loop of [control]: a reduced model in it, a plant of another stiffness with noise and delay.
+
+    Writes actuator.html, actuator.json and every tick with its wall time, a CSV file a direction of gravity.
+    """
+    started = perf_counter()
+    formats = texts.figure_formats(figures)
+    from kolsky.actuator.benchmark import loop_warnings, run_control
+    from kolsky.actuator.output import loop_json, write_loop
+    from kolsky.actuator.reading import read_actuator
+    from kolsky.base.files import filling, usable_folder
+    from kolsky.cli.terminal import print_result, since
+    from kolsky.report.actuator_view import ActuatorView
+    from kolsky.report.figures_alone import save_figures_alone
+    from kolsky.report.pages.actuator import printed, write_page
+    from kolsky.report.specimen_folder import write_json
+
+    read = read_actuator(spec, device=device)
+    section = read.declared.control
+    if section is None:
+        raise read.toml.error("control", "is missing", cure='add [control] with angles = ["20 deg"] and most')
+    folder = usable_folder(out or read.toml.path.with_suffix("") / "control")
+    try:
+        closed, reductions = run_control(read.actuator, read.gravities, section)
+    except ValueError as error:
+        raise read.toml.error("control", f"cannot be run: {error}") from None
+    warnings = loop_warnings(closed, reductions, section)
+    view = ActuatorView(read.name, closed=closed, reductions=reductions, warnings=warnings)
+    said = loop_json(closed, reductions, read.inputs)
+    with filling(folder) as partial:
+        for name, run in closed.items():
+            write_loop(partial / f"{name}.csv", run)
+        write_json(partial / "actuator.json", said)
+        write_page(partial / "actuator.html", view, read.inputs)
+        save_figures_alone(partial, view, formats)
+    print_result(
+        printed(view),
+        said if as_json else None,
+        rest={"page": folder / "actuator.html", "wall time": since(started)},
+        warnings=warnings,
+    )

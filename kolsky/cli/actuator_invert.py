@@ -1,0 +1,65 @@
+"""`kolsky actuator invert`: pressures for wanted bends."""
+
+from time import perf_counter
+
+from kolsky.cli import texts
+from kolsky.cli.actuator_simulate import ActuatorPath, OutOfActuator
+from kolsky.cli.options import AsJson, Device, Figures
+
+
+def actuator_invert(
+    spec: ActuatorPath,
+    out: OutOfActuator = None,
+    device: Device = "cpu",
+    figures: Figures = "",
+    as_json: AsJson = False,
+) -> None:
+    """Find the pressures for the bends of [invert], by Newton's method on the exact slope of the bend.
+
+    Separate chambers have a pressure each, found by bounded least squares with a wanted tip. Writes
+    actuator.html and actuator.json.
+    """
+    started = perf_counter()
+    formats = texts.figure_formats(figures)
+    from kolsky.actuator.inverse import Inversion, Reached, pressure_for, pressures_for
+    from kolsky.actuator.output import inversions_json
+    from kolsky.actuator.reading import read_actuator
+    from kolsky.base.files import filling, usable_folder
+    from kolsky.cli.terminal import print_result, since
+    from kolsky.report.actuator_view import ActuatorView
+    from kolsky.report.figures_alone import save_figures_alone
+    from kolsky.report.pages.actuator import printed, write_page
+    from kolsky.report.specimen_folder import write_json
+
+    read = read_actuator(spec, device=device)
+    section = read.declared.invert
+    if section is None:
+        raise read.toml.error("invert", "is missing", cure='add [invert] with angles = ["20 deg"] and most')
+    folder = usable_folder(out or read.toml.path.with_suffix("") / "invert")
+    found: dict[str, list[Inversion]] = {}
+    for name, g in read.gravities.items():
+        found[name] = []
+        for angle in section.angles:
+            if len(read.actuator.cavities) == 1 and section.tip is None:
+                one = pressure_for(read.actuator, g, angle, most=section.most)
+            else:
+                one = pressures_for(read.actuator, g, angle=angle, tip=section.tip, most=section.most)
+            found[name].append(one)
+    warnings = [
+        f"{name}: the pressure for {57.29577951308232 * one.angle:.4g}° is not a solution: {one.ended.value}"
+        for name, each in found.items()
+        for one in each
+        if one.ended is not Reached.YES
+    ]
+    view = ActuatorView(read.name, inversions=found, warnings=warnings)
+    said = inversions_json(found, read.inputs)
+    with filling(folder) as partial:
+        write_json(partial / "actuator.json", said)
+        write_page(partial / "actuator.html", view, read.inputs)
+        save_figures_alone(partial, view, formats)
+    print_result(
+        printed(view),
+        said if as_json else None,
+        rest={"page": folder / "actuator.html", "wall time": since(started)},
+        warnings=warnings,
+    )

@@ -1,0 +1,80 @@
+"""`kolsky actuator simulate`: the bend of a pressurised actuator."""
+
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated
+
+import typer
+
+from kolsky.cli import texts
+from kolsky.cli.options import AsJson, Device, Figures
+
+ActuatorPath = Annotated[
+    Path, typer.Argument(metavar="SPEC", help="A SPEC.toml: geometry, material, gravity, pressures.")
+]
+OutOfActuator = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="FOLDER", help="Where results go.", show_default="SPEC's name/COMMAND"),
+]
+
+
+def actuator_simulate(
+    spec: ActuatorPath,
+    out: OutOfActuator = None,
+    vtu: Annotated[bool, typer.Option("--vtu", help="Also write the largest pressure for ParaView.")] = False,
+    film: Annotated[
+        str, typer.Option(metavar="FORMAT", help="Also write a film of every direction: mp4 or gif.")
+    ] = "",
+    device: Device = "cpu",
+    figures: Figures = "",
+    as_json: AsJson = False,
+) -> None:
+    """Simulate a pressurised actuator: bend over pressure in every direction of gravity, pristine and healed.
+
+    Compares measured markers where SPEC names them. Writes actuator.html, actuator.json, bend.csv, line.csv.
+    """
+    started = perf_counter()
+    formats = texts.figure_formats(figures)
+    if film:
+        texts.one_of("--film", film, ("mp4", "gif"))
+    from kolsky.actuator.marker_reading import compared_markers
+    from kolsky.actuator.output import bends_json, markers_json, write_bends, write_markers
+    from kolsky.actuator.reading import read_actuator
+    from kolsky.actuator.study import simulate_all, warnings_of
+    from kolsky.base.files import filling, usable_folder
+    from kolsky.cli.terminal import print_result, since
+    from kolsky.report.actuator_film import write_actuator_film
+    from kolsky.report.actuator_view import ActuatorView
+    from kolsky.report.figures_alone import save_figures_alone
+    from kolsky.report.pages.actuator import printed, write_page
+    from kolsky.report.specimen_folder import write_json, write_solution_vtu
+
+    read = read_actuator(spec, device=device)
+    folder = usable_folder(out or read.toml.path.with_suffix("") / "simulate")
+    try:
+        directions = simulate_all(read)
+        compared, stiffness, more = compared_markers(read, directions)
+    except ValueError as error:
+        raise read.toml.error("pressures", f"cannot be simulated: {error}") from None
+    inputs = {**read.inputs, **more}
+    warnings = warnings_of(directions)
+    view = ActuatorView(read.name, directions, compared, stiffness=stiffness, warnings=warnings)
+    said = bends_json(directions, inputs) | markers_json(compared, stiffness)
+    with filling(folder) as partial:
+        write_bends(partial, directions)
+        write_json(partial / "actuator.json", said)
+        if compared:
+            write_markers(partial / "markers.csv", compared)
+        write_page(partial / "actuator.html", view, inputs)
+        for one in directions:
+            if vtu:
+                write_solution_vtu(partial / f"{one.name}.vtu", one.pristine.solution)
+            if film:
+                write_actuator_film(partial / f"{one.name}.{film}", one)
+        save_figures_alone(partial, view, formats)
+    print_result(
+        printed(view),
+        said if as_json else None,
+        rest={"page": folder / "actuator.html", "wall time": since(started)},
+        warnings=warnings,
+    )

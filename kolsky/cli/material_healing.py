@@ -1,0 +1,153 @@
+"""`kolsky material healing`: healing efficiencies from tensile tests to fracture."""
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from kolsky.base.errors import InputError
+from kolsky.cli import texts
+from kolsky.cli.options import AsJson, HeaderLine, OutFolder
+
+if TYPE_CHECKING:
+    from kolsky.material.fits.healing import Healing
+
+Column = typer.Option(metavar="COLUMN", help="By name or number.", show_default=False)
+
+
+def material_healing(
+    undamaged: Annotated[
+        list[str], typer.Option(metavar="FILE", help="Tensile test of an undamaged specimen; repeat.")
+    ],
+    healed: Annotated[
+        list[str], typer.Option(metavar="FILE", help="Tensile test of a healed specimen; repeat.")
+    ],
+    strain: Annotated[str, Column] = "",
+    stretch: Annotated[str, Column] = "",
+    stress: Annotated[str, Column] = "",
+    displacement: Annotated[str, Column] = "",
+    force: Annotated[str, Column] = "",
+    length: Annotated[str | None, typer.Option(help='Undeformed gauge length, e.g. "30 mm".')] = None,
+    area: Annotated[str | None, typer.Option(help='Undeformed cross-section, e.g. "12 mm^2".')] = None,
+    header_line: HeaderLine = None,
+    law: Annotated[str, typer.Option(help="Law whose constants are compared.")] = "neo_hookean",
+    poisson: Annotated[
+        str | None, typer.Option(help="Poisson's ratio at rest.", show_default="incompressible")
+    ] = None,
+    out: OutFolder = Path("healing"),
+    as_json: AsJson = False,
+) -> None:
+    """Healing efficiencies of modulus, constants, fracture stress and strain, with their uncertainties.
+
+    Writes healing.json and healing.csv, and healing_specimens.csv with every specimen's properties.
+    """
+    from explicit.materials import LAWS
+    from kolsky.base.files import filling, usable_folder, write_table
+    from kolsky.cli.homogeneous_options import area_of, poisson_of, read_tests
+    from kolsky.cli.terminal import print_result
+    from kolsky.material.fits.healing import healing
+    from kolsky.material.fits.homogeneous_files import Columns
+
+    texts.one_of("--law", law, tuple(LAWS))
+    ratio, free = poisson_of(poisson, "")
+    assert not free
+    columns = Columns(
+        "tension-positive",
+        stretch,
+        strain,
+        stress=stress,
+        header_line=header_line,
+        displacement=displacement,
+        force=force,
+        length=None if length is None else texts.physical("--length", length, "m", positive=True),
+        area=area_of(area, None),
+    )
+    folder = usable_folder(out)
+    groups = [read_tests(files, columns) for files in (undamaged, healed)]
+    both = set(groups[0][1]) & set(groups[1][1])
+    if both:
+        raise InputError(sorted(both)[0], "is named as undamaged and as healed", cure="name it once")
+    try:
+        found = healing(groups[0][0], groups[1][0], law=law, poisson=ratio)
+    except ValueError as error:
+        raise InputError(
+            texts.COMMAND_LINE,
+            str(error),
+            cure="correct the option; `kolsky material healing --help` shows each",
+        ) from error
+    said = {
+        "inputs": {"undamaged": groups[0][1], "healed": groups[1][1]},
+        "law": law,
+        "properties": {
+            name: _json(asdict(row)) | {"unit": found.units[name]} for name, row in found.rows.items()
+        },
+        "specimens": {
+            "undamaged": {one.name: one.values for one in found.undamaged},
+            "healed": {one.name: one.values for one in found.healed},
+        },
+        "remarks": list(found.remarks),
+    }
+    with filling(folder) as partial:
+        text = json.dumps(said, indent=2, allow_nan=False) + "\n"
+        (partial / "healing.json").write_text(text, encoding="utf-8")
+        write_table(partial / "healing.csv", _table(found))
+        write_table(partial / "healing_specimens.csv", _specimens(found))
+    print_result(
+        {},
+        said if as_json else None,
+        answers=_lines(found),
+        rest={"table": folder / "healing.csv"},
+        warnings=found.remarks,
+    )
+
+
+def _json(value: Any) -> Any:
+    """Numbers for JSON: what is not known is null."""
+    if isinstance(value, dict):
+        return {name: _json(part) for name, part in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _table(found: "Healing") -> dict[str, list[Any]]:
+    rows = found.rows.items()
+    return {
+        "property": [name for name, _ in rows],
+        "unit": [found.units[name] for name, _ in rows],
+        "undamaged": [row.undamaged.value for _, row in rows],
+        "u undamaged": [_json(row.undamaged.sigma) for _, row in rows],
+        "healed": [row.healed.value for _, row in rows],
+        "u healed": [_json(row.healed.sigma) for _, row in rows],
+        "healing efficiency (1)": [row.efficiency.value for _, row in rows],
+        "u efficiency (1)": [_json(row.efficiency.sigma) for _, row in rows],
+    }
+
+
+def _specimens(found: "Healing") -> dict[str, list[Any]]:
+    rows = [
+        (group, one.name, name, one.values[name])
+        for group, ones in (("undamaged", found.undamaged), ("healed", found.healed))
+        for one in ones
+        for name in one.values
+    ]
+    return {
+        "group": [row[0] for row in rows],
+        "specimen": [row[1] for row in rows],
+        "property": [row[2] for row in rows],
+        "value (SI)": [row[3] for row in rows],
+    }
+
+
+def _lines(found: "Healing") -> list[str]:
+    """The table for a terminal."""
+    lines = [f"{'property':<24}{'undamaged':>12}{'healed':>12}  efficiency"]
+    for name, row in found.rows.items():
+        u = row.efficiency.sigma
+        spread = f" ± {200.0 * u:.2g} % (k = 2)" if math.isfinite(u) else " %, scatter unknown"
+        lines.append(
+            f"{name:<24}{row.undamaged.value:>12.4g}{row.healed.value:>12.4g}"
+            f"  {100.0 * row.efficiency.value:.4g}{spread}  [{found.units[name]}]"
+        )
+    return lines

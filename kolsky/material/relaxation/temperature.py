@@ -1,0 +1,259 @@
+r"""Oscillations at several temperatures brought to one: shift factors, Williams, Landel and Ferry's law.
+
+In a thermorheologically simple solid a change of temperature multiplies all relaxation times by one factor
+:math:`a_T`, so that the moduli are functions of :math:`a_T \omega` alone (Ferry 1980, ch. 11),
+
+.. math::
+   \lg a_T = -\frac{C_1 (T - T_0)}{C_2 + T - T_0}.                                            \qquad (V.5)
+
+The one function is a spectrum of Maxwell elements of non-negative strength on a fixed grid of times beside a
+spring, found by non-negative least squares for every trial of the shifts (variable projection). Shifts that
+are free at every temperature say whether the curves fall on one another at all; Eq. (V.5) with its two
+constants is then held against them. Moduli are not shifted vertically.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, nnls
+from scipy.stats import chi2
+
+from kolsky.base.arrays import FloatArray
+from kolsky.material.relaxation.evidence import DynamicTest
+
+SAME = 0.5
+"""Temperatures no further apart are one [K]."""
+PER_DECADE = 8
+"""Maxwell elements per decade of time: with 1 % of noise 4 leave a misfit of their own, 8 do not."""
+FURTHEST = 20.0
+"""Largest shift that is tried [decades]."""
+SCAN = np.linspace(-8.0, 8.0, 129)
+"""Shifts between neighbouring temperatures that a search begins among [decades]."""
+UNDETERMINED = 0.5
+"""Standard uncertainty of a shift from which on it is not determined [decades]."""
+UNLIKELY = 0.01
+"""Probability below which chance does not explain what a law of fewer constants leaves."""
+LN10 = float(np.log(10.0))
+
+
+@dataclass(frozen=True)
+class TemperatureSweep:
+    """Oscillations at several temperatures."""
+
+    temperature: FloatArray
+    """T [K], shape [n]."""
+    test: DynamicTest
+    """Moduli at these temperatures, row by row."""
+    reference: float
+    """T0, the temperature that all are brought to, one of those measured [K]."""
+
+    def __post_init__(self) -> None:
+        if self.temperature.shape != self.test.angular_frequency.shape:
+            raise ValueError(f"{self.test.label}: every oscillation needs a temperature")
+        if not (np.isfinite(self.temperature) & (self.temperature > 0.0)).all():
+            raise ValueError(f"{self.test.label}: temperatures must be above absolute zero")
+        levels = self.levels
+        if levels.size < 2:
+            raise ValueError(f"{self.test.label}: a sweep needs two temperatures, all are {levels[0]:.2f} K")
+        if np.abs(levels - self.reference).min() > SAME:
+            there = ", ".join(f"{t - 273.15:.1f}" for t in levels)
+            raise ValueError(
+                f"{self.test.label}: the reference, {self.reference - 273.15:.1f} °C, is none of the measured"
+                f" temperatures, {there} °C"
+            )
+
+    @property
+    def levels(self) -> FloatArray:
+        """The temperatures that are apart, ascending [K], shape [n_levels]."""
+        ordered = np.sort(self.temperature)
+        return np.array([g.mean() for g in np.split(ordered, np.flatnonzero(np.diff(ordered) > SAME) + 1)])
+
+    @property
+    def level(self) -> NDArray[np.int64]:
+        """Which of them each oscillation has, shape [n]."""
+        return np.asarray(np.abs(self.temperature[:, None] - self.levels).argmin(axis=1))
+
+
+@dataclass(frozen=True)
+class Superposition:
+    """Shift factors of a sweep, and the law behind them."""
+
+    sweep: TemperatureSweep
+    """What was measured."""
+    shifts: FloatArray
+    """lg a_T of each level, free but for that of the reference, 0 [-], shape [n_levels]."""
+    sigma: FloatArray
+    """Their standard uncertainties [-], shape [n_levels]."""
+    scatter: float
+    """chi-square of the free shifts over its degrees of freedom [-]."""
+    likely: float
+    """Probability of as large a chi-square if the curves are one [-]."""
+    C1: float | None = None
+    """C1 of Eq. (V.5) [-]; None with too few temperatures."""
+    C2: float | None = None
+    """C2 [K]."""
+    covariance: FloatArray | None = None
+    """Covariance of C1 and C2, shape [2, 2]."""
+    law_likely: float = 1.0
+    """Probability that chance makes the law's chi-square as much larger than that of free shifts [-]."""
+
+    @property
+    def determined(self) -> bool:
+        """True if every shift is determined: the moduli change with frequency, and the curves overlap."""
+        return bool((self.sigma < UNDETERMINED).all())
+
+    @property
+    def one_curve(self) -> bool:
+        """True if the curves fall on one another within their noise."""
+        return self.likely >= UNLIKELY
+
+    @property
+    def law_holds(self) -> bool:
+        """True if Eq. (V.5) was fitted and leaves no more than chance."""
+        return self.C1 is not None and self.determined and self.law_likely >= UNLIKELY
+
+    @property
+    def adopted(self) -> FloatArray:
+        """lg a_T by the law where it holds, else free [-], shape [n_levels]."""
+        if not self.law_holds or self.C1 is None or self.C2 is None:
+            return self.shifts
+        return wlf(self.sweep.levels - _reference(self.sweep), self.C1, self.C2)
+
+    def reduced(self) -> DynamicTest:
+        """The oscillations at the reference temperature, at the frequencies a_T omega.
+
+        Raises
+        ------
+        ValueError
+            If a shift is not determined.
+        """
+        if not self.determined:
+            worst = int(np.argmax(self.sigma))
+            raise ValueError(
+                f"{self.sweep.test.label}: the shift at {self.sweep.levels[worst] - 273.15:.1f} °C is not"
+                f" determined (± {min(2.0 * self.sigma[worst], 99.0):.2g} decades, k = 2): the moduli hardly"
+                " change with frequency, or the curves of neighbouring temperatures do not overlap"
+            )
+        test = self.sweep.test
+        factor = 10.0 ** self.adopted[self.sweep.level]
+        return replace(test, angular_frequency=test.angular_frequency * factor)
+
+
+def wlf(difference: FloatArray, C1: float, C2: float) -> FloatArray:
+    """lg a_T by Eq. (V.5) [-]; `difference` is T - T0 [K], shape [...]."""
+    return np.asarray(-C1 * difference / (C2 + difference))
+
+
+def superpose(sweep: TemperatureSweep) -> Superposition:
+    """Find the shift factors of a sweep, free and by the law of Williams, Landel and Ferry.
+
+    Constants of Eq. (V.5) need three temperatures; with three they go through the shifts and nothing is left
+    to judge the law by.
+    """
+    levels, held = sweep.levels, int(np.abs(sweep.levels - sweep.reference).argmin())
+    start = _begin(sweep, held)
+    problem = _Problem(sweep, start)
+    free = np.delete(np.arange(levels.size), held)
+
+    def full(s: FloatArray) -> FloatArray:
+        shifts = np.zeros(levels.size)
+        shifts[free] = s
+        return shifts
+
+    found = least_squares(
+        lambda s: problem.residual(full(s)), start[free], diff_step=1e-4, bounds=(-FURTHEST, FURTHEST)
+    )
+    rest, used = problem.residual(full(found.x)), problem.used(full(found.x))
+    freedom = max(1, rest.size - used - free.size)
+    square = float(rest @ rest)
+    scatter = square / freedom
+    sigma = np.zeros(levels.size)
+    sigma[free] = np.sqrt(np.diag(_covariance(found.jac, scatter)))
+    made = Superposition(sweep, full(found.x), sigma, scatter, float(chi2.sf(square, freedom)))
+    if free.size < 2 or not made.determined:
+        return made
+    return _with_law(made, problem, square, free)
+
+
+def _with_law(
+    made: Superposition, problem: "_Problem", square: float, free: NDArray[np.int64]
+) -> Superposition:
+    """The constants of Eq. (V.5), and what they leave beside the free shifts."""
+    difference = made.sweep.levels - _reference(made.sweep)
+    d, lg = difference[free], made.shifts[free]
+    # (T - T0) / lg a_T is straight in T - T0: -(C2 + T - T0) / C1.
+    slope, constant = np.polyfit(d, d / np.where(lg == 0.0, 1e-12, lg), 1)
+    least = max(0.0, -float(difference.min())) + 1.0
+    C1 = -1.0 / slope if slope != 0.0 else 10.0
+    begin = np.array([C1, max(constant / slope if slope != 0.0 else 50.0, 1.1 * least)])
+    found = least_squares(
+        lambda c: problem.residual(wlf(difference, *c)), begin, diff_step=1e-5,
+        bounds=([-np.inf, least], [np.inf, 1e5]), x_scale=np.abs(begin),
+    )  # fmt: skip
+    more = max(0.0, float(found.fun @ found.fun) - square) / max(1.0, made.scatter)
+    likely = float(chi2.sf(more, free.size - 2)) if free.size > 2 else 1.0
+    covariance = _covariance(found.jac, made.scatter)
+    return replace(made, C1=float(found.x[0]), C2=float(found.x[1]), covariance=covariance, law_likely=likely)
+
+
+class _Problem:
+    """Residuals of the moduli for trials of the shifts."""
+
+    def __init__(self, sweep: TemperatureSweep, start: FloatArray, levels: list[int] | None = None) -> None:
+        self.level = sweep.level
+        self.rows = np.isin(self.level, levels) if levels is not None else np.ones(self.level.size, bool)
+        test = sweep.test
+        self.omega = test.angular_frequency[self.rows]
+        self.level = self.level[self.rows]
+        self.data = np.concatenate([test.storage[self.rows], test.loss[self.rows]])
+        self.sigma = np.concatenate([test.sigma_storage[self.rows], test.sigma_loss[self.rows]])
+        lg = np.log10(self.omega) + start[self.level]
+        low, high = -lg.max() - 1.0, -lg.min() + 1.0
+        self.times = 10.0 ** np.linspace(low, high, max(2, round(PER_DECADE * (high - low)) + 1))
+
+    def strengths(self, shifts: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Strengths of spring and elements [Pa], and the weighted system they solve."""
+        x = (self.omega * 10.0 ** shifts[self.level])[:, None] * self.times
+        one = np.ones((x.shape[0], 1))
+        A = np.vstack([np.hstack([one, x**2 / (1.0 + x**2)]), np.hstack([0.0 * one, x / (1.0 + x**2)])])
+        A = A / self.sigma[:, None]
+        return nnls(A, self.data / self.sigma)[0], A
+
+    def residual(self, shifts: FloatArray) -> FloatArray:
+        """(model - measured) / sigma of E', then E'', shape [2 n]."""
+        strength, A = self.strengths(shifts)
+        return np.asarray(A @ strength - self.data / self.sigma)
+
+    def used(self, shifts: FloatArray) -> int:
+        """Number of strengths above zero."""
+        return int((self.strengths(shifts)[0] > 0.0).sum())
+
+
+def _begin(sweep: TemperatureSweep, held: int) -> FloatArray:
+    """Shifts between neighbours by a scan, summed from the reference."""
+    levels = sweep.levels.size
+    steps = np.zeros(levels)
+    for k in range(1, levels):
+        trials = np.zeros((SCAN.size, levels))
+        trials[:, k] = SCAN
+        problem = _Problem(sweep, np.zeros(levels), [k - 1, k])
+        costs = []
+        for row in trials:
+            rest = problem.residual(row)
+            costs.append(float(rest @ rest))
+        steps[k] = SCAN[int(np.argmin(costs))]
+    total = np.cumsum(steps)
+    return np.asarray(total - total[held])
+
+
+def _covariance(jacobian: FloatArray, scatter: float) -> FloatArray:
+    """Covariance of a least squares problem, widened by its scatter; directions without information are
+    given a spread that no one takes for known."""
+    size, axes = np.linalg.eigh(jacobian.T @ jacobian)
+    return np.asarray((axes / np.maximum(size, 1e-12)) @ axes.T * max(1.0, scatter))
+
+
+def _reference(sweep: TemperatureSweep) -> float:
+    """The measured temperature that is the reference [K]."""
+    return float(sweep.levels[int(np.abs(sweep.levels - sweep.reference).argmin())])

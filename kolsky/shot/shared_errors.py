@@ -1,0 +1,151 @@
+"""What the errors of a shot's pictures have in common, carried to its flyer and its outline.
+
+Warm air before a camera moves neighbouring points alike, for tens of microseconds; highlights and the shape
+of the lenses do something alike. The epipolar distances tell size, length and memory
+(`dic.stereo.shared_error`). Such an error of the pictures moves the outline by much more than the flyer: the
+angle between the cameras is small. Both are counted from the frames at rest, whose error stays in the zero.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from dic.result import Body, StereoResult
+from dic.stereo.rays import pixels_per_length
+from dic.stereo.shared_error import SharedError, shared_error
+from dic.stereo.triangulation import triangulate
+from kolsky.base.arrays import FloatArray
+from kolsky.base.correlated import patterns
+from kolsky.base.records import CentreLine, FlyerMotion
+
+MOST_POINTS = 200
+"""Points whose distances tell what a mean over many leaves of a shared error."""
+
+
+@dataclass(frozen=True)
+class PictureErrors:
+    """The shared error of a shot's pictures, and what a pixel means on its specimen."""
+
+    shared: SharedError
+    """Of the epipolar distances [px]."""
+    pixel_sigma: float
+    """Standard deviation of one camera's places, along each direction of the picture [px]."""
+    outline_sigma: float
+    """Standard deviation of the outline's Z by it [m]."""
+    pixel: float
+    """Length that a pixel shows [m]."""
+    interval: float
+    """Time between frames [s]."""
+
+    @property
+    def length(self) -> float:
+        """Distance at which the correlation is 1/e [m]."""
+        return self.shared.length * self.pixel
+
+    @property
+    def memory(self) -> float:
+        """Time after which 1/e of it is left [s]."""
+        return self.shared.memory * self.interval
+
+
+def picture_errors(result: StereoResult) -> PictureErrors | None:
+    """The shared error of a shot's pictures; None if none was found.
+
+    Parameters
+    ----------
+    result
+        What its pictures gave.
+    """
+    body = result.specimen
+    shared = shared_error(body.epipolar, body.surface.valid, body.points, subset=_subset(result))
+    if shared.sigma == 0.0:
+        return None
+    frame = int(np.argmax(body.n_valid))
+    seen = body.surface.valid[frame]
+    first, second = (pixels[frame, seen] for pixels in body.pixels)
+    unit = np.broadcast_to(np.eye(2), (len(first), 2, 2))
+    met = triangulate(result.rig, first, second, unit, unit)
+    depth = result.placement.frame.covariances(met.covariance)[:, 2, 2]
+    pixel_sigma = shared.sigma / float(np.median(met.epipolar_sigma))
+    middle = np.median(met.position, axis=0)
+    scale = pixels_per_length(result.rig.cameras[0], middle, result.placement.frame.rotation[1])
+    return PictureErrors(
+        shared=shared,
+        pixel_sigma=pixel_sigma,
+        outline_sigma=pixel_sigma * float(np.sqrt(np.median(depth))),
+        pixel=1.0 / float(np.linalg.norm(scale)),
+        interval=float(np.median(np.diff(result.t))),
+    )
+
+
+def _subset(result: StereoResult) -> float:
+    """Side of the subsets [px]; what a result does not say is the strain gauge's side."""
+    return float(result.facts.get("settings", {}).get("subset", result.strain.gauge))
+
+
+def alike(places: FloatArray, length: float) -> float:
+    """Variance of the mean over some places of an error of variance 1, `exp(-(r / length)^2)` in common [-].
+
+    Parameters
+    ----------
+    places
+        In the picture [px], shape [n, 2].
+    length
+        Distance at which the correlation is 1/e [px].
+    """
+    some = places[:: max(-(-len(places) // MOST_POINTS), 1)]
+    return float(np.exp(-((cdist(some, some) / length) ** 2)).mean())
+
+
+def mean_over_time(n: int, memory: float) -> float:
+    """Variance of the mean of n successive values of an error of variance 1 and some memory [frames] [-]."""
+    at = np.arange(n)
+    return float(np.exp(-np.abs(at[:, None] - at) / memory).mean())
+
+
+def with_flyer_errors(motion: FlyerMotion, result: StereoResult, errors: PictureErrors) -> FlyerMotion:
+    """The flyer's motion with the shared error of its displacements.
+
+    In each frame it is that of the mean over the points that a camera saw, and of the mean of the cameras
+    that saw any, whose errors are independent.
+    """
+    assert result.flyer is not None  # there is a motion
+    frames = np.searchsorted(result.t, motion.time)
+    share = np.array([_left_in_mean(result.flyer, int(k), errors.shared.length) for k in frames])
+    sigma = errors.pixel * errors.pixel_sigma * np.sqrt(share)
+    return replace(motion, shared_sigma=sigma, shared_memory=errors.memory)
+
+
+def _left_in_mean(body: Body, frame: int, length: float) -> float:
+    """Variance of the mean over a body's points in a frame and over the cameras that saw some, of an error of
+    variance 1; 1 where none is seen."""
+    seen = [np.isfinite(pixels[frame]).all(axis=1) for pixels in body.pixels]
+    means = [alike(body.points[one], length) for one in seen if one.any()]
+    return sum(means) / len(means) ** 2 if means else 1.0
+
+
+def with_outline_errors(line: CentreLine, result: StereoResult, errors: PictureErrors) -> CentreLine:
+    """The outline with the shared error of its Z as modes; what they leave out is in its sigma."""
+    modes, left = patterns(
+        line.time, line.y, sigma=errors.outline_sigma, memory=errors.memory, length=errors.length
+    )
+    return replace(line, sigma=np.hypot(line.sigma, left), modes=modes)
+
+
+def outline_offsets(result: StereoResult, errors: PictureErrors | None) -> dict[str, float]:
+    """Standard uncertainties of the test frame's place, by their keys of [uncertainty] [m].
+
+    Along y it is that of the specimen's lower end. The axis is placed so that the mean over the specimen at
+    rest is its radius: what the errors of the static frames leave in that mean is an offset of all points.
+    Late in the test it has nothing to do with the error of the frame itself; early, the sum of both is more
+    than what is left of their difference.
+    """
+    own = np.diag(result.placement.frame.covariance)
+    depth = float(own[5])
+    if errors is not None:
+        seen = result.specimen.surface.valid[result.static].any(axis=0)
+        share = alike(result.specimen.points[seen], errors.shared.length)
+        share *= mean_over_time(max(int(result.static.sum()), 1), errors.shared.memory)
+        depth += errors.outline_sigma**2 * share
+    return {"Z_offset": float(np.sqrt(depth)), "y_offset": float(np.sqrt(own[4]))}
