@@ -9,7 +9,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.diagnosis.branch_test import branch_test
-from kolsky.inverse.result import Estimate
+from kolsky.inverse.result import Estimate, Verdict
 from kolsky.joint.mesh_errors import mesh_change, mesh_patterns
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
@@ -148,8 +148,21 @@ SEEN = 2.0
 """Strength over its standard uncertainty, that of the mesh included, above which it is one [-]."""
 
 
+def time_of(strength: str) -> str:
+    """The parameter that says how fast what has a strength relaxes."""
+    return "creep_resistance" if strength == "creep_ratio" else strength.replace("strength", "time")
+
+
+def _inside(e: Estimate | None) -> bool:
+    """Whether a parameter is held, or ends inside its range."""
+    return e is None or e.outcome is not Verdict.AT_BOUND
+
+
 def held_against(choice: ModelChoice, shared: Mapping[str, Estimate]) -> ModelChoice:
     """The choice with the strengths' own uncertainties: what the mesh alone may feign is not asked for.
+
+    Nor is a branch whose time ends at a bound of its range: a short one is damping by another name, a long one
+    a stiffer curve.
 
     Parameters
     ----------
@@ -159,8 +172,19 @@ def held_against(choice: ModelChoice, shared: Mapping[str, Estimate]) -> ModelCh
         The shared parameters, corrected for the mesh.
     """
     sizes = [e for name, e in shared.items() if name.startswith(("prony_strength", "creep_ratio"))]
-    if not choice.asked_for or not sizes or any(e.value > SEEN * e.sigma for e in sizes):
+    if not choice.asked_for or not sizes:
         return choice
+    strong = [e for e in sizes if e.value > SEEN * e.sigma]
+    if any(_inside(shared.get(time_of(e.name))) for e in strong):
+        return choice
+    if strong:
+        return replace(
+            choice,
+            asked_for=False,
+            sentence=f"the data do not ask for what relaxes: {time_of(strong[0].name)} ends at a bound of its "
+            "range, where a branch is damping or a stiffer curve by another name: identify without it, or "
+            f"give another range with --free {time_of(strong[0].name)}",
+        )
     most = max(sizes, key=lambda e: e.value / e.sigma)
     return replace(
         choice,

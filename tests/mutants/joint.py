@@ -168,6 +168,13 @@ FAULTS = (
         "joint/test_model_choice_words.py",
     ),
     _fault(
+        "a branch at a bound of its times asked for",
+        "kolsky/joint/model_choice.py",
+        "return e is None or e.outcome is not Verdict.AT_BOUND",
+        "return True",
+        "joint/test_model_choice_words.py",
+    ),
+    _fault(
         "the mesh's error left as large as between the meshes",
         "kolsky/joint/mesh_errors.py",
         "change.coarser / (change.ratio**ORDER - 1.0)",

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from doe.whitening import Whitening
+from kolsky.inverse.result import Verdict
 from kolsky.joint.mesh_errors import mesh_patterns
-from kolsky.joint.model_choice import held_against, judged, sentence
+from kolsky.joint.model_choice import held_against, judged, sentence, time_of
 from kolsky.joint.records import ModelChoice
 from kolsky.uncertainty.numerical import MeshChange
 
@@ -32,7 +33,8 @@ class TwoShots:
 
 
 def strength(value: float, noise: float, mesh: float) -> Any:
-    return {"prony_strength_1": SimpleNamespace(value=value, sigma=float(np.hypot(noise, mesh)))}
+    size = SimpleNamespace(name="prony_strength_1", value=value, sigma=float(np.hypot(noise, mesh)))
+    return {"prony_strength_1": size}
 
 
 def test_a_strength_that_the_mesh_may_feign_is_not_asked_for() -> None:
@@ -41,6 +43,17 @@ def test_a_strength_that_the_mesh_may_feign_is_not_asked_for() -> None:
     assert not doubtful.asked_for
     assert "its strength, 0.19 with a standard uncertainty of 0.1, mesh included" in doubtful.sentence
     assert held_against(ASKED, {}) is ASKED  # held, not found
+
+
+def test_a_time_at_a_bound_is_no_relaxation() -> None:
+    strong = strength(0.3, 0.06, 0.08)
+    inside, at_bound = (SimpleNamespace(outcome=v) for v in (Verdict.IDENTIFIED, Verdict.AT_BOUND))
+    assert held_against(ASKED, {**strong, "prony_time_1": inside}) is ASKED
+    said = held_against(ASKED, {**strong, "prony_time_1": at_bound})
+    assert not said.asked_for
+    assert "prony_time_1 ends at a bound" in said.sentence
+    assert time_of("prony_strength_2") == "prony_time_2"
+    assert time_of("creep_ratio") == "creep_resistance"
 
 
 def test_an_error_of_the_mesh_is_each_shots_own_and_of_known_size() -> None:
