@@ -161,8 +161,8 @@ def _inside(e: Estimate | None) -> bool:
 def held_against(choice: ModelChoice, shared: Mapping[str, Estimate]) -> ModelChoice:
     """The choice with the strengths' own uncertainties: what the mesh alone may feign is not asked for.
 
-    Nor is a branch whose time ends at a bound of its range: a short one is damping by another name, a long one
-    a stiffer curve.
+    Nor is a branch whose time ends at a bound of its range: a short one is damping by another name, a long
+    one a stiffer curve.
 
     Parameters
     ----------
@@ -181,8 +181,8 @@ def held_against(choice: ModelChoice, shared: Mapping[str, Estimate]) -> ModelCh
         return replace(
             choice,
             asked_for=False,
-            sentence=f"the data do not ask for what relaxes: {time_of(strong[0].name)} ends at a bound of its "
-            "range, where a branch is damping or a stiffer curve by another name: identify without it, or "
+            sentence=f"the data do not ask for what relaxes: {time_of(strong[0].name)} ends at a bound of "
+            "its range, where a branch is damping or a stiffer curve by another name: identify without it, or "
             f"give another range with --free {time_of(strong[0].name)}",
         )
     most = max(sizes, key=lambda e: e.value / e.sigma)
