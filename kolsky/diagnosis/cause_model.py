@@ -99,7 +99,8 @@ class CauseModel:
             if response is not None:
                 change = point.changed.alteration
                 found[i] = change.vector(response, self.observations) + self.shift(change)
-        return found
+        offset = self.observations.front_offset
+        return found if offset is None else found - offset
 
     def whole(self, point: Point) -> Point:
         """The point with the free input among its changes."""
@@ -255,7 +256,10 @@ def _thinned(o: Observations) -> Observations:
     if n <= MOST_POINTS:
         return o
     kept: IntArray = np.linspace(0, n - 1, MOST_POINTS).round().astype(np.int64)
-    return replace(o, centre_line=o.centre_line.select(kept))
+    offset, bins = o.front_offset, len(o.bins.mean)
+    if offset is not None:
+        offset = np.concatenate([offset[:bins], offset[bins:][kept]])
+    return replace(o, centre_line=o.centre_line.select(kept), front_noise=None, front_offset=offset)
 
 
 def _forward(forward: Forward, factors: Mapping[str, float]) -> Forward:

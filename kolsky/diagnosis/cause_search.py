@@ -14,13 +14,7 @@ import numpy as np
 
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.diagnosis.candidate_input import DECLARED, CandidateInput
-from kolsky.diagnosis.cause_fit import (
-    Allowances,
-    ExpectedResidual,
-    LinearFit,
-    evidence,
-    fit_linear,
-)
+from kolsky.diagnosis.cause_fit import Allowances, ExpectedResidual, LinearFit, evidence, fit_linear
 from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.diagnosis.cause_trial import Trial
 from kolsky.inverse.cause_results import COVERAGE

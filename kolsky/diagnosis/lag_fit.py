@@ -184,6 +184,7 @@ def late_prediction(response: Response, objective: Objective) -> Shifted:
         return np.where(unknown, radii(0.0), Z) if lag != 0.0 and unknown.any() else Z
 
     def shifted(lags: FloatArray) -> FloatArray:
-        return np.concatenate([force(float(lags[0])), radii(float(lags[1]))])
+        seen = np.concatenate([force(float(lags[0])), radii(float(lags[1]))])
+        return objective.under_fitted_path(seen)
 
     return shifted

@@ -219,6 +219,8 @@ def surrogate_quality(stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOp
     outline = stages.observations.has_shape
     if outline:
         found["loo_shape"] = _rms(left_out[:, n:])
+    if stages.front_moved:
+        found["front_moved"] = stages.front_moved
     found |= {"check_shift_sigmas": fine.moved, "check_force": _rms(fine.missed[:n])}
     if outline:
         found["check_shape"] = _rms(fine.missed[n:])
@@ -226,6 +228,7 @@ def surrogate_quality(stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOp
     found["force_discrepancy"] = fine.objective.force_discrepancy
     if outline:
         found["shape_discrepancy"] = fine.objective.shape_discrepancy
+        found["slow_discrepancy"] = fine.objective.slow_discrepancy
     if not fine.confirmed:
         found["runs_needed"] = runs_needed(stages, coarse, fine)
     return found

@@ -31,6 +31,10 @@ class Observations:
     """Changes of the predicted data by the noise of the front face's motion, a standard deviation each of
     independent modes: bins [N], then all points [m], shape [n_modes, n_bins + Q]; see
     `kolsky.inverse.front_noise`. None until it is known."""
+    front_offset: FloatArray | None = None
+    """What the front face's path, moved to where the data put it, adds to all predictions along those
+    patterns: bins [N], then all points [m], shape [n_bins + Q]; see `kolsky.inverse.likely_path`. None if it
+    was not moved."""
 
     @property
     def has_shape(self) -> bool:

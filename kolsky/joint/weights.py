@@ -17,7 +17,8 @@ import numpy as np
 
 from doe.whitening import Whitening
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
-from kolsky.inverse.objective import BLOCKS, Objective
+from kolsky.inverse.block_covariance import BLOCKS
+from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Observations
 
 GAIN, CLOCK, SCATTER = "gain", "clock", "scatter"

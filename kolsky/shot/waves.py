@@ -140,4 +140,6 @@ def waves(
         loaded = load_shot(file, measure=lambda pictures: measured(pictures, results, progress=progress))
         return analyse_flyer(load_flyer_test(loaded.file or file, loaded), progress=progress)
     except ValueError as error:
-        raise InputError(file.path.parent, str(error)) from error
+        raise InputError(
+            file.path.parent, str(error), cure="correct the gauge or bar that it names in shot.toml"
+        ) from error

@@ -96,14 +96,14 @@ def shorter(objective: Objective, model: Model, end: float) -> Data:
         raise ValueError(f"{n} bins of the force are left, {LEAST_BINS} are needed")
     if seen.has_shape and not (points & objective.counted).any():
         raise ValueError("no point of the outline is left")
+    left = np.concatenate([np.arange(objective.n_force) < n, points])
     kept = Observations(
         force=seen.force,
         bins=ForceBins(bins.edges[: n + 1], bins.mean[:n], bins.sigma[:n], bins.n[:n]),
         centre_line=line.select(points),
         force_sigma_gain=seen.force_sigma_gain,
-        front_noise=None
-        if seen.front_noise is None
-        else seen.front_noise[:, np.concatenate([np.arange(objective.n_force) < n, points])],
+        front_noise=None if seen.front_noise is None else seen.front_noise[:, left],
+        front_offset=None if seen.front_offset is None else seen.front_offset[left],
     )
     rows = np.concatenate([np.arange(objective.n_force) < n, points[objective.counted]])
     return replace(objective, observations=kept, counted=objective.counted[points]), lambda x: model(x)[
@@ -141,8 +141,13 @@ def wider(objective: Objective, model: Model) -> Data:
         n = objective.n_force
         return np.concatenate([merged(vectors[:, :n]), vectors[:, n:]], axis=1)
 
-    modes = objective.observations.front_noise
-    seen = replace(objective.observations, bins=wide, front_noise=None if modes is None else both(modes))
+    modes, offset = objective.observations.front_noise, objective.observations.front_offset
+    seen = replace(
+        objective.observations,
+        bins=wide,
+        front_noise=None if modes is None else both(modes),
+        front_offset=None if offset is None else both(offset[None])[0],
+    )
     return replace(objective, observations=seen), lambda points: both(model(points))
 
 
@@ -167,11 +172,18 @@ def narrower(
         return replace(prediction, force_bins=_halves(prediction, seen.force.time, edge, halves))
 
     points, prediction = stages.on_surrogate_mesh()
-    n, modes = answer.objective.n_force, seen.front_noise
-    if modes is not None:  # both halves of a bin have its own
-        modes = np.concatenate([np.repeat(modes[:, :n], 2, axis=1), modes[:, n:]], axis=1)
-    bins = force_between(seen.force, halves)
-    objective = replace(answer.objective, observations=replace(seen, bins=bins, front_noise=modes))
+    n, bins = answer.objective.n_force, force_between(seen.force, halves)
+
+    def twice(rows: FloatArray | None) -> FloatArray | None:
+        """Rows of bins and points in which both halves of a bin have its own value."""
+        if rows is None:
+            return None
+        return np.concatenate([np.repeat(rows[..., :n], 2, axis=-1), rows[..., n:]], axis=-1)
+
+    halved_seen = replace(
+        seen, bins=bins, front_noise=twice(seen.front_noise), front_offset=twice(seen.front_offset)
+    )
+    objective = replace(answer.objective, observations=halved_seen)
     fine = replace(
         answer,
         objective=objective,

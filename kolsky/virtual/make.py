@@ -175,4 +175,8 @@ def _written(place: Place, truth: Truth | TruthError, device: str, threads: int 
 
 
 def _refused(shot: ShotSpecification, error: Exception | str) -> InputError:
-    return InputError(shot.folder, f"{shot.name} cannot be made: {error}")
+    return InputError(
+        shot.folder,
+        f"{shot.name} cannot be made: {error}",
+        cure="change the specification: a gentler test or a coarser mesh",
+    )

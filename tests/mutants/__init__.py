@@ -11,6 +11,7 @@ from tests.mutants.bars_quoted import FAULTS as BARS_QUOTED
 from tests.mutants.budget import FAULTS as BUDGET
 from tests.mutants.causes import FAULTS as CAUSES
 from tests.mutants.cli import FAULTS as CLI
+from tests.mutants.common_errors import FAULTS as COMMON_ERRORS
 from tests.mutants.coverage import FAULTS as COVERAGE
 from tests.mutants.diagnosis import FAULTS as DIAGNOSIS
 from tests.mutants.dic import FAULTS as DIC
@@ -51,6 +52,7 @@ FAULTS: tuple[Fault, ...] = (
     *CAUSES,
     *BUDGET,
     *CLI,
+    *COMMON_ERRORS,
     *COVERAGE,
     *DIAGNOSIS,
     *DIC,
