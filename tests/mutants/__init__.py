@@ -37,6 +37,7 @@ from tests.mutants.several_parameters import FAULTS as SEVERAL
 from tests.mutants.shared_errors import FAULTS as SHARED_ERRORS
 from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.slow_compression import FAULTS as SLOW_COMPRESSION
+from tests.mutants.slow_dynamics import FAULTS as SLOW_DYNAMICS
 from tests.mutants.specimen import FAULTS as SPECIMEN
 from tests.mutants.transducer import FAULTS as TRANSDUCER
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
@@ -77,6 +78,7 @@ FAULTS: tuple[Fault, ...] = (
     *REPORT,
     *RESULTS,
     *SLOW_COMPRESSION,
+    *SLOW_DYNAMICS,
     *SPECIMEN,
     *TRANSDUCER,
     *UNCERTAINTY,
