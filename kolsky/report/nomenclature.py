@@ -259,6 +259,8 @@ QUALITY = {
     "counted_points": ("outline points counted in the search", 1.0, ""),
     "force_discrepancy": ("discrepancy of the model, force", 1.0, " N"),
     "shape_discrepancy": ("discrepancy of the model, outline", 1e6, " µm"),
+    "slow_discrepancy": ("common to many points of the outline", 1e6, " µm"),
+    "front_moved": ("front face’s path moved by, over its noise, rms", 1.0, ""),
 }
 """Words, factor and unit of the entries of `Identification.surrogate`."""
 

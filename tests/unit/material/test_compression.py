@@ -7,8 +7,9 @@ import pytest
 
 from explicit.materials import LAWS, bulk_modulus
 from kolsky.material.compression.body import AT_REST, Body, Deformation, isochoric_stress, isochoric_tangent
-from kolsky.material.compression.march import NoEquilibriumError, compress
+from kolsky.material.compression.march import compress
 from kolsky.material.compression.mesh import HalfCylinder
+from kolsky.material.compression.result import NoEquilibriumError
 from kolsky.material.end_friction.models import CONTINUATIONS, NodesLaw, NodesModel, measure
 
 REFERENCE = Path(__file__).resolve().parents[2] / "reference"
