@@ -21,6 +21,7 @@ from kolsky.cli.check import check
 from kolsky.cli.dic import dic
 from kolsky.cli.doctor import doctor
 from kolsky.cli.film import film
+from kolsky.cli.general import with_general_options
 from kolsky.cli.identify import identify
 from kolsky.cli.material_fit import material_fit
 from kolsky.cli.material_healing import material_healing
@@ -149,7 +150,9 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
     for words, command in {**commands, **former}.items():
         group, _, name = words.rpartition(" ")
         place = groups[group] if group else made
-        place.command(name, hidden=words in former)(refusing_bad_input()(with_solver_options(command)))
+        place.command(name, hidden=words in former)(
+            refusing_bad_input()(with_general_options(with_solver_options(command)))
+        )
     for group_of_commands in groups.values():
         made.add_typer(group_of_commands)
     return made

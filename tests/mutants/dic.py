@@ -116,9 +116,9 @@ FAULTS = (
     Fault(
         name="flyer: a lateral motion of a scene of any size",
         file="dic/rigid_body/translation.py",
-        right="across = 1.0 / (pixel * (",
-        wrong="across = 1.0 / (56e-6 * (",
-        tests=("tests/unit/dic/test_dic_scene_size.py",),
+        right="low, high = LEAST_LATERAL * pixel, LATERAL_SIGMA * pixel",
+        wrong="low, high = LEAST_LATERAL * 56e-6, LATERAL_SIGMA * 56e-6",
+        tests=("tests/unit/dic/test_dic_lateral.py",),
     ),
     Fault(
         name="edge strip: a correction of a scene of any size",
