@@ -182,7 +182,7 @@ class CauseSearch:
     @property
     def n_force(self) -> int:
         """Force bins at the head of the data vector."""
-        return len(self.model.observations.bins.mean)
+        return self.model.observations.n_force
 
     def _none(self, c: CandidateInput, why: str) -> Trial:
         return Trial(c, self.x, float("nan"), self.before, self.null.residual, lost=why)

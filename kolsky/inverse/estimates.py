@@ -195,7 +195,7 @@ def comparison(prediction: Prediction, observations: Observations) -> Comparison
         force_time=0.5 * (bins.edges[1:] + bins.edges[:-1]),
         force_measured=bins.mean,
         force_sigma=bins.sigma,
-        force_model=prediction.force_bins[0],
+        force_model=prediction.force_bins[0, : len(bins.mean)],
         centre_line=replace(observations.centre_line, modes=None),
         Z_model=prediction.Z[0],
         inside=prediction.inside[0],

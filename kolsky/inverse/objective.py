@@ -59,18 +59,18 @@ class Objective:
     @property
     def n_force(self) -> int:
         """Number of force bins at the head of the data vector."""
-        return len(self.observations.bins.mean)
+        return self.observations.n_force
 
     @property
     def data(self) -> FloatArray:
         """Measured data vector, shape [k]: force [N], then Z [m]."""
-        return np.concatenate([self.observations.bins.mean, self.observations.centre_line.Z[self.counted]])
+        return np.concatenate([self.observations.force_mean, self.observations.centre_line.Z[self.counted]])
 
     @property
     def noise(self) -> FloatArray:
         """Measured standard deviations of the data vector, shape [k]."""
         line = self.observations.centre_line
-        return np.concatenate([self.observations.bins.sigma, line.sigma[self.counted]])
+        return np.concatenate([self.observations.force_sigma, line.sigma[self.counted]])
 
     @cached_property
     def front_noise(self) -> FloatArray:
@@ -148,10 +148,8 @@ class Objective:
     @property
     def times(self) -> FloatArray:
         """Time of each entry [s], shape [k]."""
-        edges = self.observations.bins.edges
-        return np.concatenate(
-            [0.5 * (edges[1:] + edges[:-1]), self.observations.centre_line.time[self.counted]]
-        )
+        seen = self.observations
+        return np.concatenate([seen.force_times, seen.centre_line.time[self.counted]])
 
     def vectors(self, prediction: Prediction) -> FloatArray:
         """Predicted data vectors, shape [n_samples, k], under the path as its record alone gives it."""
@@ -263,11 +261,12 @@ class Objective:
 
     @property
     def scale_error(self) -> FloatArray:
-        """Change of the data vector by one standard uncertainty of the force's scale, shape [k].
+        """Change of the data vector by one standard uncertainty of the transmitted force's scale, shape [k].
 
         A wrong scale is no noise: it bends every force alike, and the residuals need not show it.
         """
-        return np.where(self.mask("force"), self.observations.force_sigma_gain * self.data, 0.0)
+        transmitted = np.arange(len(self.data)) < len(self.observations.bins.mean)
+        return np.where(transmitted, self.observations.force_sigma_gain * self.data, 0.0)
 
     def covariance(self, jacobian: FloatArray, vector: FloatArray, part: Part = "joint") -> FloatArray:
         """Covariance of the optimum from the residuals and the front face's noise, shape [d, d]."""
