@@ -1,17 +1,20 @@
 """Motions against closed forms: fall, a bar's vibration in both schemes, relaxation at a held stretch."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from explicit.materials import LAWS
-from implicit.conditions import Coupled, Fixed, Gravity, Prescribed
+from implicit.conditions import Coupled, Fixed, Gravity, NodalForce, Prescribed
 from implicit.dynamics.inertia import element_masses
 from implicit.dynamics.march import march
 from implicit.dynamics.relaxation import Prony
 from implicit.laws.solid import Isotropic
 from implicit.laws.volumetric import bulk
-from implicit.meshes import box
+from implicit.meshes import box, rectangle
 from implicit.model import Model
+from implicit.solve import solve
 
 MU, K, RHO = 2e5, 1.5e6, 1000.0
 RUBBER = Isotropic(LAWS["neo_hookean"].of([MU]), bulk(K))
@@ -95,3 +98,25 @@ def test_what_cannot_be_is_refused():
         march(bar(), None, 1e-3, density=0.0)
     with pytest.raises(ValueError, match="scheme"):
         march(bar(), None, 1e-3, density=1.0, scheme="leapfrog")
+
+
+def test_a_shallow_arch_snaps_through_and_rests_in_equilibrium():
+    span, rise, thick = 1.0, 0.06, 0.02
+    flat = rectangle((span, thick), (12, 1), kind="quad9")
+    x = flat.points[:, 0]
+    points = flat.points + np.column_stack([np.zeros_like(x), rise * np.sin(np.pi * x / span)])
+    mesh = replace(flat, points=points)
+    top = np.flatnonzero((np.abs(x - 0.5 * span) < 1e-9) & (flat.points[:, 1] > thick - 1e-9))
+    mesh = mesh.with_set("apex", top)
+    ends = (Fixed("left"), Fixed("right"))
+    model = Model(mesh, RUBBER, (*ends, NodalForce("apex", 1, "load")), kinematics="plane_strain")
+    # more force than the arch carries upright; backward Euler takes the energy of the snap out
+    force = {"load": -20.0 * np.minimum(np.arange(1, 61) / 10.0, 1.0)}
+    found = march(model, force, 0.06, density=RHO, tolerance=1e-7)
+    assert found.outcome.ok
+    apex = found.mean_displacement("apex")[:, 1]
+    assert -0.3 * rise < apex[1] < 0.0  # upright under a tenth of it
+    assert apex[-1] < -1.5 * rise
+    rest = solve(model, {"load": [-20.0]}, guess=found.displacements[-1:])
+    assert rest.outcome.ok
+    assert found.displacements[-1] == pytest.approx(rest.displacements[0], abs=2e-3 * rise)
