@@ -100,24 +100,32 @@ class Answer:
 
 
 def one(study: Study, name: str) -> Answer:
-    """Identify a made shot, and set it beside its truth; found again if it is there."""
+    """Identify a made shot, and set it beside its truth; found again if it is there.
+
+    The answer is kept as it comes, and again after each cure: a study that is stopped has lost one attempt.
+    """
     kept = Path(study.out) / f"{name}.json"
-    if kept.exists():
-        return Answer.read(kept)
     folder = Path(study.out) / "shots" / name
-    answer = attempt(study, name, folder)
-    if study.cures and answer.kind == "refused":
-        for words, cure in CURES.items():
-            place = Path(study.out) / "cured" / f"{name}-{re.sub('[^a-z]+', '-', words)}"
-            if not cured_copy(folder, place, cure):
-                continue
-            again = attempt(study, name, place, words)
-            answer.cured.append(again)
-            if again.answered:
-                break
-    partial = kept.with_suffix(".partial")
+    answer = Answer.read(kept) if kept.exists() else keep(attempt(study, name, folder), kept)
+    if not study.cures or answer.kind != "refused" or answer.end.answered:
+        return answer
+    tried = {one.cure for one in answer.cured}
+    for words, cure in CURES.items():
+        place = Path(study.out) / "cured" / f"{name}-{re.sub('[^a-z]+', '-', words)}"
+        if words in tried or not cured_copy(folder, place, cure):
+            continue
+        answer.cured.append(attempt(study, name, place, words))
+        keep(answer, kept)
+        if answer.end.answered:
+            break
+    return answer
+
+
+def keep(answer: Answer, place: Path) -> Answer:
+    """Write an answer whole or not at all, and give it back."""
+    partial = place.with_suffix(".partial")
     partial.write_text(json.dumps(asdict(answer), indent=1), encoding="utf-8")
-    os.replace(partial, kept)
+    os.replace(partial, place)
     return answer
 
 

@@ -12,6 +12,7 @@ import argparse
 import json
 import shutil
 import time
+from collections.abc import Sequence
 from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -30,7 +31,7 @@ from kolsky.joint.output import to_json
 from kolsky.joint.records import JointSettings
 from kolsky.material.relaxation.evidence import HistoryTest, RateModel
 from kolsky.shot.load import load_shot
-from kolsky.virtual.make import make
+from kolsky.virtual.make import Place, make_places, place_of
 from kolsky.virtual.material import law_of
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.specification import read_specification
@@ -96,11 +97,21 @@ def truth(study: Study, number: int) -> dict[str, float]:
     }
 
 
-def answer(study: Study, folder: Path, number: int) -> str:
-    """Make a draw's shots, identify them together, keep the answer."""
-    started, true, place = time.perf_counter(), truth(study, number), folder / f"draw-{number:03d}"
-    place.mkdir(parents=True, exist_ok=True)
+def make_truths(study: Study, folder: Path, numbers: Sequence[int], workers: int) -> None:
+    """Make the shots of all draws: on a GPU their simulations run side by side, the slow curves are one."""
+    places = [place for number in numbers for place in specified(study, folder, number)]
     threads = 1 if study.device == "cpu" else None
+    make_places(places, device=study.device, threads=threads, workers=workers)
+    for number in numbers:
+        folders = [place for _, place in specified(study, folder, number)]
+        for other in folders[1:]:  # one material has one slow curve
+            shutil.copy(folders[0] / "quasi_static.csv", other / "quasi_static.csv")
+
+
+def specified(study: Study, folder: Path, number: int) -> list[Place]:
+    """A draw's shots and their folders."""
+    true, place = truth(study, number), folder / f"draw-{number:03d}"
+    place.mkdir(parents=True, exist_ok=True)
     relaxation = "" if study.elastic else RELAXATION.format(**true)
     across, along = study.truth_mesh
     text = SPECIFICATION.format(
@@ -112,14 +123,18 @@ def answer(study: Study, folder: Path, number: int) -> str:
         shots=SHOTS,
     )
     (place / "SPEC.toml").write_text(text)
-    made = make(
-        read_specification(place / "SPEC.toml"), place / "shots", device=study.device, threads=threads
-    )
-    folders = sorted(one.folder for one in made)
-    for other in folders[1:]:  # one material has one slow curve
-        shutil.copy(folders[0] / "quasi_static.csv", other / "quasi_static.csv")
+    series = read_specification(place / "SPEC.toml")
+    shots = [series.shot(k) for k in series.numbers]
+    return [(shot, place_of(series, shot, place / "shots")) for shot in shots]
+
+
+def answer(study: Study, folder: Path, number: int) -> str:
+    """Identify a draw's shots together, keep the answer."""
+    started, true, place = time.perf_counter(), truth(study, number), folder / f"draw-{number:03d}"
+    threads = 1 if study.device == "cpu" else None
+    folders = sorted((place / "shots").glob("*/shot.toml"))
     # Where the search starts does not know the truth.
-    shots = [replace(with_relaxation(load_shot(one), "prony"), name=one.name) for one in folders]
+    shots = [replace(with_relaxation(load_shot(one), "prony"), name=one.parent.name) for one in folders]
     settings = JointSettings(
         numerics=Numerics(mesh=study.mesh, device=study.device, threads=threads),
         refined_mesh=study.refined_mesh,
@@ -222,6 +237,9 @@ def main() -> None:
     numbers = list(range(first, stop))
     hold(study, given.out)
     missing = [n for n in numbers if not (given.out / f"{n:03d}.json").exists()]
+    started = time.perf_counter()
+    make_truths(study, given.out, missing, given.workers)
+    print(f"{SHOTS * len(missing)} shots: {time.perf_counter() - started:.0f} s", flush=True)
     if given.workers == 1:
         for n in missing:
             print(answer(study, given.out, n), flush=True)

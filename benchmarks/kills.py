@@ -21,6 +21,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -233,6 +234,21 @@ def trial(number: int, name: str, how: str, share: float, base: Path, whole: Und
 
 def _hidden(folder: Path) -> list[Path]:
     return [path for path in folder.rglob(".*") if path.name not in (".", "..")]
+
+
+def table(record: dict[str, Any]) -> str:
+    """The record as a table."""
+    lines = [
+        "| command | undisturbed [s] | killed, told to end | wrong | longest stop [s] | longest child [s] |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for name, row in record["commands"].items():
+        told = sum(count for how, count in row["kills"].items() if how != "SIGKILL")
+        lines.append(
+            f"| {name} | {row['undisturbed [s]']} | {row['kills'].get('SIGKILL', 0)}, {told} |"
+            f" {row['wrong']} | {row['longest stop [s]']} | {row['longest child [s]']} |"
+        )
+    return "\n".join([*lines, "", f"{record['kills']} trials, {len(record['problems'])} problems."])
 
 
 def main() -> int:

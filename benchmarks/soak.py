@@ -129,6 +129,21 @@ def judged(rounds: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
+def table(record: dict[str, Any]) -> str:
+    """The record in words."""
+    done = record["done"]
+    workers = record["workers"]
+    memory = [one["memory [MB]"] for one in workers]
+    bits = record["tasks with different bits"]
+    return (
+        f"{len(workers)} processes for {record['seconds'] / 60:.0f} min: {done['sweep']} runs of sweeps,"
+        f" {done['identify']} identifications, {done['dic']} correlations. Resident memory of a process"
+        f" {min(memory)[0]:.0f} to {max(memory)[0]:.0f} MB once settled,"
+        f" largest growth {100.0 * record['largest growth']:.1f} % to the end; processes that grew:"
+        f" {len(record['workers that grew'])}; tasks whose bits differed: {len(bits)}."
+    )
+
+
 def main() -> int:
     """Work for so long and write the record; 1 if memory or handles grew or bits differed."""
     parser = argparse.ArgumentParser(

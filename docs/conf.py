@@ -20,6 +20,7 @@ version = release = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))[
 extensions = [
     "local_mathjax",
     "made_tables",
+    "message_tables",
     "model_pages",
     "module_pages",
     "myst_nb",
@@ -33,8 +34,10 @@ myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build"]
 
-# Pages with a kernel in their front matter are notebooks: run in an empty folder whenever they are read.
-nb_execution_mode = "force"
+# Pages with a kernel in their front matter are notebooks, run in an empty folder. What they printed is kept
+# for as long as no source, shot or extension has changed: the key of the cache is their hash.
+nb_execution_mode = "cache"
+nb_execution_cache_path = str(ROOT / "docs" / "_build" / "notebooks" / module_pages.digest())
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True
 nb_execution_timeout = 900  # s a cell: a busy machine needs it

@@ -268,7 +268,9 @@ class Ledger:
         self._sql.execute("COMMIT")
         health = self._sql.execute("PRAGMA quick_check(1)").fetchone()[0]
         if health != "ok" or mode != "wal":
-            raise LedgerError(f"{self.path}: is damaged ({health}, journal {mode}); restore it or remove it")
+            raise LedgerError(
+                f"{self.path}: is damaged ({_line(health)}, journal {mode}); restore it or remove it"
+            )
 
     def _rewrite_first(self) -> None:
         """Give the rows of version 1 their digests: they are believed as they stand."""
@@ -297,12 +299,21 @@ class Ledger:
             yield
         except sqlite3.Error as error:
             busy = "locked" in str(error)
-            cure = "another sweep is using it; wait, or give this one a ledger of its own"
-            raise LedgerError(f"{self.path}: {cure if busy else error}") from error
+            used = "another sweep is using it; wait, or give this one a ledger of its own"
+            full = "full" in str(error) or "I/O" in str(error)
+            cure = (
+                "make room and run it again" if full else "restore it, or give another place for the ledger"
+            )
+            raise LedgerError(f"{self.path}: {used if busy else f'{_line(error)}; {cure}'}") from error
 
 
 _COLUMNS = "key, model, parameters, completed, outcome, reason, results, digest, seconds"
 _MARKS = ", ".join("?" * 9)
+
+
+def _line(text: object) -> str:
+    """What SQLite says, in one line."""
+    return " ".join(str(text).split())[:200]
 
 
 def _row(*entries: Any) -> tuple[Any, ...]:

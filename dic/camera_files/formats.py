@@ -122,5 +122,5 @@ def write_rig(path: Path | str, rig: StereoRig, format: str, *, length_unit: flo
     try:
         text = by_name[format].write(rig, length_unit)
     except ValueError as error:
-        raise CameraFileError(path, str(error)) from None
+        raise CameraFileError(path, str(error), cure="choose another format") from None
     Path(path).write_text(text, encoding="utf-8")

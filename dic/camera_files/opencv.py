@@ -56,7 +56,7 @@ class OpenCV:
     def read(self, source: Source, length_unit: float) -> StereoRig:
         """The rig."""
         if "<!ENTITY" in source.text:
-            raise CameraFileError(source.path, "declares an XML entity, which no calibration does")
+            raise CameraFileError(source.path, "declares an XML entity", cure="export the calibration again")
         if _depth(source.text) > DEEPEST:
             raise CameraFileError(
                 source.path,
@@ -188,7 +188,11 @@ def _collect(source: Source, name: str, node: cv2.FileNode, into: list[float]) -
         for i in range(node.size()):
             _collect(source, name, node.at(i), into)
             if len(into) > MOST:
-                raise CameraFileError(source.path, f"{name} holds more than {MOST} numbers")
+                raise CameraFileError(
+                    source.path,
+                    f"{name} holds more than {MOST} numbers",
+                    cure="name the calibration of one pair",
+                )
     else:
         raise CameraFileError(
             source.path, f"{name} holds something that is no number", cure="write the calibration again"

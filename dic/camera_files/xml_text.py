@@ -54,7 +54,12 @@ def parse(source: Source, *, start: int = 0, end: int | None = None) -> Element:
     def begin(name: str, attributes: dict[str, str]) -> None:
         element = Element(name, attributes, parser.CurrentLineNumber + before)
         if len(open_) > DEEPEST:
-            raise CameraFileError(source.path, f"nests more than {DEEPEST} elements", line=element.line)
+            raise CameraFileError(
+                source.path,
+                f"nests more than {DEEPEST} elements",
+                line=element.line,
+                cure="name the calibration of one pair",
+            )
         open_[-1].children.append(element)
         open_.append(element)
 

@@ -1,19 +1,16 @@
 """Full-field measurement by two cameras: a curved surface, or a cylinder."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from dic.arrays import BoolArray, FloatArray, IntArray
-from dic.bodies.follow import TrackedBody, follow_body
+from dic.bodies.follow import follow_body
 from dic.bodies.region import Region, grid_points
 from dic.camera import StereoRig
-from dic.chain.outliers import GATE_SIGMAS, LEAST_GATE, OWN_SIGMAS
 from dic.chain.remarks import of_findings
 from dic.correlation import Noise
-from dic.full_field.curvature import match_bias, without_bias
 from dic.full_field.extensometers import Extensometer, extensions
 from dic.full_field.frames import cylinder_frame, plane_frame
 from dic.full_field.grey_noise import noise_from_matches
@@ -29,19 +26,16 @@ from dic.full_field.measure import (
     usable_reference,
     whole,
 )
-from dic.full_field.result import FittedCylinder, FullField
+from dic.full_field.meeting import at_rest_of, corrected, cylinder_of, cylinders, gated
+from dic.full_field.result import FullField
 from dic.full_field.settings import FullFieldSettings
 from dic.images import Pictures, frame_health
-from dic.outcome import PointOutcome
-from dic.stereo import Reconstruction, match_stereo, reconstruct
+from dic.stereo import match_stereo
 from dic.stereo.setup_check import check_setup
-from dic.surfaces import Cylinder, fit_cylinder, overlap_factor, referenced, static_mean, to_surface
-from dic.surfaces.frame import SpecimenFrame
+from dic.surfaces import referenced, static_mean, to_surface
 
 TRIED = 300
 """Points whose matches give the noise of the grey values where nothing else does."""
-CORRECTIONS = 2
-"""Times that the curvature's bias is taken off: the second starts from a cylinder that is nearly right."""
 
 
 def measure_surface(
@@ -157,20 +151,20 @@ def _measured(
     )
     at_rest = settings.reference < settings.static
     rest = list(range(settings.static)) if at_rest else [settings.reference]
-    body = _gated(rig, body, rest)
+    body = gated(rig, body, rest)
     correction, plain = 0.0, float("nan")
     if kind == "cylinder":
-        body, correction, plain = _corrected(rig, body, rest, settings, radius)
-        frame = cylinder_frame(_cylinder(body.reconstruction, rest, settings, body.points, radius), rig)
+        body, correction, plain = corrected(rig, body, rest, settings, radius)
+        frame = cylinder_frame(cylinder_of(body.reconstruction, rest, settings, body.points, radius), rig)
     else:
-        frame = plane_frame(_at_rest(body.reconstruction, rest)[0], rig)
+        frame = plane_frame(at_rest_of(body.reconstruction, rest)[0], rig)
     r = body.reconstruction
     taken = referenced(r, rest)
     surface = to_surface(r, frame, time, reference=rest, points=taken)
     variance = np.einsum("...ii->...i", frame.covariances(static_mean(r, rest)[1][taken]))
     reference_sigma = np.sqrt(variance)
     points = body.points[taken]
-    cylinder = _cylinders(r, frame, body.points, settings, correction, plain) if kind == "cylinder" else None
+    cylinder = cylinders(r, frame, body.points, settings, correction, plain) if kind == "cylinder" else None
     return FullField(
         kind=kind,
         unit="m",
@@ -235,83 +229,3 @@ def _noise(
         for picture, where in zip(pair, places, strict=True)
     ]
     return (Noise(sigma[0]), Noise(sigma[1])), sigma, False
-
-
-def _gated(rig: StereoRig, body: TrackedBody, rest: Sequence[int]) -> TrackedBody:
-    """The body with the epipolar gate that its reference frames give."""
-    epipolar = body.reconstruction.epipolar[list(rest)]
-    found = epipolar[np.isfinite(epipolar)]
-    if not found.size:
-        raise ValueError(
-            "no point was matched between the cameras: check which camera is which, the calibration, the "
-            "crop offsets and the region"
-        )
-    gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(found))) / 0.6745)
-    again = reconstruct(rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS, common=body.common)
-    return replace(body, reconstruction=again)
-
-
-def _at_rest(r: Reconstruction, rest: Sequence[int]) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Mean places of the points at the reference, their covariances, and which points they are."""
-    known = referenced(r, rest)
-    X, C = static_mean(r, rest)
-    return X[known], C[known], known
-
-
-def _cylinder(
-    r: Reconstruction,
-    rest: Sequence[int],
-    settings: FullFieldSettings,
-    points: FloatArray,
-    radius: float | None = None,
-) -> Cylinder:
-    """The cylinder at the reference."""
-    X, C, known = _at_rest(r, rest)
-    return fit_cylinder(X, C, radius=radius, overlap=overlap_factor(points[known], settings.subset))
-
-
-def _corrected(
-    rig: StereoRig, body: TrackedBody, rest: Sequence[int], settings: FullFieldSettings, radius: float | None
-) -> tuple[TrackedBody, float, float]:
-    """The body without the bias of its subsets' curvature, the bias's median size in camera 1 [px], and the
-    radius before [m]."""
-    first, track = body, body.tracks[1]
-    plain, size = _cylinder(first.reconstruction, rest, settings, body.points).radius, 0.0
-    for _ in range(CORRECTIONS):
-        cylinder = _cylinder(body.reconstruction, rest, settings, body.points, radius)
-        bias = match_bias(rig, cylinder, body.points, body.mask, settings.subset, settings.stereo_shape)
-        known = np.isfinite(bias).all(axis=1)
-        size = float(np.median(np.linalg.norm(bias[known], axis=1))) if known.any() else 0.0
-        tracks = (body.tracks[0], without_bias(track, bias, body.material))
-        body = _gated(rig, replace(first, tracks=tracks, reconstruction=_meeting(rig, first, tracks)), rest)
-    return body, size, plain
-
-
-def _meeting(rig: StereoRig, body: TrackedBody, tracks: tuple[Any, Any]) -> Reconstruction:
-    return reconstruct(rig, *tracks, common=body.common)
-
-
-def _cylinders(
-    r: Reconstruction,
-    frame: SpecimenFrame,
-    points: FloatArray,
-    settings: FullFieldSettings,
-    correction: float,
-    plain: float,
-) -> FittedCylinder:
-    """A cylinder with a free radius through the points of each frame."""
-    n = len(r.outcome)
-    radius, sigma, rms, count = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan), np.zeros(n, int)
-    for k in range(n):
-        valid = r.outcome[k] == PointOutcome.VALID
-        try:
-            found = fit_cylinder(
-                frame.positions(r.position[k, valid]),
-                frame.covariances(r.covariance[k, valid]),
-                overlap=overlap_factor(points[valid], settings.subset),
-            )
-        except ValueError:
-            continue  # too few points, or none of a cylinder: NaN and no points
-        radius[k], sigma[k], rms[k] = found.radius, found.sigma[4], found.rms
-        count[k] = int(found.used.sum())
-    return FittedCylinder(radius, sigma, rms, count, correction, plain)

@@ -69,7 +69,11 @@ def open_pictures(
     try:
         pictures = _opened(path, pattern)
     except OSError as error:
-        raise PictureError(error.filename or str(path), f"cannot be read ({error.strerror})") from None
+        raise PictureError(
+            error.filename or str(path),
+            f"cannot be read ({error.strerror})",
+            cure="copy it again, and see that it may be read",
+        ) from None
     if bits is None and crop_offset is None and times is None and n_frames is None:
         return pictures
     return declared(pictures, bits=bits, crop_offset=crop_offset, times=times, n_frames=n_frames)
@@ -78,7 +82,9 @@ def open_pictures(
 def _opened(path: Path | str | Sequence[Path | str], pattern: str | None) -> Pictures:
     if not isinstance(path, Path | str):
         if pattern is not None:
-            raise PictureError("list of files", f'takes no pattern, got "{pattern}"')
+            raise PictureError(
+                "list of files", f'takes no pattern, got "{pattern}"', cure="leave pattern out"
+            )
         return numbered.read_files([Path(one) for one in path])
     path = Path(path)
     if path.is_dir():
@@ -88,7 +94,11 @@ def _opened(path: Path | str | Sequence[Path | str], pattern: str | None) -> Pic
     if pattern is not None:
         if hdf5.sniff(path, start):
             return hdf5.read(path, pattern)
-        raise PictureError(path, f'is no folder: pattern "{pattern}" has nothing to choose from')
+        raise PictureError(
+            path,
+            f'is no folder: pattern "{pattern}" has nothing to choose from',
+            cure="leave pattern out, or name the folder",
+        )
     for known in FORMATS:
         if known.sniff(path, start):
             return known.read(path)

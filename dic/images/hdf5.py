@@ -58,7 +58,9 @@ class Hdf5Pictures:
             with h5py.File(regular(self.path), "r") as file:
                 picture = np.asarray(file[self.dataset][index])
         except Exception as error:  # whatever the library makes of a damaged file is the file's fault
-            raise PictureError(self.path, f"cannot be read ({error})", frame=index) from error
+            raise PictureError(
+                self.path, f"cannot be read ({error})", frame=index, cure="copy or export it again"
+            ) from error
         return checked_frame(self.path, index, picture, self.shape, self.bits)
 
 
@@ -133,12 +135,20 @@ def _opened(path: Path, dataset: "h5py.Dataset") -> Hdf5Pictures:
     container = dataset.dtype.itemsize * 8
     offset = np.asarray(dataset.attrs.get("crop_offset", (0.0, 0.0)), dtype=np.float64)
     if offset.shape != (2,) or not np.all(np.isfinite(offset)):
-        raise PictureError(path, f"attribute crop_offset must be two finite numbers, is {offset}")
+        raise PictureError(
+            path,
+            f"attribute crop_offset must be two finite numbers, is {offset}",
+            cure="write two numbers, in px",
+        )
     clock = None
     if isinstance(dataset.parent.get("times", getlink=True), h5py.HardLink):
         times = dataset.parent["times"]
         if not isinstance(times, h5py.Dataset) or times.shape != (n_frames,) or times.external:
-            raise PictureError(path, f"times must be a dataset of {n_frames} numbers, is {times}")
+            raise PictureError(
+                path,
+                f"times must be a dataset of {n_frames} numbers, is {times}",
+                cure="write a time a frame, or none",
+            )
         clock = np.asarray(times, dtype=np.float64)
     return Hdf5Pictures(
         path=path,

@@ -157,7 +157,11 @@ def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
     found: dict[int, Path] = {}
     for number, file in named:
         if number in found:
-            raise PictureError(path, f"{found[number].name} and {file.name} have one number, {number}")
+            raise PictureError(
+                path,
+                f"{found[number].name} and {file.name} have one number, {number}",
+                cure="remove or rename one of them",
+            )
         found[number] = file
     first, last = min(found), max(found)
     step = gcd(*(number - first for number in found)) or 1
@@ -181,7 +185,7 @@ def read_files(files: Sequence[Path]) -> NumberedPictures:
         If there is no file or none can be decoded.
     """
     if not files:
-        raise PictureError("list of files", "it is empty")
+        raise PictureError("list of files", "it is empty", cure="name a file at least")
     return _opened(files[0].parent, list(files), tuple(range(len(files))))
 
 
@@ -198,7 +202,11 @@ def _opened(path: Path, files: list[Path | None], numbers: tuple[int, ...]) -> N
             continue
         shape = checked_shape(file, *picture.shape)
         return NumberedPictures(path, tuple(files), numbers, shape, checked_bits(file, bits, 16))
-    raise PictureError(path, f"none of {len(failures)} pictures can be decoded, the first: {failures[0]}")
+    raise PictureError(
+        path,
+        f"none of {len(failures)} pictures can be decoded, the first: {failures[0]}",
+        cure="copy or export them again",
+    )
 
 
 def _only_series(path: Path) -> list[tuple[int, Path]]:
@@ -210,7 +218,11 @@ def _only_series(path: Path) -> list[tuple[int, Path]]:
             before, number, after = numbered.groups()
             series.setdefault(f"{before}*{after}{file.suffix}", []).append((int(number), file))
     if not series:
-        raise PictureError(path, f"holds no numbered pictures ({', '.join(SUFFIXES)})")
+        raise PictureError(
+            path,
+            f"holds no numbered pictures ({', '.join(SUFFIXES)})",
+            cure="name the folder of the pictures, or a pattern",
+        )
     if len(series) > 1:
         names = ", ".join(f'"{name}"' for name in sorted(series)[:6])
         raise PictureError(path, f"holds {len(series)} series: {names}", cure="name one with pattern=")
@@ -220,12 +232,20 @@ def _only_series(path: Path) -> list[tuple[int, Path]]:
 def _matching(path: Path, pattern: str) -> list[tuple[int, Path]]:
     """Number and file of the names that fit a pattern."""
     if pattern.count("*") != 1 or "/" in pattern:
-        raise PictureError(path, f'pattern "{pattern}" must have one * for the number, and no /')
+        raise PictureError(
+            path,
+            f'pattern "{pattern}" must have one * for the number, and no /',
+            cure='write it as "cam0_*.png"',
+        )
     before, after = pattern.split("*")
     fits = re.compile(re.escape(before) + r"(\d{1,18})" + re.escape(after))
     found = [(int(hit[1]), file) for file in path.iterdir() if (hit := fits.fullmatch(file.name))]
     if not found:
-        raise PictureError(path, f'no file fits the pattern "{pattern}", with a whole number for *')
+        raise PictureError(
+            path,
+            f'no file fits the pattern "{pattern}", with a whole number for *',
+            cure="look at the names in the folder",
+        )
     return found
 
 
@@ -235,9 +255,16 @@ def _decode(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
         size = regular(file).stat().st_size
         data = file.read_bytes() if size <= LARGEST_FILE else b""
     except OSError as error:
-        raise PictureError(file, f"cannot be read ({error.strerror})", frame=index) from None
+        raise PictureError(
+            file,
+            f"cannot be read ({error.strerror})",
+            frame=index,
+            cure="copy it again, and see that it may be read",
+        ) from None
     if not data:
-        raise PictureError(file, f"has {size} bytes, allowed are 1 to {LARGEST_FILE}", frame=index)
+        raise PictureError(
+            file, f"has {size} bytes, allowed are 1 to {LARGEST_FILE}", frame=index, cure="export it again"
+        )
     if tiff.sniff(file, data):
         return _page(file, index)
     what = missing_end(data)
@@ -245,7 +272,12 @@ def _decode(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
         raise PictureError(file, what, frame=index, cure="copy or export it again")
     size_given = stated_size(data)
     if size_given is None:
-        raise PictureError(file, "is no TIFF, PNG, JPEG or BMP, or has no whole header", frame=index)
+        raise PictureError(
+            file,
+            "is no TIFF, PNG, JPEG or BMP, or has no whole header",
+            frame=index,
+            cure="is it a picture? if so, export it as TIFF",
+        )
     checked_shape(file, *size_given)
     return _by_opencv(file, index, data)
 
@@ -266,13 +298,20 @@ def _by_opencv(file: Path, index: int, data: bytes) -> tuple[NDArray[np.generic]
     from dic.opencv import cv2
 
     flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
+    before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
         picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
     except cv2.error as error:
         why = " ".join(error.err.split())
-        raise PictureError(file, f"cannot be decoded ({why})", frame=index) from error
+        raise PictureError(
+            file, f"cannot be decoded ({why})", frame=index, cure="copy or export it again"
+        ) from error
+    finally:
+        cv2.utils.logging.setLogLevel(before)
     if picture is None:
-        raise PictureError(file, "cannot be decoded: damaged, or no picture", frame=index)
+        raise PictureError(
+            file, "cannot be decoded: damaged, or no picture", frame=index, cure="copy or export it again"
+        )
     return _grey(file, index, np.asarray(picture)), picture.dtype.itemsize * 8
 
 

@@ -63,7 +63,11 @@ class Header:
         if text is None and default is not None:
             return default
         if text is None or not re.fullmatch(r"[+-]?\d{1,15}", text):
-            raise PictureError(self.path, f'"{name}" must be a whole number, is {text!r}')
+            raise PictureError(
+                self.path,
+                f'"{name}" must be a whole number, is {text!r}',
+                cure="export the recording again, or correct the header",
+            )
         return int(text)
 
     def number(self, name: str) -> float | None:
@@ -78,7 +82,11 @@ class Header:
         if text is None:
             return None
         if not re.fullmatch(r"\d{1,15}(\.\d{1,15})?", text):
-            raise PictureError(self.path, f'"{name}" must be a number, is {text!r}')
+            raise PictureError(
+                self.path,
+                f'"{name}" must be a number, is {text!r}',
+                cure="export the recording again, or correct the header",
+            )
         return float(text)
 
 
@@ -94,14 +102,18 @@ def read_header(path: Path) -> Header:
         with open(regular(path), "rb") as file:
             data = file.read(_LARGEST + 1)
     except OSError as error:
-        raise PictureError(path, f"cannot be read ({error.strerror})") from None
+        raise PictureError(path, f"cannot be read ({error.strerror})", cure="copy it again") from None
     if len(data) > _LARGEST:
-        raise PictureError(path, f"is larger than {_LARGEST} bytes, which no header is")
+        raise PictureError(
+            path,
+            f"is larger than {_LARGEST} bytes, which no header is",
+            cure="is it the header? the pictures are in the .mraw file",
+        )
     if b"<cih>" in data:
         return Header(path, _from_xml(path, data))
     fields = _from_text(data.decode("utf-8", "replace"))
     if not fields:
-        raise PictureError(path, 'has no line of the form "name : value"')
+        raise PictureError(path, 'has no line of the form "name : value"', cure="export the recording again")
     return Header(path, fields)
 
 
@@ -126,11 +138,15 @@ def _from_xml(path: Path, data: bytes) -> dict[str, str]:
     start, end = data.find(b"<cih>"), data.rfind(b"</cih>")
     inside = data[start : end + len(b"</cih>")] if end > start else b""
     if b"<!" in _without_comments(inside):
-        raise PictureError(path, "declares entities or a document type, which no camera writes")
+        raise PictureError(
+            path,
+            "declares entities or a document type, which no camera writes",
+            cure="export the recording again",
+        )
     try:
         tree = ElementTree.fromstring(inside.decode("utf-8", "replace"))
     except (ElementTree.ParseError, ValueError) as error:
-        raise PictureError(path, f"its XML cannot be read ({error})") from None
+        raise PictureError(path, f"its XML cannot be read ({error})", cure="copy it again") from None
     found = {name: tree.findtext(place) for name, place in _XML.items()}
     return {name: text.strip() for name, text in found.items() if text is not None}
 
@@ -220,6 +236,7 @@ def read(path: Path) -> MrawPictures:
         raise PictureError(
             header.path,
             f'"Color Bit" is {stored} for {rows} x {columns} pixels: 8, 10, 12 or 16 in whole bytes',
+            cure="export it in whole bytes, or packed by the camera",
         )
     real = checked_bits(header.path, min(header.whole("EffectiveBit Depth", stored), stored), stored)
     high = header.word("EffectiveBit Side", "lower") == "higher"

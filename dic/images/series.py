@@ -123,7 +123,9 @@ def checked_bits(path: Path, bits: int, container: int) -> int:
     """
     if not 1 <= bits <= container:
         raise PictureError(
-            path, f"bits = {bits}, allowed are 1 to {container} for grey values stored in {container} bits"
+            path,
+            f"bits = {bits}, allowed are 1 to {container} for grey values stored in {container} bits",
+            cure="leave bits out, or say those that carry the grey value",
         )
     return int(bits)
 

@@ -7,6 +7,7 @@ Both write uncompressed pages one after the other behind the first header, and t
 them, or none (ImageJ, above 4 GB); then the grey values are found without their headers.
 """
 
+import logging
 import re
 import struct
 import zlib
@@ -33,6 +34,7 @@ from dic.images.series import (
 if TYPE_CHECKING:
     import tifffile
 
+logging.getLogger("tifffile").addHandler(logging.NullHandler())  # what it finds becomes a `PictureError`
 _MAGIC = {b"II*\0": "<", b"MM\0*": ">", b"II+\0": "<", b"MM\0+": ">"}
 _MOST_TAGS = 4096
 _OWN_DECODERS = {1, 8, 32773, 32946}
@@ -132,9 +134,15 @@ def read(path: Path) -> TiffPictures:
             largest, description = page.tags.valueof(281), page.description
             stack = _stack(file, page, beyond) if len(offsets) == 1 else None
     except Exception as error:  # see TiffPictures.frame
-        raise PictureError(path, f"its first page cannot be read ({error})") from error
+        raise PictureError(
+            path, f"its first page cannot be read ({error})", cure="copy or export it again"
+        ) from error
     if not isinstance(stored, int) or not 8 <= stored <= 16:
-        raise PictureError(path, f"its grey values have {stored} bits, 8 to 16 can be read")
+        raise PictureError(
+            path,
+            f"its grey values have {str(stored)[:60]} bits, 8 to 16 can be read",
+            cure="export grey values of 8 to 16 bits",
+        )
     stated = _stated_bits(largest, description, stored)
     cut = beyond is not None
     promised = max(len(offsets) + cut, _promised(description) if cut or stack else 0)
@@ -164,14 +172,20 @@ def _chain(path: Path) -> tuple[tuple[int, ...], int | None]:
             if offset == 0:
                 return tuple(offsets), None if offsets else size
             if offset < first or offset in offsets or len(offsets) >= MOST_FRAMES:
-                raise PictureError(path, f"page {len(offsets)} starts at byte {offset}, where none can be")
+                raise PictureError(
+                    path,
+                    f"page {len(offsets)} starts at byte {offset}, where none can be",
+                    cure="copy or export it again",
+                )
             if offset + struct.calcsize(count) > size:
                 return tuple(offsets), offset
             file.seek(offset)
             (tags,) = struct.unpack(order + count, file.read(struct.calcsize(count)))
             if not 1 <= tags <= _MOST_TAGS:
                 raise PictureError(
-                    path, f"page {len(offsets)} has {tags} tags, allowed are 1 to {_MOST_TAGS}"
+                    path,
+                    f"page {len(offsets)} has {tags} tags, allowed are 1 to {_MOST_TAGS}",
+                    cure="copy or export it again",
                 )
             file.seek(tags * entry, 1)
             raw = file.read(struct.calcsize(link))

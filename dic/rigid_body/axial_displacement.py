@@ -106,18 +106,22 @@ def axial_displacement(
         return None
     places, moves = _places(frame.positions(np.where(seen_twice[..., None], r.position, np.nan)))
     known = np.asarray(np.isfinite(places).all(axis=1))
-    rows, found, sigma, counts = [], [], [], []
+    rows, found, sigma, counts, common = [], [], [], [], 0.0
     twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
     overlap = overlap_matrix(body.points, subset)
     middle = frame.in_rig(np.median(places[known], axis=0) + moves[twice[0]])
     pixel = 1.0 / float(np.linalg.norm(pixels_per_length(rig.cameras[0], middle, frame.rotation[1])))
-    across, lateral = lateral_places(t, moves, seen_twice.sum(axis=1), pixel)
+    across, lateral, place_sigma = lateral_places(t, moves, seen_twice.sum(axis=1), pixel)
     for k in range(len(t)):
         near = moves[twice[np.argmin(np.abs(twice - k))]]
         sure = FREE * pixel
         if not np.isfinite(moves[k]).all():
             near, sure = np.array([across[k, 0], near[1], across[k, 1]]), float(lateral[k])
         fit = translation_in(body, rig, frame, k, places, known, near, sure, overlap)
+        if fit is not None and static[k] and k not in twice and not common:
+            beside = near + np.array([place_sigma[0], 0.0, place_sigma[1]])
+            other = translation_in(body, rig, frame, k, places, known, beside, sure, overlap)
+            common = 0.0 if other is None else abs(other[0] - fit[0])
         if fit is not None:
             rows.append(k)
             found.append(fit[0])
@@ -130,7 +134,6 @@ def axial_displacement(
         at = rows.index(body.material)
         beside = [sigma[k] for k in (at - 1, at + 1) if 0 <= k < len(rows)]
         sigma[at] = max(sigma[at], min(beside))
-    common = 0.0
     by_edge = bool(rows) and not static[rows].any() and pictures is not None
     if by_edge and pictures is not None:
         for k, edge in registered_edges(

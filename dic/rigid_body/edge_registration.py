@@ -17,15 +17,20 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from dic.arrays import BoolArray, FloatArray, IntArray
-from dic.camera import Camera, StereoRig
+from dic.arrays import BoolArray, FloatArray
+from dic.camera import StereoRig
+from dic.rigid_body.edge_pixels import (
+    EDGE_ROWS,
+    FEWEST,
+    VisiblePixels,
+    edge_view,
+    fitted,
+    visible_pixels,
+    zncc_of,
+)
 from dic.stereo.rays import pixels_per_length
 from dic.surfaces import SpecimenFrame
 
-EDGE_ROWS = 12
-"""Rows of pixels that are compared, from the border that the body comes in by."""
-FEWEST = 40
-"""Pixels of both cameras that must show the body."""
 LARGEST_EDGE = 0.1
 """Largest error of the row at the region's end, in frames whose translation is known, with which it may be
 used where no other is in view [px]: beyond it the blur of the body's own edge is in it."""
@@ -64,28 +69,6 @@ class RegisteredEdge:
     """Pixels that showed it."""
 
 
-@dataclass(frozen=True)
-class EdgeView:
-    """The edge strip as one camera sees it, and its material picture."""
-
-    camera: Camera
-    coefficients: FloatArray
-    """Quintic spline of the picture in which the points were chosen, shape [rows, columns]."""
-    x: IntArray
-    """Pixels of the edge strip (x, y), shape [n, 2]."""
-    X: FloatArray
-    """Intersections of their rays with the body's cylinder, in the test frame, shape [n, 3]; those that miss
-    it are left out."""
-    row: IntArray
-    """Their rows, counted from the border that the body comes in by, shape [n]."""
-
-    def grey(self, places: FloatArray) -> FloatArray:
-        """Grey values of the picture in which the points were chosen [grey], at places (x, y) [px]."""
-        at = places[:, ::-1].T
-        grey = ndimage.map_coordinates(self.coefficients, at, order=5, mode="mirror", prefilter=False)
-        return np.asarray(grey)
-
-
 class EdgeRegistration:
     """Registration of the edge strip of a body of revolution with its material picture, in any frame.
 
@@ -121,7 +104,7 @@ class EdgeRegistration:
         self.pixel = 1.0 / float(np.linalg.norm(along))
         """Length along the axis that a pixel shows [m]."""
         self._views = [
-            _edge_view(*both, frame, radius, along) for both in zip(rig.cameras, material, strict=True)
+            edge_view(*both, frame, radius, along) for both in zip(rig.cameras, material, strict=True)
         ]
         self._offset, self._offset_sigma = np.zeros((2, EDGE_ROWS)), np.zeros((2, EDGE_ROWS))
 
@@ -175,7 +158,7 @@ class EdgeRegistration:
             None if too few pixels show the body, or no place tried looks like it.
         """
         whole, clear = self._masks
-        score = np.array([_zncc(self._visible(pictures, near, y, whole)) for y in tried])
+        score = np.array([zncc_of(self._visible(pictures, near, y, whole)) for y in tried])
         best = int(np.argmax(score))
         if score[best] < 0.0:
             return None
@@ -218,7 +201,7 @@ class EdgeRegistration:
             grey = np.concatenate([part.grey for part in parts])
             reference = np.concatenate([part.reference for part in parts])
             slope = np.concatenate([part.slope(self._frame, BESIDE * self.pixel) for part in parts])
-            steps.append(_fit(grey, reference, slope)[0])
+            steps.append(fitted(grey, reference, slope)[0])
         error = float(np.sqrt(np.mean(np.square(steps)))) if len(steps) >= FEWEST_FRAMES else np.inf
         return error if error <= LARGEST_EDGE * self.pixel else None
 
@@ -240,7 +223,7 @@ class EdgeRegistration:
         known."""
         off = np.full((2, EDGE_ROWS), np.nan)
         for camera, (view, picture) in enumerate(zip(self._views, pictures, strict=True)):
-            visible = _visible_pixels(
+            visible = visible_pixels(
                 view,
                 picture,
                 self._first,
@@ -253,7 +236,7 @@ class EdgeRegistration:
             for k in range(EDGE_ROWS):
                 of = visible.row == k
                 if of.sum() >= FEWEST_ROW:
-                    step, variance = _fit(visible.grey[of], visible.reference[of], slope[of])
+                    step, variance = fitted(visible.grey[of], visible.reference[of], slope[of])
                     off[camera, k] = step if np.isfinite(variance) else np.nan
         return off
 
@@ -263,7 +246,7 @@ class EdgeRegistration:
         """Pixels of both cameras that show the body at a translation y."""
         motion = self._move - np.array([near[0], y, near[2]])
         return [
-            _visible_pixels(view, picture, self._first, self._frame, mask, motion, offset)
+            visible_pixels(view, picture, self._first, self._frame, mask, motion, offset)
             for view, picture, offset in zip(self._views, pictures, self._offset, strict=True)
         ]
 
@@ -273,111 +256,16 @@ class EdgeRegistration:
         """Correlation at a translation y, the step of y by Gauss-Newton [m], its variance, what the rows'
         offsets add to its sigma [m], and the pixels."""
         parts = self._visible(pictures, near, y, mask)
-        zncc, n = _zncc(parts), sum(len(part.grey) for part in parts)
+        zncc, n = zncc_of(parts), sum(len(part.grey) for part in parts)
         if zncc <= -1.0:
             return -1.0, 0.0, np.inf, 0.0, n
         grey = np.concatenate([part.grey for part in parts])
         reference = np.concatenate([part.reference for part in parts])
         slope = np.concatenate([part.slope(self._frame, BESIDE * self.pixel) for part in parts])
-        step, variance = _fit(grey, reference, slope)
+        step, variance = fitted(grey, reference, slope)
         weight = slope**2 / float(slope @ slope)
         known = np.concatenate(
             [sigma[part.row] for sigma, part in zip(self._offset_sigma, parts, strict=True)]
         )
         # An offset is common to its row's pixels; the plain sum over rows is the most they can add up to.
         return zncc, step, variance, float(weight @ known), n
-
-
-@dataclass(frozen=True)
-class VisiblePixels:
-    """The pixels of a camera that show the body, beside the same places of the material picture."""
-
-    view: EdgeView
-    X: FloatArray
-    """Their places on the body at the time of the material picture, in the test frame [m], shape [n, 3]."""
-    grey: FloatArray
-    """Grey values of the pixels, shape [n]."""
-    reference: FloatArray
-    """Grey values of the same places in the material picture, shape [n]."""
-    row: IntArray
-    """The pixels' rows from the border, shape [n]."""
-
-    def slope(self, frame: SpecimenFrame, step: float) -> FloatArray:
-        """Derivative of `reference` with respect to the translation along y [grey/m], shape [n]: a difference
-        quotient over `step` [m]."""
-        beside = self.view.camera.project(frame.in_rig(self.X - [0.0, step, 0.0]))
-        return (self.view.grey(beside) - self.reference) / step
-
-
-def _zncc(parts: list[VisiblePixels]) -> float:
-    """ZNCC over the pixels of both cameras; -1 for too few pixels, or constant grey values."""
-    grey = np.concatenate([part.grey for part in parts])
-    reference = np.concatenate([part.reference for part in parts])
-    if len(grey) < FEWEST:
-        return -1.0
-    f, g = grey - grey.mean(), reference - reference.mean()
-    energy = float((f @ f) * (g @ g))
-    return float(f @ g) / float(np.sqrt(energy)) if energy > 0.0 else -1.0
-
-
-def _fit(grey: FloatArray, reference: FloatArray, slope: FloatArray) -> tuple[float, float]:
-    """Least-squares step of y in ``grey = gain (reference + slope step) + offset``, gain and offset free [m],
-    and its variance; infinite where grey values are constant."""
-    f, g = grey - grey.mean(), reference - reference.mean()
-    cross, energy, n = float(f @ g), float(g @ g), len(grey)
-    if not (energy > 0.0 and f @ f > 0.0):
-        return 0.0, np.inf
-    A = np.stack([1e-6 * slope * cross / energy, g, np.ones(n)], axis=1)  # the step in micrometres
-    inverse = np.linalg.pinv(A.T @ A)
-    solution = inverse @ (A.T @ grey)
-    scatter = float(np.sum((grey - A @ solution) ** 2)) / (n - 3)
-    return 1e-6 * float(solution[0]), 1e-12 * scatter * float(inverse[0, 0])
-
-
-def _edge_view(
-    camera: Camera, material: FloatArray, frame: SpecimenFrame, radius: float, outward: FloatArray
-) -> EdgeView:
-    """The edge strip in one camera; the body comes in by the border that `outward` (x, y) points to."""
-    rows, columns = material.shape
-    y, x = np.mgrid[0:rows, 0:columns]
-    axis = int(np.argmax(np.abs(outward)))
-    along = (x, y)[axis]
-    row = (columns, rows)[axis] - 1 - along if outward[axis] > 0.0 else along
-    near = row < EDGE_ROWS
-    pixels = np.stack([x[near], y[near]], axis=1).astype(np.float64)
-    ideal = camera.undistort(pixels)
-    rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1) @ camera.rotation
-    start = frame.positions(camera.centre)
-    d = rays @ frame.rotation.T
-    a = d[:, 0] ** 2 + d[:, 2] ** 2
-    b = d[:, 0] * start[0] + d[:, 2] * start[2]
-    under = b * b - a * (start[0] ** 2 + start[2] ** 2 - radius**2)
-    depth = np.where(under >= 0.0, (-b - np.sqrt(np.maximum(under, 0.0))) / a, np.nan)
-    smooth = ndimage.spline_filter(np.asarray(material, dtype=np.float64), order=5, mode="mirror")
-    X = start + depth[:, None] * d
-    hit = np.isfinite(X).all(axis=1)
-    return EdgeView(camera, smooth, pixels[hit].astype(np.int64), X[hit], row[near][hit].astype(np.int64))
-
-
-def _visible_pixels(
-    view: EdgeView,
-    picture: FloatArray,
-    first: Camera,
-    frame: SpecimenFrame,
-    inner: BoolArray,
-    motion: FloatArray,
-    offset: FloatArray,
-) -> VisiblePixels:
-    """The pixels that show the body, moved by `motion` to its place in the material picture."""
-    X = view.X + motion
-    X[:, 1] -= offset[view.row]
-    chosen = first.project(frame.in_rig(X))
-    at = np.round(chosen).astype(np.int64)
-    rows, columns = inner.shape
-    within = (at[:, 0] >= 0) & (at[:, 0] < columns) & (at[:, 1] >= 0) & (at[:, 1] < rows)
-    within[within] = inner[at[within, 1], at[within, 0]]
-    seen = chosen[within] if view.camera is first else view.camera.project(frame.in_rig(X[within]))
-    held = np.all((seen >= 3.0) & (seen <= np.array([columns, rows]) - 4.0), axis=1)
-    visible = np.flatnonzero(within)[held]
-    x, y = view.x[visible].T
-    return VisiblePixels(view, X[visible], picture[y, x], view.grey(seen[held]), view.row[visible])

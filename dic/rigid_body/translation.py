@@ -20,9 +20,9 @@ FREE = 9.0
 that a pixel shows [-]."""
 LATERAL_SIGMA = 0.9
 """The same, at most, since the nearest frame that both cameras saw, where one alone does [-]."""
-LEAST_LATERAL = 0.1
-"""And at least [-]: one camera tells depth by the perspective of its points alone, and warm air looks like
-it."""
+LEAST_LATERAL = 0.02
+"""And at least [-]: little, for one camera tells depth by the perspective of its points alone, and warm air
+looks like it."""
 NEAREST = 20
 """Frames that both cameras saw whose mean tells where a body is across the axis."""
 FEWEST_FRAMES = 10
@@ -70,13 +70,13 @@ class ObservedPoints:
 
 def lateral_places(
     t: FloatArray, moves: FloatArray, counts: IntArray, pixel: float
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Where a body is across the axis in the frames that one camera alone sees, by those that both saw.
 
     It is the mean over the `NEAREST` of these, each with the number of its points as weight: the nearest of
-    all shows the fewest. A body that flies keeps its lateral velocity: the standard deviation is the scatter
-    of the frames about their line, beside what they show of the velocity, with twice its standard deviation,
-    times the time to them.
+    all shows the fewest. A body that flies keeps its lateral velocity: what these frames show of it, with
+    twice its standard deviation, times the time to them may have been added since. The scatter of the frames
+    about their line is what the place itself is off by at most, in all frames alike.
 
     Parameters
     ----------
@@ -94,7 +94,10 @@ def lateral_places(
     NDArray
         Translations along x and Z [m], shape [n_frames, 2].
     NDArray
-        Their standard deviations, between `LEAST_LATERAL` and `LATERAL_SIGMA` pixels [m], shape [n_frames].
+        Standard deviations of the motion since, between `LEAST_LATERAL` and `LATERAL_SIGMA` pixels [m], shape
+        [n_frames].
+    NDArray
+        That of the place, along x and Z, common to all frames [m], shape [2].
     """
     twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
     across, weight = moves[twice][:, [0, 2]], counts[twice].astype(np.float64)
@@ -102,7 +105,7 @@ def lateral_places(
     near = [twice_near[:NEAREST] for twice_near in np.argsort(np.abs(t[:, None] - t[twice]), axis=1)]
     place = np.array([np.average(across[rows], axis=0, weights=weight[rows]) for rows in near])
     if twice.size < FEWEST_FRAMES:
-        return place, np.full(len(t), high)
+        return place, np.full(len(t), high), np.full(2, low)
     since = t[twice] - np.average(t[twice], weights=weight)
     spread = float(weight @ since**2)
     slope = (weight * since) @ across / spread
@@ -111,7 +114,7 @@ def lateral_places(
     own = scatter * np.sqrt(weight.sum() / (twice.size * spread))
     speed = float(np.linalg.norm(np.abs(slope) + 2.0 * own))
     apart = np.abs(t - [np.average(t[twice[rows]], weights=weight[rows]) for rows in near])
-    return place, np.clip(np.hypot(np.linalg.norm(scatter), speed * apart), low, high)
+    return place, np.clip(speed * apart, low, high), scatter
 
 
 def translation_in(

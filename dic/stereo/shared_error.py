@@ -128,7 +128,7 @@ def _length(D: FloatArray, V: FloatArray, apart: FloatArray, free: BoolArray) ->
         return None
     covariance, distance = (D.T @ D)[use] / pairs[use], apart[use]
     best, least = None, np.inf
-    for length in np.geomspace(0.5 * distance.min(), 3.0 * distance.max(), STEPS):
+    for length in np.geomspace(distance.min(), 3.0 * distance.max(), STEPS):
         shape = np.exp(-((distance / length) ** 2))
         size = float(shape @ covariance / max(float(shape @ shape), 1e-300))
         rest = float(np.sum((covariance - size * shape) ** 2))

@@ -266,7 +266,39 @@ def pooled(name: str) -> str:
     return _not_yet(name) if made is None else table(made)
 
 
+def killed(name: str) -> str:
+    """Killed commands, as `benchmarks.kills` prints them."""
+    from benchmarks.kills import table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else table(made)
+
+
+def soaked(name: str) -> str:
+    """Long work in one process, as `benchmarks.soak` prints it."""
+    from benchmarks.soak import table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else table(made)
+
+
+def fuzzed(name: str) -> str:
+    """The corpus of damaged files, as `python -m tests.fuzz` counted it."""
+    made = _results(name)
+    if made is None:
+        return _not_yet(name)
+    lines = ["| files | cases | refused | read | answered wrongly |", "| --- | --- | --- | --- | --- |"]
+    for group, counts in made["groups"].items():
+        wrong = sum(n for verdict, n in counts.items() if verdict not in ("refused", "accepted"))
+        read = counts.get("accepted", 0)
+        lines.append(f"| {group} | {sum(counts.values())} | {counts.get('refused', 0)} | {read} | {wrong} |")
+    return "\n".join(lines)
+
+
 TABLES = {
+    "killed": killed,
+    "soaked": soaked,
+    "fuzzed": fuzzed,
     "answers": answers,
     "changes": changes,
     "pooled": pooled,

@@ -9,7 +9,9 @@ would be most of the build's time and of the site's size.
 """
 
 import ast
+import hashlib
 import re
+import tomllib
 from collections.abc import Container
 from pathlib import Path
 from typing import NamedTuple
@@ -43,6 +45,18 @@ def inside(package: Source) -> list[Source]:
     return sorted(named)
 
 
+def digest() -> str:
+    """Hash of all that the output of a notebook rests on: packages, shots, what runs the cells."""
+    found = hashlib.sha256()
+    for folder in (*PACKAGES, "runs", "docs/_ext"):
+        for file in sorted((ROOT / folder).rglob("*")):
+            inside_of = file.relative_to(ROOT).parts
+            if file.is_file() and not {"results", "__pycache__"} & set(inside_of):
+                found.update(f"{'/'.join(inside_of)}\0".encode())
+                found.update(file.read_bytes())
+    return found.hexdigest()[:16]
+
+
 def sources() -> dict[str, Source]:
     """Every module by its name."""
     found: dict[str, Source] = {}
@@ -65,6 +79,9 @@ def public(modules: dict[str, Source], docs: Path = ROOT / "docs") -> set[str]:
         Folder of the pages; what is built or generated in it is left out.
     """
     named = {name for name, module in modules.items() if module.file.name == "__init__.py"}
+    for table, rooms in tomllib.loads((ROOT / "docs" / "rooms.toml").read_text("utf-8")).items():
+        package = "kolsky" if table == "room" else table
+        named |= {f"{package}.{room['name']}" for room in rooms}  # docs/architecture.md links them
     for package in PACKAGES:  # what they offer by name, imported for type checkers
         for node in ast.walk(ast.parse(modules[package].file.read_text("utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.module in modules:
@@ -81,9 +98,16 @@ def public(modules: dict[str, Source], docs: Path = ROOT / "docs") -> set[str]:
 
 
 def without_page(modules: dict[str, Source], docs: Path = ROOT / "docs") -> str:
-    """A regular expression of the names in modules that have no page."""
+    """A regular expression of the names in modules that have no page, and of their classes alone."""
     names = sorted(set(modules) - public(modules, docs))
-    return rf"({'|'.join(re.escape(name) for name in names)})\.\w+(\.\w+)*"
+    classes = {
+        node.name
+        for name in names
+        for node in ast.parse(modules[name].file.read_text("utf-8")).body
+        if isinstance(node, ast.ClassDef)
+    }
+    dotted = rf"({'|'.join(re.escape(name) for name in names)})\.\w+(\.\w+)*"
+    return rf"{dotted}|{'|'.join(sorted(classes))}"
 
 
 def page(module: Source, linked: Container[str]) -> str:

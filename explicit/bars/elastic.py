@@ -31,6 +31,8 @@ class ElasticHistory:
     path: FloatArray
     """Mean displacement of the pressed patch, into the parts [m], shape [n_times]. The mean is the one that
     does the force's work."""
+    seen: FloatArray
+    """Axial displacement of the outer surface at each mark, into the parts [m], shape [n_times, n_marks]."""
     external: FloatArray
     """Work of the force [J], shape [n_times]."""
     kinetic: FloatArray
@@ -65,6 +67,8 @@ class ElasticBar:
     """Distance of the cross-sections whose force is recorded from the face [m]."""
     sections: csr_array = field(repr=False)
     """Force through them over the displacements [N/m], shape [n_depths, 2 n_nodes]."""
+    marks: tuple[int, ...] = ()
+    """Nodes of the outer surface whose displacement is recorded."""
 
     def integrate(
         self, times: FloatArray, force: FloatArray, radius: FloatArray | float, *, safety: float = 0.9
@@ -108,10 +112,13 @@ class ElasticBar:
         u, v = np.zeros(len(mass)), np.zeros(len(mass))
         section_force = np.zeros((n, len(self.depths)))
         path, external, kinetic, elastic = np.zeros((4, n))
+        marks = 2 * np.array(self.marks, dtype=int) + 1
+        seen = np.zeros((n, len(marks)))
         for i in range(n):
             resisting = self.stiffness @ u
             elastic[i] = 0.5 * (u * resisting).sum()  # `@` would wake a pool of threads
             section_force[i] = self.sections @ u
+            seen[i] = u[marks]
             load = -resisting
             load[face] += pressing[i] * share[i]
             # The velocity lives between the positions: the first interval is half a step from rest.
@@ -126,10 +133,16 @@ class ElasticBar:
                 u += step * v
                 path[i + 1] = path[i] + step * (0.5 * (share[i] + share[i + 1]) @ v[face])
                 external[i + 1] = external[i] + pressing[i] * 0.5 * step * after
-        return ElasticHistory(grid, pressing, section_force, path, external, kinetic, elastic)
+        return ElasticHistory(grid, pressing, section_force, path, seen, external, kinetic, elastic)
 
 
-def elastic_bar(sections: Sequence[Section], *, size: float, depths: Sequence[float] = ()) -> ElasticBar:
+def elastic_bar(
+    sections: Sequence[Section],
+    *,
+    size: float,
+    depths: Sequence[float] = (),
+    marks: Sequence[float] = (),
+) -> ElasticBar:
     """Make elastic parts ready to be integrated.
 
     Parameters
@@ -141,6 +154,8 @@ def elastic_bar(sections: Sequence[Section], *, size: float, depths: Sequence[fl
     depths : sequence of float
         Distance from the loaded face of the cross-sections whose force is wanted [m]; the nearest plane of
         nodes is taken, and mid-sections of parts are such planes.
+    marks : sequence of float
+        Distance from it of places on the outer surface whose displacement is wanted [m]; the nearest node.
 
     Raises
     ------
@@ -169,4 +184,5 @@ def elastic_bar(sections: Sequence[Section], *, size: float, depths: Sequence[fl
         stable_step=2.0 / largest_frequency(matrices),
         depths=tuple(float(mesh.nodes[plane[0], 1]) for plane in planes),
         sections=csr_array(np.reshape(rows, (len(rows), 2 * mesh.n_nodes))),
+        marks=tuple(int(mesh.plane(depth)[-1]) for depth in marks),
     )

@@ -8,9 +8,9 @@ the projected discs of the markers, blue on grey, with blur and noise: markers w
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
+from dic.opencv import cv2
 from kolsky.base.arrays import FloatArray
 
 BLUE, GREY = (200, 60, 20), (170, 170, 170)

@@ -8,9 +8,9 @@ is known.
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
+from dic.opencv import cv2
 from kolsky.base.arrays import FloatArray
 
 HUE = (100, 130)

@@ -67,6 +67,27 @@ class Bar:
 
 
 @dataclass(frozen=True)
+class ElasticBody:
+    """Elastic parts on one side of the specimen, bonded one behind the other, the specimen's side first."""
+
+    model: str
+    """"bar", one-dimensional waves, or "mesh", an axisymmetric mesh."""
+    parts: tuple[Bar, ...]
+    """Platen, transducer, bar."""
+    element_size: float = 0.0
+    """Largest side of an element, of a mesh [m]."""
+    transducer_depth: float = 0.0
+    """Distance of the force transducer's section behind the face [m]; 0 is the face."""
+    seen_at: float = 0.0
+    """Distance behind the face of the place whose displacement is measured, of a flyer [m]."""
+
+    @property
+    def length(self) -> float:
+        """Length of all parts [m]."""
+        return sum(part.length for part in self.parts)
+
+
+@dataclass(frozen=True)
 class Transducer:
     """A force transducer on a scope channel."""
 

@@ -74,7 +74,11 @@ def budget(
     formats = texts.figure_formats(figures)
     ends = texts.numbers("--rates", rates)
     if len(ends) != 2:
-        raise InputError(texts.COMMAND_LINE, "--rates needs the slowest and the fastest rate")
+        raise InputError(
+            texts.COMMAND_LINE,
+            "--rates needs the slowest and the fastest rate",
+            cure="give two: --rates 100,1000",
+        )
     from doe.ledger import LedgerError
     from kolsky.base.files import usable_folder
     from kolsky.base.json_types import jsonable
@@ -115,7 +119,7 @@ def budget(
                 progress=progress,
             )
     except (ValueError, LedgerError) as error:
-        raise InputError(test, str(error)) from None
+        raise InputError(test, str(error), cure="correct the specification, or take more draws") from None
     campaign, unplanned = None, ""
     if slope is not None:
         try:
@@ -125,7 +129,9 @@ def budget(
     write_budget_results(folder, found, campaign, formats=formats)
     if unplanned:
         raise InputError(
-            test, f"no campaign can be planned, and {folder / 'budget.html'} has none: {unplanned}"
+            test,
+            f"no campaign can be planned, and {folder / 'budget.html'} has none: {unplanned}",
+            cure="budget more factors, or leave --rates out",
         )
     summary = {**printed(found[0], campaign), "page": str(folder / "budget.html")}
     how = made_with(analysis, refined, quantities.truth.mesh, draws, together)

@@ -68,7 +68,11 @@ def calibrate(
             for name in exports:
                 write_rig(partial / f"rig-{name}{known[name].suffix}", found.rig, name)
         except CameraFileError as error:
-            raise InputError(folder, str(error)) from None
+            raise InputError(
+                folder,
+                str(error),
+                cure="is it the folder of a calibration series of this target? look at the pictures named",
+            ) from None
         write_points(partial / "calibration.csv", found)
         write_page(partial / "calibration.html", toml.path.parent.resolve().name, found)
         if formats:

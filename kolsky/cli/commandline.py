@@ -1,5 +1,6 @@
 """The commands of `kolsky` in the order of `--help`, and what the program does before any of them."""
 
+import errno
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -21,6 +22,7 @@ from kolsky.cli.check import check
 from kolsky.cli.dic import dic
 from kolsky.cli.doctor import doctor
 from kolsky.cli.film import film
+from kolsky.cli.general import with_general_options
 from kolsky.cli.identify import identify
 from kolsky.cli.material_fit import material_fit
 from kolsky.cli.material_healing import material_healing
@@ -106,6 +108,8 @@ FORMER_NAMES: dict[str, str] = {"material baseline": "material reference-curve"}
 """Words that commands had once: they still work, and `--help` does not show them."""
 
 
+LONGEST_PLACE = 300
+"""Most characters of a name that a message shows."""
 TERMINATED = 128 + signal.SIGTERM
 """Exit code of a command that was told to end, as shells give it."""
 
@@ -149,7 +153,9 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
     for words, command in {**commands, **former}.items():
         group, _, name = words.rpartition(" ")
         place = groups[group] if group else made
-        place.command(name, hidden=words in former)(refusing_bad_input()(with_solver_options(command)))
+        place.command(name, hidden=words in former)(
+            refusing_bad_input()(with_general_options(with_solver_options(command)))
+        )
     for group_of_commands in groups.values():
         made.add_typer(group_of_commands)
     return made
@@ -157,7 +163,7 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
 
 @contextmanager
 def refusing_bad_input() -> Iterator[None]:
-    """Turn an `InputError`, and an extra that is not installed, into lines on stderr and exit code 2."""
+    """Turn bad input, what the system refuses, and a missing extra into lines on stderr and exit code 2."""
     try:
         yield
     except InputError as error:
@@ -169,6 +175,30 @@ def refusing_bad_input() -> Iterator[None]:
             raise
         typer.echo(f"this needs the package {error.name}: pip install 'kolsky[{extra}]'", err=True)
         raise typer.Exit(2) from None
+    except OSError as error:
+        if error.errno is None or isinstance(error, BrokenPipeError):
+            raise
+        typer.echo(str(of_system(error)), err=True)
+        raise typer.Exit(2) from None
+    except MemoryError:
+        cure = "use a coarser mesh, fewer runs at once, or a machine with more memory"
+        typer.echo(f"there is not enough memory. Cure: {cure}", err=True)
+        raise typer.Exit(2) from None
+
+
+def of_system(error: OSError) -> InputError:
+    """What the system refuses (a full disk, a long name, a closed folder), with its cure."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        cure = "make room, or give another place with --out FOLDER; earlier results are as they were"
+    elif error.errno == errno.ENAMETOOLONG:
+        cure = "give a shorter name"
+    elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        cure = "see that you may read and write there, or copy it to where you may"
+    else:
+        cure = "look at the file or folder that it names"
+    place = str(error.filename) if error.filename is not None else "the disk"
+    shown = place if len(place) <= LONGEST_PLACE else f"{place[:LONGEST_PLACE]}..."
+    return InputError(shown, f"cannot be used: {error.strerror}", cure=cure)
 
 
 def _show_version(wanted: bool) -> None:

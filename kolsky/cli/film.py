@@ -45,12 +45,20 @@ def film(
             try:
                 require_pyvista()
             except CannotRender as error:
-                raise InputError(texts.COMMAND_LINE, f"--format {name}: {error}") from None
+                raise InputError(
+                    texts.COMMAND_LINE,
+                    f"--format {name}: {error}",
+                    cure="choose another --format, or install what it needs",
+                ) from None
         if name in FILMS:
             try:
                 writer_for(name)
             except ImportError as error:
-                raise InputError(texts.COMMAND_LINE, f"--format {name}: {error}") from None
+                raise InputError(
+                    texts.COMMAND_LINE,
+                    f"--format {name}: {error}",
+                    cure="choose another --format, or install what it needs",
+                ) from None
     from kolsky.cli.inputs import load, usable
     from kolsky.cli.terminal import counted, print_result, progress_bars, since
 
@@ -77,7 +85,9 @@ def film(
                 path = partial / f"{field}.{name}"
                 written.append(write_film(path, stage, every=every, rate=rate, progress=report).name)
         except CannotRender as error:
-            raise InputError(texts.COMMAND_LINE, str(error)) from None
+            raise InputError(
+                texts.COMMAND_LINE, str(error), cure="`kolsky doctor` says what is missing"
+            ) from None
         if SERIES in wanted:
             series = write_vtu(partial, result.response, stage.mesh.quads, every=every)
             written.append(f"{series[-1].name} and {len(series) - 1} meshes")

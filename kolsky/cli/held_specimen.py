@@ -73,7 +73,9 @@ def fit_held_specimen(
             numerics=CorrectionNumerics(poisson=0.499 if poisson is None else poisson),
         )
     except ValueError as error:
-        raise InputError(texts.COMMAND_LINE, str(error)) from error
+        raise InputError(
+            texts.COMMAND_LINE, str(error), cure="correct the option; `--help` shows each with its unit"
+        ) from error
     said: dict[str, Any] = {"inputs": hashes, "ends": ends, "laws": [model_summary(one) for one in found]}
     fitted = [one for one in found if not one.reason]
     with filling(folder) as partial:

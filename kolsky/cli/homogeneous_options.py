@@ -85,7 +85,9 @@ def read_tests(
         try:
             tests = means_by_mode(tests, mean)
         except ValueError as error:
-            raise InputError(texts.COMMAND_LINE, f"--mean: {error}") from None
+            raise InputError(
+                texts.COMMAND_LINE, f"--mean: {error}", cure="give two files or more of one kind of test"
+            ) from None
     return named_apart(tests), hashes
 
 

@@ -95,7 +95,11 @@ class JointOptions:
                 seed=seed,
             )
         except ValueError as error:
-            raise InputError(texts.COMMAND_LINE, str(error)) from None
+            raise InputError(
+                texts.COMMAND_LINE,
+                str(error),
+                cure="correct the option; `kolsky identify --help` shows each with its range",
+            ) from None
 
 
 def identify_shots(
@@ -137,7 +141,9 @@ def identify_shots(
         try:
             found = together(shots, settings, slow=slow, ledger=folder / f"{STEM}.sqlite", progress=progress)
         except (ValueError, LedgerError) as error:
-            raise InputError(shots[0].folder, str(error)) from error
+            raise InputError(
+                shots[0].folder, str(error), cure="give shots of one material with one set of free parameters"
+            ) from error
     write_joint_results(folder, found, formats=formats)
     print_result(
         rows(found),

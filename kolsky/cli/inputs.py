@@ -52,4 +52,8 @@ def usable(shot: "Shot") -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise InputError(shot.folder, str(error)) from error
+        raise InputError(
+            shot.folder,
+            str(error),
+            cure="correct shot.toml or the option that it names; `kolsky check` shows what was read",
+        ) from error

@@ -113,7 +113,9 @@ def material_fit(
     try:
         tried = candidates(texts.listed(laws))
     except ValueError as error:
-        raise InputError(texts.COMMAND_LINE, f"--laws: {error}") from None
+        raise InputError(
+            texts.COMMAND_LINE, f"--laws: {error}", cure="`kolsky material fit --help` lists the laws"
+        ) from None
     folder = usable_folder(out)
     ratio, free_poisson = poisson_of(poisson, lateral)
     columns = Columns(
@@ -168,7 +170,11 @@ def material_fit(
         )
     if all(row.fit is None for row in found.rows):
         reasons = "; ".join(row.reason for row in found.rows)
-        raise InputError(texts.COMMAND_LINE, f"no law can be fitted: {reasons}")
+        raise InputError(
+            texts.COMMAND_LINE,
+            f"no law can be fitted: {reasons}",
+            cure="give more points or more kinds of test",
+        )
     said = to_json(found, hashes)
     from kolsky.report.canvas import save_figures
     from kolsky.report.pages.material import write_page

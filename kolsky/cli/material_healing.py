@@ -73,7 +73,11 @@ def material_healing(
     try:
         found = healing(groups[0][0], groups[1][0], law=law, poisson=ratio)
     except ValueError as error:
-        raise InputError(texts.COMMAND_LINE, str(error)) from error
+        raise InputError(
+            texts.COMMAND_LINE,
+            str(error),
+            cure="correct the option; `kolsky material healing --help` shows each",
+        ) from error
     said = {
         "inputs": {"undamaged": groups[0][1], "healed": groups[1][1]},
         "law": law,

@@ -50,7 +50,7 @@ def material_relaxation(
     try:
         found = analyse(slow, rated, at_most=branches)
     except ValueError as error:
-        raise InputError(tests, str(error)) from error
+        raise InputError(tests, str(error), cure="correct the list or the tables that it names") from error
     said = {"inputs": dict(slow.files), **summary(found)}
     with filling(folder) as partial:
         for name, table in tables(found).items():

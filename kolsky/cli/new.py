@@ -1,12 +1,15 @@
 """`kolsky new`: a shot.toml to fill in, with what the folder's files say."""
 
+import json
+import tomllib
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from kolsky.base.errors import InputError
+from kolsky.cli.options import AsJson
 
 if TYPE_CHECKING:
     from kolsky.shot.survey import Survey
@@ -26,6 +29,7 @@ def new(
         Path | None,
         typer.Option("--from", metavar="SHOT", help="The last shot of a series; its apparatus stays."),
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Write a shot.toml: files, columns, units and clocks as found, facts blank; one that exists is kept."""
     from kolsky.shot.survey import survey
@@ -46,7 +50,12 @@ def new(
             at_fault, "exists already and is left as it is", cure="edit it, or choose another folder"
         ) from None
     except OSError as error:
-        raise InputError(folder, f"cannot be written ({error.strerror})") from None
+        raise InputError(
+            folder, f"cannot be written ({error.strerror})", cure="give another folder, or make it writable"
+        ) from None
+    if as_json:
+        typer.echo(json.dumps(_said(path, text, found, bars=bars), indent=2))
+        return
     if bars:
         for table in found.recordings:
             typer.echo(f"  {table.path.name}: a recording")
@@ -58,6 +67,20 @@ def new(
         if name not in recorded:
             typer.echo(f"  {name}: {why}")
     typer.echo(f"wrote {path}; fill in what is empty, then: kolsky check {folder}")
+
+
+def _said(path: Path, text: str, found: "Survey", *, bars: bool) -> dict[str, Any]:
+    """What was found and what is left to fill in, as one object."""
+    from kolsky.shot.schema.blanks import blanks
+
+    recorded = [table.path.name for table in found.recordings] if bars else []
+    return {
+        "file": str(path),
+        "found": {} if bars else {part: table.path.name for part, table in found.parts.items()},
+        "recordings": recorded,
+        "doubtful": {name: why for name, why in found.doubtful.items() if name not in recorded},
+        "to_fill_in": list(blanks(tomllib.loads(text))),
+    }
 
 
 def written(

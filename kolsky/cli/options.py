@@ -105,7 +105,11 @@ class SolverOptions:
         try:
             select_device(self.device)
         except ValueError as error:
-            raise InputError(texts.COMMAND_LINE, f"--device: {error}") from None
+            raise InputError(
+                texts.COMMAND_LINE,
+                f"--device: {error}",
+                cure="give cpu, cuda or cuda:N; `kolsky doctor` lists the devices",
+            ) from None
         return Numerics(
             mesh=mesh,
             precision="fp32" if self.precision == "fp32" else "fp64",

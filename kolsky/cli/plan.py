@@ -106,7 +106,13 @@ def plan(
     speeds = texts.numbers("--rates", rates)
     counts = texts.numbers("--heights", heights)
     if any(count != round(count) or count < 1.0 for count in counts):
-        raise InputError(texts.COMMAND_LINE, "must be whole numbers from 1", key="--heights", value=heights)
+        raise InputError(
+            texts.COMMAND_LINE,
+            "must be whole numbers from 1",
+            key="--heights",
+            value=heights,
+            cure="write them with commas, e.g. --heights 1,3,5",
+        )
     from kolsky.cli.inputs import load, usable
     from kolsky.cli.terminal import print_result, progress_bars, since
 
@@ -143,7 +149,13 @@ def _frame_interval(text: str) -> float:
     """ "120 kHz" as time between pictures [s]."""
     rate = texts.physical("--frame-rate", text, "1/s")
     if not rate > 0.0:
-        raise InputError(texts.COMMAND_LINE, "must be > 0", key="--frame-rate", value=text)
+        raise InputError(
+            texts.COMMAND_LINE,
+            "must be > 0",
+            key="--frame-rate",
+            value=text,
+            cure='write a rate with its unit, e.g. "30 kHz"',
+        )
     return 1.0 / rate
 
 

@@ -58,7 +58,11 @@ def predict(
         try:
             writer_for(film)
         except ImportError as error:
-            raise InputError(texts.COMMAND_LINE, f"--film {film}: {error}") from None
+            raise InputError(
+                texts.COMMAND_LINE,
+                f"--film {film}: {error}",
+                cure="choose another ending, or install what it needs",
+            ) from None
     if want and not vary:
         raise InputError(
             texts.COMMAND_LINE, "--want needs --vary", cure='add e.g. --vary "striker.speed=4 m/s:7 m/s:5"'
@@ -74,7 +78,11 @@ def predict(
     try:
         varied = [design.Varied.of(text) for text in vary or []]
     except ValueError as error:
-        raise InputError(texts.COMMAND_LINE, f"--vary: {error}") from None
+        raise InputError(
+            texts.COMMAND_LINE,
+            f"--vary: {error}",
+            cure="name a number of the test file with its range, e.g. striker.velocity=2:6",
+        ) from None
     wanted = dict(_wanted(text) for text in want or [])
     folder, planned = usable_folder(out), read_test(test)
     with progress_bars() as progress:
@@ -85,7 +93,9 @@ def predict(
             try:
                 aimed = design.aim(planned, scanned, wanted)
             except ValueError as error:
-                raise InputError(texts.COMMAND_LINE, f"--want: {error}") from None
+                raise InputError(
+                    texts.COMMAND_LINE, f"--want: {error}", cure="write it as `kolsky predict --help` shows"
+                ) from None
             written = {one.key: one.written(aimed.at[one.key]) for one in varied}
             planned = design.varied_test(planned, written)
         progress("simulation", 0, 1)

@@ -65,7 +65,9 @@ def rate(
                 progress=progress,
             )
         except ValueError as error:
-            raise InputError(texts.COMMAND_LINE, str(error)) from error
+            raise InputError(
+                texts.COMMAND_LINE, str(error), cure="correct the option; `kolsky rate --help` shows each"
+            ) from error
     write_rate_results(folder, report, formats=formats)
     several = len(report.groups) > 1
     print_result(
@@ -89,7 +91,9 @@ def _identified(progress: Any) -> "Identify":
         try:
             found = identified(loaded, progress=progress)
         except ValueError as error:
-            raise InputError(loaded.folder, str(error)) from error
+            raise InputError(
+                loaded.folder, str(error), cure="correct the option; `kolsky rate --help` shows each"
+            ) from error
         write_identify_results(folder, found, loaded)
         return found
 

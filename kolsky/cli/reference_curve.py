@@ -106,9 +106,10 @@ def reference_curve(
         raise InputError(
             texts.COMMAND_LINE,
             "--friction free needs --bulge: the radius at mid-height finds the friction",
+            cure="measure the radius at mid-height and give it with --bulge",
         )
     if (bulge != "") != (bulge_sigma is not None):
-        raise InputError(texts.COMMAND_LINE, "--bulge and --bulge-sigma belong together")
+        raise InputError(texts.COMMAND_LINE, "--bulge and --bulge-sigma belong together", cure="give both")
     size = _specimen(diameter, length)
     try:
         treatment = curves.Treatment(
@@ -125,7 +126,11 @@ def reference_curve(
             numerics=CorrectionNumerics(poisson=poisson),
         )
     except ValueError as error:
-        raise InputError(texts.COMMAND_LINE, str(error)) from None
+        raise InputError(
+            texts.COMMAND_LINE,
+            str(error),
+            cure="correct the option; `kolsky material reference-curve --help` shows each",
+        ) from None
     texts.one_of("--convention", convention, CONVENTIONS)
     texts.one_of("--branch", branch, BRANCHES)
     columns = {
@@ -161,7 +166,11 @@ def reference_curve(
     try:
         found = {pull: curves.reference_curve(tests, treatment, pull=pull) for pull in pulls}
     except ValueError as error:
-        raise InputError(texts.COMMAND_LINE, str(error)) from error
+        raise InputError(
+            texts.COMMAND_LINE,
+            str(error),
+            cure="correct the option; `kolsky material reference-curve --help` shows each",
+        ) from error
     names = {"first": out.stem, "conditioned": f"{out.stem}_conditioned"}
     with filling(folder) as partial:
         for pull, made in found.items():
@@ -193,7 +202,11 @@ def _specimen(diameter: str | None, length: str | None) -> "Specimen | None":
     if diameter is None and length is None:
         return None
     if diameter is None or length is None:
-        raise InputError(texts.COMMAND_LINE, "needs both --diameter and --length or neither")
+        raise InputError(
+            texts.COMMAND_LINE,
+            "needs both --diameter and --length or neither",
+            cure="give both, or leave both out",
+        )
     return Specimen(
         diameter=texts.physical("--diameter", diameter, "m", positive=True),
         length=texts.physical("--length", length, "m", positive=True),
@@ -211,7 +224,11 @@ def _refuse_columns(columns: dict[str, str], size: "Specimen | None") -> None:
             cure="name two columns, or give their numbers",
         )
     if "force" in pair and size is None:
-        raise InputError(texts.COMMAND_LINE, "--displacement and --force need --diameter and --length")
+        raise InputError(
+            texts.COMMAND_LINE,
+            "--displacement and --force need --diameter and --length",
+            cure="give the size of the specimen",
+        )
 
 
 def ends_of(text: str, sigma: float) -> "EndFriction | None":
@@ -225,7 +242,11 @@ def ends_of(text: str, sigma: float) -> "EndFriction | None":
         except ValueError:
             texts.one_of("--friction", text, ("none", "bonded", "rough", "free", "a number"))
     if number is None and sigma > 0.0:
-        raise InputError(texts.COMMAND_LINE, "--friction-sigma goes with a number as --friction")
+        raise InputError(
+            texts.COMMAND_LINE,
+            "--friction-sigma goes with a number as --friction",
+            cure="give --friction NUMBER, or leave --friction-sigma out",
+        )
     if text == "none":
         return None
     if text in ("bonded", "rough"):

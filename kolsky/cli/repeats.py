@@ -41,7 +41,9 @@ def repeats(
         with progress_bars() as progress:
             found = repeated(shots, progress=progress)
     except ValueError as error:
-        raise InputError(texts.COMMAND_LINE, str(error)) from error
+        raise InputError(
+            texts.COMMAND_LINE, str(error), cure="give two tests or more of one specimen and setup"
+        ) from error
     with filling(folder) as partial:
         write_table(partial / "repeats.csv", found.columns())
         if formats:

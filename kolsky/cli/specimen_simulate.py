@@ -2,12 +2,15 @@
 
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from kolsky.cli.options import AsJson, Device
 from kolsky.cli.specimen_fit import OutOfSpec, SpecPath
+
+if TYPE_CHECKING:
+    from kolsky.specimen.reading import Specification
 
 
 def specimen_simulate(
@@ -23,9 +26,10 @@ def specimen_simulate(
     device: Device = "cpu",
     as_json: AsJson = False,
 ) -> None:
-    """Simulate the tests of a SPEC with its constants: force curves, strains by volume.
+    """Simulate the tests of a SPEC with its constants: force curves, strains by volume; a sheet's field.
 
-    Writes a CSV file a test, which the SPEC can name as its file: data whose constants are known.
+    Writes a CSV file a test, or points.csv and pad.csv of a sheet, which the SPEC can name as its files: data
+    whose constants are known. A sheet's points and the motion of its pad are those of the SPEC's files.
     """
     started = perf_counter()
     from kolsky.base.files import filling, usable_folder, write_table
@@ -38,7 +42,8 @@ def specimen_simulate(
     read = read_specification(spec, device=device)
     folder = usable_folder(out or Path(read.toml.path.with_suffix("")) / "simulated")
     if read.declared.field is not None:
-        raise read.toml.error("field", "is fitted, not simulated", cure="`kolsky specimen fit` simulates it")
+        _simulate_sheet(read, folder, started, seed=seed, vtu=vtu, as_json=as_json)
+        return
     try:
         made = simulate_tests(read, seed=seed)
     except ValueError as error:
@@ -62,4 +67,31 @@ def specimen_simulate(
         name: {"displacement_m": one.displacement.tolist(), "force_N": one.force.tolist()}
         for name, one in made.items()
     }
+    print_result(rows, said if as_json else None, rest={"folder": folder, "wall time": since(started)})
+
+
+def _simulate_sheet(
+    read: "Specification", folder: Path, started: float, *, seed: int | None, vtu: bool, as_json: bool
+) -> None:
+    from kolsky.base.errors import InputError
+    from kolsky.base.files import filling, write_table
+    from kolsky.cli import texts
+    from kolsky.cli.terminal import print_result, since
+    from kolsky.specimen.field_reading import read_field
+    from kolsky.specimen.sheet_simulation import simulate_sheet
+
+    if vtu:
+        raise InputError(texts.COMMAND_LINE, "is for force curves", key="--vtu", cure="remove it")
+    try:
+        made = simulate_sheet(read_field(read), seed=seed)
+    except ValueError as error:
+        raise read.toml.error("field", f"cannot be simulated: {error}") from None
+    with filling(folder) as partial:
+        write_table(partial / "points.csv", made.point_columns)
+        write_table(partial / "pad.csv", made.pad_columns)
+    rows = {
+        "points": f"{len(made.points)} in {len(made.frames)} frames",
+        "pad": f"to {1e3 * abs(made.pad[-1]):.4g} mm, {made.force[-1]:.5g} N",
+    }
+    said = {"pad_m": made.pad.tolist(), "force_N": made.force.tolist()}
     print_result(rows, said if as_json else None, rest={"folder": folder, "wall time": since(started)})

@@ -89,7 +89,9 @@ class DesignChoice:
             if given != (need in kind.needs):
                 kinds = [other.option for other in DESIGNS.values() if need in other.needs]
                 raise InputError(
-                    texts.COMMAND_LINE, f"{option} and --design {' or '.join(kinds)} need each other"
+                    texts.COMMAND_LINE,
+                    f"{option} and --design {' or '.join(kinds)} need each other",
+                    cure="give both, or neither",
                 )
         if self.points is not None and self.logarithmic:
             raise InputError(
@@ -120,7 +122,9 @@ class DesignChoice:
         try:
             return Box.of(bounds, logarithmic=self.logarithmic)
         except ValueError as error:
-            raise InputError(texts.COMMAND_LINE, f"--log: {error}") from None
+            raise InputError(
+                texts.COMMAND_LINE, f"--log: {error}", cure="leave it out for a parameter that may be 0"
+            ) from None
 
     def _constraints(self, box: "Box") -> "list[Constraint]":
         from doe.constraints import Constraint
@@ -156,7 +160,11 @@ class DesignChoice:
                 candidates=candidates,
             )
         except ValueError as error:
-            raise InputError(texts.COMMAND_LINE, f"--design {self.kind}: {error}") from None
+            raise InputError(
+                texts.COMMAND_LINE,
+                f"--design {self.kind}: {error}",
+                cure="`kolsky sweep --help` shows what each design needs",
+            ) from None
 
 
 @dataclass(frozen=True)
@@ -212,7 +220,7 @@ class Records:
         try:
             rows = shard(len(design), *self.shard)
         except ValueError as error:
-            raise InputError(texts.COMMAND_LINE, f"--shard: {error}") from None
+            raise InputError(texts.COMMAND_LINE, f"--shard: {error}", cure="take fewer parts") from None
         return Design(design.points[rows], design.box, design.kind, design.settings)
 
     @contextmanager

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from kolsky.base.errors import one_line
+from kolsky.cli.quiet import is_quiet
 from kolsky.report import printed
 from kolsky.report.nomenclature import STAGES
 
@@ -45,11 +46,14 @@ def print_result(
     warnings
         What to know before using the answer.
     """
+    if is_quiet():
+        rest = {}
     if said is None:
         print("\n".join(map(one_line, [*answers, *printed.columns({**rows, **rest})])))
     else:
         print(json.dumps(said, indent=2, allow_nan=False))
-        print("\n".join(map(one_line, printed.columns(rest))), file=sys.stderr)
+        if rest:
+            print("\n".join(map(one_line, printed.columns(rest))), file=sys.stderr)
     for warning in warnings:
         print(one_line(f"warning: {warning}"), file=sys.stderr)
 
@@ -68,7 +72,7 @@ def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
     callable
         Called with the stage's name, the runs done and the runs there are to do.
     """
-    if not sys.stderr.isatty():
+    if is_quiet() or not sys.stderr.isatty():
         yield lambda stage, done, total: None
         return
     from rich.console import Console
@@ -107,6 +111,9 @@ def sweep_progress() -> Iterator[Callable[["Pace"], None]]:
     callable
         Called with a `doe.executors.Pace`.
     """
+    if is_quiet():
+        yield lambda pace: None
+        return
     if not sys.stderr.isatty():
         last = time.monotonic()
 

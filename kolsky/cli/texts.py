@@ -63,7 +63,7 @@ def physical(option: str, text: str, unit: str, *, positive: bool = False) -> fl
     try:
         value = quantity(text, unit)
     except UnitError as error:
-        raise InputError(COMMAND_LINE, f"{option}: {error}") from None
+        raise InputError(COMMAND_LINE, f"{option}: {error}", cure="write it as `--help` shows") from None
     if positive and not value > 0.0:
         raise InputError(COMMAND_LINE, "is not allowed", key=option, value=text, allowed=f"> 0 {unit}")
     return value
@@ -212,7 +212,7 @@ def relaxation(option: str, text: str) -> tuple[Kind, int]:
     try:
         return parsed_kind(text)
     except ValueError as error:
-        raise InputError(COMMAND_LINE, f"{option}: {error}") from None
+        raise InputError(COMMAND_LINE, f"{option}: {error}", cure="write it as `--help` shows") from None
 
 
 def finer(option: str, refined: tuple[int, int], than: str, mesh: tuple[int, int]) -> None:
@@ -250,7 +250,9 @@ def _known(option: str, whole: str, name: str) -> str:
     try:
         return parameter(name).unit
     except ValueError as error:
-        raise InputError(COMMAND_LINE, f"{option} {whole!r}: {error}") from None
+        raise InputError(
+            COMMAND_LINE, f"{option} {whole!r}: {error}", cure="write it as `--help` shows, with a unit"
+        ) from None
 
 
 def _value(option: str, whole: str, name: str, text: str) -> float:
@@ -264,8 +266,12 @@ def _value(option: str, whole: str, name: str, text: str) -> float:
         try:
             number = quantity(text, unit)
         except UnitError as error:
-            raise InputError(COMMAND_LINE, f"{option} {whole!r}: {error}") from None
+            raise InputError(
+                COMMAND_LINE, f"{option} {whole!r}: {error}", cure="write it as `--help` shows, with a unit"
+            ) from None
     try:
         return checked_value(name, number)
     except ValueError as error:
-        raise InputError(COMMAND_LINE, f"{option} {whole!r}: {error}") from None
+        raise InputError(
+            COMMAND_LINE, f"{option} {whole!r}: {error}", cure="write it as `--help` shows, with a unit"
+        ) from None

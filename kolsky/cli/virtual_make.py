@@ -45,7 +45,9 @@ def virtual_make(
             series, out, numbers=numbers, device=device, threads=threads, workers=workers, progress=said
         )
     except ValueError as error:
-        raise InputError(specification, str(error)) from None
+        raise InputError(
+            specification, str(error), cure="correct the specification; `kolsky virtual new` writes one"
+        ) from None
     fresh = sum(shot.fresh for shot in made)
     summary = {"shots": len(made), "made": fresh, "folder": str(out)}
     listed = {**summary, "folders": [str(shot.folder) for shot in made]}

@@ -1,5 +1,6 @@
 """`kolsky virtual new`: an annotated specification of a virtual shot to begin with."""
 
+import json
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
@@ -7,10 +8,12 @@ from typing import Annotated
 import typer
 
 from kolsky.base.errors import InputError
+from kolsky.cli.options import AsJson
 
 
 def virtual_new(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where the specification is to be.")],
+    as_json: AsJson = False,
 ) -> None:
     """Write an annotated SPEC.toml of a virtual shot; an existing one is left as it is."""
     path = folder / "SPEC.toml"
@@ -23,7 +26,12 @@ def virtual_new(
             path, "exists already and is left as it is", cure="edit it, or choose another folder"
         ) from None
     except OSError as error:
-        raise InputError(folder, f"cannot be written ({error.strerror})") from None
+        raise InputError(
+            folder, f"cannot be written ({error.strerror})", cure="give another folder, or make it writable"
+        ) from None
+    if as_json:
+        typer.echo(json.dumps({"file": str(path)}, indent=2))
+        return
     typer.echo(f"wrote {path}; change it, then: kolsky virtual make {path} --out {folder / 'shot'}")
 
 

@@ -51,22 +51,24 @@ class Alteration:
 
     def vector(self, response: Response, observations: Observations, sample: int = 0) -> FloatArray:
         """Force bins [N], then the radii at all outline points [m], shape [k]; NaN where none is known."""
-        force = self._force(response, observations.bins.edges, sample)
+        force = observations.of_forces(lambda bins, which: self._force(response, bins.edges, sample, which))
         if not observations.has_shape:
             return force
         return np.concatenate([force, self._radii(response, observations, sample) - self.Z_offset])
 
-    def _force(self, response: Response, edges: FloatArray, sample: int) -> FloatArray:
-        """Means of the force between the edges, as altered [N]."""
+    def _force(self, response: Response, edges: FloatArray, sample: int, which: str) -> FloatArray:
+        """Means of a force between the edges, as altered [N]; the incident one has its own scale and zero."""
         t = response.force_times
         impulse, force = response.impulse_transmission[sample], response.force_transmission[sample]
+        if which == "flyer":
+            impulse, force = response.impulse_flyer[sample], response.force_flyer[sample]
         lags, weights = contact_spread(self.spread) if self.spread > 0.0 else (np.zeros(1), np.ones(1))
         mean = np.zeros(len(edges) - 1)
         for lag, weight in zip(lags, weights, strict=True):
             at = edges - self.force_lag - lag
             known = np.interp(at, t, impulse) + np.maximum(at - t[-1], 0.0) * force[-1]
             mean += weight * np.diff(known) / np.diff(edges)
-        return np.asarray(self.force_factor * mean + self.force_offset)
+        return mean if which == "flyer" else np.asarray(self.force_factor * mean + self.force_offset)
 
     def _radii(self, response: Response, observations: Observations, sample: int) -> FloatArray:
         """Radii at the points [m], linear in time between the frames and beyond the last; at rest before the

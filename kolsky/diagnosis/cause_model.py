@@ -89,7 +89,7 @@ class CauseModel:
     @property
     def data(self) -> FloatArray:
         """What was measured, shape [k]."""
-        return np.concatenate([self.observations.bins.mean, self.observations.centre_line.Z])
+        return np.concatenate([self.observations.force_mean, self.observations.centre_line.Z])
 
     def vectors(self, points: Sequence[Point]) -> FloatArray:
         """Predictions, shape [n, k]; NaN where a run did not complete or does not reach a point."""
@@ -99,7 +99,8 @@ class CauseModel:
             if response is not None:
                 change = point.changed.alteration
                 found[i] = change.vector(response, self.observations) + self.shift(change)
-        return found
+        offset = self.observations.front_offset
+        return found if offset is None else found - offset
 
     def whole(self, point: Point) -> Point:
         """The point with the free input among its changes."""
@@ -184,18 +185,18 @@ class CauseModel:
         numerics
             The mesh on which the flyer's noise is carried to the data.
         """
-        o, n = self.observations, len(self.observations.bins.mean)
+        o, n = self.observations, self.observations.n_force
         meshes = self.stages.settings
         ratio = meshes.refined_mesh[0] / meshes.numerics.mesh[0]
         moved = np.nan_to_num(self.shift(UNALTERED))
         rough = moved / (ratio**SECOND_ORDER - 1.0)
         ringing = np.sqrt(np.convolve(rough[:n] ** 2, np.ones(NEAR) / NEAR, "same"))
-        noise = np.concatenate([o.bins.sigma, o.centre_line.sigma])
+        noise = np.concatenate([o.force_sigma, o.centre_line.sigma])
         sigma = np.hypot(noise, np.concatenate([ringing, np.abs(rough[n:])]))
         common = moved / (ratio**FIRST_ORDER - 1.0)
         shared = () if o.centre_line.modes is None else np.pad(o.centre_line.modes, ((0, 0), (n, 0)))
         patterns = np.column_stack([common, self._flyer_noise(numerics), *shared])
-        times = np.concatenate([o.bins.centres, o.centre_line.time])
+        times = np.concatenate([o.force_times, o.centre_line.time])
         width = float(np.diff(o.bins.edges).mean())
         return ExpectedResidual(
             sigma=sigma,
@@ -255,7 +256,10 @@ def _thinned(o: Observations) -> Observations:
     if n <= MOST_POINTS:
         return o
     kept: IntArray = np.linspace(0, n - 1, MOST_POINTS).round().astype(np.int64)
-    return replace(o, centre_line=o.centre_line.select(kept))
+    offset, bins = o.front_offset, o.n_force
+    if offset is not None:
+        offset = np.concatenate([offset[:bins], offset[bins:][kept]])
+    return replace(o, centre_line=o.centre_line.select(kept), front_noise=None, front_offset=offset)
 
 
 def _forward(forward: Forward, factors: Mapping[str, float]) -> Forward:

@@ -14,13 +14,7 @@ import numpy as np
 
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.diagnosis.candidate_input import DECLARED, CandidateInput
-from kolsky.diagnosis.cause_fit import (
-    Allowances,
-    ExpectedResidual,
-    LinearFit,
-    evidence,
-    fit_linear,
-)
+from kolsky.diagnosis.cause_fit import Allowances, ExpectedResidual, LinearFit, evidence, fit_linear
 from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.diagnosis.cause_trial import Trial
 from kolsky.inverse.cause_results import COVERAGE
@@ -188,7 +182,7 @@ class CauseSearch:
     @property
     def n_force(self) -> int:
         """Force bins at the head of the data vector."""
-        return len(self.model.observations.bins.mean)
+        return self.model.observations.n_force
 
     def _none(self, c: CandidateInput, why: str) -> Trial:
         return Trial(c, self.x, float("nan"), self.before, self.null.residual, lost=why)

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from explicit import Response
+from kolsky.bars.signals.transducers import ForceBins
 from kolsky.base.arrays import FloatArray
 from kolsky.diagnosis.fit_quality import fit_quality
 from kolsky.inverse.objective import Objective
@@ -158,8 +159,7 @@ def late_prediction(response: Response, objective: Objective) -> Shifted:
         Bins and points.
     """
     observations = objective.observations
-    edges, line = observations.bins.edges, observations.centre_line
-    t, impulse = response.force_times, response.impulse_transmission[0]
+    line, t = observations.centre_line, response.force_times
     s = response.surface_times
     rows = np.flatnonzero(objective.counted)
     both = np.stack([response.surface_r[0], response.surface_y[0]], axis=-1)
@@ -168,9 +168,12 @@ def late_prediction(response: Response, objective: Objective) -> Shifted:
 
     @cache
     def force(lag: float) -> FloatArray:
-        at = edges - lag
-        mean = np.diff(np.interp(at, t, impulse)) / np.diff(edges)
-        behind = at[1:] > t[-1] + SAME_TIME
+        def mean_of(bins: ForceBins, which: str) -> FloatArray:
+            impulse = response.impulse_transmission if which == "transmission" else response.impulse_flyer
+            return np.asarray(np.diff(np.interp(bins.edges - lag, t, impulse[0])) / np.diff(bins.edges))
+
+        mean = observations.of_forces(mean_of)
+        behind = observations.of_forces(lambda bins, _: bins.edges[1:] - lag) > t[-1] + SAME_TIME
         return np.where(behind, force(0.0), mean) if behind.any() else mean
 
     @cache
@@ -184,6 +187,7 @@ def late_prediction(response: Response, objective: Objective) -> Shifted:
         return np.where(unknown, radii(0.0), Z) if lag != 0.0 and unknown.any() else Z
 
     def shifted(lags: FloatArray) -> FloatArray:
-        return np.concatenate([force(float(lags[0])), radii(float(lags[1]))])
+        seen = np.concatenate([force(float(lags[0])), radii(float(lags[1]))])
+        return objective.under_fitted_path(seen)
 
     return shifted

@@ -9,7 +9,8 @@ import numpy as np
 from kolsky.base.arrays import FloatArray
 from kolsky.base.relaxation import Relaxation, prony_names
 from kolsky.diagnosis.branch_test import BranchTest, branch_test
-from kolsky.inverse.objective import BLOCKS, Objective
+from kolsky.inverse.block_covariance import BLOCKS
+from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
 from kolsky.inverse.staged_runs import StagedRuns
 

@@ -195,7 +195,7 @@ def comparison(prediction: Prediction, observations: Observations) -> Comparison
         force_time=0.5 * (bins.edges[1:] + bins.edges[:-1]),
         force_measured=bins.mean,
         force_sigma=bins.sigma,
-        force_model=prediction.force_bins[0],
+        force_model=prediction.force_bins[0, : len(bins.mean)],
         centre_line=replace(observations.centre_line, modes=None),
         Z_model=prediction.Z[0],
         inside=prediction.inside[0],
@@ -219,6 +219,8 @@ def surrogate_quality(stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOp
     outline = stages.observations.has_shape
     if outline:
         found["loo_shape"] = _rms(left_out[:, n:])
+    if stages.front_moved:
+        found["front_moved"] = stages.front_moved
     found |= {"check_shift_sigmas": fine.moved, "check_force": _rms(fine.missed[:n])}
     if outline:
         found["check_shape"] = _rms(fine.missed[n:])
@@ -226,6 +228,7 @@ def surrogate_quality(stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOp
     found["force_discrepancy"] = fine.objective.force_discrepancy
     if outline:
         found["shape_discrepancy"] = fine.objective.shape_discrepancy
+        found["slow_discrepancy"] = fine.objective.slow_discrepancy
     if not fine.confirmed:
         found["runs_needed"] = runs_needed(stages, coarse, fine)
     return found

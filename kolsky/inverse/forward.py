@@ -21,7 +21,7 @@ from kolsky.inverse.parameters import (
     require_effect,
 )
 from kolsky.inverse.relaxing import what_relaxes
-from kolsky.inverse.transducer_place import at_transducer
+from kolsky.inverse.surroundings import as_recorded, in_surroundings
 from kolsky.shot.records import Shot
 
 MOTION_KNOTS = 2049
@@ -131,16 +131,27 @@ class Forward:
         problem = self.problem(points, numerics, motion=motion, material=material, all_nodes=all_nodes)
         device, threads = numerics.device, numerics.threads
         if numerics.compressible is None:
-            response = explicit.run(
-                problem.model,
-                problem.samples,
-                problem.sampling,
-                stepping=problem.stepping,
-                device=device,
-                threads=threads,
-                progress=progress,
+
+            def run(problems: Sequence[explicit.Problem]) -> list[explicit.Response]:
+                (p,) = problems
+                return [
+                    explicit.run(
+                        p.model,
+                        p.samples,
+                        p.sampling,
+                        stepping=p.stepping,
+                        device=device,
+                        threads=threads,
+                        progress=progress if p is problem else None,
+                    )
+                ]
+
+            (response,) = in_surroundings([self.shot], [problem], run)
+            return response
+        if self.shot.behind is not None or self.shot.flyer_body is not None:
+            raise ValueError(
+                "a run corrected for Poisson's ratio is not known beside elastic parts: run it directly"
             )
-            return at_transducer(self.shot, response)
         half, less = numerics.coarser()
         corrected = explicit.run_nearly_incompressible(
             problem.model,
@@ -153,7 +164,7 @@ class Forward:
             threads=threads,
             progress=progress,
         )
-        return at_transducer(self.shot, corrected.response)
+        return as_recorded(self.shot, problem, corrected.response)
 
     def problem(
         self,

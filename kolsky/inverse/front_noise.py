@@ -61,7 +61,7 @@ def front_modes(change: FloatArray, noise: FloatArray) -> FloatArray:
 
 def noise_of(observations: Observations) -> FloatArray:
     """Measured standard deviations of bins and all points, shape [n_bins + Q]."""
-    return np.concatenate([observations.bins.sigma, observations.centre_line.sigma])
+    return np.concatenate([observations.force_sigma, observations.centre_line.sigma])
 
 
 def learn_front_noise(stages: StagedRuns, replicates: Replicates | None) -> bool:

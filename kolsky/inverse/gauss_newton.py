@@ -15,12 +15,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from doe import Box, from_points, latin_hypercube
 from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum, surrogate_kind
+from kolsky.inverse.linear_step import Step, gauss_newton_step, linear_step
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.optimum import CorrectedSurrogate
@@ -41,54 +41,6 @@ REACH = 8.0
 """Half the edge of the box about the answer in which its surrogate holds, in standard deviations."""
 RUNS_PER_PARAMETER = 12
 """Runs of that surrogate for each parameter."""
-
-
-@dataclass(frozen=True)
-class Step:
-    """A Gauss-Newton step from a run on the refined mesh."""
-
-    change: FloatArray
-    """To the optimum of the linear model, inside the box, shape [d]."""
-    sigma: FloatArray
-    """Standard deviation of the optimum from the residuals and the prior, shape [d]."""
-    objective: Objective
-    """With the discrepancies of the run."""
-
-    @property
-    def moved(self) -> float:
-        """The longest of its coordinates over their standard deviations [-]."""
-        return float(np.max(np.abs(self.change) / self.sigma))
-
-
-def gauss_newton_step(
-    objective: Objective, slope: FloatArray, vector: FloatArray, x: FloatArray, box: Box
-) -> Step:
-    """Solve the linear least-squares problem of data and prior inside a box.
-
-    Parameters
-    ----------
-    objective
-        Its discrepancies are replaced by those of the run.
-    slope
-        Jacobian of the data vector, shape [k, d].
-    vector
-        The run's data vector, shape [k].
-    x
-        Where it was run, shape [d].
-    box
-        Where the optimum may lie.
-    """
-    weighed = objective.with_discrepancy(vector)
-    sigma = np.sqrt(np.diag(weighed.covariance(slope, vector)))
-    rows, right = weighed.whitened(slope.T).T, weighed.whitened(weighed.data - vector)
-    if weighed.prior is not None:
-        rows = np.vstack([rows, weighed.prior.rows()])
-        right = np.concatenate([right, -weighed.prior.residuals(x)])
-    low, high = (np.array(box.lower) - x) / sigma, (np.array(box.upper) - x) / sigma
-    # On a face there is one side; a bound of zero must not meet the other.
-    bounds = np.minimum(low, -1e-12), np.maximum(high, 1e-12)
-    found = lsq_linear(rows * sigma, right, bounds, method="bvls").x
-    return Step(np.clip(found, low, high) * sigma, sigma, weighed)
 
 
 @dataclass(frozen=True)
@@ -174,7 +126,7 @@ def slopes(stages: StagedRuns, optimum: MeshOptimum) -> tuple[FloatArray, FloatA
     if len(done.points) < len(points):
         raise ValueError(f"the slopes at the optimum need every run beside it to complete: {done.lost}")
     inside = np.asarray(done.prediction.inside.all(axis=0))
-    objective = Objective(stages.observations, inside, prior=stages.prior)
+    objective = Objective(stages.observations, inside, prior=stages.prior, slowly=True)
     vectors, d = objective.vectors(done.prediction), box.dimension
     change = (vectors[1 : d + 1] - vectors[d + 1 :]) / (up - down).sum(axis=1)[:, None]
     return change.T, vectors[0], objective
@@ -312,14 +264,3 @@ def _with_surrogate(
         missed=last.missed[kept],
         mesh_shift=on_refined - on_coarse,
     )
-
-
-def linear_step(objective: Objective, slope: FloatArray, vector: FloatArray, x: FloatArray) -> FloatArray:
-    """Step to the optimum of the linear model with the objective's own weights, no box, shape [d]."""
-    gain = objective.gain(slope)
-    step: FloatArray = gain @ (objective.data - vector)
-    if objective.prior is None:
-        return step
-    normal = objective.information(slope) + objective.prior.precision
-    pull = objective.prior.precision @ (objective.prior.mean - x)
-    return step + np.linalg.solve(normal, pull)

@@ -6,7 +6,7 @@ import numpy as np
 
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.inverse.front_noise import replicate_uncertainty
-from kolsky.inverse.gauss_newton import linear_step
+from kolsky.inverse.linear_step import linear_step
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
 from kolsky.inverse.parameters import MOVED
@@ -33,7 +33,7 @@ def held_answer(found: Search, estimate: Estimate) -> HeldAnswer | None:
         return None
     prediction = held.refined.prediction
     counted = fine.objective.counted & held.coarse.objective.counted & prediction.inside[0]
-    objective = Objective(found.stages.observations, counted)
+    objective = Objective(found.stages.observations, counted, slowly=True)
     vector = objective.vectors(prediction)[0]
     i = found.stages.box.names.index(MOVED)
     x = held.refined.x[[i]]

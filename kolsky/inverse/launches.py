@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from numpy.typing import ArrayLike
 
 import explicit
 from kolsky.inverse.forward import Forward, Numerics
-from kolsky.inverse.transducer_place import at_transducer
+from kolsky.inverse.surroundings import in_surroundings
 
 
 @dataclass(frozen=True)
@@ -46,5 +47,8 @@ def run_side_by_side(launches: Sequence[Launch]) -> list[explicit.Response]:
         for one in launches
     ]
     numerics = launches[0].numerics
-    made = explicit.run_side_by_side(problems, device=numerics.device, threads=numerics.threads)
-    return [at_transducer(one.forward.shot, done) for one, done in zip(launches, made, strict=True)]
+    return in_surroundings(
+        [one.forward.shot for one in launches],
+        problems,
+        partial(explicit.run_side_by_side, device=numerics.device, threads=numerics.threads),
+    )

@@ -132,10 +132,10 @@ def residuals(
     shape_time : ndarray
         Frame times of the counted points [s], shape [n_counted].
     """
-    bins, line, counted = observations.bins, observations.centre_line, prediction.inside[i]
-    force = (prediction.force_bins[i] - bins.mean) / bins.sigma
+    line, counted = observations.centre_line, prediction.inside[i]
+    force = (prediction.force_bins[i] - observations.force_mean) / observations.force_sigma
     shape = (prediction.Z[i, counted] - line.Z[counted]) / line.sigma[counted]
-    return force, shape, bins.centres, line.time[counted]
+    return force, shape, observations.force_times, line.time[counted]
 
 
 def _frame_mean(value: FloatArray, frame: IntArray) -> float:

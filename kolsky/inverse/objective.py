@@ -2,11 +2,12 @@
 
 The data of a shot are one vector: the force's bin means, then the counted outline points. Its covariance is
 
-    C = diag(sigma^2 + tau^2 + PATTERN_ERROR^2 M^2) + M' M + O' O,
+    C = diag(sigma^2 + tau^2 + PATTERN_ERROR^2 M^2) + M' M + O' O + s^2 S' S,
 
 with the measured noise sigma, a discrepancy tau of each channel, estimated from the residual at the optimum,
-the patterns M in which the noise of the front face's motion moves all predictions together, and the errors O
-that outline points have in common (`CentreLine.modes`). Without tau a
+the patterns M in which the noise of the front face's motion moves all predictions together, the errors O that
+outline points are known to have in common (`CentreLine.modes`), and on the refined mesh slow patterns S of an
+error s that they turn out to have in common (`kolsky.inverse.common_errors`). Without tau a
 channel whose residual is dominated by what the model leaves out would be trusted as if only its noise were
 wrong. Without M tau would take the ringing that a noisy onset causes for a fault of the model, and weigh down
 the whole channel; with the patterns' variances alone, as if each entry had a draw of its own, the force would
@@ -16,7 +17,7 @@ for that the answer would rest on the phase of every oscillation.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -24,6 +25,9 @@ from numpy.typing import NDArray
 
 from doe.whitening import Whitening
 from kolsky.base.arrays import FloatArray
+from kolsky.inverse.block_covariance import correlated_in_blocks
+from kolsky.inverse.common_errors import slow_patterns, without_common
+from kolsky.inverse.discrepancies import most_likely_discrepancies
 from kolsky.inverse.observations import Observations, Prediction
 from kolsky.inverse.prior import Prior
 
@@ -31,13 +35,6 @@ Part = Literal["joint", "force", "shape"]
 
 PATTERN_ERROR = 0.2
 """Standard uncertainty of the front face's patterns over their size [-], independent from entry to entry."""
-FEW_MODES = 16
-"""Patterns up to which sums are taken without BLAS."""
-BLOCKS = (2, 4, 8, 16)
-"""Block lengths, in force bins, over which residuals may be correlated in time."""
-ROUNDS = 6
-"""Rounds in which the discrepancies and the front face's share of the residual are told apart; each leaves
-about a tenth of the error."""
 
 
 @dataclass(frozen=True)
@@ -54,22 +51,26 @@ class Objective:
     """tau of the outline points [m]."""
     prior: Prior | None = None
     """What is known of the free parameters beside the data; it is not used for a part of them alone."""
+    slowly: bool = False
+    """Whether outline points may have a slowly varying error in common."""
+    slow_discrepancy: float = 0.0
+    """Root mean square of that error [m]."""
 
     @property
     def n_force(self) -> int:
         """Number of force bins at the head of the data vector."""
-        return len(self.observations.bins.mean)
+        return self.observations.n_force
 
     @property
     def data(self) -> FloatArray:
         """Measured data vector, shape [k]: force [N], then Z [m]."""
-        return np.concatenate([self.observations.bins.mean, self.observations.centre_line.Z[self.counted]])
+        return np.concatenate([self.observations.force_mean, self.observations.centre_line.Z[self.counted]])
 
     @property
     def noise(self) -> FloatArray:
         """Measured standard deviations of the data vector, shape [k]."""
         line = self.observations.centre_line
-        return np.concatenate([self.observations.bins.sigma, line.sigma[self.counted]])
+        return np.concatenate([self.observations.force_sigma, line.sigma[self.counted]])
 
     @cached_property
     def front_noise(self) -> FloatArray:
@@ -77,7 +78,16 @@ class Objective:
         modes = self.observations.front_noise
         if modes is None:
             return np.zeros((0, len(self.data)))
-        return np.asarray(modes[:, np.concatenate([np.ones(self.n_force, dtype=bool), self.counted])])
+        return np.asarray(modes[:, self.kept])
+
+    @cached_property
+    def slow_patterns(self) -> FloatArray:
+        """Patterns of a slow error of the outline with a root mean square of 1 m, shape [n_slow, k]."""
+        if not self.slowly:
+            return np.zeros((0, len(self.data)))
+        line = self.observations.centre_line
+        found = slow_patterns(line.y[self.counted], line.time[self.counted])
+        return np.pad(found, ((0, 0), (self.n_force, 0)))
 
     @cached_property
     def outline_errors(self) -> FloatArray:
@@ -88,9 +98,14 @@ class Objective:
         return np.pad(modes[:, self.counted], ((0, 0), (self.n_force, 0)))
 
     @cached_property
-    def common(self) -> FloatArray:
-        """All that data have in common: `front_noise`, then `outline_errors`, shape [n_modes, k]."""
+    def known_common(self) -> FloatArray:
+        """What is known that data have in common: `front_noise`, then `outline_errors`, [n_modes, k]."""
         return np.concatenate([self.front_noise, self.outline_errors])
+
+    @cached_property
+    def common(self) -> FloatArray:
+        """All that data have in common: what is known, then the slow error, shape [n_modes, k]."""
+        return np.concatenate([self.known_common, self.slow_discrepancy * self.slow_patterns])
 
     @cached_property
     def points_per_frame(self) -> float:
@@ -112,7 +127,7 @@ class Objective:
 
     @cached_property
     def sigma(self) -> FloatArray:
-        """Standard deviation of each entry by itself: noise, discrepancy, front face, shape [k]."""
+        """Standard deviation of each entry by itself: noise, discrepancies, front face, shape [k]."""
         return np.sqrt(self.own_sigma**2 + (self.common**2).sum(axis=0))
 
     @cached_property
@@ -133,14 +148,24 @@ class Objective:
     @property
     def times(self) -> FloatArray:
         """Time of each entry [s], shape [k]."""
-        edges = self.observations.bins.edges
-        return np.concatenate(
-            [0.5 * (edges[1:] + edges[:-1]), self.observations.centre_line.time[self.counted]]
-        )
+        seen = self.observations
+        return np.concatenate([seen.force_times, seen.centre_line.time[self.counted]])
 
     def vectors(self, prediction: Prediction) -> FloatArray:
-        """Predicted data vectors, shape [n_samples, k]."""
-        return np.concatenate([prediction.force_bins, prediction.Z[:, self.counted]], axis=1)
+        """Predicted data vectors, shape [n_samples, k], under the path as its record alone gives it."""
+        return self.under_fitted_path(
+            np.concatenate([prediction.force_bins, prediction.Z[:, self.counted]], axis=1)
+        )
+
+    def under_fitted_path(self, vectors: FloatArray) -> FloatArray:
+        """Vectors of shape [..., k] without what moving the front face's path has added to them."""
+        offset = self.observations.front_offset
+        return vectors if offset is None else vectors - offset[self.kept]
+
+    @property
+    def kept(self) -> NDArray[np.bool_]:
+        """Which of bins and all points are in the data vector, shape [n_bins + Q]."""
+        return np.concatenate([np.ones(self.n_force, dtype=bool), self.counted])
 
     def mask(self, part: Part) -> NDArray[np.bool_]:
         """Entries of a part of the data, shape [k]."""
@@ -154,45 +179,24 @@ class Objective:
     def with_discrepancy(self, vector: FloatArray) -> "Objective":
         """The objective whose discrepancies explain this vector's residual beyond noise and front face.
 
-        Of a residual r = e + M' a, with a of the front face's modes M standard normal, e is estimated with
-        its uncertainty, on which the discrepancy depends in turn (expectation maximisation). Its mean square
-        beyond the noise and the patterns' own error is the discrepancy: a mean with weights D^-2, D the
-        variance of e, which is the most likely one where variances differ (Fisher scoring). Without modes e
-        is r, and the mean is plain.
+        See `kolsky.inverse.discrepancies`.
         """
-        residual, n = vector - self.data, self.n_force
-        found = replace(self, force_discrepancy=0.0, shape_discrepancy=0.0)
-        known = len(self.common) > 0
-        square, weight = residual**2, np.ones(len(residual))
-        for turn in range(ROUNDS if known else 1):
-            if turn:
-                left, variance = found._without_front(residual)
-                square, weight = left**2 + variance, found.own_sigma**-4
-            excess = square - self.noise**2 - self.pattern_variance
-            found = replace(
-                self,
-                force_discrepancy=_root_of_mean(excess[:n], weight[:n]),
-                shape_discrepancy=_root_of_mean(excess[n:], weight[n:]),
-            )
-        return found
+        force, shape, slow = most_likely_discrepancies(
+            vector - self.data,
+            self.n_force,
+            known=np.sqrt(self.noise**2 + self.pattern_variance),
+            common=self.known_common,
+            slow=self.slow_patterns,
+        )
+        return replace(self, force_discrepancy=force, shape_discrepancy=shape, slow_discrepancy=slow)
 
     def unexplained(self, residual: FloatArray) -> FloatArray:
         """A residual without its most likely part by what the data have in common, shape [k].
 
-        D (D + M' M)^-1 r with the variances D of noise and discrepancy and the modes M, by Woodbury's
-        identity: the matrix that is inverted has the size of the modes.
+        D (D + M' M)^-1 r with the variances D of noise and discrepancy and the common rows M, by Woodbury's
+        identity: the matrix that is inverted has the size of those.
         """
-        return self._without_front(residual)[0]
-
-    def _without_front(self, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """`unexplained`, and the variance of the part that it takes off, shape [k] both."""
-        modes, weight = self.common, self.own_sigma**-2
-        # Few rows without BLAS: its threads cost more than the sums.
-        product = np.matmul if len(modes) > FEW_MODES else partial(np.einsum, "ik,kj->ij")
-        inner = np.eye(len(modes)) + product(modes * weight, modes.T)
-        spread = product(np.linalg.inv(inner), modes)
-        share = np.einsum("ik,k->i", modes, weight * residual)
-        return residual - np.einsum("ik,i->k", spread, share), np.einsum("ik,ik->k", spread, modes)
+        return without_common(residual, self.common, self.own_sigma)[0]
 
     def deviance(self, vectors: FloatArray, part: Part = "joint") -> FloatArray:
         """Minus twice the log-likelihood of vectors [n, k], each with its own discrepancies, shape [n].
@@ -257,15 +261,16 @@ class Objective:
 
     @property
     def scale_error(self) -> FloatArray:
-        """Change of the data vector by one standard uncertainty of the force's scale, shape [k].
+        """Change of the data vector by one standard uncertainty of the transmitted force's scale, shape [k].
 
         A wrong scale is no noise: it bends every force alike, and the residuals need not show it.
         """
-        return np.where(self.mask("force"), self.observations.force_sigma_gain * self.data, 0.0)
+        transmitted = np.arange(len(self.data)) < len(self.observations.bins.mean)
+        return np.where(transmitted, self.observations.force_sigma_gain * self.data, 0.0)
 
     def covariance(self, jacobian: FloatArray, vector: FloatArray, part: Part = "joint") -> FloatArray:
         """Covariance of the optimum from the residuals and the front face's noise, shape [d, d]."""
-        moves = self.gain(jacobian, part) @ self.common.T
+        moves = self.gain(jacobian, part) @ self.known_common.T
         return np.asarray(self.residual_covariance(jacobian, vector, part) + moves @ moves.T)
 
     def residual_covariance(
@@ -273,31 +278,22 @@ class Objective:
     ) -> FloatArray:
         """Covariance of the optimum from the residuals and the prior, correlated in time or not, [d, d].
 
-        What the front face's noise explains of the residuals is not in it. It is the Gauss-Newton covariance
-        for independent residuals, or the block "sandwich" in which the residuals of a block of time may be
-        correlated in any way; of the block lengths in `BLOCKS` the one with the largest variances counts. A
-        smaller estimate is never preferred. Nor is one below that of weights by each entry's whole variance,
-        as if the front face's noise had nothing in common: the patterns serve the answer, its interval does
-        not rest on them.
+        What the front face's noise explains of the residuals is not in it; the slow error of the outline is.
+        It is the Gauss-Newton covariance for independent residuals, or the block "sandwich" in which the
+        residuals of a block of time may be correlated in any way, whichever is larger
+        (`kolsky.inverse.block_covariance`). Nor is one preferred below that of weights by each entry's whole
+        variance, as if the front face's noise had nothing in common: the patterns serve the answer, its
+        interval does not rest on them.
         """
-        use = self.mask(part)
         gain = self.gain(jacobian, part)
         score = gain * self.unexplained(self.data - vector)
-        known = self.spread_of_prior(jacobian, part)
+        slow = self.slow_discrepancy * (gain @ self.slow_patterns.T)
+        known = self.spread_of_prior(jacobian, part) + slow @ slow.T
         best = (gain * self.own_sigma**2) @ gain.T + known
         width = float(np.diff(self.observations.bins.edges).mean())
-        block = ((self.times - self.times.min()) / width).astype(int)
-        d = jacobian.shape[1]
-        for length in BLOCKS:
-            label = block // length
-            n_blocks = label.max() + 1
-            if n_blocks <= 4 * d:
-                continue
-            sums = np.array([np.bincount(label[use], row[use], minlength=n_blocks) for row in score])
-            sandwich = sums @ sums.T * n_blocks / (n_blocks - d) + known
-            if np.trace(sandwich / np.diag(best)) > np.trace(best / np.diag(best)):
-                best = sandwich
-        together = ((gain @ self.common.T) ** 2).sum(axis=1)
+        block = ((self.times - self.times.min()) / width).astype(np.int64)
+        best = correlated_in_blocks(score, block, best, known)
+        together = ((gain @ self.known_common.T) ** 2).sum(axis=1)
         short = (self._variance_without_patterns(jacobian, part) - together) / np.diag(best)
         scale = np.sqrt(np.maximum(short, 1.0))
         return np.asarray(scale[:, None] * best * scale)
@@ -306,8 +302,3 @@ class Objective:
         """Variances of the optimum if each entry's whole variance were its own, shape [d]."""
         rows = (jacobian / self.sigma[:, None])[self.mask(part)]
         return np.diag(np.linalg.inv(rows.T @ rows + self.prior_precision(jacobian.shape[1], part)))
-
-
-def _root_of_mean(excess: FloatArray, weight: FloatArray) -> float:
-    """Root of a weighted mean; zero where that is negative, or of nothing."""
-    return float(np.sqrt(max(np.average(excess, weights=weight), 0.0))) if excess.size else 0.0

@@ -1,6 +1,8 @@
 """The measurements inside the window, and the same quantities predicted from simulations of the shot."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,17 +27,60 @@ class Observations:
     """The same force in bins."""
     centre_line: CentreLine
     """The outline points, Q of them, frames in order of time; Q is 0 if no outline was measured."""
+    incident: ForceBins | None = None
+    """The incident force at the flyer's transducer in bins of its own samples; None if it is not compared."""
     force_sigma_gain: float = 0.0
-    """Standard uncertainty of the force's scale, common to all samples [-]; in no sigma above."""
+    """Standard uncertainty of the transmitted force's scale, common to all samples [-]; in no sigma above."""
     front_noise: FloatArray | None = None
     """Changes of the predicted data by the noise of the front face's motion, a standard deviation each of
     independent modes: bins [N], then all points [m], shape [n_modes, n_bins + Q]; see
     `kolsky.inverse.front_noise`. None until it is known."""
+    front_offset: FloatArray | None = None
+    """What the front face's path, moved to where the data put it, adds to all predictions along those
+    patterns: bins [N], then all points [m], shape [n_bins + Q]; see `kolsky.inverse.likely_path`. None if it
+    was not moved."""
 
     @property
     def has_shape(self) -> bool:
         """True if an outline was measured."""
         return self.centre_line.time.size > 0
+
+    @property
+    def forces(self) -> tuple[ForceBins, ...]:
+        """The forces that are compared: the transmitted one, and the incident one if there is one."""
+        return (self.bins,) if self.incident is None else (self.bins, self.incident)
+
+    @property
+    def n_force(self) -> int:
+        """Bins of all forces: the entries of a data vector before the outline."""
+        return sum(len(force.mean) for force in self.forces)
+
+    @property
+    def force_mean(self) -> FloatArray:
+        """Measured means of all forces' bins [N], shape [n_force]."""
+        return np.concatenate([force.mean for force in self.forces])
+
+    @property
+    def force_sigma(self) -> FloatArray:
+        """Their standard deviations [N], shape [n_force]."""
+        return np.concatenate([force.sigma for force in self.forces])
+
+    @property
+    def force_times(self) -> FloatArray:
+        """Centres of all forces' bins [s], shape [n_force]."""
+        return np.concatenate([force.centres for force in self.forces])
+
+    def of_forces(self, of: Callable[[ForceBins, str], FloatArray]) -> FloatArray:
+        """What a function of bins and "transmission" or "flyer" gives for every force, joined.
+
+        Parameters
+        ----------
+        of
+            The name is that of the force in `explicit.Response`.
+        """
+        return np.concatenate(
+            [of(*each) for each in zip(self.forces, ("transmission", "flyer"), strict=False)], axis=-1
+        )
 
     @property
     def frame_times(self) -> FloatArray:
@@ -50,7 +95,7 @@ class Prediction:
     force: FloatArray
     """Transmitted force at the recorded times [N], shape [n_samples, P]."""
     force_bins: FloatArray
-    """Its mean over each bin [N], shape [n_samples, n_bins]."""
+    """Means of all forces over each bin, see `Observations.forces` [N], shape [n_samples, n_force]."""
     Z: FloatArray
     """Radius at the measured heights [m], shape [n_samples, Q]; NaN where `inside` is False."""
     inside: BoolArray
@@ -63,6 +108,7 @@ def observe(
     *,
     window: tuple[float, float],
     bin_width: float = CAMERA_FRAME,
+    incident: ForceHistory | None = None,
 ) -> Observations:
     """Keep what lies inside the window, and bin the force.
 
@@ -76,6 +122,8 @@ def observe(
         First and last time, both included [s].
     bin_width : float
         Width of the force bins [s]; the camera's frame interval by default.
+    incident
+        The incident force, if it is compared.
 
     Raises
     ------
@@ -88,8 +136,11 @@ def observe(
     kept = (force.time >= first) & (force.time <= last)
     inside = ForceHistory(time=force.time[kept], force=force.force[kept], sigma=force.sigma[kept])
     _positive("sigma of the force", inside.sigma)
+    front = None if incident is None else bin_force(incident, window=window, width=bin_width)
+    if front is not None:
+        _positive("sigma of the incident force", front.sigma)
     if centre_line is None:
-        return Observations(force=inside, bins=bins, centre_line=_NO_LINE)
+        return Observations(force=inside, bins=bins, centre_line=_NO_LINE, incident=front)
     point = np.flatnonzero((centre_line.time >= first) & (centre_line.time <= last))
     if point.size == 0:
         raise ValueError(
@@ -102,7 +153,7 @@ def observe(
     line = centre_line.select(point)
     _positive("Z", line.Z)
     _positive("sigma of Z", line.sigma)
-    return Observations(force=inside, bins=bins, centre_line=line)
+    return Observations(force=inside, bins=bins, centre_line=line, incident=front)
 
 
 def predict(response: Response, observations: Observations) -> Prediction:
@@ -139,7 +190,6 @@ def predict(response: Response, observations: Observations) -> Prediction:
             f"the simulated force spans {t[0]:.9g} to {t[-1]:.9g} s, the recorded samples"
             f" {recorded[0]:.9g} to {recorded[-1]:.9g} s; request force_times over the whole window"
         )
-    edge = _rows(t, observations.bins.edges, "bin edge", "force_times")
     outline = _no_outline(response)
     if observations.has_shape:
         frame = _rows(response.surface_times, line.time, "frame", "surface_times")
@@ -147,13 +197,19 @@ def predict(response: Response, observations: Observations) -> Prediction:
             radius_at(r, y, frame, line.y)
             for r, y in zip(response.surface_r, response.surface_y, strict=True)
         ]
-    impulse = response.impulse_transmission[:, edge]
     return Prediction(
         force=np.stack([np.interp(recorded, t, f) for f in response.force_transmission]),
-        force_bins=np.diff(impulse, axis=1) / np.diff(observations.bins.edges),
+        force_bins=observations.of_forces(partial(_bin_means, response)),
         Z=np.stack([Z for Z, _ in outline]),
         inside=np.stack([inside for _, inside in outline]),
     )
+
+
+def _bin_means(response: Response, bins: ForceBins, force: str) -> FloatArray:
+    """Means of a simulated force over bins, exact whatever it does in between, shape [n_samples, n_bins]."""
+    impulse = response.impulse_transmission if force == "transmission" else response.impulse_flyer
+    edge = _rows(response.force_times, bins.edges, "bin edge", "force_times")
+    return np.asarray(np.diff(impulse[:, edge], axis=1) / np.diff(bins.edges))
 
 
 _NO_LINE = CentreLine(np.empty(0), np.empty(0, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0))

@@ -7,9 +7,10 @@ import numpy as np
 
 import explicit
 from kolsky.bars.flyer.path import FlyerPath
+from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion, ForceHistory
 from kolsky.inverse.forward import Forward, curve_replicates, material_law
-from kolsky.inverse.observations import Observations, observe
+from kolsky.inverse.observations import SAME_TIME, Observations, observe
 from kolsky.shot.curve import conditioned_ratio
 from kolsky.shot.records import Shot
 
@@ -74,12 +75,13 @@ def prepare_shot(shot: Shot) -> PreparedShot:
         width = _bin_width(force, shot.window)
         path, scale = shot.flyer_path, motion.sigma_gain
         checks = {"front_noise_scale": path.noise_scale, "front_sigma_gain": scale}
+    incident = None if shot.incident is None else shot.incident.channel.history()
     observations = replace(
-        observe(force, shot.centre_line, window=shot.window, bin_width=width),
+        observe(force, shot.centre_line, window=shot.window, bin_width=width, incident=incident),
         force_sigma_gain=shot.force.sigma_gain,
     )
     outlines = observations.frame_times if observations.has_shape else np.linspace(*shot.window, OUTLINES)
-    sampling = explicit.Sampling(force_times=observations.force.time, surface_times=outlines)
+    sampling = explicit.Sampling(force_times=_sampled(observations), surface_times=outlines)
     law, ratio = material_law(shot.curve), conditioned_ratio(shot.curve)
     forward = Forward(shot=shot, sampling=sampling, paths=(path,), laws=(law,))
     return PreparedShot(
@@ -96,6 +98,17 @@ def prepare_shot(shot: Shot) -> PreparedShot:
         },
         motion_sigma_gain=scale,
     )
+
+
+def _sampled(observations: Observations) -> FloatArray:
+    """Times of the recorded samples and of the incident force's bin edges between them [s]."""
+    times = observations.force.time
+    if observations.incident is None:
+        return times
+    edges = observations.incident.edges
+    near = np.clip(np.searchsorted(times, edges), 1, len(times) - 1)
+    apart = np.minimum(np.abs(times[near] - edges), np.abs(times[near - 1] - edges))
+    return np.sort(np.concatenate([times, edges[apart > SAME_TIME]]))
 
 
 def _bin_width(force: ForceHistory, window: tuple[float, float]) -> float:

@@ -184,9 +184,8 @@ def _fit(stages: StagedRuns, middle: FloatArray, edge: float, numerics: Numerics
     design = latin_hypercube(box, runs_wanted(box.dimension), rng=stages.rng, optimise=True)
     stage = "refinement" if numerics.mesh == stages.settings.numerics.mesh else "check"
     runs = stages.simulate(stage, design, numerics)
-    objective = Objective(
-        stages.observations, np.asarray(runs.prediction.inside.all(axis=0)), prior=stages.prior
-    )
+    inside = np.asarray(runs.prediction.inside.all(axis=0))
+    objective = Objective(stages.observations, inside, prior=stages.prior, slowly=stage == "check")
     try:
         surrogate = QuadraticSurrogate.fit(box, runs.points, objective.vectors(runs.prediction))
     except SurrogateError as error:

@@ -7,7 +7,7 @@ a difference along one direction says nothing of the others, and where a surface
 measure: then `kolsky.inverse.quadratic_fit` searches.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -121,7 +121,8 @@ def search_by_single_runs(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedO
     ValueError
         If a run on the refined mesh does not complete.
     """
-    model, objective, optimum = CorrectedSurrogate(coarse.surrogate), coarse.objective, coarse.x
+    model, optimum = CorrectedSurrogate(coarse.surrogate), coarse.x
+    objective = replace(coarse.objective, slowly=True)
     # A scale is one number, which nothing averages: of two slopes of the model, that between two runs on the
     # refined mesh and that of the last design, the one with the larger shift counts.
     wide = jacobian(model.predict, coarse.box, optimum)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from doe import Box, Design, full_factorial, latin_hypercube
 from explicit import Response
+from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
@@ -78,6 +79,7 @@ class StagedRuns:
         self.prior = prior
         self.offsets: dict[tuple[int, int], FloatArray] = {}
         self.replicates: Replicates | None = None
+        self.front_moved = 0.0
         self.rng = np.random.default_rng(settings.seed)
         self.table = RunTable(box.names)
         self._coarse: list[tuple[FloatArray, Prediction]] = []
@@ -113,10 +115,25 @@ class StagedRuns:
         """The measurements that predictions are compared with."""
         return self.prepared.observations
 
-    def know_front_noise(self, modes: FloatArray) -> None:
+    def know_front_noise(self, modes: FloatArray, offset: FloatArray | None = None) -> None:
         """Let all later objectives know the front face's noise, see `Observations.front_noise`."""
-        seen = replace(self.prepared.observations, front_noise=modes)
+        seen = replace(self.prepared.observations, front_noise=modes, front_offset=offset)
         self.prepared = replace(self.prepared, observations=seen)
+
+    def move_front(self, path: FlyerPath, moved: float) -> None:
+        """Run everything under another path of the front face; earlier runs serve no surrogate then.
+
+        `moved` is the root mean square of its modes' amplitudes, over the noise of the record.
+        """
+        self.front_moved = moved
+        forward = replace(self.prepared.forward, paths=(path,))
+        self.prepared = replace(self.prepared, forward=forward)
+        self._coarse = []
+
+    def front_deviations(self, n: int) -> FloatArray:
+        """Jerks of the motions of `under_other_motions` less the fitted one's [m/s^3], shape [n, n_spans]."""
+        drawn = self.prepared.path.replicates(n, np.random.default_rng([self.settings.seed, 1]))
+        return np.array([path.jerk for path in drawn]) - self.prepared.path.jerk
 
     def design(self, box: Box) -> Design:
         """Seven levels of one parameter, or a Latin hypercube of twelve points for each of several."""
@@ -198,10 +215,10 @@ class StagedRuns:
         }
         return np.concatenate(points), Prediction(**parts)
 
-    def replicate(self, point: FloatArray) -> Replicates:
+    def replicate(self, point: FloatArray, *, lesson: bool = True) -> Replicates:
         """Run the point again under `settings.replicates` other motions, and as many other curves.
 
-        The weights learn from as many motions more: they are not judged by what taught them.
+        With `lesson` the weights learn from as many motions more: what taught them does not judge them.
 
         One more run has the motion larger by the standard uncertainty of its scale, if that is known.
 
@@ -211,10 +228,11 @@ class StagedRuns:
             If the reference among them did not complete.
         """
         n = self.settings.replicates
-        forward = self.prepared.with_replicates(2 * n, self.rng, curves=n)
-        scaled = len(forward.paths) - 2 * n - 1
-        motion = np.concatenate([np.arange(2 * n + 1), np.zeros(n, int), np.full(scaled, 2 * n + 1)])
-        material = np.concatenate([np.zeros(2 * n + 1, int), np.arange(1, n + 1), np.zeros(scaled, int)])
+        moved = 2 * n if lesson else n
+        forward = self.prepared.with_replicates(moved, self.rng, curves=n)
+        scaled = len(forward.paths) - moved - 1
+        motion = np.concatenate([np.arange(moved + 1), np.zeros(n, int), np.full(scaled, moved + 1)])
+        material = np.concatenate([np.zeros(moved + 1, int), np.arange(1, n + 1), np.zeros(scaled, int)])
         started, report = time.perf_counter(), self._counter("noise", len(motion))
         at = self.solver_values(point[None], self.settings.replicate_mesh)[0]
         response = forward.run(
@@ -231,9 +249,9 @@ class StagedRuns:
         self.replicates = Replicates(
             prediction=predict(response.select(rows), self.observations),
             flyer=(rows > 0) & (rows <= n),
-            lesson=(rows > n) & (rows <= 2 * n),
-            curve=(rows > 2 * n) & (rows <= 3 * n),
-            scale=rows > 3 * n,
+            lesson=(rows > n) & (rows <= moved),
+            curve=(rows > moved) & (rows <= moved + n),
+            scale=rows > moved + n,
             lost=response.n_samples - len(rows),
         )
         return self.replicates

@@ -19,6 +19,7 @@ from doe.whitening import Whitening
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.front_noise import data_change, front_modes, learn_front_noise, noise_of
+from kolsky.inverse.likely_path import FOLLOWED, PathModes, credible, likely_amplitudes, size
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.staged_runs import StagedRuns
@@ -31,6 +32,13 @@ FIRST_STEPS, MOST_STEPS = 4, 8
 AT_REST = 0.5
 """Length of the next step, in standard deviations, at which a search is at rest: the refined mesh's optimum
 is some ten of them away."""
+MOTIONS = 32
+"""Most other motions of the front face that its patterns are made of: some twenty of them count."""
+MOST_MOVES = 4
+"""Most times that the front face's path is moved and its patterns are made anew."""
+STILL = 1.0
+"""Move of the optimum, in standard deviations, by which the patterns are not made anew: they are as much out
+of step then as where the answer may lie anyhow."""
 STEP = 1e-3
 """Half the distance of the differences in the unit box of the search."""
 
@@ -105,19 +113,71 @@ def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int]
         likely = int(np.argmin(likelihoods(stages, floors, first, objective.counted)))
         ends = [ends[likely]]
     (best,) = least_squares_on(stages, objective, first, ends[0].x[None], MOST_STEPS)
-    found = {first.mesh: best}
+    if surrogate.mesh == first.mesh:
+        if stages.settings.replicates:
+            learn_front_noise(stages, stages.replicate(best.x))
+        return {first.mesh: best}
+    (fine,) = least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
+    found = {first.mesh: best, surrogate.mesh: fine}
     if stages.settings.replicates:
-        learn_front_noise(stages, stages.replicate(best.x))
-        objective = replace(objective, observations=stages.observations)
-    if surrogate.mesh not in found:
-        (best,) = least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
-        found[surrogate.mesh] = best
         # There the ringing is nearer to the refined mesh's, and so are the patterns of its noise.
-        n = stages.settings.replicates
-        again = stages.under_other_motions(best.x[None], n, surrogate)[0] if n else None
-        if again is not None:
-            stages.know_front_noise(front_modes(data_change(again)[1:], noise_of(stages.observations)))
+        found[surrogate.mesh] = follow_front(stages, objective, surrogate, fine)
+        objective = replace(objective, observations=stages.observations)
+        near = found[surrogate.mesh].x + best.x - fine.x
+        near = np.clip(near, stages.box.lower, stages.box.upper)
+        (found[first.mesh],) = least_squares_on(stages, objective, first, near[None], MOST_STEPS)
+        stages.replicate(found[first.mesh].x, lesson=False)
     return found
+
+
+def follow_front(
+    stages: StagedRuns, objective: Objective, numerics: Numerics, best: MeshOptimum
+) -> MeshOptimum:
+    """The optimum on a mesh with the front face's path where the data put it, and the patterns there.
+
+    The patterns ring at the frequency of the point at which they are made: they are made anew until the
+    optimum stays. Where they have little to explain the path stays, and they explain it.
+
+    Parameters
+    ----------
+    stages
+        The identification's simulations; from here on they run under the path that is found.
+    objective
+        Which outline points count, and the prior.
+    numerics, best
+        The mesh, and its optimum under the path as it was fitted to the record.
+    """
+    n = min(MOTIONS, stages.settings.replicates)
+    fitted, noise = stages.prepared.path, noise_of(stages.observations)
+    deviations, first, shares = stages.front_deviations(n), best, np.zeros(n)
+    for _ in range(MOST_MOVES):
+        runs = stages.under_other_motions(best.x[None], n, numerics)[0]
+        if runs is None:
+            break
+        change = data_change(runs)[1:]
+        if len(change) < n:  # which motion was lost is not known
+            stages.know_front_noise(front_modes(change, noise), stages.observations.front_offset)
+            break
+        modes = PathModes.of(change, noise, deviations)
+        stages.know_front_noise(modes.patterns, shares @ change if shares.any() else None)
+        weighed = replace(objective, observations=stages.observations)
+        seen = weighed.vectors(runs)[0]
+        vector = np.where(np.isnan(seen), weighed.data, seen)
+        weighed = weighed.with_discrepancy(vector)
+        amplitudes = likely_amplitudes(weighed, weighed.data - vector)
+        if not credible(amplitudes):
+            stages.move_front(fitted, 0.0)
+            stages.know_front_noise(modes.patterns)
+            return first
+        if shares.any() or size(amplitudes) > FOLLOWED:
+            shares = amplitudes @ modes.shares
+            stages.move_front(modes.moved(fitted, amplitudes), size(amplitudes))
+            stages.know_front_noise(modes.patterns, amplitudes @ modes.patterns)
+        before, weighed = best, replace(objective, observations=stages.observations)
+        (best,) = least_squares_on(stages, weighed, numerics, best.x[None], MOST_STEPS)
+        if (np.abs(best.x - before.x) <= STILL * best.sigma).all():
+            break
+    return best
 
 
 def starts(stages: StagedRuns, start: FloatArray, numerics: Numerics) -> tuple[FloatArray, Objective]:

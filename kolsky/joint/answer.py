@@ -15,13 +15,15 @@ from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.relaxing import reference_words
 from kolsky.inverse.result import Estimate, Verdict
 from kolsky.joint.declared import declared_parts
+from kolsky.joint.mesh_errors import mesh_change
+from kolsky.joint.model_choice import held_against
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
 from kolsky.joint.records import CurveFound, JointResult, ModelChoice, ShotPart
 from kolsky.joint.scatter import expanded
 from kolsky.joint.unknowns import node_strains, with_factors
-from kolsky.joint.weights import CLOCK, GAIN, SCATTER, Stack, covariance
-from kolsky.uncertainty.numerical import MeshChange, numerical_parts
+from kolsky.joint.weights import CLOCK, GAIN, SCATTER, Stack, covariance, information
+from kolsky.uncertainty.numerical import numerical_parts
 
 FEW_SHOTS = 5
 """Shots below which a scatter between them is hardly known."""
@@ -41,26 +43,26 @@ def answered(
     residual = found.vector - stack.data
     objectives = stack.weighed(residual)
     whitening = stack.whitening(objectives)
-    rows = whitening.apply(found.slopes.T)
+    known = information(whitening.apply(found.slopes.T), unknowns.widths)
     gain: FloatArray = np.asarray(
-        np.linalg.solve(rows @ rows.T, whitening.precision(found.slopes.T)), dtype=np.float64
+        np.linalg.solve(known, whitening.precision(found.slopes.T)), dtype=np.float64
     )
-    cov = covariance(found.slopes, residual, whitening, stack)
-    plain = np.diag(np.linalg.inv(rows @ rows.T))
+    cov = covariance(found.slopes, residual, whitening, stack, unknowns.widths)
+    plain = np.diag(np.linalg.inv(known))
     between = np.zeros(len(found.x))
     if any(SCATTER in one.own for one in stack.shots):
-        between = np.maximum(plain - _without(stack, residual, found.slopes, SCATTER), 0.0)
+        between = np.maximum(plain - _without(stack, problem, found, SCATTER), 0.0)
     curves = np.zeros(len(found.x))
     if stack.curve is not None:
         bare = replace(stack, curve=None)
-        curves = np.maximum(plain - _without(bare, residual, found.slopes, ""), 0.0)
+        curves = np.maximum(plain - _without(bare, problem, found, ""), 0.0)
     noise = {
         "force and shape": np.sqrt(np.maximum(np.diag(cov) - between - curves, 0.0)),
         "scatter between shots": np.sqrt(between),
         "material curve": np.sqrt(curves),
         **declared_parts(problem, found, gain),
     }
-    mesh = _mesh_change(problem, found)
+    mesh = mesh_change(problem, found)
     numerical = numerical_parts(mesh, gain)
     n = unknowns.n_parameters
     shared: dict[str, Estimate] = {}
@@ -75,6 +77,7 @@ def answered(
             confirmed=found.confirmed,
             outline=any(one.observations.has_shape for one in stack.shots),
         )
+    choice = None if choice is None else held_against(choice, shared)
     if choice is not None and not choice.asked_for:
         shared = {name: _unasked(e) for name, e in shared.items()}
     half = {
@@ -101,9 +104,9 @@ def answered(
     )
 
 
-def _without(stack: Stack, residual: FloatArray, slopes: FloatArray, name: str) -> FloatArray:
+def _without(stack: Stack, problem: JointProblem, found: Optimum, name: str) -> FloatArray:
     """Variances with the same discrepancies, as if the shots had no unknown of a name, shape [d]."""
-    bare = []
+    bare, residual = [], found.vector - stack.data
     for one, o in zip(stack.shots, stack.weighed(residual), strict=True):
         rest = {key: row for key, row in one.own.items() if key != name}
         bare.append(
@@ -113,28 +116,13 @@ def _without(stack: Stack, residual: FloatArray, slopes: FloatArray, name: str) 
                 shape_discrepancy=o.shape_discrepancy,
             )
         )
-    rows = stack.whitening(bare).apply(slopes.T)
-    return np.diag(np.linalg.inv(rows @ rows.T))
+    rows = stack.whitening(bare).apply(found.slopes.T)
+    return np.diag(np.linalg.inv(information(rows, problem.unknowns.widths)))
 
 
 def _unasked(e: Estimate) -> Estimate:
     """A constant of what relaxes that the data do not ask for is not seen by them."""
     return replace(e, outcome=Verdict.NOT_SEEN) if PARAMETERS[e.name].relaxes else e
-
-
-def _mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
-    """The answer on the search's mesh with both elements."""
-    numerics = problem.mesh
-    coarse = problem.predict("check", found.x[None], numerics)[0]
-    if np.isnan(coarse).any():
-        raise ValueError("the run at the answer on the mesh of the search did not complete: refine --mesh")
-    other = replace(numerics, element="fbar" if numerics.element == "one_point" else "one_point")
-    element = problem.predict("check", found.x[None], other)[0]
-    return MeshChange(
-        coarser=coarse - found.vector,
-        element=None if np.isnan(element).any() else element - coarse,
-        ratio=problem.settings.refined_mesh[0] / numerics.mesh[0],
-    )
 
 
 def _parts(

@@ -25,7 +25,7 @@ from kolsky.inverse.parameters import MOVED, PARAMETERS, checked_value, require_
 from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
 from kolsky.inverse.staged_runs import Progress
 from kolsky.joint.answer import answered
-from kolsky.joint.model_choice import chosen, weak_branch
+from kolsky.joint.model_choice import chosen, weak_branch, with_nothing
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
 from kolsky.joint.records import JointResult, JointSettings, Scatter, Slow
@@ -33,12 +33,12 @@ from kolsky.joint.runs import JointRuns
 from kolsky.joint.scatter import estimated
 from kolsky.joint.start import starts
 from kolsky.joint.unknowns import Unknowns
-from kolsky.joint.weights import SCATTER
+from kolsky.joint.weights import BLIND, SCATTER, bounded_step, information
 from kolsky.shot.records import Shot
 
 FIRST, AGAIN = 10, 6
 """Trial points of the first search, and of those with better weights."""
-CHORDS = 8
+CHORDS = 12
 """Most runs on the refined mesh."""
 CONFIRMED = 0.25
 """Length of the last step there, in standard deviations, at which it is confirmed."""
@@ -83,48 +83,83 @@ def identify_shots(
     relaxing = [name for name in problem.unknowns.bounds if PARAMETERS[name].relaxes]
     kept = {n: b for n, b in problem.unknowns.bounds.items() if n not in relaxing}
     if not relaxing or not (kept or settings.curve_nodes) or not settings.choose:
-        return answered(problem, search(problem), None, tuple(said))
+        return answered(problem, scattered(problem, search(problem)), None, tuple(said))
     bare = [
         replace(p, forward=replace(p.forward, shot=replace(p.forward.shot, relaxation=None)))
         for p in prepared
     ]
-    elastic = _joined(bare, kept, freed[0], replace(settings, scatter=False), slow, ledger, progress)
+    elastic = _joined(bare, kept, freed[0], settings, slow, ledger, progress)
     without = search(elastic)
-    found = search(problem, beside=weak_branch(problem, elastic, without))
+    found = search(problem, beside=weak_branch(problem, elastic, without.start))
+    found = _not_above(problem, found, elastic, without)
     choice = chosen(problem, found, elastic, without)
-    return answered(problem, found, choice, tuple(said))
+    return answered(problem, scattered(problem, found), choice, tuple(said))
 
 
 def search(problem: JointProblem, *, beside: FloatArray | None = None) -> Optimum:
-    """The optimum on the refined mesh.
+    """The optimum on the refined mesh, shots without a scatter between them.
 
     Parameters
     ----------
     problem
         The problem.
     beside
-        One more point to search from, shape [d].
+        One more point to search from, shape [d]. Its end is taken to the refined mesh too: which of two
+        valleys is the deeper one is not for the search's mesh to say, whose ringing has another period.
 
     Raises
     ------
     ValueError
         If no search can start, or a run beside the optimum does not complete.
     """
-    numerics, settings = problem.mesh, problem.settings
-    points = starts(problem, numerics)
-    if beside is not None:
-        points = np.concatenate([points, beside[None]])
-    x, _ = problem.search(points, numerics, FIRST)
+    numerics = problem.mesh
+    x, _ = problem.search(starts(problem, numerics), numerics, FIRST)
     problem.learn_noise(x, numerics)
-    x, sigma = problem.search(x[None], numerics, AGAIN)
-    _, slopes = problem.slopes(x, sigma, numerics)
-    found = _refined(problem, x, slopes)
-    if not settings.scatter or len(problem.stack.shots) < 2:
+    found = _from(problem, x)
+    if beside is None:
+        return found
+    other = _from(problem, problem.search(beside[None], numerics, FIRST)[0])
+    if not problem.deviance(other.vector) < problem.deviance(found.vector):
+        return found
+    problem.learn_noise(other.start, numerics)  # the patterns are those of a point
+    return _from(problem, other.start)
+
+
+def _not_above(problem: JointProblem, found: Optimum, elastic: JointProblem, without: Optimum) -> Optimum:
+    """An optimum that explains no less than that of a model which is contained in its own.
+
+    Parameters
+    ----------
+    problem, found
+        The larger problem, and where its search ended.
+    elastic, without
+        The smaller one, and its optimum.
+    """
+    nothing = with_nothing(problem, elastic, without)
+    if nothing is None or problem.deviance(found.vector) <= problem.deviance(nothing.vector):
+        return found
+    rows = elastic.whitening(without.vector - elastic.stack.data).apply(without.slopes.T)
+    sigma = 0.1 * problem.unknowns.widths
+    shared = [problem.unknowns.names.index(name) for name in elastic.unknowns.names]
+    sigma[shared] = np.sqrt(np.diag(np.linalg.inv(information(rows, elastic.unknowns.widths))))
+    slopes = problem.slopes(nothing.start, sigma, problem.mesh)[1]
+    return replace(_refined(problem, nothing.x, slopes), start=nothing.start)
+
+
+def _from(problem: JointProblem, x: FloatArray) -> Optimum:
+    """The optimum on the refined mesh from a point near that on the search's mesh."""
+    x, sigma = problem.search(x[None], problem.mesh, AGAIN)
+    return _refined(problem, x, problem.slopes(x, sigma, problem.mesh)[1])
+
+
+def scattered(problem: JointProblem, found: Optimum) -> Optimum:
+    """The optimum with the scatter between the shots, which the weights know from here on."""
+    if not problem.settings.scatter or len(problem.stack.shots) < 2:
         return found
     scatter = _scatter(problem, found)
     if scatter.value > 0.0:
-        found = _refined(problem, found.x, slopes)
-    return replace(found, start=x, scatter=scatter)
+        found = replace(_refined(problem, found.x, found.slopes), start=found.start)
+    return replace(found, scatter=scatter)
 
 
 def _scatter(problem: JointProblem, found: Optimum) -> Scatter:
@@ -133,11 +168,11 @@ def _scatter(problem: JointProblem, found: Optimum) -> Scatter:
     change = problem.unknowns.relative_stiffness(found.slopes, found.x)
     patterns = np.array([stack.of_shot(k, change) for k in range(len(stack.shots))])
     # Each shot's discrepancy is what is left once its own stiffness has followed.
-    whitening = stack.weighting(residual)
-    u, r = whitening.apply(patterns), whitening.apply(residual)
-    share = np.linalg.lstsq(u.T, r, rcond=None)[0]
-    objectives = stack.weighed(residual - share @ patterns)
-    between = estimated(residual, found.slopes, patterns, lambda more: stack.whitening(objectives, more))
+    objectives = stack.weighed_beside(residual, patterns)
+    # What the data do not see takes no freedom from them.
+    seen = np.linalg.norm(stack.whitening(objectives).apply(found.slopes.T), axis=1)
+    slopes = found.slopes[:, seen * problem.unknowns.widths >= BLIND]
+    between = estimated(residual, slopes, patterns, lambda more: stack.whitening(objectives, more))
     if between.value > 0.0:
         shots = []
         for one, row in zip(stack.shots, stack.parts(between.value * change), strict=True):
@@ -152,7 +187,7 @@ def _refined(problem: JointProblem, x: FloatArray, slopes: FloatArray) -> Optimu
     """Steps on the refined mesh with the slopes of the search's mesh and what the runs add to them."""
     fine = problem.refined
     lower, upper = np.array(problem.unknowns.box.lower), np.array(problem.unknowns.box.upper)
-    start, best, here = x, None, slopes
+    start, best, least, here = x, None, None, slopes
     for _ in range(CHORDS):
         vector = problem.predict("check", x[None], fine)[0]
         if np.isnan(vector).any():
@@ -169,18 +204,21 @@ def _refined(problem: JointProblem, x: FloatArray, slopes: FloatArray) -> Optimu
         residual = vector - problem.stack.data
         whitening = problem.whitening(residual)
         rows = whitening.apply(here.T)
-        normal = rows @ rows.T
-        step = -np.linalg.solve(normal, rows @ whitening.apply(residual))
         # A bound that is reached is no reason to go on.
-        step = np.clip(x + step, lower, upper) - x
-        sigma = np.sqrt(np.diag(np.linalg.inv(normal)))
+        step = bounded_step(rows, whitening.apply(residual), lower - x, upper - x)
+        sigma = np.sqrt(np.diag(np.linalg.inv(information(rows, upper - lower))))
         # Where a step has hardly gained anything the next one is half as long: they go to and fro.
         gained = np.inf if best is None else best.cost - cost
         best = _Chord(x, vector, cost, sigma, bool((np.abs(step) <= CONFIRMED * sigma).all()))
+        if least is None or best.cost < least.cost:
+            least = best
         if best.confirmed:
             break
-        x = x + (step if gained > WORSE else 0.5 * step)
+        x = np.clip(x + (step if gained > WORSE else 0.5 * step), lower, upper)
     assert best is not None  # the first run is the best so far
+    assert least is not None  # and the least
+    if best.cost > least.cost + WORSE:
+        best = least  # steps that each rise a little have led away
     return Optimum(best.x, start, best.vector, slopes, None, best.confirmed)
 
 

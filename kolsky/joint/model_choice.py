@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.diagnosis.branch_test import branch_test
+from kolsky.inverse.result import Estimate, Verdict
+from kolsky.joint.mesh_errors import mesh_change, mesh_patterns
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
 from kolsky.joint.records import ModelChoice
 from kolsky.joint.start import relaxing_points, second_levels
+from kolsky.joint.weights import Stack
 
 WEAK = 0.05
 """Strength of the branches whose directions are taken [-]: small enough to be linear."""
 
 
-def weak_branch(problem: JointProblem, elastic: JointProblem, without: Optimum) -> FloatArray:
-    """The elastic optimum with a weak branch beside it: where what relaxes is no worse than nothing.
+def with_nothing(problem: JointProblem, elastic: JointProblem, without: Optimum) -> Optimum | None:
+    """The elastic optimum as one with a strength of nothing; None if bounds of the strengths leave that out.
 
     Parameters
     ----------
@@ -25,13 +31,42 @@ def weak_branch(problem: JointProblem, elastic: JointProblem, without: Optimum) 
     elastic, without
         The same without, and its optimum.
     """
+    box = problem.unknowns.box
+    bounds = zip(problem.unknowns.names, box.lower, strict=True)
+    if any(low > 0.0 for name, low in bounds if name.startswith(("prony_strength", "creep_ratio"))):
+        return None
+    if not any(name.startswith(("prony_strength", "creep_ratio")) for name in problem.unknowns.names):
+        return None
+    x = weak_branch(problem, elastic, without.x, strength=0.0)
+    seen = problem.vector_for(problem.stack, x, problem.refined)
+    vector = np.concatenate([seen[: len(seen) - problem.stack.known], problem.known(x)])
+    start = weak_branch(problem, elastic, without.start, strength=0.0)
+    return Optimum(x, start, vector, without.slopes, None, without.confirmed)
+
+
+def weak_branch(
+    problem: JointProblem, elastic: JointProblem, at: FloatArray, *, strength: float = WEAK
+) -> FloatArray:
+    """A point without what relaxes, with a weak branch beside it: where that is no worse than nothing.
+
+    Parameters
+    ----------
+    problem
+        With what relaxes.
+    elastic
+        The same without.
+    at
+        A point of it, shape [d].
+    strength
+        Of the branch [-].
+    """
     names, box = list(problem.unknowns.names), problem.unknowns.box
     x = np.sqrt(np.maximum(np.array(box.lower), 1e-12) * np.array(box.upper))
     for i, name in enumerate(elastic.unknowns.names):
-        x[names.index(name)] = without.start[i]
+        x[names.index(name)] = at[i]
     for i, name in enumerate(names):
         if name.startswith(("prony_strength", "creep_ratio")):
-            x[i] = max(box.lower[i], WEAK)
+            x[i] = strength
     return np.clip(x, box.lower, box.upper)
 
 
@@ -56,18 +91,24 @@ def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without
         If no weak branch has an effect of its own.
     """
     stack, x, vector = elastic.stack, without.x, without.vector
-    residual = vector - stack.data
-    whitening = stack.weighting(residual)
-    # The optimum with what relaxes, judged by the same data and the same patterns.
-    other = problem.vector_for(stack, found.x, problem.refined)
+    # The optimum with what relaxes, judged by the same data, patterns and prior.
+    both = [i for i, name in enumerate(problem.unknowns.names) if name in elastic.unknowns.names]
+    seen = problem.vector_for(stack, found.x, problem.refined)
+    other = np.concatenate([seen[: len(seen) - stack.known], elastic.known(found.x[both])])
+    patterns = mesh_patterns(stack, mesh_change(elastic, without))
     more = len(problem.unknowns.names) - len(elastic.unknowns.names)
-    lower = judged(elastic, other) - judged(elastic, vector)
-    bounds = zip(problem.unknowns.names, problem.unknowns.box.lower, strict=True)
-    # Where a strength of nothing is among what relaxes, its optimum explains no less.
-    nested = all(low == 0.0 for name, low in bounds if name.startswith(("prony_strength", "creep_ratio")))
-    missed = lower if nested and lower > UNREACHED else 0.0
+    lower = judged(stack, other, patterns) - judged(stack, vector, patterns)
+    missed = 0.0
+    nothing = with_nothing(problem, elastic, without)
+    if nothing is not None:
+        # A strength of nothing is among what relaxes: its optimum explains no less.
+        lower = min(lower, 0.0)
+        above = problem.deviance(found.vector) - problem.deviance(nothing.vector)
+        missed = above if above > UNREACHED else 0.0
     aic = lower + 2.0 * more
     bic = lower + more * float(np.log(stack.ends[-1] + len(stack.slow)))
+    residual = vector - stack.data
+    whitening = stack.whitening(stack.weighed_beside(residual, patterns), patterns)
 
     names = list(problem.unknowns.bounds)
     base = found.start.copy()
@@ -84,7 +125,7 @@ def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without
     times = second_levels(problem, second) if second in names else np.full(len(weak), np.nan)
     test = branch_test(
         whitening.apply(-residual),
-        whitening.apply(without.slopes.T).T,
+        whitening.apply(np.concatenate([without.slopes.T, patterns])).T,
         whitening.apply(np.nan_to_num(np.array(directions))),
         times,
         blocks=stack.blocks,
@@ -103,10 +144,71 @@ def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without
     )
 
 
-def judged(problem: JointProblem, vector: np.ndarray) -> float:
-    """-2 ln L of a vector with that problem's data; a point that a run does not reach adds nothing."""
-    data = problem.stack.data
-    return problem.deviance(np.where(np.isnan(vector), data, vector))
+SEEN = 2.0
+"""Strength over its standard uncertainty, that of the mesh included, above which it is one [-]."""
+
+
+def time_of(strength: str) -> str:
+    """The parameter that says how fast what has a strength relaxes."""
+    return "creep_resistance" if strength == "creep_ratio" else strength.replace("strength", "time")
+
+
+def _inside(e: Estimate | None) -> bool:
+    """Whether a parameter is held, or ends inside its range."""
+    return e is None or e.outcome is not Verdict.AT_BOUND
+
+
+def held_against(choice: ModelChoice, shared: Mapping[str, Estimate]) -> ModelChoice:
+    """The choice with the strengths' own uncertainties: what the mesh alone may feign is not asked for.
+
+    Nor is a branch whose time ends at a bound of its range: a short one is damping by another name, a long
+    one a stiffer curve.
+
+    Parameters
+    ----------
+    choice
+        By criterion and planted data, which know the noise of these shots.
+    shared
+        The shared parameters, corrected for the mesh.
+    """
+    sizes = [e for name, e in shared.items() if name.startswith(("prony_strength", "creep_ratio"))]
+    if not choice.asked_for or not sizes:
+        return choice
+    strong = [e for e in sizes if e.value > SEEN * e.sigma]
+    if any(_inside(shared.get(time_of(e.name))) for e in strong):
+        return choice
+    if strong:
+        return replace(
+            choice,
+            asked_for=False,
+            sentence=f"the data do not ask for what relaxes: {time_of(strong[0].name)} ends at a bound of "
+            "its range, where a branch is damping or a stiffer curve by another name: identify without it, or "
+            f"give another range with --free {time_of(strong[0].name)}",
+        )
+    most = max(sizes, key=lambda e: e.value / e.sigma)
+    return replace(
+        choice,
+        asked_for=False,
+        sentence=f"the data do not ask for what relaxes: its strength, {most.value:.2g} with a standard "
+        f"uncertainty of {most.sigma:.2g}, mesh included, may be nothing: identify without it, or refine",
+    )
+
+
+def judged(stack: Stack, vector: FloatArray, patterns: FloatArray) -> float:
+    """-2 ln L of a vector up to a constant; a point that a run does not reach adds nothing.
+
+    Parameters
+    ----------
+    stack
+        Data and weights.
+    vector
+        Prediction, shape [k].
+    patterns
+        Errors of the mesh that the weights know beside their own, shape [n, k].
+    """
+    residual = np.where(np.isnan(vector), 0.0, vector - stack.data)
+    weights = stack.whitening(stack.weighed_beside(residual, patterns), patterns)
+    return float((weights.apply(residual) ** 2).sum()) + weights.log_determinant
 
 
 def sentence(aic: float, probability: float, *, asked: bool, missed: float = 0.0) -> str:

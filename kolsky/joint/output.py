@@ -7,6 +7,7 @@ from typing import Any
 from kolsky.base.files import write_table
 from kolsky.base.json_types import jsonable
 from kolsky.inverse.relaxing import reference_words
+from kolsky.joint.hdf5 import write_joint_hdf5
 from kolsky.joint.records import JointResult
 
 STEM = "joint"
@@ -55,13 +56,14 @@ def to_json(found: JointResult) -> dict[str, Any]:
 
 
 def write_joint(folder: Path, found: JointResult) -> None:
-    """Write joint.json, joint_parameters.csv, joint_shots.csv and, of a free curve, joint_curve.csv.
+    """Write joint.h5, joint.json, joint_parameters.csv, joint_shots.csv; of a free curve, joint_curve.csv.
 
     Raises
     ------
     InputError
         If a file cannot be written.
     """
+    write_joint_hdf5(folder / f"{STEM}.h5", found)
     text = json.dumps(to_json(found), indent=1, allow_nan=False)
     (folder / f"{STEM}.json").write_text(text, encoding="utf-8")
     write_table(folder / f"{STEM}_parameters.csv", parameters(found))

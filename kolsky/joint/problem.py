@@ -54,7 +54,7 @@ class JointProblem:
         shots = []
         for prepared in runs.prepared:
             seen = prepared.observations
-            size = len(seen.bins.mean) + len(seen.centre_line.Z)
+            size = seen.n_force + len(seen.centre_line.Z)
             shots.append(ShotData(seen, np.ones(len(seen.centre_line.Z), bool), np.zeros((0, size))))
         known = 0 if prior is None else len(prior.rows())
         known += max(self.unknowns.nodes - 2, 0)
@@ -123,7 +123,7 @@ class JointProblem:
             if np.isnan(seen).all():
                 name = prepared.forward.shot.name
                 raise ValueError(f"{name}: the run at the start did not complete: `kolsky simulate` says why")
-            inside = ~np.isnan(seen[0, len(one.observations.bins.mean) :])
+            inside = ~np.isnan(seen[0, one.observations.n_force :])
             shots.append(replace(one, counted=inside))
         self.stack = replace(self.stack, shots=tuple(shots))
 
@@ -212,13 +212,16 @@ class JointProblem:
 
     def _own(self, declared: Mapping[str, float], one: ShotData, vector: FloatArray) -> dict[str, FloatArray]:
         """Patterns of a shot's own clock and gain over bins and all points."""
-        n, edges, found = len(one.observations.bins.mean), one.observations.bins.edges, {}
+        seen, found, start = one.observations, {}, 0
+        n = len(seen.bins.mean)
         force = np.zeros_like(vector)
         clock = declared.get("clock_offset", 0.0)
         if clock > 0.0:
-            rate = np.gradient(vector[:n], 0.5 * (edges[1:] + edges[:-1]))
             found[CLOCK] = force.copy()
-            found[CLOCK][:n] = -clock * rate
+            for bins in seen.forces:  # channels of one recorder
+                part = slice(start, start + len(bins.mean))
+                found[CLOCK][part] = -clock * np.gradient(vector[part], bins.centres)
+                start = part.stop
         if self.settings.gain_each > 0.0:
             found[GAIN] = force.copy()
             found[GAIN][:n] = self.settings.gain_each * vector[:n]
@@ -235,7 +238,7 @@ class JointProblem:
             if sigma > 0.0:
                 key = (float(getattr(transducer, "sensitivity", start)), sigma)
                 row = groups.setdefault(key, np.zeros(self.stack.ends[-1]))
-                n = one.objective.n_force
+                n = len(one.observations.bins.mean)
                 row[start : start + n] = sigma * one.objective.data[:n]
             start = end
         return np.array(list(groups.values())).reshape(len(groups), self.stack.ends[-1])

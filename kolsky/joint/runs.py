@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.observations import predict
 from kolsky.inverse.prepared_shot import PreparedShot
 from kolsky.inverse.staged_runs import Progress
-from kolsky.inverse.transducer_place import at_transducer
+from kolsky.inverse.surroundings import in_surroundings
 from kolsky.joint.unknowns import Unknowns, with_factors
 from kolsky.studies.sweep import source_hash
 
@@ -126,10 +126,13 @@ class JointRuns:
             self._problem(k, points[missing[k]], numerics, motions[missing[k]], curves[missing[k]])
             for k in wanted
         ]
-        found = explicit.run_side_by_side(problems, device=numerics.device, threads=numerics.threads)
+        found = in_surroundings(
+            [self.prepared[k].forward.shot for k in wanted],
+            problems,
+            partial(explicit.run_side_by_side, device=numerics.device, threads=numerics.threads),
+        )
         fresh: dict[tuple[float, ...], FloatArray] = {}
-        for k, response in zip(wanted, found, strict=True):
-            seen = at_transducer(self.prepared[k].forward.shot, response)
+        for k, seen in zip(wanted, found, strict=True):
             rows = _vectors(self.prepared[k], seen)
             fresh |= {keys[k][i]: row for i, row in zip(missing[k], rows, strict=True)}
         self.known |= fresh
@@ -217,7 +220,7 @@ def _replicated(prepared: PreparedShot, replicates: int, seed: int) -> Forward:
 
 def _vectors(prepared: PreparedShot, response: explicit.Response) -> FloatArray:
     seen = prepared.observations
-    found = np.full((response.n_samples, len(seen.bins.mean) + len(seen.centre_line.Z)), np.nan)
+    found = np.full((response.n_samples, seen.n_force + len(seen.centre_line.Z)), np.nan)
     rows = np.flatnonzero(response.completed)
     if len(rows):
         prediction = predict(response.select(rows), seen)

@@ -202,7 +202,11 @@ def read_slow_list(source: Path | TomlFile) -> SlowList:
         except InputError:
             raise
         except ValueError as error:
-            raise InputError(table.path, f"cannot be used as the slow test {name}: {error}") from error
+            raise InputError(
+                table.path,
+                f"cannot be used as the slow test {name}: {error}",
+                cure="correct the table or its columns in the list",
+            ) from error
     return SlowList(tuple(tests), sweeps, files, None if declared.law is None else declared.law.law)
 
 

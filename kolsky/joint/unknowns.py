@@ -56,6 +56,11 @@ class Unknowns:
         """All unknowns in their own units."""
         return _joined(self.parameters, self.node_names)
 
+    @property
+    def widths(self) -> FloatArray:
+        """Widths of their ranges, in their own units, shape [d]."""
+        return np.array(self.box.upper) - np.array(self.box.lower)
+
     @cached_property
     def inner(self) -> Box:
         """All unknowns in the coordinates of the search."""

@@ -14,10 +14,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from doe.whitening import Whitening
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
-from kolsky.inverse.objective import BLOCKS, Objective
+from kolsky.inverse.block_covariance import BLOCKS
+from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Observations
 
 GAIN, CLOCK, SCATTER = "gain", "clock", "scatter"
@@ -46,7 +48,7 @@ class ShotData:
     @property
     def kept(self) -> BoolArray:
         """Entries of bins and all points that count, shape [n_bins + Q]."""
-        return np.concatenate([np.ones(len(self.observations.bins.mean), bool), self.counted])
+        return np.concatenate([np.ones(self.observations.n_force, bool), self.counted])
 
     def taken(self, vectors: FloatArray) -> FloatArray:
         """The counted entries of vectors; an outline point that a run does not reach adds nothing."""
@@ -125,6 +127,20 @@ class Stack:
         """Weights with the discrepancies that explain a residual."""
         return self.whitening(self.weighed(residual))
 
+    def weighed_beside(self, residual: FloatArray, patterns: FloatArray) -> list[Objective]:
+        """Every shot's weights, with the discrepancies of what some patterns leave of a residual.
+
+        Parameters
+        ----------
+        residual
+            Prediction less data, shape [k].
+        patterns
+            Changes that are free in size, shape [n, k].
+        """
+        whitening = self.weighting(residual)
+        u, r = whitening.apply(patterns), whitening.apply(residual)
+        return self.weighed(residual - np.linalg.lstsq(u.T, r, rcond=None)[0] @ patterns)
+
     def of_shot(self, k: int, row: FloatArray) -> FloatArray:
         """A row of all data with what belongs to one shot alone, shape [k]."""
         found = np.zeros_like(row)
@@ -150,7 +166,49 @@ class Stack:
         return found
 
 
-def covariance(slopes: FloatArray, residual: FloatArray, whitening: Whitening, stack: Stack) -> FloatArray:
+BLIND = 0.1
+"""Change of all data by the whole range of an unknown, in standard deviations, below which they do not see
+it."""
+
+
+def information(rows: FloatArray, widths: FloatArray) -> FloatArray:
+    """Information on the unknowns, shape [d, d]; one that the data do not see keeps the width of its range.
+
+    Where a branch has no strength its time moves nothing. The variance of a range of the width w that is
+    evenly likely is w^2 / 12.
+
+    Parameters
+    ----------
+    rows
+        Whitened slopes, shape [d, k].
+    widths
+        Of the unknowns' ranges, shape [d].
+    """
+    blind = np.linalg.norm(rows, axis=1) * widths < BLIND
+    return np.asarray(rows @ rows.T + np.diag(np.where(blind, 12.0 / widths**2, 0.0)))
+
+
+def bounded_step(rows: FloatArray, residual: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """The step to the least-squares optimum of a linear model inside bounds, shape [d].
+
+    Parameters
+    ----------
+    rows
+        Whitened slopes, shape [d, k].
+    residual
+        Prediction less data, whitened, shape [k].
+    lower, upper
+        Bounds of the step, around 0, shape [d].
+    """
+    width = upper - lower  # unknowns of different units
+    bounds = np.minimum(lower / width, -1e-15), np.maximum(upper / width, 1e-15)
+    found = lsq_linear((rows * width[:, None]).T, -residual, bounds, method="bvls")
+    return np.asarray(found.x * width, dtype=np.float64)
+
+
+def covariance(
+    slopes: FloatArray, residual: FloatArray, whitening: Whitening, stack: Stack, widths: FloatArray
+) -> FloatArray:
     """Covariance of the unknowns, residuals correlated in time or not, shape [d, d].
 
     The larger of the Gauss-Newton covariance and of the block "sandwich" in which the residuals of a block of
@@ -167,9 +225,11 @@ def covariance(slopes: FloatArray, residual: FloatArray, whitening: Whitening, s
         The weights.
     stack
         Whose blocks.
+    widths
+        Of the unknowns' ranges, shape [d].
     """
     rows = whitening.apply(slopes.T)
-    plain = np.linalg.inv(rows @ rows.T)
+    plain = np.linalg.inv(information(rows, widths))
     score = (plain @ rows) * whitening.apply(residual)
     best, d = plain, len(plain)
     for label in stack.blocks:

@@ -82,7 +82,7 @@ def read_uniaxial_test(
             bulge=values.get("bulge"),
         )
     except ValueError as error:
-        raise InputError(path, str(error)) from None
+        raise InputError(path, str(error), cure="are column, unit, branch and convention right?") from None
     return test, digest
 
 

@@ -127,7 +127,9 @@ def varied_test(test: PlannedTest, values: Mapping[str, float | str]) -> Planned
         for part in path:
             inner = table.setdefault(part, {})
             if not isinstance(inner, dict):
-                raise InputError(test.file.path, "is no table", key=key)
+                raise InputError(
+                    test.file.path, "is no table", key=key, cure="write it as a table of the test file"
+                )
             table = inner
         table[last] = value
     file = TomlFile(test.file.path, test.file.sha256, content, test.file.lines)

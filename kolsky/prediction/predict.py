@@ -197,7 +197,9 @@ def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:
             )
             bars, response, changes = done.bars, done.response, done.change
     except (ValueError, RuntimeError) as error:
-        raise InputError(test.file.path, str(error), key="run") from error
+        raise InputError(
+            test.file.path, str(error), key="run", cure="correct the part that it names, or shorten run.step"
+        ) from error
     events = find_events(bars)
     return Prediction(test, bars, events, numbers_of(test, bars, events), response, changes)
 

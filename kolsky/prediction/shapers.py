@@ -188,11 +188,15 @@ def shaper_of(table: ShaperTable, folder: Path, *, striker: Section, incident: S
             unloading=table.unloading,
         )
     except ValueError as error:
-        raise InputError(path, str(error), key="shaper.file") from None
+        raise InputError(
+            path, str(error), key="shaper.file", cure="are its columns and units right?"
+        ) from None
 
 
 def _made(compression: FloatArray, force: FloatArray, table: ShaperTable, path: Path) -> PulseShaper:
     try:
         return loading(compression, force, table.unloading)
     except (ValueError, IndexError) as error:
-        raise InputError(path, str(error), key="shaper") from None
+        raise InputError(
+            path, str(error), key="shaper", cure="give a pulse that was recorded with this shaper"
+        ) from None

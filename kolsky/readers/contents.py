@@ -177,7 +177,9 @@ def file_hash(path: Path, *, limit: int = BINARY_LIMIT) -> str:
     except FileNotFoundError:
         raise InputError(path, "there is no such file", cure="put it there or correct its name") from None
     except OSError as error:
-        raise InputError(path, f"cannot be read ({error.strerror})") from None
+        raise InputError(
+            path, f"cannot be read ({error.strerror})", cure="copy it again, and see that it may be read"
+        ) from None
 
 
 def head_of(path: Path, size: int = 4096) -> bytes:

@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
+from kolsky.base.errors import InputError
 from kolsky.readers.contents import Contents, Layout, head_of
 from kolsky.readers.dialect import find_dialect
 from kolsky.readers.header import heading_keys, key_lines, names_by_key, uncommented
@@ -13,6 +14,8 @@ from kolsky.readers.text import decode_text, lines_of, read_bytes
 
 BINARY = False
 
+LONGEST_HEADER = 5000
+"""Most lines above the samples."""
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", ".xls", "")
 """Endings of text; many programs write it with tabs and call it .xls."""
 
@@ -72,6 +75,13 @@ def read_lines(
     if dialect.delimiter == " ":
         lines = [line.strip() for line in lines]
     first = first_samples(path, lines, dialect, layout)
+    if first > LONGEST_HEADER:
+        raise InputError(
+            path,
+            f"has {first} {word}s above its samples, more than the {LONGEST_HEADER} that are read",
+            line=first + 1,
+            cure="is it the right file? if so, export the samples alone",
+        )
     above = [uncommented(line, layout.comment) for line in lines[:first]]
     names, units, found, headings = names_and_units(path, above, first, dialect, layout)
     metadata = key_lines(dialect, [line for i, line in enumerate(above) if i not in headings])

@@ -11,6 +11,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
+from kolsky.readers.contents import LARGEST_SAMPLE
 from kolsky.readers.text import decode, read_bytes
 
 SIZE_LIMIT = 500_000_000
@@ -20,6 +21,8 @@ SURFACES = {2: 3, 3: 4, 9: 6, 10: 9, 16: 8}
 forms."""
 CURVES = {1: 2, 8: 3}
 """The same of the curve elements."""
+POINTS = {**SURFACES, **CURVES, 15: 1, 4: 4, 5: 8, 11: 10}
+"""The same of all elements that are read."""
 CURE = "save the mesh in Gmsh as Version 2 ASCII (-format msh22)"
 
 
@@ -51,14 +54,9 @@ def read_gmsh(path: Path) -> GmshMesh:
     raw = read_bytes(path, limit=SIZE_LIMIT)
     blocks = blocks_of(path, decode(path, raw).splitlines())
     names = names_of(path, blocks)
-    try:
-        rows = np.array([line.split() for line in blocks["Nodes"][1:]], dtype=np.float64)
-        elements = [[int(word) for word in line.split()] for line in blocks["Elements"][1:]]
-    except (KeyError, ValueError) as error:
-        raise InputError(path, f"cannot be read as a Gmsh mesh: {error}", cure=CURE) from None
+    rows, place, elements = points_and_elements(path, blocks)
     if np.ptp(rows[:, 3]) > 0.0:
         raise InputError(path, "is not flat: its points have several z", cure="mesh it in the plane z = 0")
-    place = {int(number): k for k, number in enumerate(rows[:, 0])}
     surfaces = [row for row in elements if row[1] in SURFACES]
     kinds = {row[1] for row in surfaces}
     if len(kinds) != 1:
@@ -95,13 +93,59 @@ def blocks_of(path: Path, lines: list[str]) -> dict[str, list[str]]:
 
 def names_of(path: Path, blocks: dict[str, list[str]]) -> dict[tuple[int, int], str]:
     """Names of the physical groups by dimension and number; an `InputError` if it is another format."""
-    if not blocks.get("MeshFormat", [""])[0].startswith("2."):
+    if not (blocks.get("MeshFormat") or [""])[0].startswith("2."):
         raise InputError(path, "is no Gmsh mesh of format 2", cure=CURE)
     names = {}
-    for line in blocks.get("PhysicalNames", ["0"])[1:]:
-        dimension, number, name = line.split(maxsplit=2)
-        names[int(dimension), int(number)] = name.strip('"')
+    try:
+        for line in _counted(path, "PhysicalNames", blocks.get("PhysicalNames", ["0"])):
+            dimension, number, name = line.split(maxsplit=2)
+            names[int(dimension), int(number)] = name.strip('"')
+    except ValueError as error:
+        raise InputError(path, f"has a group that cannot be read: {error}", cure=CURE) from None
     return names
+
+
+def points_and_elements(
+    path: Path, blocks: dict[str, list[str]]
+) -> tuple[FloatArray, dict[int, int], list[list[int]]]:
+    """Points with their numbers, shape [n, 4], the row of each number, and the lines of the elements.
+
+    Raises
+    ------
+    InputError
+        If a block is missing, cut off, or holds what can be neither, or an element has points that are not
+        there.
+    """
+    try:
+        rows = np.array([line.split() for line in _counted(path, "Nodes", blocks["Nodes"])], dtype=np.float64)
+        elements = [
+            [int(word) for word in line.split()] for line in _counted(path, "Elements", blocks["Elements"])
+        ]
+    except (KeyError, ValueError) as error:
+        raise InputError(path, f"cannot be read as a Gmsh mesh: {error}", cure=CURE) from None
+    if rows.ndim != 2 or rows.shape[1] != 4 or not (np.abs(rows) <= LARGEST_SAMPLE).all():
+        raise InputError(path, "has points that are not a number and three coordinates", cure=CURE)
+    place = {int(number): k for k, number in enumerate(rows[:, 0])}
+    if len(place) < len(rows):
+        raise InputError(path, "gives two points one number", cure=CURE)
+    for row in elements:
+        tags = row[2] if len(row) > 3 else -1
+        points = row[3 + tags :]
+        if tags < 0 or not points or len(points) != POINTS.get(row[1], len(points)):
+            raise InputError(path, f"has the element {row[:12]}, which none can be", cure=CURE)
+        if not all(point in place for point in points):
+            raise InputError(path, f"has the element {row[0]} with points that are not there", cure=CURE)
+    return rows, place, elements
+
+
+def _counted(path: Path, name: str, lines: list[str]) -> list[str]:
+    """The lines of a block behind their number, which must be right."""
+    said = lines[0] if lines else ""
+    if not said.isdecimal() or int(said[:12]) != len(lines) - 1:
+        raise InputError(
+            path, f"says {said[:20]!r} for the {len(lines) - 1} lines of ${name}: is it cut off?", cure=CURE
+        )
+    return lines[1:]
 
 
 def group_of(row: list[int]) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
-from kolsky.readers.gmsh_mesh import CURE, SIZE_LIMIT, blocks_of, group_of, names_of
+from kolsky.readers.gmsh_mesh import SIZE_LIMIT, blocks_of, group_of, names_of, points_and_elements
 from kolsky.readers.text import decode, read_bytes
 
 VOLUMES = {4: ("tet4", (0, 1, 2, 3)), 5: ("hex8", tuple(range(8))), 11: ("tet10", (*range(8), 9, 8))}
@@ -44,12 +44,7 @@ def read_gmsh_volume(path: Path) -> GmshVolume:
     raw = read_bytes(path, limit=SIZE_LIMIT)
     blocks = blocks_of(path, decode(path, raw).splitlines())
     names = names_of(path, blocks)
-    try:
-        rows = np.array([line.split() for line in blocks["Nodes"][1:]], dtype=np.float64)
-        elements = [[int(word) for word in line.split()] for line in blocks["Elements"][1:]]
-    except (KeyError, ValueError) as error:
-        raise InputError(path, f"cannot be read as a Gmsh mesh: {error}", cure=CURE) from None
-    place = {int(number): k for k, number in enumerate(rows[:, 0])}
+    rows, place, elements = points_and_elements(path, blocks)
     volumes = [row for row in elements if row[1] in VOLUMES]
     kinds = {row[1] for row in volumes}
     if len(kinds) != 1:

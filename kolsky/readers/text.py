@@ -70,7 +70,9 @@ def read_bytes(path: Path, *, limit: int = SIZE_LIMIT) -> bytes:
     except FileNotFoundError:
         raise InputError(path, "there is no such file", cure="put it there or correct its name") from None
     except OSError as error:
-        raise InputError(path, f"cannot be read ({error.strerror})") from None
+        raise InputError(
+            path, f"cannot be read ({error.strerror})", cure="copy it again, and see that it may be read"
+        ) from None
     if not data.strip():
         raise InputError(path, "is empty", cure="export it again")
     return data

@@ -118,15 +118,31 @@ def inline_svg(kind: FigureKind[Any], shown: Any) -> str:
     root = ElementTree.fromstring(buffer.getvalue())
     for metadata in root.findall(f"{_SVG}metadata"):
         root.remove(metadata)
+    for holder in root.findall(f"{_SVG}defs"):
+        for style in holder.findall(f"{_SVG}style"):
+            holder.remove(style)
+    root.attrib |= {
+        "stroke-linejoin": "round",
+        "stroke-linecap": "butt",
+    }
     prefix = f"{kind.name}-"
     for element in root.iter():
         element.tag = element.tag.removeprefix(_SVG)
+        _plain_style(element)
         for key, value in list(element.attrib.items()):
             del element.attrib[key]
             element.attrib[key.removeprefix(_LINK)] = _renamed(key.removeprefix(_LINK), value, prefix)
     root.attrib["role"] = "img"
     root.attrib["aria-labelledby"] = f"{prefix}caption"
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _plain_style(element: ElementTree.Element) -> None:
+    """Turn a style into attributes of the same names: a strict Content-Security-Policy allows no other."""
+    for rule in element.attrib.pop("style", "").split(";"):
+        name, _, value = rule.partition(":")
+        if name.strip():
+            element.attrib[name.strip()] = value.strip()
 
 
 def _renamed(key: str, value: str, prefix: str) -> str:

@@ -80,6 +80,19 @@ def in_words(text: str, names: Iterable[str] = ()) -> str:
     return re.sub(rf"(?<![\w.\-\[])({called})(?![\w\]])", lambda found: short(found[1]), text)
 
 
+def constant_symbol(name: str) -> str:
+    """Return a constant of a law for figures: "poisson" is ν, C10 has its number as an index.
+
+    A name that is no letter with a number stands upright.
+    """
+    greek = {"poisson": r"\nu", "mu": r"\mu", "alpha": r"\alpha", "lam": r"\lambda"}
+    parts = re.fullmatch(r"(poisson|alpha|lam|mu|[A-Za-z])_?(\d*)", name)
+    if parts is None:
+        return f"${name_of(name).tex}$"
+    index = rf"_{{{parts[2]}}}" if parts[2] else ""
+    return f"${greek.get(parts[1], parts[1])}{index}$"
+
+
 def factor_of(parameter: str) -> float:
     """Return the displayed number over the SI number."""
     known = _known(parameter)
@@ -246,6 +259,8 @@ QUALITY = {
     "counted_points": ("outline points counted in the search", 1.0, ""),
     "force_discrepancy": ("discrepancy of the model, force", 1.0, " N"),
     "shape_discrepancy": ("discrepancy of the model, outline", 1e6, " µm"),
+    "slow_discrepancy": ("common to many points of the outline", 1e6, " µm"),
+    "front_moved": ("front face’s path moved by, over its noise, rms", 1.0, ""),
 }
 """Words, factor and unit of the entries of `Identification.surrogate`."""
 

@@ -76,7 +76,9 @@ def check_bars(source: Source) -> CheckedBars:
             windows = find_windows(incident, transmission, tension=tension, manual=given.windows)
         checks = check_windows(incident, transmission, tension=tension)
     except ValueError as error:
-        raise InputError(file.path.parent, str(error)) from error
+        raise InputError(
+            file.path.parent, str(error), cure="correct the distance, gauge or bar that it names in shot.toml"
+        ) from error
     return CheckedBars(
         name=given.name,
         folder=file.path.parent,

@@ -164,4 +164,6 @@ def load_bar_driven(source: Source) -> Shot:
         )
         return driven_by_waves(base, result.reduction, result.faces, end=declared.window.end)
     except ValueError as error:
-        raise InputError(folder, str(error)) from error
+        raise InputError(
+            folder, str(error), cure="correct the gauge or bar that it names in shot.toml"
+        ) from error

@@ -31,7 +31,9 @@ def wave_speed_of(shot: str | Path) -> tuple[str, BarsTogether, tuple[str, ...]]
         incident, transmission = (station_of(given, side).signal for side in SIDES)
         found = fit_first_pulse(incident, transmission, tension=given.load == "tension")
     except ValueError as error:
-        raise InputError(folder_of(Path(shot)), str(error)) from error
+        raise InputError(
+            folder_of(Path(shot)), str(error), cure="correct the gauge or bar that it names in shot.toml"
+        ) from error
     return given.name, found, given.notes
 
 

@@ -204,7 +204,11 @@ def correlated(pictures: PictureSet, device: str, progress: Progress) -> StereoR
         whole = {"calibration": calibrating, "correlation": perf_counter() - started}
         return replace(result, seconds={**whole, **result.seconds})
     except ChainError as error:
-        raise InputError(toml.path, f"its pictures give no surface: {error}") from error
+        raise InputError(
+            toml.path,
+            f"its pictures give no surface: {error}",
+            cure="look at them with `kolsky dic --regions`: are specimen and cameras right?",
+        ) from error
     except ValueError as error:
         raise toml.error("dic", f"does not fit the pictures: {error}") from error
 

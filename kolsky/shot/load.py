@@ -12,11 +12,14 @@ from kolsky.readers.shot_tables import FrameTimes
 from kolsky.shot.curve import read_curve
 from kolsky.shot.force import check_sign, force_channel
 from kolsky.shot.frames import body_moves, flyer_motion, read_frames, sound_at_rest
+from kolsky.shot.incident import compared_incident
 from kolsky.shot.outline import check_outline, each_once, read_outline
 from kolsky.shot.picture_set import PictureSet, open_pictures
 from kolsky.shot.records import ForceChannel, ModelSettings, OpticalData, PicturedShot, Shot, ShotBase
+from kolsky.shot.schema.apparatus import elastic_body
 from kolsky.shot.schema.reading import ShotToml, Source, is_bar_driven, parsed, shot_toml
 from kolsky.shot.schema.relaxation import declared_relaxation
+from kolsky.shot.schema.schema import ShotFile
 from kolsky.shot.window import window
 
 if TYPE_CHECKING:
@@ -68,6 +71,7 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
     curve, curve_hashes = read_curve(folder, declared.baseline)
     exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: table.sha256}
     base = _base(toml, frames, force, curve, curve_hashes, exports)
+    base |= compared_incident(toml, span)
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span, notes=notes)
 
 
@@ -130,6 +134,7 @@ def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
     check_outline(centre_line, source, rest, span, toml)
     curve, curve_hashes = read_curve(folder, declared.baseline)
     base = _base(toml, frames, force, curve, curve_hashes, inputs)
+    base |= compared_incident(toml, span)
     fitted = declared.surface.frame == "cylinder"
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span, axis_by_radius=fitted)
 
@@ -159,6 +164,7 @@ def _with_pictures(
     check_sign(shot.force.raw_force(), shot.force.time, span, found.flyer, toml)
     check_outline(found.centre_line, found.source, rest, span, toml)
     base = {field.name: getattr(shot, field.name) for field in fields(ShotBase)}
+    base |= compared_incident(toml, span)
     base["uncertainty"] = {**found.offsets, **shot.uncertainty}  # what is declared counts
     return Shot(
         **base,
@@ -203,7 +209,7 @@ def _base(
         "specimen": Specimen(diameter=specimen.diameter, length=specimen.length, density=specimen.density),
         "interface": declared.interface.interface(),
         "support": declared.transmission.support,
-        "transmission_bar": None if bar is None else Bar(**bar.model_dump()),
+        **_elastic(declared, None if bar is None else Bar(**bar.model_dump())),
         "transducer_depth": declared.transmission.transducer_depth or 0.0,
         "model": ModelSettings(**declared.model.model_dump()),
         "force": force,
@@ -217,6 +223,19 @@ def _base(
             **curve_hashes,
         },
     }
+
+
+def _elastic(declared: ShotFile, bar: Bar | None) -> dict[str, Any]:
+    """The bar and the elastic bodies on both sides of the specimen, as fields of `ShotBase`."""
+    found: dict[str, Any] = {"transmission_bar": bar}
+    if declared.transmission.support == "mesh":
+        behind = elastic_body(declared.transmission, "mesh")
+        longest = max(behind.parts, key=lambda part: part.length)
+        found |= {"behind": behind, "transmission_bar": replace(longest, length=behind.length)}
+    body = declared.flyer_body
+    if body is not None and body.model != "rigid":
+        found["flyer_body"] = elastic_body(body, body.model, seen_at=body.seen_at or 0.0)
+    return found
 
 
 def _all_there(toml: ShotToml, folder: Path) -> None:

@@ -146,7 +146,9 @@ def digest(files: list[Path]) -> str:
             with regular(path).open("rb") as file:
                 digests.append(hashlib.file_digest(file, "sha256").hexdigest())
         except OSError as error:
-            raise InputError(path, f"cannot be read ({error.strerror})") from None
+            raise InputError(
+                path, f"cannot be read ({error.strerror})", cure="copy it again, and see that it may be read"
+            ) from None
     if len(files) == 1:
         return digests[0]
     listed = "\n".join(f"{path.name} {value}" for path, value in zip(files, digests, strict=True))

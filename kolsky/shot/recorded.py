@@ -9,6 +9,7 @@ import numpy as np
 from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion
+from kolsky.shot.picture_film import PictureFilm, picture_film
 from kolsky.shot.picture_set import PicturePair, picture_pair
 from kolsky.shot.records import Shot
 from kolsky.shot.schema.reading import Source, shot_toml
@@ -73,6 +74,8 @@ class Recorded:
     """The numbers of the surfaces by name, as `kolsky.shot.dic_summary.numbers` has them; empty likewise."""
     pair: PicturePair | str = ""
     """A pair of the pictures with the points on it, or why there is none."""
+    film: PictureFilm | None = None
+    """A few small pictures through the test; None if there are none."""
 
 
 def recorded(shot: Shot, folder: Path) -> Recorded:
@@ -186,4 +189,5 @@ def surface_of(source: Source, folder: Path) -> dict[str, Any]:
         "surface_page": page,
         "numbers": numbers(result),
         "pair": picture_pair(toml, result),
+        "film": picture_film(toml, result),
     }

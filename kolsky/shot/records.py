@@ -8,7 +8,7 @@ from pathlib import Path
 from kolsky.bars.flyer.front_path import BarForce
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.bars.signals.transducers import force_history, noise_correlation
-from kolsky.base.apparatus import Bar, Interface, Specimen, Transducer
+from kolsky.base.apparatus import Bar, ElasticBody, Interface, Specimen, Transducer
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, FlyerMotion, ForceHistory, FrontVelocity, MaterialCurve, Recording
 from kolsky.base.relaxation import Relaxation
@@ -81,6 +81,16 @@ class ForceChannel:
         }
 
 
+@dataclass(frozen=True)
+class IncidentForce:
+    """The force at the flyer's own transducer, to be compared with simulations."""
+
+    channel: ForceChannel
+    """Its channel."""
+    mass: float
+    """Mass between the sensing plane and the specimen, of a flyer that moves as one [kg]."""
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ShotBase:
     """A shot apart from its optical measurements (SI, one clock)."""
@@ -94,9 +104,9 @@ class ShotBase:
     interface: Interface
     """How it holds to the platens."""
     support: str
-    """What stands behind it: "rigid" or "bar"."""
+    """What stands behind it: "rigid", "bar" or "mesh"."""
     transmission_bar: Bar | None
-    """The bar, where support is "bar"."""
+    """The bar, where support is "bar"; where it is "mesh", one of its length and of its longest part."""
     transducer_depth: float = 0.0
     """Distance of the transmitted force's transducer behind the platen's face, on that bar [m]."""
     model: ModelSettings
@@ -109,6 +119,12 @@ class ShotBase:
     """Its shot file, parsed; None of a shot that was not read from one."""
     inputs: dict[str, str]
     """SHA-256 of every file that was read: name in the folder -> hex digest."""
+    behind: ElasticBody | None = None
+    """The elastic parts behind the specimen, where support is "mesh"."""
+    flyer_body: ElasticBody | None = None
+    """The flyer's elastic parts; None of one that moves as a whole."""
+    incident: IncidentForce | None = None
+    """The force at the flyer's transducer; None if it is not compared."""
     relaxation: Relaxation | None = None
     """What relaxes beside the long-term curve; None if nothing does."""
     uncertainty: Mapping[str, float] = field(default_factory=dict)

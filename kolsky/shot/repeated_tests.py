@@ -88,6 +88,8 @@ def repeats(
         try:
             found[one.name] = analyse(one).reduction
         except ValueError as error:
-            raise InputError(folder_of(path), str(error)) from error
+            raise InputError(
+                folder_of(path), str(error), cure="correct the gauge or bar that it names in shot.toml"
+            ) from error
     progress("repeats", len(paths), len(paths))
     return RepeatedShots(tuple(found), repeated_tests(found))

@@ -1,7 +1,7 @@
 """The cameras of a shot: from a calibration file, or from its pictures of a target."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,8 +11,9 @@ from dic.camera import StereoRig
 from dic.images import PictureError, Pictures
 from dic.images.series import PictureSizeError
 from kolsky.base.errors import InputError
+from kolsky.shot.calibration_target import target_of
 from kolsky.shot.picture_set import CAMERAS, PictureSet, fits_sensor
-from kolsky.shot.schema.pictures import CalibrationSection, TargetSection
+from kolsky.shot.schema.pictures import CalibrationSection
 from kolsky.shot.schema.reading import TomlFile, parse_toml, shot_toml
 from kolsky.shot.schema.section import Section
 
@@ -74,54 +75,6 @@ def rig_of(toml: TomlFile, section: CalibrationSection, progress: Progress) -> C
     return Calibrated(rig=found.rig, words=_words(found))
 
 
-def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
-    """The target that a file describes, as camera 0 and as camera 1 is to look for it.
-
-    Raises
-    ------
-    InputError
-        If its kind is unknown, a dimension is missing, has no effect or is impossible.
-    """
-    from dic.calibration import TARGETS
-
-    key = "calibration.target"
-    if section.kind not in TARGETS:
-        known = ", ".join(f'"{name}"' for name in TARGETS)
-        raise toml.error(f"{key}.kind", "is not a known target", allowed=f"one of {known}")
-    kind = TARGETS[section.kind]
-    wanted = {field.name: field for field in fields(kind)}
-    anchors = {"anchors_0", "anchors_1"}
-    given = {
-        name: value
-        for name, value in section.model_dump(exclude={"kind", *anchors}).items()
-        if value is not None
-    }
-    by_hand = [section.anchors_0, section.anchors_1]
-    if any(by_hand) and "anchors" not in wanted:
-        raise toml.error(
-            f"{key}.anchors_0" if section.anchors_0 else f"{key}.anchors_1",
-            f"is given, but a target of kind {section.kind} needs no anchors",
-            cure="remove it",
-        )
-    for name in given:
-        if name not in wanted:
-            raise toml.error(
-                f"{key}.{name}",
-                f"is given, but a target of kind {section.kind} has no such dimension",
-                cure=f"remove it; the keys are {', '.join(wanted)}",
-            )
-    try:
-        target = kind(**given)
-        if "anchors" not in wanted:
-            return target, target
-        return replace(target, anchors=by_hand[0] or ()), replace(target, anchors=by_hand[1] or ())
-    except TypeError:
-        missing = [name for name in wanted if name not in given]
-        raise toml.error(f"{key}.kind", f"needs more: some of {', '.join(missing)}") from None
-    except ValueError as error:
-        raise toml.error(key, f"is impossible: {error}") from None
-
-
 def _from_file(toml: TomlFile, section: CalibrationSection) -> tuple[StereoRig, str]:
     from dic.camera_files import CameraFileError, read_rig
 
@@ -130,7 +83,9 @@ def _from_file(toml: TomlFile, section: CalibrationSection) -> tuple[StereoRig, 
         rig = read_rig(toml.path.parent / section.file, length_unit=section.length_unit)
     except CameraFileError as error:
         raise InputError(
-            toml.path.parent / section.file, f"is no calibration that can be read: {error}"
+            toml.path.parent / section.file,
+            f"is no calibration that can be read: {error}",
+            cure="export the calibration again, in one of the formats of docs/howto/pictures",
         ) from None
     return rig, f"from the file {section.file}"
 

@@ -68,6 +68,7 @@ def summarise(shot: ShotBase | CheckedBars) -> list[Entry]:
         ),
         Entry("transmission", "support", shot.support),
         *_bar(shot),
+        *_bodies(shot),
         *_force(shot),
         *(_motion(shot) if isinstance(shot, Shot) else []),
         *(_centre_line(shot.centre_line, shot) if isinstance(shot, Shot) and shot.centre_line else []),
@@ -155,6 +156,26 @@ def _bar(shot: ShotBase) -> list[Entry]:
         Entry("transmission", "bar impedance", bar.impedance, "N s/m"),
         Entry("transmission", "bar round trip", bar.round_trip, "s"),
     ]
+
+
+def _bodies(shot: ShotBase) -> list[Entry]:
+    """Elastic parts on both sides, and the incident force that is compared."""
+    rows = []
+    for table, body in (("transmission", shot.behind), ("flyer_body", shot.flyer_body)):
+        if body is not None:
+            rows += [
+                Entry(table, "model", body.model),
+                Entry(table, "parts", len(body.parts)),
+                Entry(table, "length of the parts", body.length, "m"),
+                Entry(table, "transducer depth", body.transducer_depth, "m"),
+            ]
+    if shot.incident is not None:
+        noise = float(np.std(shot.incident.channel.baseline_volts(), ddof=1))
+        sensitivity = shot.incident.channel.transducer.sensitivity
+        rows.append(Entry("incident_force", "noise of the force", noise / sensitivity, "N"))
+        if shot.flyer_body is None:
+            rows.append(Entry("incident_force", "mass before it", shot.incident.mass, "kg"))
+    return rows
 
 
 def _force(shot: ShotBase) -> list[Entry]:

@@ -1,25 +1,20 @@
 """A test reduced by classical means, from its shot file: by the gauges of its bars, else by its flyer."""
 
 from collections.abc import Callable
-from math import inf
 from pathlib import Path
-
-import numpy as np
 
 from kolsky.bars.audit import Switches
 from kolsky.bars.reduction.analyse import analyse
 from kolsky.bars.result import ReducedTest
-from kolsky.base.apparatus import Transducer
 from kolsky.base.errors import InputError
 from kolsky.shot.bars import declared_settings, load_waves
 from kolsky.shot.flyer_test.analyse import analyse_flyer
 from kolsky.shot.flyer_test.reduction import FlyerInput
-from kolsky.shot.force import force_recording
+from kolsky.shot.incident import incident_channel
 from kolsky.shot.load import load_shot
-from kolsky.shot.records import ForceChannel, Shot
+from kolsky.shot.records import Shot
 from kolsky.shot.schema.bars import WavesSection
-from kolsky.shot.schema.measured import ForceSection
-from kolsky.shot.schema.reading import ShotToml, Source, is_bar_driven, parsed, shot_toml
+from kolsky.shot.schema.reading import Source, is_bar_driven, parsed, shot_toml
 from kolsky.shot.schema.uncertainty import UncertaintySection
 
 __all__ = ["waves"]
@@ -44,7 +39,7 @@ def load_flyer_test(source: Source, shot: Shot) -> FlyerInput:
     toml = shot_toml(source)
     declared = toml.declared
     section = declared.incident_force
-    incident = None if section is None else _channel(toml, section.completed(declared.force))
+    incident = incident_channel(toml)
     waves = declared.waves or WavesSection()
     if "analysis" in waves.model_fields_set:
         raise toml.error(
@@ -66,38 +61,6 @@ def load_flyer_test(source: Source, shot: Shot) -> FlyerInput:
         },
         settings=declared_settings(toml.content),
     )
-
-
-def _channel(toml: ShotToml, section: ForceSection) -> ForceChannel:
-    recording = force_recording(toml.path.parent / section.file, section)
-    clipped = np.flatnonzero(np.abs(recording.value) >= section.full_scale)
-    if clipped.size:
-        raise InputError(
-            recording.path,
-            f"column '{recording.channel}' is clipped: {clipped.size} samples at or beyond full scale "
-            f"(incident_force.full_scale = {section.full_scale:g} V)",
-            line=int(clipped[0]) + 2,
-            cure="a clipped force is lost; repeat the test at a coarser range, or correct the full scale",
-        )
-    channel = ForceChannel(
-        recording=recording,
-        transducer=Transducer(
-            sensitivity=section.sensitivity,
-            compression_sign=1 if section.compression == "positive" else -1,
-            full_scale=section.full_scale,
-            time_constant=inf if section.time_constant is None else section.time_constant,
-        ),
-        baseline=section.baseline,
-        clock_offset=section.clock_offset,
-    )
-    if channel.baseline_volts().size < 20:
-        raise toml.error(
-            "incident_force.baseline",
-            f"holds {channel.baseline_volts().size} samples",
-            allowed="20 or more",
-            cure="widen it within the stretch before the test, on the shot's clock",
-        )
-    return channel
 
 
 Progress = Callable[[str, int, int], None]
@@ -140,4 +103,6 @@ def waves(
         loaded = load_shot(file, measure=lambda pictures: measured(pictures, results, progress=progress))
         return analyse_flyer(load_flyer_test(loaded.file or file, loaded), progress=progress)
     except ValueError as error:
-        raise InputError(file.path.parent, str(error)) from error
+        raise InputError(
+            file.path.parent, str(error), cure="correct the gauge or bar that it names in shot.toml"
+        ) from error

@@ -31,6 +31,8 @@ LARGEST_POISSON = 0.4999
 """Upper bound of a free Poisson's ratio: 1/2 - eps."""
 YOUNG = "E"
 """Name of Young's modulus, the other constant of the coupled law."""
+SECOND_DIFFERENCE = 1e-3
+"""That of the second derivatives of this map."""
 COUPLED, YEOH_D = "neo_hookean_coupled", "yeoh_d"
 DIFFERENCE = 1e-6
 """Relative step of the derivatives of the map from fitted constants to those of the energy."""
@@ -173,3 +175,26 @@ class Constants:
             (up, above), (down, below) = ends
             columns.append((above - below) / (up - down))
         return np.stack(columns, axis=-1)
+
+    def chain_changes(self, free: Sequence[float] | FloatArray) -> FloatArray:
+        """Derivative of `chain` by the free constants, shape [n_parameters, n_free, n_free].
+
+        Differences of `chain`, one-sided where the other side is no law.
+        """
+        at = np.asarray(free, dtype=np.float64)
+        changes = []
+        for j, size in enumerate(self.scales):
+            step = SECOND_DIFFERENCE * max(abs(at[j]), 1e-2 * size)
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = at.copy()
+                moved[j] += sign * step
+                try:
+                    self.solid(moved)
+                except ValueError:
+                    moved = at
+                ends.append((moved[j], self.chain(moved)))
+            (up, above), (down, below) = ends
+            changes.append((above - below) / (up - down))
+        whole = np.stack(changes, axis=-1)
+        return np.asarray(0.5 * (whole + np.swapaxes(whole, 1, 2)))

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from implicit.second import second
 from implicit.sensitivity import adjoint
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.specimen.constants import Constants
@@ -129,13 +130,40 @@ class FieldProblem:
         return np.asarray(own @ self.constants.chain(free))
 
     def hessian(self, free: FloatArray) -> FloatArray:
-        """Second derivatives of J, those of u and f included, by differences of its gradient, shape [p, p].
+        """Second derivatives of J, those of u and f included, shape [p, p].
+
+        They are exact (`implicit.second`); with the force from tractions, whose second derivatives are not
+        known, they are differences of the gradient.
 
         Raises
         ------
         ValueError
-            If a simulation beside the point fails.
+            If a simulation fails.
         """
+        if self.sheet.force_from == "tractions":
+            return self._by_differences(free)
+        cost = self.cost(free)
+        if isinstance(cost, str):
+            raise ValueError(f"second derivatives need a simulation: {cost}")
+        state, data = cost.state, self.data
+        twice = second(state.slopes)
+        chain, bent = self.constants.chain(free), self.constants.chain_changes(free)
+        own = len(chain)  # region 0 comes first
+        # of u and f by the energy's constants, then by what is fitted
+        u_pq, u_p = twice.displacements[:, :own, :own], state.slopes.displacements[:, :own]
+        u_ij = np.einsum("npqad,pi,qj->nijad", u_pq, chain, chain, optimize=True)
+        u_ij += np.einsum("npad,pij->nijad", u_p, bent)
+        axis, moving = self.sheet.axis, self.sheet.moving
+        f_pq = twice.reaction(moving)[:, :own, :own, axis]
+        f_p = state.slopes.reaction(moving)[:, :own, axis]
+        f_ij = np.einsum("npq,pi,qj->nij", f_pq, chain, chain) + np.einsum("np,pij->nij", f_p, bent)
+        loaded = np.stack([self.mass @ one for one in state.displacements - data.displacements])
+        left = np.einsum("nad,nijad->ij", loaded, u_ij)
+        left += data.weight * np.einsum("n,nij->ij", state.force - data.force, f_ij)
+        return np.asarray(cost.gauss_newton + left)
+
+    def _by_differences(self, free: FloatArray) -> FloatArray:
+        """Second derivatives of J by differences of its gradient."""
         columns = []
         for j in range(len(free)):
             step = DIFFERENCE * max(abs(free[j]), 1e-3)

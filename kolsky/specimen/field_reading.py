@@ -137,7 +137,11 @@ def _points(toml: TomlFile, section: FieldSection) -> tuple[FloatArray, FloatArr
         if not len(found):
             raise toml.error("field.frames", f"names frame {number}, which {own.file} does not have")
         if len(found) != len(rows[0]):
-            raise InputError(path, f"has {len(found)} points in frame {number}, {len(rows[0])} in the first")
+            raise InputError(
+                path,
+                f"has {len(found)} points in frame {number}, {len(rows[0])} in the first",
+                cure="export the same points in every frame",
+            )
     points = np.stack([columns[0][rows[0]], columns[1][rows[0]]], axis=-1)
     for number, found in zip(section.frames, rows, strict=True):
         there = np.stack([columns[0][found], columns[1][found]], axis=-1)

@@ -18,6 +18,9 @@ from kolsky.specimen.equilibrium import SpecimenModel
 from kolsky.specimen.errors_in_variables import Linearised, Samples, reduce
 from kolsky.specimen.intervals import correlation_of
 
+LEAST_COLUMN = 1e-6
+"""Least slope by a relative constant, as a share of the largest, that is not rounding [-]."""
+
 
 @dataclass(frozen=True)
 class Expected:
@@ -62,19 +65,24 @@ def expected(
     jacobian = np.concatenate([whitened[name] for name in tests]) * sizes
     peak = max(forces[name] for name in tests)
     p = len(sizes)
+    relative, correlation = np.full(p, np.inf), np.eye(p)
+    columns = np.sqrt((jacobian**2).sum(axis=0))
+    seen = np.flatnonzero(columns > LEAST_COLUMN * columns.max())
+    criterion = np.inf
     try:
-        columns = np.sqrt((jacobian**2).sum(axis=0))
-        if not (columns > 0.0).all() or len(jacobian) < p:
-            raise SingularInformationError("a constant moves no force")
-        covariance = inverse_information(jacobian / columns) / np.outer(columns, columns)
+        if len(seen) == 0 or len(jacobian) < len(seen):
+            raise SingularInformationError("a constant moves nothing")
+        scaled = jacobian[:, seen] / columns[seen]
+        covariance = inverse_information(scaled) / np.outer(columns[seen], columns[seen])
     except SingularInformationError:
-        return Expected(tuple(tests), np.full(p, np.inf), np.eye(p), np.inf, peak)
-    relative = np.sqrt(np.diag(covariance))
+        return Expected(tuple(tests), relative, correlation, criterion, peak)
+    relative[seen] = np.sqrt(np.diag(covariance))
+    correlation[np.ix_(seen, seen)] = correlation_of(covariance)
     if wanted:
         criterion = float(max(relative[constants.free.index(name)] for name in wanted))
-    else:
+    elif len(seen) == p:
         criterion = float(np.linalg.det(covariance) ** (0.5 / p))
-    return Expected(tuple(tests), relative, correlation_of(covariance), criterion, peak)
+    return Expected(tuple(tests), relative, correlation, criterion, peak)
 
 
 def slopes(

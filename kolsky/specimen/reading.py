@@ -159,7 +159,9 @@ def _samples(toml: TomlFile, section: TestSection) -> tuple[Samples, str]:
     )
     force = np.stack([table.values(column.as_column()) for column in section.columns("force")], -1)
     if len(force) < FEWEST:
-        raise InputError(path, f"has {len(force)} samples; it must be at least {FEWEST}")
+        raise InputError(
+            path, f"has {len(force)} samples; it must be at least {FEWEST}", cure="export more of the test"
+        )
     back = np.flatnonzero((np.diff(displacement, axis=0) <= 0.0).any(axis=1))
     if back.size or (displacement[0] < 0.0).any():
         row = int(back[0]) + 1 if back.size else 0

@@ -98,6 +98,8 @@ class SheetState:
     """[N], shape [n]."""
     force_by_constants: FloatArray
     """df/dm, shape [n, p]."""
+    slopes: Sensitivities
+    """Derivatives by the constants of all regions' energies."""
 
 
 def sheet_state(sheet: Sheet, constants: Constants, free: FloatArray, pad: FloatArray) -> SheetState | str:
@@ -119,7 +121,7 @@ def sheet_state(sheet: Sheet, constants: Constants, free: FloatArray, pad: Float
     else:
         force = sheet.force(solution)
         by_force = slopes.reaction(sheet.moving)[:, :n_own, sheet.axis]
-    return SheetState(solution, solution.displacements, by, force, by_force @ chain)
+    return SheetState(solution, solution.displacements, by, force, by_force @ chain, slopes)
 
 
 def _tractions(

@@ -73,9 +73,14 @@ def _header(path: Path, cells: list[str]) -> list[tuple[str, float]]:
             si = parameter(name).unit
             factor = 1.0 if unit is None or unit == si else quantity(f"1 {unit}", si)
         except (ValueError, UnitError) as error:
-            raise InputError(path, str(error), line=1) from None
+            raise InputError(
+                path,
+                str(error),
+                line=1,
+                cure='write NAME (UNIT), e.g. "damping (us)"; the names are those of --vary',
+            ) from None
         if name in dict(columns):
-            raise InputError(path, f"{name} stands twice", line=1)
+            raise InputError(path, f"{name} stands twice", line=1, cure="keep one of the columns")
         columns.append((name, factor))
     if not columns:
         raise InputError(path, "has no header", cure='write NAME (UNIT), e.g. "damping (us)"')
@@ -84,7 +89,12 @@ def _header(path: Path, cells: list[str]) -> list[tuple[str, float]]:
 
 def _point(path: Path, line: int, row: list[str], columns: list[tuple[str, float]]) -> list[float]:
     if len(row) != len(columns):
-        raise InputError(path, f"has {len(row)} values where the header has {len(columns)}", line=line)
+        raise InputError(
+            path,
+            f"has {len(row)} values where the header has {len(columns)}",
+            line=line,
+            cure="give every point a value of each parameter",
+        )
     point = []
     for cell, (name, factor) in zip(row, columns, strict=True):
         try:
@@ -96,5 +106,5 @@ def _point(path: Path, line: int, row: list[str], columns: list[tuple[str, float
         try:
             point.append(checked_value(name, number * factor))  # refuses NaN too
         except ValueError as error:
-            raise InputError(path, str(error), line=line) from None
+            raise InputError(path, str(error), line=line, cure="correct the value or its unit") from None
     return point

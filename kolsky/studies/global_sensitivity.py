@@ -250,7 +250,7 @@ def _indices(
         errors=errors,
         refused=refused,
         scalars=scalars,
-        force_times=observables.observations.bins.centres,
+        force_times=observables.observations.force_times,
         force=history("force"),
         outline_times=line.time[observables.counted],
         outline_heights=line.y[observables.counted],

@@ -38,7 +38,7 @@ class Observables:
     @property
     def histories(self) -> dict[str, slice]:
         """Slices of the bin means and the outline in the vector."""
-        samples, bins = len(self.observations.force.time), len(self.observations.bins.mean)
+        samples, bins = len(self.observations.force.time), self.observations.n_force
         whole = {"force": slice(samples, samples + bins)}
         if self.counted.any():
             whole["outline"] = slice(samples + bins, samples + bins + int(self.counted.sum()))
@@ -48,7 +48,7 @@ class Observables:
     def noise(self) -> FloatArray:
         """Standard deviations of the vector's entries as measured, shape [k]."""
         o = self.observations
-        return np.concatenate([o.force.sigma, o.bins.sigma, o.centre_line.sigma[self.counted]])
+        return np.concatenate([o.force.sigma, o.force_sigma, o.centre_line.sigma[self.counted]])
 
     def vectors(self, prediction: Prediction) -> FloatArray:
         """Vectors of runs, shape [n, k]."""

@@ -64,9 +64,10 @@ class ShotEvidence:
             If the transducer sits behind the platen's face.
         """
         shot, bins = prepared.forward.shot, prepared.observations.bins
-        if shot.transducer_depth:
+        if shot.transducer_depth or shot.behind or shot.flyer_body:
             raise ValueError(
-                f"{shot.name}: a transducer behind the face is not known here; put it at the face"
+                f"{shot.name}: a transducer behind the face, or elastic parts, are not known here; put it at "
+                "the face of a rigid support or a bar"
             )
         held = {
             name: float(p.held(shot))

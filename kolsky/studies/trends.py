@@ -268,6 +268,6 @@ def _by_response(
     Z[:, inside] = told[:, samples:]
     everywhere = np.broadcast_to(inside, Z.shape)
     # Terms take the paper's misfits from forces and radii; the bins play no part in them.
-    bins = np.broadcast_to(observations.bins.mean, (len(x), len(observations.bins.mean)))
+    bins = np.broadcast_to(observations.force_mean, (len(x), observations.n_force))
     found = _terms(Prediction(told[:, :samples], bins, Z, everywhere), observations)
     return np.array([t.phi_force for t in found]), np.array([t.phi_shape for t in found])

@@ -22,6 +22,7 @@ from functools import cached_property
 import numpy as np
 
 from explicit import Response
+from kolsky.bars.signals.transducers import ForceBins
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Observations, predict
@@ -221,11 +222,12 @@ class MovedInputs:
     def change(self, key: str, step: float) -> FloatArray:
         """Change of prediction minus data when the input is larger by a step, shape [k]."""
         n, change = self.objective.n_force, np.zeros(len(self.objective.data))
+        own = len(self.observations.bins.mean)  # of the transmitted force alone
         match key:
             case "sensitivity":  # a larger sensitivity is a smaller force
-                change[:n] = step * self._seen()[:n]
+                change[:own] = step * self._seen()[:own]
             case "force_zero":  # what is taken for zero is subtracted
-                change[:n] = step
+                change[:own] = step
             case "clock_offset":
                 change[:n] = step * self.force_rate()
             case "outline_clock":
@@ -243,9 +245,14 @@ class MovedInputs:
 
     def force_rate(self) -> FloatArray:
         """Time derivative of each bin's force, of the model, which has no noise [N/s], shape [n_bins]."""
-        edges = self.observations.bins.edges
-        force = np.interp(edges, self.reference.force_times, self.reference.force_transmission[0])
-        return np.asarray(np.diff(force) / np.diff(edges))
+
+        def rate(bins: ForceBins, which: str) -> FloatArray:
+            run = self.reference
+            force = run.force_transmission if which == "transmission" else run.force_flyer
+            at = np.interp(bins.edges, run.force_times, force[0])
+            return np.asarray(np.diff(at) / np.diff(bins.edges))
+
+        return self.observations.of_forces(rate)
 
     def outline_rate(self) -> FloatArray:
         """Time derivative of the radius at each counted point's height [m/s], shape [n_counted]."""

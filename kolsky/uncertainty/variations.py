@@ -89,30 +89,38 @@ def shorter(objective: Objective, model: Model, end: float) -> Data:
         If it leaves too little.
     """
     seen = objective.observations
-    bins, line = seen.bins, seen.centre_line
-    n = int((bins.edges[1:] <= end + SAME_TIME).sum())
+    line = seen.centre_line
+    inside = seen.of_forces(lambda bins, _: bins.edges[1:] <= end + SAME_TIME).astype(bool)
+    n = int(inside[: len(seen.bins.mean)].sum())
     points = line.time <= end + SAME_TIME
     if n < LEAST_BINS:
         raise ValueError(f"{n} bins of the force are left, {LEAST_BINS} are needed")
     if seen.has_shape and not (points & objective.counted).any():
         raise ValueError("no point of the outline is left")
+    left = np.concatenate([inside, points])
     kept = Observations(
         force=seen.force,
-        bins=ForceBins(bins.edges[: n + 1], bins.mean[:n], bins.sigma[:n], bins.n[:n]),
+        bins=_first_bins(seen.bins, end),
+        incident=None if seen.incident is None else _first_bins(seen.incident, end),
         centre_line=line.select(points),
         force_sigma_gain=seen.force_sigma_gain,
-        front_noise=None
-        if seen.front_noise is None
-        else seen.front_noise[:, np.concatenate([np.arange(objective.n_force) < n, points])],
+        front_noise=None if seen.front_noise is None else seen.front_noise[:, left],
+        front_offset=None if seen.front_offset is None else seen.front_offset[left],
     )
-    rows = np.concatenate([np.arange(objective.n_force) < n, points[objective.counted]])
+    rows = np.concatenate([inside, points[objective.counted]])
     return replace(objective, observations=kept, counted=objective.counted[points]), lambda x: model(x)[
         :, rows
     ]
 
 
+def _first_bins(bins: ForceBins, end: float) -> ForceBins:
+    """The bins that end before a time."""
+    n = int((bins.edges[1:] <= end + SAME_TIME).sum())
+    return ForceBins(bins.edges[: n + 1], bins.mean[:n], bins.sigma[:n], bins.n[:n])
+
+
 def wider(objective: Objective, model: Model) -> Data:
-    """The data with every two bins of the force as one; an odd last one stays.
+    """The data with every two bins of the transmitted force as one; an odd last one stays.
 
     Raises
     ------
@@ -120,7 +128,8 @@ def wider(objective: Objective, model: Model) -> Data:
         If too few bins would be left.
     """
     bins = objective.observations.bins
-    starts = np.arange(0, objective.n_force, 2)
+    own = len(bins.mean)
+    starts = np.arange(0, own, 2)
     if len(starts) < LEAST_BINS:
         raise ValueError(f"{len(starts)} bins of the force are left, {LEAST_BINS} are needed")
     h = np.diff(bins.edges)
@@ -131,25 +140,29 @@ def wider(objective: Objective, model: Model) -> Data:
         return means
 
     wide = ForceBins(
-        edges=bins.edges[np.append(starts, objective.n_force)],
+        edges=bins.edges[np.append(starts, own)],
         mean=merged(bins.mean),
         sigma=np.sqrt(np.add.reduceat((h * bins.sigma) ** 2, starts)) / together,
         n=np.add.reduceat(bins.n - 1, starts) + 1,
     )
 
     def both(vectors: FloatArray) -> FloatArray:
-        n = objective.n_force
-        return np.concatenate([merged(vectors[:, :n]), vectors[:, n:]], axis=1)
+        return np.concatenate([merged(vectors[:, :own]), vectors[:, own:]], axis=1)
 
-    modes = objective.observations.front_noise
-    seen = replace(objective.observations, bins=wide, front_noise=None if modes is None else both(modes))
+    modes, offset = objective.observations.front_noise, objective.observations.front_offset
+    seen = replace(
+        objective.observations,
+        bins=wide,
+        front_noise=None if modes is None else both(modes),
+        front_offset=None if offset is None else both(offset[None])[0],
+    )
     return replace(objective, observations=seen), lambda points: both(model(points))
 
 
 def narrower(
     stages: StagedRuns, answer: LinearisedOptimum, found: ParameterProfiles, check: Prediction
 ) -> Data:
-    """The data with every bin of the force as two, and a surrogate of the same runs for them.
+    """The data with every bin of the transmitted force as two, and a surrogate of the same runs for them.
 
     Raises
     ------
@@ -167,18 +180,26 @@ def narrower(
         return replace(prediction, force_bins=_halves(prediction, seen.force.time, edge, halves))
 
     points, prediction = stages.on_surrogate_mesh()
-    n, modes = answer.objective.n_force, seen.front_noise
-    if modes is not None:  # both halves of a bin have its own
-        modes = np.concatenate([np.repeat(modes[:, :n], 2, axis=1), modes[:, n:]], axis=1)
-    bins = force_between(seen.force, halves)
-    objective = replace(answer.objective, observations=replace(seen, bins=bins, front_noise=modes))
+    n, bins = len(seen.bins.mean), force_between(seen.force, halves)
+
+    def twice(rows: FloatArray | None) -> FloatArray | None:
+        """Rows of bins and points in which both halves of a bin have its own value."""
+        if rows is None:
+            return None
+        return np.concatenate([np.repeat(rows[..., :n], 2, axis=-1), rows[..., n:]], axis=-1)
+
+    halved_seen = replace(
+        seen, bins=bins, front_noise=twice(seen.front_noise), front_offset=twice(seen.front_offset)
+    )
+    objective = replace(answer.objective, observations=halved_seen)
     fine = replace(
         answer,
         objective=objective,
         # The model's own means, shared by the halves as the run shares its own.
         vector=np.concatenate(
             [
-                np.repeat(answer.vector[:n] - check.force_bins[0], 2) + halved(check).force_bins[0],
+                np.repeat(answer.vector[:n] - check.force_bins[0, :n], 2)
+                + halved(check).force_bins[0, : 2 * n],
                 answer.vector[n:],
             ]
         ),
@@ -200,7 +221,8 @@ def _halves(
     steps = 0.5 * (F[:, 1:] + F[:, :-1]) * np.diff(time)
     impulse = np.concatenate([np.zeros((len(F), 1)), np.cumsum(steps, axis=1)], axis=1)
     whole, half = (np.diff(impulse[:, at], axis=1) / np.diff(time[at]) for at in (edge, halves))
-    return half + np.repeat(prediction.force_bins - whole, 2, axis=1)
+    own = half + np.repeat(prediction.force_bins[:, : len(edge) - 1] - whole, 2, axis=1)
+    return np.concatenate([own, prediction.force_bins[:, len(edge) - 1 :]], axis=1)
 
 
 def _optimum(found: ParameterProfiles, start: FloatArray, data: Data) -> FloatArray:

@@ -89,7 +89,7 @@ def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -
             "side": shot.interface.side,
             "friction": shot.interface.friction,
         },
-        "transmission": {"support": shot.support},
+        "transmission": {"support": "rigid" if bar is None else "bar"},
         "motion": {
             "kind": "sampled",
             "file": MOTION,

@@ -81,9 +81,34 @@ def make(
         early or whose pictures cannot be is told of after the others are made.
     """
     chosen = [series.shot(number) for number in (series.numbers if numbers is None else numbers)]
+    places = [(shot, place_of(series, shot, out)) for shot in chosen]
+    return make_places(places, device=device, threads=threads, workers=workers, progress=progress)
+
+
+def make_places(
+    places: Sequence[Place],
+    *,
+    device: str = "cpu",
+    threads: int | None = None,
+    workers: int = 1,
+    progress: Callable[[Made], None] | None = None,
+) -> list[Made]:
+    """Make shots of any specifications, each in a folder of its own.
+
+    Parameters
+    ----------
+    places
+        The shots and their folders.
+    device, threads, workers, progress
+        As in `make`.
+
+    Raises
+    ------
+    InputError
+        As `make`.
+    """
     done, todo, refused = [], [], []
-    for shot in chosen:
-        folder = place_of(series, shot, out)
+    for shot, folder in places:
         if is_there(shot, folder):
             done.append(Made(shot.name, folder, fresh=False))
             if progress is not None:
@@ -175,4 +200,8 @@ def _written(place: Place, truth: Truth | TruthError, device: str, threads: int 
 
 
 def _refused(shot: ShotSpecification, error: Exception | str) -> InputError:
-    return InputError(shot.folder, f"{shot.name} cannot be made: {error}")
+    return InputError(
+        shot.folder,
+        f"{shot.name} cannot be made: {error}",
+        cure="change the specification: a gentler test or a coarser mesh",
+    )

@@ -152,7 +152,12 @@ def _read_samples(path: Path) -> tuple[FloatArray, FloatArray]:
     table = read_table(path)
     time, displacement = table.values(Column("time (s)")), table.values(Column("displacement (m)"))
     if len(time) < 4 or (np.diff(time) <= 0.0).any():
-        raise InputError(path, "needs four samples or more, at ascending times", key="motion.file")
+        raise InputError(
+            path,
+            "needs four samples or more, at ascending times",
+            key="motion.file",
+            cure="give the path at four times or more, ascending",
+        )
     return time, displacement
 
 

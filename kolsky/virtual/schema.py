@@ -261,6 +261,12 @@ class Specification(Section):
                 key="transmission",
                 cure="give [transmitted] platen_mass, the mass before it",
             )
+        if self.transmission.support == "mesh":
+            raise f.problem(
+                'with support = "mesh" is not made here',
+                key="transmission",
+                cure='write support = "bar", a bar of the parts\' length',
+            )
         return self
 
     @model_validator(mode="after")

@@ -73,7 +73,12 @@ class Series:
         try:
             content = drawn(self.file.content, population, seed=declared.seed, shot=number)
         except ValueError as error:
-            raise InputError(self.file.path, str(error), key="population.draw") from None
+            raise InputError(
+                self.file.path,
+                str(error),
+                key="population.draw",
+                cure="write low and high as numbers with one unit",
+            ) from None
         width = len(str(population.shots))
         name = f"{declared.name}-{number:0{width}d}"
         quantities = TomlFile(self.file.path, self.file.sha256, content, self.file.lines).validated(

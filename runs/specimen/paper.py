@@ -92,9 +92,13 @@ def study_fits(lab: Laboratory, path: Path) -> None:
     uniaxial, biaxial = lab.pair()
     groups = {"uniaxial": [uniaxial], "biaxial": [biaxial], "combined": [uniaxial, biaxial]}
     found = []
+    clock, processor = [], []
     for name, tests in groups.items():
         others = [one for one in (uniaxial, biaxial) if one not in tests]
+        started = time.perf_counter(), time.process_time()
         found.append(fit(name, tests, constants(START), predicted=others))
+        clock.append(round(time.perf_counter() - started[0], 1))
+        processor.append(round(time.process_time() - started[1], 1))
     table = cross_table(found, ["uniaxial", "biaxial"])
     columns = {"fit": list(groups)}
     columns |= {f"RMSE {name} (N)": table[:, k] for k, name in enumerate(("uniaxial", "biaxial"))}
@@ -104,6 +108,7 @@ def study_fits(lab: Laboratory, path: Path) -> None:
     columns["correlation C10 C01"] = [one.intervals.correlation[0, 1] for one in found]
     columns["correlation C01 C11"] = [one.intervals.correlation[1, 2] for one in found]
     columns["simulations"] = [one.found.simulations for one in found]
+    columns |= {"seconds": clock, "processor seconds": processor}
     write_table(path, columns)
 
 
@@ -256,7 +261,7 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("study", nargs="*")
-    given = parser.parse_args()
+    given = parser.parse_intermixed_args()
     given.out.mkdir(parents=True, exist_ok=True)
     wanted = [name for name in given.study or STUDIES if not (given.out / f"{name}.csv").exists()]
     one = partial(make, out=given.out, full=given.full, device=given.device)

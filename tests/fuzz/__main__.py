@@ -2,14 +2,17 @@
 answered wrongly. `--only WORD` takes the cases whose name holds the word, `--workers N` processes."""
 
 import argparse
+import json
 import random
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
+from pathlib import Path
 
 from tests.fuzz.cases import KINDS, Case, corpus
 from tests.fuzz.hdf5_damage import OF_HDF5
+from tests.fuzz.hostile import traps
 from tests.fuzz.judge import Answer
 from tests.fuzz.targets import all_targets
 from tests.fuzz.worker import answers
@@ -39,21 +42,27 @@ def main(words: list[str]) -> int:
     parser.add_argument("--seed", type=int, default=1, help="of the random part")
     parser.add_argument("--only", nargs="*", default=[""], metavar="WORD", help="cases whose name holds one")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--record", type=Path, help="write the counts there: benchmarks/results/fuzz.json")
     parser.add_argument("--all", action="store_true", help="print every answer")
     said = parser.parse_args(words)
     if said.seconds > 0.0:
         found = drawn(said.seconds, said.seed, said.only, said.workers)
     else:
-        cases = [case for case in corpus() if any(word in str(case) for word in said.only)]
+        cases = [case for case in (*corpus(), *traps()) if any(word in str(case) for word in said.only)]
         found = answers(cases, workers=said.workers)
+    groups: dict[str, Counter[str]] = {}
     counts: Counter[str] = Counter()
     started = time.monotonic()
     for answer in found:
         counts[answer.verdict.value] += 1
+        groups.setdefault(answer.case.split()[0], Counter())[answer.verdict.value] += 1
         if said.all or not answer.verdict.good:
             print(
                 f"{answer.verdict.value:12} {answer.seconds:5.2f} s {answer.case}: {answer.said}", flush=True
             )
+    if said.record is not None:
+        made = {"groups": {name: dict(sorted(groups[name].items())) for name in sorted(groups)}}
+        said.record.write_text(json.dumps(made, indent=1) + "\n")
     wrong = sum(count for name, count in counts.items() if name not in ("refused", "accepted"))
     print(f"{sum(counts.values())} cases in {time.monotonic() - started:.0f} s: {dict(counts)}")
     return 1 if wrong else 0

@@ -8,16 +8,18 @@ import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
 from tests.fuzz.cases import Case, make
+from tests.fuzz.hostile import Trap, harm, spoil
 from tests.fuzz.judge import LARGEST, LONGEST, REFUSALS, Answer, Verdict, of_content, of_refusal
 from tests.fuzz.targets import all_targets
 
-PATIENCE = 30.0
+PATIENCE = 60.0
 """Time after which a process that says nothing is ended [s]; its case is slow, however long it would take."""
 STARTING = 300.0
 """Time that a process has to import everything [s]."""
@@ -79,7 +81,7 @@ def answered(name: str, read: Callable[[], Any], path: Path, judge: Callable[[An
 
 
 def serve(there: Connection) -> None:
-    """Answer the cases that come until there are none."""
+    """Answer the cases and traps that come until there are none."""
     with contextlib.suppress(ImportError):
         import resource
 
@@ -90,6 +92,12 @@ def serve(there: Connection) -> None:
         there.send(None)
         while (case := there.recv()) is not None:
             target = targets[case.target]
+            if isinstance(case, Trap):
+                with tempfile.TemporaryDirectory(dir=base) as place:
+                    spoilt = spoil(case, target, Path(place))
+                    judge = partial(harm, case, target)
+                    there.send(answered(str(case), partial(target.read, spoilt), spoilt, judge))
+                continue
             if case.target not in sound:
                 folder = Path(base) / f"sound-{len(sound)}"
                 folder.mkdir()
@@ -98,17 +106,14 @@ def serve(there: Connection) -> None:
             path, content = sound[case.target]
             with tempfile.TemporaryDirectory(dir=base) as place:
                 damaged = make(case, target, path, Path(place) / "damaged")
-
-                def judge(found: Any, case: Case = case, target: Any = target, content: Any = content) -> str:
-                    return of_content(
-                        found,
-                        content,
-                        cut=case.kind == "cut",
-                        told_length=target.told_length,
-                        told_values=target.told_values,
-                    )
-
-                there.send(answered(str(case), lambda: target.read(damaged), damaged, judge))  # noqa: B023
+                judge = partial(
+                    of_content,
+                    sound=content,
+                    cut=case.kind == "cut",
+                    told_length=target.told_length,
+                    told_values=target.told_values,
+                )
+                there.send(answered(str(case), partial(target.read, damaged), damaged, judge))
 
 
 class Reader:
@@ -145,7 +150,7 @@ class Reader:
 
 
 def answers(
-    cases: Sequence[Any], *, workers: int = 2, serving: Callable[[Connection], None] = serve
+    cases: Sequence[Case | Trap], *, workers: int = 2, serving: Callable[[Connection], None] = serve
 ) -> Iterator[Answer]:
     """The answers to some cases, as they come.
 
@@ -156,7 +161,7 @@ def answers(
     workers
         Number of processes.
     serving
-        What they do: `serve`.
+        What they do.
     """
     waiting = list(reversed(cases))
     readers = [Reader(serving) for _ in range(min(workers, max(1, len(cases))))]

@@ -12,6 +12,7 @@ from tests.mutants.bars_quoted import FAULTS as BARS_QUOTED
 from tests.mutants.budget import FAULTS as BUDGET
 from tests.mutants.causes import FAULTS as CAUSES
 from tests.mutants.cli import FAULTS as CLI
+from tests.mutants.common_errors import FAULTS as COMMON_ERRORS
 from tests.mutants.coverage import FAULTS as COVERAGE
 from tests.mutants.diagnosis import FAULTS as DIAGNOSIS
 from tests.mutants.dic import FAULTS as DIC
@@ -20,6 +21,7 @@ from tests.mutants.explicit import FAULTS as EXPLICIT
 from tests.mutants.fault import Fault
 from tests.mutants.folding import FAULTS as FOLDING
 from tests.mutants.full_field import FAULTS as FULL_FIELD
+from tests.mutants.hostile import FAULTS as HOSTILE
 from tests.mutants.implicit import FAULTS as IMPLICIT
 from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
@@ -37,6 +39,7 @@ from tests.mutants.several_parameters import FAULTS as SEVERAL
 from tests.mutants.shared_errors import FAULTS as SHARED_ERRORS
 from tests.mutants.shot import FAULTS as SHOT
 from tests.mutants.slow_compression import FAULTS as SLOW_COMPRESSION
+from tests.mutants.slow_dynamics import FAULTS as SLOW_DYNAMICS
 from tests.mutants.specimen import FAULTS as SPECIMEN
 from tests.mutants.transducer import FAULTS as TRANSDUCER
 from tests.mutants.uncertainty import FAULTS as UNCERTAINTY
@@ -53,6 +56,7 @@ FAULTS: tuple[Fault, ...] = (
     *CAUSES,
     *BUDGET,
     *CLI,
+    *COMMON_ERRORS,
     *COVERAGE,
     *DIAGNOSIS,
     *DIC,
@@ -60,6 +64,7 @@ FAULTS: tuple[Fault, ...] = (
     *EXPLICIT,
     *FOLDING,
     *FULL_FIELD,
+    *HOSTILE,
     *IMPLICIT,
     *INPUTS,
     *INVERSE,
@@ -77,6 +82,7 @@ FAULTS: tuple[Fault, ...] = (
     *REPORT,
     *RESULTS,
     *SLOW_COMPRESSION,
+    *SLOW_DYNAMICS,
     *SPECIMEN,
     *TRANSDUCER,
     *UNCERTAINTY,

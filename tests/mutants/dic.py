@@ -116,9 +116,9 @@ FAULTS = (
     Fault(
         name="flyer: a lateral motion of a scene of any size",
         file="dic/rigid_body/translation.py",
-        right="across = 1.0 / (pixel * (",
-        wrong="across = 1.0 / (56e-6 * (",
-        tests=("tests/unit/dic/test_dic_scene_size.py",),
+        right="low, high = LEAST_LATERAL * pixel, LATERAL_SIGMA * pixel",
+        wrong="low, high = LEAST_LATERAL * 56e-6, LATERAL_SIGMA * 56e-6",
+        tests=("tests/unit/dic/test_dic_lateral.py",),
     ),
     Fault(
         name="edge strip: a correction of a scene of any size",
@@ -325,21 +325,21 @@ FAULTS = (
     ),
     Fault(
         name="edge: the band lies before the edge",
-        file="dic/bodies/edge_fit.py",
+        file="dic/bodies/edge_model.py",
         right="np.maximum(low, edge + band)",
         wrong="np.maximum(low, edge - band)",
         tests=(f"{EDGE}::test_covariance_of_paint_that_ends",),
     ),
     Fault(
         name="edge: paint adds by its standard deviation",
-        file="dic/bodies/edge_fit.py",
+        file="dic/bodies/edge_model.py",
         right="C = contrast**2 * inside",
         wrong="C = contrast * inside",
         tests=(f"{EDGE}::test_covariance_of_paint_that_ends",),
     ),
     Fault(
         name="edge: blocks of columns without their degree of freedom",
-        file="dic/bodies/edge_fit.py",
+        file="dic/bodies/edge_model.py",
         right="* n / (n - 1.0)",
         wrong="* n / n",
         tests=(f"{EDGE}::test_sigma_from_the_scatter_of_blocks",),

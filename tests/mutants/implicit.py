@@ -73,9 +73,9 @@ FAULTS = (
     ),
     Fault(
         "components of one unknown added once",
-        "implicit/linear/multifrontal.py",
-        "        if coupled:",
-        "        if False:",
+        "implicit/linear/kernels/fronts.py",
+        "kept[at_11 + j * p + i] += value",
+        "kept[at_11 + j * p + i] = value",
         (f"{_UNIT}/test_linear.py::test_against_a_dense_solver",),
     ),
     Fault(
@@ -105,5 +105,19 @@ FAULTS = (
         "change.reshape(n * n, -1) + equations.times(elements, moved)",
         "change.reshape(n * n, -1)",
         (f"{_DERIVATIVES}::test_second_derivatives_are_differences_of_the_first",),
+    ),
+    Fault(
+        "linear: what couples a leaf to its boundary with the wrong sign",
+        "implicit/linear/kernels/fronts.py",
+        "kept[at_21 + j * q + i - p] += value",
+        "kept[at_21 + j * q + i - p] -= value",
+        (f"{_UNIT}/test_linear.py::test_against_a_dense_solver",),
+    ),
+    Fault(
+        "linear: rows exchanged the wrong way back",
+        "implicit/linear/multifrontal.py",
+        "x[own][rows] = solved",
+        "x[own] = solved[rows]",
+        (f"{_UNIT}/test_linear.py::test_against_a_dense_solver",),
     ),
 )

@@ -1,4 +1,4 @@
-"""Faults of the readers: rows that are lost, and layouts that are found where there are none."""
+"""Faults of readers and pages: rows that are lost, layouts that are not there, files drawn wrong."""
 
 from tests.mutants.fault import Fault
 
@@ -12,8 +12,23 @@ SCENE = (
     "tests/unit/report/test_scene.py::test_brightness_is_lamberts_law_and_distance_is_toward_the_eye",
     "tests/unit/report/test_scene.py::test_surfaces_of_the_scene_have_the_areas_of_their_solids",
 )
+INSTRUMENT = ("tests/unit/report/test_instrument.py",)
 
 FAULTS = (
+    Fault(
+        name="residual of the slider with the other sign",
+        file="kolsky/report/pages/instrument.py",
+        right="UM * (c.Z_model[rows] - line.Z[rows])",
+        wrong="UM * (line.Z[rows] - c.Z_model[rows])",
+        tests=INSTRUMENT,
+    ),
+    Fault(
+        name="any script allowed on a page",
+        file="kolsky/report/pages/rendering.py",
+        right="return Markup(f\"'sha256-{found}'\")",
+        wrong="return Markup(\"'unsafe-inline'\")",
+        tests=INSTRUMENT,
+    ),
     Fault(
         name="the first row of a found table lost",
         file="kolsky/readers/found_layout.py",

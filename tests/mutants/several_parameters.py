@@ -40,21 +40,21 @@ FAULTS = (
     ),
     Fault(
         name="a step that pulls away from the prior",
-        file="kolsky/inverse/gauss_newton.py",
+        file="kolsky/inverse/linear_step.py",
         right="right = np.concatenate([right, -weighed.prior.residuals(x)])",
         wrong="right = np.concatenate([right, weighed.prior.residuals(x)])",
         tests=PRIOR,
     ),
     Fault(
         name="a step that is not scaled back to the parameters",
-        file="kolsky/inverse/gauss_newton.py",
+        file="kolsky/inverse/linear_step.py",
         right="return Step(np.clip(found, low, high) * sigma, sigma, weighed)",
         wrong="return Step(np.clip(found, low, high), sigma, weighed)",
         tests=PRIOR,
     ),
     Fault(
         name="a step against the gradient",
-        file="kolsky/inverse/gauss_newton.py",
+        file="kolsky/inverse/linear_step.py",
         right="weighed.whitened(weighed.data - vector)",
         wrong="weighed.whitened(vector - weighed.data)",
         tests=PRIOR,
@@ -174,7 +174,7 @@ FAULTS = (
     Fault(
         name="a common error left out of the spread",
         file="kolsky/inverse/objective.py",
-        right=" + (gain @ self.front_noise.T) @ self.front_noise)",
+        right=" + (gain @ self.common.T) @ self.common)",
         wrong=")",
         tests=("tests/unit/inverse/test_objective.py",),
     ),

@@ -33,6 +33,13 @@ FAULTS = (
         tests=FOUND,
     ),
     Fault(
+        name="shared error: continued to lengths that were not compared",
+        file="dic/stereo/shared_error.py",
+        right="np.geomspace(distance.min(),",
+        wrong="np.geomspace(0.3 * distance.min(),",
+        tests=FOUND,
+    ),
+    Fault(
         name="patterns: what is left out is lost",
         file="kolsky/base/correlated.py",
         right="left = sigma**2 - float((found**2).sum(axis=0).mean())",
@@ -94,6 +101,13 @@ FAULTS = (
         right="np.abs(slope) + 2.0 * own",
         wrong="np.abs(slope)",
         tests=LATERAL,
+    ),
+    Fault(
+        name="diameter: every shot's outline moves with it",
+        file="kolsky/joint/declared.py",
+        right="if shot.axis_by_radius:",
+        wrong="if shot.specimen.diameter:",
+        tests=("tests/unit/joint/test_declared_diameter.py",),
     ),
     Fault(
         name="diameter: the outline moves by the diameter",

@@ -9,6 +9,8 @@ FIELD = (f"{HERE}/test_field_sensitivity.py",)
 CURVE = (f"{HERE}/test_curve.py",)
 BONDS = (f"{HERE}/test_debonding.py",)
 POINTS = (f"{HERE}/test_projection.py",)
+SHEET = (f"{HERE}/test_sheet_simulation.py",)
+SECOND = (f"{HERE}/test_sheet.py::test_second_derivatives_are_those_of_the_gradient",)
 
 FAULTS = (
     Fault(
@@ -157,5 +159,47 @@ FAULTS = (
         right="np.add.at(gradient, j, -length * apart / root)",
         wrong="np.add.at(gradient, j, length * apart / root)",
         tests=(f"{HERE}/test_stiffness_map.py::test_total_variation_of_a_step",),
+    ),
+    Fault(
+        name="plan: a sheet's field with the area left out",
+        file="kolsky/specimen/sheet_simulation.py",
+        right="variance = data.area * data.sigma_displacement**2",
+        wrong="variance = data.sigma_displacement**2",
+        tests=SHEET,
+    ),
+    Fault(
+        name="plan: a sheet's force with its variance for its deviation",
+        file="kolsky/specimen/sheet_simulation.py",
+        right="cost.state.force_by_constants / data.sigma_force}",
+        wrong="cost.state.force_by_constants / data.sigma_force**2}",
+        tests=SHEET,
+    ),
+    Fault(
+        name="sheet: noise of the displacements added to the force",
+        file="kolsky/specimen/sheet_simulation.py",
+        right="u = u + problem.data.sigma_displacement *",
+        wrong="u = u + 2.0 * problem.data.sigma_displacement *",
+        tests=SHEET,
+    ),
+    Fault(
+        name="sheet: second derivatives of the force forgotten",
+        file="kolsky/specimen/field_problem.py",
+        right="left += data.weight * np.einsum",
+        wrong="left += 0.0 * np.einsum",
+        tests=SECOND,
+    ),
+    Fault(
+        name="sheet: the bent map to the energy's constants forgotten",
+        file="kolsky/specimen/field_problem.py",
+        right='u_ij += np.einsum("npad,pij->nijad", u_p, bent)',
+        wrong='u_ij += 0.0 * np.einsum("npad,pij->nijad", u_p, bent)',
+        tests=SECOND,
+    ),
+    Fault(
+        name="constants: half of the map's second derivatives",
+        file="kolsky/specimen/constants.py",
+        right="0.5 * (whole + np.swapaxes(whole, 1, 2))",
+        wrong="0.25 * (whole + np.swapaxes(whole, 1, 2))",
+        tests=(f"{HERE}/test_constants.py::test_changes_of_the_map_to_the_energy",),
     ),
 )

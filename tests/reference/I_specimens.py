@@ -11,11 +11,15 @@ SPECIMENS = {
     "yeoh_b": (12.0, 7.0, 40.0, {"C10": 20.0, "C20": -1.5, "C30": 0.8}),
     "ogden2_b": (8.0, 6.0, 30.0, {"mu1": 24.0, "alpha1": 2.4, "mu2": 6.0, "alpha2": -3.0}),
     "mooney_rivlin_b": (10.0, 6.0, 20.0, {"C10": 8.0, "C01": 2.0}),
+    "reduced_polynomial": (80.0, 70.0, 2.8098, {"C10": 1.4049, "C20": 0.6994}),
 }
 """Name -> diameter, length, shear modulus at rest, constants by the names of `explicit.materials.LAWS`. The
-first three are the specimens of the tables H; what was chosen in the correction was chosen on those."""
+first three are the specimens of the tables H; what was chosen in the correction was chosen on those. The last
+is the silicone of the thesis, Table 3.3, to 10 mm with f = 0.7."""
 
 
 def strains(name: str) -> np.ndarray:
     """Compressions that are recorded [-]."""
+    if name == "reduced_polynomial":
+        return np.round(np.linspace(0.5, 10.0, 20) / 70.0, 12)
     return np.round(np.arange(0.02, 0.5001, 0.02), 4)

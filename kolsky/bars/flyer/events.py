@@ -143,6 +143,19 @@ def flyer_events(
     return FlyerEvents(tuple(events), path)
 
 
+def second_impact(motion: FlyerMotion, *, rest: float) -> Event:
+    """The flyer runs into the bar that it came from: a jump of its velocity after it turned back.
+
+    Parameters
+    ----------
+    motion
+        Its displacement at the frames.
+    rest
+        A time in the static frames [s].
+    """
+    return _second_impact(motion, _turning(motion), None, rest, RINGING)
+
+
 def _turning(motion: FlyerMotion) -> int | None:
     """Frame of the largest displacement, None if the flyer still goes on at the end."""
     top = int(np.argmax(motion.displacement))

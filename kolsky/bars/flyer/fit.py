@@ -33,7 +33,7 @@ not in the path's uncertainty either; `chi2_per_dof` above 1 at a trusted sigma 
 from collections.abc import Callable
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from kolsky.bars.flyer.jerks import ZERO_PRIOR, hat_functions, maximum_likelihood, noise_parts, posterior
 from kolsky.bars.flyer.path import FlyerPath, responses
@@ -46,7 +46,13 @@ LONGEST_STEP = 2.5
 """Longest step from one displacement to the next without knots of the path between them, in frames."""
 
 
-def fit_flyer(motion: FlyerMotion, *, start: float, covariance: FloatArray | None = None) -> FlyerPath:
+def fit_flyer(
+    motion: FlyerMotion,
+    *,
+    start: float,
+    covariance: FloatArray | None = None,
+    restart: float | None = None,
+) -> FlyerPath:
     """Fit the path of a flyer that is at rest until `start`.
 
     Parameters
@@ -60,6 +66,10 @@ def fit_flyer(motion: FlyerMotion, *, start: float, covariance: FloatArray | Non
         Of the displacements between the frames [m²], shape [n_frames, n_frames], if they have a common part
         beside `FlyerMotion.sigma`, the noise that is each frame's own. The path is the same; what the fit
         makes of the common part is added to its covariance.
+    restart
+        Just before a blow that changes the flyer's velocity within few frames, the second impact [s]: from
+        here on the smoothness is one of its own, with as large jerks at first as at the start. None if there
+        is none.
 
     Returns
     -------
@@ -87,7 +97,7 @@ def fit_flyer(motion: FlyerMotion, *, start: float, covariance: FloatArray | Non
     # Unknowns in units of sigma: the zero, then the jerks per frame^3.
     weight = unit / sigma
     G = np.column_stack([np.ones(t.size), responses(t, knots, 0) / frame**3]) * weight[:, None]
-    hats = hat_functions((0.5 * (knots[1:] + knots[:-1]) - start) / frame)
+    hats = _smoothness((0.5 * (knots[1:] + knots[:-1]) - start) / frame, restart, start, frame)
     parts, shared = noise_parts(weight), shared_noise(motion, t, sigma, seen)
     log_scales, log_tau = maximum_likelihood(y, weight, np.diff(knots) / frame, hats, parts, shared)
     s = np.sqrt(parts @ np.exp(2.0 * log_scales))  # noise over declared sigma, frame by frame
@@ -116,6 +126,18 @@ def fit_flyer(motion: FlyerMotion, *, start: float, covariance: FloatArray | Non
         dof=dof,
         static_scatter=float(np.sqrt(np.sum(y[static] ** 2) / ((static & seen).sum() - 1))),
     )
+
+
+def _smoothness(frames: FloatArray, restart: float | None, start: float, frame: float) -> FloatArray:
+    """Hat functions of log tau over the spans, from the start and anew from a restart."""
+    if restart is None:
+        return hat_functions(frames)
+    since = (restart - start) / frame
+    before = frames < since
+    if before.all() or not before.any():
+        return hat_functions(frames)
+    blocks = hat_functions(frames[before]), hat_functions(frames[~before] - since)
+    return np.asarray(block_diag(*blocks))
 
 
 def shared_noise(

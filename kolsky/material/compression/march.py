@@ -1,17 +1,16 @@
 """A compression followed in equilibrium, step by step, with the derivatives of all that is measured."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
 
 from explicit.materials.law import Stretches
 from kolsky.base.arrays import FloatArray
 from kolsky.material.compression.body import Body
+from kolsky.material.compression.equations import Equations
 from kolsky.material.compression.mesh import HalfCylinder
 from kolsky.material.compression.platen import ContactForces, Grip, Platen
+from kolsky.material.compression.result import Compression, NoEquilibriumError
 
 STEP = 0.01
 """Largest step of compression [-]."""
@@ -27,36 +26,6 @@ CREEP_STEPS, CREEP_FAILURES = 60, 8
 """Most of them, and most that may fail."""
 BALANCED = 1e-7
 """Sum of unbalanced nodal forces over the sum of the nodes' internal forces at which a step has converged."""
-
-
-@dataclass(frozen=True)
-class Compression:
-    """Force and shape of a compressed cylinder at chosen strains."""
-
-    strain: FloatArray
-    """Nominal compressive strain [-], shape [n]."""
-    stress: FloatArray
-    """Force over the undeformed section [Pa], compression positive, shape [n]."""
-    bulge: FloatArray
-    """Radius at mid-height [m], shape [n]."""
-    stress_by: FloatArray
-    """Derivatives of the stress by the parameters, shape [n, n_parameters]."""
-    bulge_by: FloatArray
-    """Derivatives of the radius [m], shape [n, n_parameters]."""
-    outline: FloatArray
-    """Places r, z of the nodes of the side's upper half [m], shape [n, n_side, 2]."""
-    largest_s: float
-    """Largest sqrt(I1 - 3) of any Gauss point at the last strain [-]."""
-    past: float
-    """Share of the volume that is strained past the homogeneous strain of the last point [-]."""
-    steps: int = 0
-    """Equilibria found."""
-    snaps: int = 0
-    """Places where the body jumped to another equilibrium: a node of its edge landed or curled off."""
-
-
-class NoEquilibriumError(ValueError):
-    """No equilibrium was found; the message says at which strain."""
 
 
 def compress(
@@ -150,26 +119,8 @@ class _March:
         if platen.bonded:
             fixed[2 * mesh.face] = fixed[self.glued] = True
         self.free = np.flatnonzero(~fixed)
-        rows = np.repeat(mesh.dofs, 18, axis=1).ravel()
-        columns = np.tile(mesh.dofs, (1, 18)).ravel()
-        first, second, self.paired = platen.points.pairs
-        first, second = 2 * first.ravel(), 2 * second.ravel()
-        every = np.arange(size)
-        rows = np.concatenate([rows, first, first, first + 1, every])
-        columns = np.concatenate([columns, second, second + 1, second + 1, every])
-        place = np.full(size, -1)
-        place[self.free] = np.arange(self.free.size)
-        kept = (place[rows] >= 0) & (place[columns] >= 0)
-        key = place[columns[kept]] * self.free.size + place[rows[kept]]
-        unique, self.slot = np.unique(key, return_inverse=True)
-        self.kept, self.row = kept, unique % self.free.size
-        self.start = np.searchsorted(unique // self.free.size, np.arange(self.free.size + 1))
+        self.equations = Equations(mesh, platen, self.free)
         self.steps = self.snaps = 0
-        weight = np.zeros(len(mesh.nodes))
-        np.add.at(weight, mesh.elements, mesh.gauss[1].sum(axis=1)[:, None] / 9.0)
-        # Drag that equals the stiffness of the whole body per displacement, shared out by volume.
-        stiffness = 3.0 * platen.modulus * np.pi * mesh.radius**2 / mesh.height
-        self.drag_unit = np.repeat(weight / weight.sum(), 2) * stiffness
         self.drag, self.crept = 0.0, np.zeros(size)
 
     def reach(self, strain: float) -> tuple[float, float, FloatArray, FloatArray, FloatArray]:
@@ -271,14 +222,14 @@ class _March:
                     internal, contact, stiffness = self._balance(self.laws[0], u, to)
                 except FloatingPointError:
                     return None
-                rest = internal + self.drag * self.drag_unit * (u - self.crept)
+                rest = internal + self.drag * self.equations.drag_unit * (u - self.crept)
                 rest[0::2] -= points.shared(contact.tangential)
                 rest[1::2] += points.shared(contact.normal)
                 size = np.abs(rest[self.free]).sum()
                 if not np.isfinite(size):
                     return None
                 try:
-                    self.factor = self._factor(stiffness, contact)
+                    self.factor = self.equations.factor(stiffness, contact, self.drag)
                 except RuntimeError:
                     return None
                 if size < BALANCED * np.abs(internal).sum():
@@ -289,19 +240,6 @@ class _March:
                 share = 1.0 if count < FULL else 0.3 + 0.7 * ((0.618034 * count) % 1.0)
                 u = u + min(share, 1.0 / max(1.0, most)) * step
         return None
-
-    def _factor(self, stiffness: FloatArray, contact: ContactForces):  # type: ignore[no-untyped-def]
-        c = -contact.stiffness[:, :, :, None] * self.paired[:, None, None, :]
-        touch = (c[:, i, j].ravel() for i, j in ((0, 0), (0, 1), (1, 1)))
-        parts = [stiffness.ravel(), *touch, self.drag * self.drag_unit]
-        data = np.concatenate(parts)[self.kept]
-        values = np.bincount(self.slot, weights=data, minlength=self.row.size)
-        n = self.free.size
-        matrix = csc_array((values, self.row, self.start), shape=(n, n))
-        # The pattern is symmetric, and so is most of the matrix: orderings of A + A^T fill in least.
-        return splu(
-            matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True}
-        )
 
     def _accept(self, u: FloatArray, to: float) -> None:
         """Keep an equilibrium, with its derivatives."""

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from kolsky.base.arrays import FloatArray
-from kolsky.material.compression.march import Compression
+from kolsky.material.compression.result import Compression
 from kolsky.material.curves.uniaxial import gaussian_strain
 from kolsky.material.end_friction.models import (
     CONTINUATIONS,

@@ -8,8 +8,9 @@ import numpy as np
 from explicit.materials import bulk_modulus
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
-from kolsky.material.compression.march import Compression, compress
+from kolsky.material.compression.march import compress
 from kolsky.material.compression.mesh import HalfCylinder
+from kolsky.material.compression.result import Compression
 from kolsky.material.curves.band import CurveBand
 from kolsky.material.end_friction.models import CurveModel
 

@@ -16,10 +16,10 @@ from kolsky.report.figures.base import (
     FigureKind,
     Panels,
     label_panel,
-    label_text,
     note_empty,
     smooth_bar,
 )
+from kolsky.report.nomenclature import constant_symbol
 from kolsky.report.specimen_view import SheetView
 
 MN = 1e3
@@ -70,14 +70,14 @@ def draw_steps(view: SheetView, panels: Panels) -> None:
         if alone:
             ax.plot(pad, alone, "o", color=MEASURED, mfc="none", ms=3, label="step alone")
         ax.axhline(scale * found.values[j], color=MODEL, label="all steps")
-        ax.set_ylabel(f"{label_text(name, 16)}{unit}")
+        ax.set_ylabel(f"{constant_symbol(name)}{unit}")
         ax.legend(frameon=False)
         other = panels[f"{name} noise"]
         label_panel(other, "abcdefgh"[len(free) + j])
         if found.at_bound[j]:
             note_empty(other, "at its bound")
         else:
-            _draw_noise(other, pad, by_u[:, j], by_f[:, j], label_text(name, 16))
+            _draw_noise(other, pad, by_u[:, j], by_f[:, j], constant_symbol(name))
         for one in (ax, other):
             one.set_xlim(0.0, 1.05 * pad.max())
             one.set_xlabel("pad displacement (mm)")
@@ -153,7 +153,7 @@ def draw_fields(view: SheetView, panels: Panels) -> None:
     _field(panels["misfit"], view, MM * np.linalg.norm(apart, axis=1), apart, "misfit (mm)", inside)
     weakest = int(np.argmax(np.linalg.norm(view.sensitivity, axis=(1, 2))))
     own = view.sensitivity[weakest] * 1e-9
-    name = label_text(found.constants.free[weakest], 16)
+    name = constant_symbol(found.constants.free[weakest])
     _field(panels["sensitivity"], view, np.linalg.norm(own, axis=1), own, f"{name} (1/mm$^3$)", inside)
     n = len(view.mesh.points)
     best = view.before.field[-1].reshape(2, n).T * 1e-9

@@ -18,6 +18,7 @@ from kolsky.report.figures.base import (
     label_text,
     smooth_bar,
 )
+from kolsky.report.nomenclature import constant_symbol
 from kolsky.report.specimen_view import BINS, SpecimenView
 
 COLOURS = (MODEL, SHAPE, FORCE, BAND, GREY)
@@ -89,7 +90,7 @@ def draw_correlations(view: SpecimenView, panels: Panels) -> None:
         label_panel(ax, "abc"[number])
         values = np.nan_to_num(found.intervals.correlation)
         image = ax.pcolormesh(values, vmin=-1.0, vmax=1.0, cmap="RdBu_r")
-        names = [label_text(name, 10) for name in found.constants.free]
+        names = [constant_symbol(name) for name in found.constants.free]
         ticks = np.arange(len(names)) + 0.5
         ax.set_xticks(ticks, names)
         ax.set_yticks(ticks, names)

@@ -24,7 +24,8 @@ from kolsky.report.pages.identification_tables import (
     runs,
     shown_unit,
 )
-from kolsky.report.pages.rendering import draw_figures, environment, render_page, write_html
+from kolsky.report.pages.instrument import instrument
+from kolsky.report.pages.rendering import draw_figures, environment, render_page, script, write_html
 from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables
 from kolsky.shot.recorded import Recorded
 
@@ -41,7 +42,7 @@ def write_report(
     *,
     processes: int = 1,
 ) -> None:
-    """Write the report of one shot as a single HTML file without scripts or outside resources.
+    """Write the report of one shot as a single HTML file that needs no network.
 
     Parameters
     ----------
@@ -77,6 +78,8 @@ def render(identification: Identification, recordings: Recorded | None = None, *
         subject="identification",
         result=result,
         figures=figures,
+        instrument=instrument(identification, recordings),
+        script=script("instrument.js"),
         answers=[answer(estimate) for estimate in result.estimates.values()],
         facts=facts(result),
         fit=fit_tables(result),

@@ -1,5 +1,7 @@
 """Common parts of all pages: templates with escaped text, figures as SVG, atomic writing."""
 
+import base64
+import hashlib
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
@@ -122,7 +124,23 @@ def render_page(
     """
     css = Markup((_HERE / "page.css").read_text(encoding="utf-8"))
     found = (using or environment()).get_template(template)
-    return found.render(css=css, kind=kind, heading=shortened(heading, HEADING), subject=subject, **context)
+    policy = {
+        "styles": digest(css),
+        "scripts": digest(context["script"]) if "script" in context else "'none'",
+    }
+    heading = shortened(heading, HEADING)
+    return found.render(css=css, policy=policy, kind=kind, heading=heading, subject=subject, **context)
+
+
+def script(name: str) -> Markup:
+    """A script of this folder, to stand inside a page."""
+    return Markup((_HERE / name).read_text(encoding="utf-8"))
+
+
+def digest(text: str) -> Markup:
+    """The source of a Content-Security-Policy that allows this very text and no other."""
+    found = base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode()
+    return Markup(f"'sha256-{found}'")
 
 
 def write_html(path: Path, html: str) -> None:

@@ -54,7 +54,11 @@ def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list
             )
             names.append(name)
         if not names:
-            raise InputError(session.path, f"has no frame that can be shown: {said}")
+            raise InputError(
+                session.path,
+                f"has no frame that can be shown: {said}",
+                cure="copy or export the pictures again",
+            )
         (partial / "regions.toml").write_text(snippet(session), encoding="utf-8")
     return [folder / name for name in (*names, "regions.toml")]
 

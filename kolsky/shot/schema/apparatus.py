@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
-from kolsky.base.apparatus import Interface
+from kolsky.base.apparatus import Bar, ElasticBody, Interface
 from kolsky.shot.schema import fields as f
 from kolsky.shot.schema.section import Section
 
@@ -98,13 +98,54 @@ class BarSection(Section):
     poisson: f.Poisson = 0.29
 
 
+class PartSection(BarSection):
+    """[transmission.parts.NAME] or [flyer_body.parts.NAME]: a uniform round part."""
+
+
+def elastic_body(
+    section: "TransmissionSection | FlyerBodySection", model: str, *, seen_at: float = 0.0
+) -> ElasticBody:
+    """The parts of a section, in their order, as a simulation takes them."""
+    parts = tuple(Bar(**part.model_dump()) for part in section.parts.values())
+    return ElasticBody(
+        model=model,
+        parts=parts,
+        element_size=(section.element_size or MESHED * min(part.diameter for part in parts))
+        if model == "mesh"
+        else 0.0,
+        transducer_depth=section.transducer_depth or 0.0,
+        seen_at=seen_at,
+    )
+
+
+MESHED = 1.0 / 6.0
+"""Largest side of an element over the smallest diameter of a part, where none is declared [-]."""
+
+
+def _inside(key: str, depth: float | None, length: float) -> None:
+    """Refuse a place that is not between both ends of the parts."""
+    if depth is not None and not depth < length:
+        raise f.problem("is not allowed", key=key, allowed=f"below the parts' length, {length:g} m")
+
+
+def _without(section: Section, keys: tuple[str, ...], why: str, cure: str) -> None:
+    """Refuse keys that would have no effect."""
+    for key in keys:
+        if getattr(section, key):
+            raise f.problem(f"is given, but {why}, so it would have no effect", key=key, cure=cure)
+
+
 class TransmissionSection(Section):
     """[transmission]: what stands behind the specimen."""
 
-    support: Literal["rigid", "bar"]
+    support: Literal["rigid", "bar", "mesh"]
     bar: BarSection | None = None
+    parts: dict[str, PartSection] = Field(default_factory=dict)
+    """Platen, transducer, bar of support = "mesh", the specimen's side first."""
+    element_size: f.Length | None = None
+    """Largest side of their elements; a sixth of the smallest diameter if left out."""
     transducer_depth: f.Length | None = None
-    """Distance of the force transducer behind the platen's face, along the bar."""
+    """Distance of the force transducer behind the platen's face, along the bar or the parts."""
 
     @model_validator(mode="after")
     def _transducer_on_the_bar(self) -> "TransmissionSection":
@@ -131,12 +172,60 @@ class TransmissionSection(Section):
                 key="bar",
                 cure="add a table [transmission.bar] with diameter, length, youngs_modulus, density",
             )
-        if self.support == "rigid" and self.bar is not None:
+        if self.support != "bar" and self.bar is not None:
             raise f.problem(
-                'is given, but support = "rigid", so it would have no effect',
+                f'is given, but support = "{self.support}", so it would have no effect',
                 key="bar",
                 cure='remove the table, or write support = "bar"',
             )
+        return self
+
+    @model_validator(mode="after")
+    def _parts_where_they_act(self) -> "TransmissionSection":
+        if self.support != "mesh":
+            _without(self, ("parts", "element_size"), f'support = "{self.support}"', 'write support = "mesh"')
+        elif not self.parts:
+            raise f.problem(
+                'is missing; support = "mesh" needs it',
+                key="parts",
+                cure="add tables [transmission.parts.platen], [transmission.parts.bar] with diameter, "
+                "length, youngs_modulus, density, the specimen's side first",
+            )
+        else:
+            _inside("transducer_depth", self.transducer_depth, sum(p.length for p in self.parts.values()))
+        return self
+
+
+class FlyerBodySection(Section):
+    """[flyer_body]: the flyer as a body between the place that is measured and the specimen."""
+
+    model: Literal["rigid", "bar", "mesh"]
+    parts: dict[str, PartSection] = Field(default_factory=dict)
+    """Its parts, the specimen's side first."""
+    element_size: f.Length | None = None
+    """Largest side of the elements of a mesh; a sixth of the smallest diameter if left out."""
+    transducer_depth: f.Length | None = None
+    """Distance of the incident force's transducer behind the face."""
+    seen_at: f.Length | None = None
+    """Distance behind the face of the place whose displacement is measured; the face if left out."""
+
+    @model_validator(mode="after")
+    def _parts_where_they_act(self) -> "FlyerBodySection":
+        if self.model == "rigid":
+            keys = ("parts", "element_size", "transducer_depth", "seen_at")
+            _without(self, keys, 'model = "rigid": all of it moves as one', 'write model = "bar" or "mesh"')
+            return self
+        if not self.parts:
+            raise f.problem(
+                f'is missing; model = "{self.model}" needs it',
+                key="parts",
+                cure="add tables [flyer_body.parts.platen] and so on with diameter, length, youngs_modulus, "
+                "density, the specimen's side first",
+            )
+        if self.model == "bar":
+            _without(self, ("element_size",), 'model = "bar" has no elements', 'write model = "mesh"')
+        for key in ("transducer_depth", "seen_at"):
+            _inside(key, getattr(self, key), sum(part.length for part in self.parts.values()))
         return self
 
 

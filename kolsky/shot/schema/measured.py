@@ -60,6 +60,8 @@ class IncidentForceSection(Section):
     voltage: VoltageColumn
     sensitivity: f.Sensitivity
     mass: f.Mass
+    compared: bool = False
+    """Whether it is compared with simulations too, beside the transmitted force."""
     file: f.FileName | None = None
     layout: LayoutSection | None = None
     time: TimeColumn | None = None
@@ -74,7 +76,7 @@ class IncidentForceSection(Section):
         given = {
             name: value
             for name in IncidentForceSection.model_fields
-            if name != "mass" and (value := getattr(self, name)) is not None
+            if name not in ("mass", "compared") and (value := getattr(self, name)) is not None
         }
         rest = {} if self.file is None else {"layout": self.layout, "time": self.time}
         return force.model_copy(update={"bits": None, **rest, **given})

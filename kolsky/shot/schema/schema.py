@@ -6,6 +6,7 @@ from pydantic import Field, model_validator
 
 from kolsky.shot.schema import fields as f
 from kolsky.shot.schema.apparatus import (
+    FlyerBodySection,
     InterfaceSection,
     ModelSection,
     SpecimenSection,
@@ -43,6 +44,7 @@ class ShotFile(Section):
     incident_force: IncidentForceSection | None = None
     frames: FramesSection
     flyer: FlyerSection | None = None
+    flyer_body: FlyerBodySection | None = None
     centre_line: CentreLineSection | None = None
     surface: SurfaceSection | None = None
     pictures: PicturesSection | None = None
@@ -63,6 +65,26 @@ class ShotFile(Section):
     @model_validator(mode="after")
     def _one_baseline(self) -> "ShotFile":
         one_baseline(self.curve, self.law)
+        return self
+
+    @model_validator(mode="after")
+    def _incident_force_where_it_is_known(self) -> "ShotFile":
+        force, body = self.incident_force, self.flyer_body
+        if body is None or body.model == "rigid":
+            return self
+        depth, compared = body.transducer_depth, force is not None and force.compared
+        if compared and depth is None:
+            raise f.problem(
+                "is missing; the incident force is compared, and what lies before its transducer is elastic",
+                key="flyer_body.transducer_depth",
+                cure='add it, or write model = "rigid": then incident_force.mass counts',
+            )
+        if depth is not None and not compared:
+            raise f.problem(
+                "is given, but the incident force is not compared, so it would have no effect",
+                key="flyer_body.transducer_depth",
+                cure="remove it, or add [incident_force] with compared = true",
+            )
         return self
 
     @property

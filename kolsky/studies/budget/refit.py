@@ -16,7 +16,7 @@ import numpy as np
 from doe import Box
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.free_parameters import choose
-from kolsky.inverse.gauss_newton import Step, gauss_newton_step
+from kolsky.inverse.linear_step import Step, gauss_newton_step
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import on_edge
 from kolsky.inverse.parameters import design_box

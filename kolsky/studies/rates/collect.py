@@ -92,7 +92,12 @@ def group_of(file: TomlFile, key: str) -> str:
             cure=f'add e.g. {key} = "..." to every shot, or group by another key with --group KEY',
         )
     if isinstance(value, dict | list):
-        raise InputError(file.path, "is a table or list, which cannot name a group", key=key)
+        raise InputError(
+            file.path,
+            "is a table or list, which cannot name a group",
+            key=key,
+            cure="name a text or a number to group by",
+        )
     return str(value)
 
 
@@ -150,7 +155,7 @@ def collected_shot(
     try:
         history = strain_history(loaded)
     except ValueError as error:
-        raise InputError(loaded.folder, str(error)) from error
+        raise InputError(loaded.folder, str(error), cure="identify the shot again") from error
     return RatedShot(
         name=loaded.name,
         group=group,

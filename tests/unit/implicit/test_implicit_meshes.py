@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import pyvista as pv
 
 from implicit.elements import ELEMENTS
 from implicit.meshes import Mesh, box, cross, dog_bone, from_pyvista, rectangle
@@ -51,6 +50,7 @@ def test_a_dog_bone_has_its_waist():
 
 @pytest.mark.parametrize("name", sorted(ELEMENTS))
 def test_through_pyvista_and_back(name):
+    pv = pytest.importorskip("pyvista")
     item = ELEMENTS[name]
     mesh = box((1.0, 2.0, 3.0)[: item.dimension], (2, 1, 1)[: item.dimension], kind=name)
     points = np.column_stack([mesh.points, np.zeros((len(mesh.points), 3 - item.dimension))])
@@ -79,6 +79,11 @@ def test_what_a_mesh_refuses():
         rectangle((1.0, 0.0), (1, 1))
     with pytest.raises(ValueError, match="needs 3 edge lengths"):
         box((1.0, 1.0), (1, 1))
+
+
+def test_a_grid_of_two_types_is_refused():
+    pv = pytest.importorskip("pyvista")
+    cells = np.array([[0, 1, 2, 3]])
     mixed = pv.UnstructuredGrid(
         {9: cells, 5: np.array([[0, 1, 2]])}, np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     )

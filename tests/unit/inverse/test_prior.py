@@ -7,7 +7,7 @@ import pytest
 from test_objective import NOISE_FORCE, linear, objective
 
 from doe import Box
-from kolsky.inverse.gauss_newton import gauss_newton_step, linear_step
+from kolsky.inverse.linear_step import gauss_newton_step, linear_step
 from kolsky.inverse.optimum import CorrectedSurrogate, search
 from kolsky.inverse.prior import Prior
 from kolsky.uncertainty.reduced_likelihood import full_likelihood

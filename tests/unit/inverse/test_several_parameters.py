@@ -11,7 +11,8 @@ from doe import Box
 from explicit import Ending, Outcome
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.gauss_newton import RefinedRun, Step, _on_refined
+from kolsky.inverse.gauss_newton import RefinedRun, _on_refined
+from kolsky.inverse.linear_step import Step
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.refined_search import CONFIRMED

@@ -6,12 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from kolsky.base.errors import InputError
+from kolsky.cli.commandline import app
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.relaxing import with_relaxation
+from kolsky.joint.hdf5 import read_joint_hdf5, write_joint_hdf5
 from kolsky.joint.identify_shots import identify_shots
 from kolsky.joint.output import to_json
-from kolsky.joint.records import JointResult, JointSettings
+from kolsky.joint.records import CurveFound, JointResult, JointSettings, ModelChoice
 from kolsky.report.study_folder import write_joint_results
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
@@ -83,6 +87,61 @@ def test_files_and_page_say_the_same(found: tuple[JointResult, Path], tmp_path: 
     assert "<svg" in page
     table = (tmp_path / "out" / "joint_shots.csv").read_text("utf-8").splitlines()
     assert [row.split(",")[0] for row in table] == ["shot", "a", "b"]
+
+
+def test_the_result_file_gives_the_same_result(found: tuple[JointResult, Path], tmp_path: Path) -> None:
+    result, _ = found
+    choice = ModelChoice(
+        -3.0, 1.5, {"poisson": 0.49}, 7.0, float("nan"), 0.02, asked_for=False, sentence="no"
+    )
+    nodes, points = np.linspace(0.0, 1.0, 4), np.linspace(1.0, 0.4, 6)
+    curve = CurveFound(nodes, nodes + 1.0, nodes, nodes, points, -points, np.stack([points, points]))
+    whole = replace(result, choice=choice, curve=curve, slow={"held at 20 %": 1.5}, warnings=("one", "two"))
+    for one in (result, whole):
+        write_joint_hdf5(tmp_path / "joint.h5", one)
+        back = read_joint_hdf5(tmp_path / "joint.h5")
+        assert to_json(back) == to_json(one)
+        assert back.estimates == one.estimates
+        assert back.shots == one.shots
+    (tmp_path / "joint.h5").write_bytes((tmp_path / "joint.h5").read_bytes()[:2000])
+    with pytest.raises(InputError):
+        read_joint_hdf5(tmp_path / "joint.h5")
+
+
+def test_report_makes_the_page_again(found: tuple[JointResult, Path], tmp_path: Path) -> None:
+    write_joint_results(tmp_path / "out", found[0])
+    page = (tmp_path / "out" / "joint.html").read_text("utf-8")
+    for name in ("joint.html", "joint.json", "joint_shots.csv"):
+        (tmp_path / "out" / name).unlink()
+    done = CliRunner().invoke(app, ["report", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "out" / "joint.html").read_text("utf-8") == page
+    assert (tmp_path / "out" / "joint.json").exists()
+
+
+class Stopped(Exception):
+    """What a user's stop looks like."""
+
+
+def test_a_search_that_is_stopped_goes_on_where_it_ended(
+    shots: list[Shot], found: tuple[JointResult, Path], tmp_path: Path
+) -> None:
+    """Stopped at some stage by an exception from the progress callback, then started again."""
+    whole, ledger = found[0], tmp_path / "joint.sqlite"
+    made: list[int] = []
+
+    def stop(stage: str, done: int, total: int) -> None:
+        if done == 0 and len(made) > 4:
+            raise Stopped
+        if done == total:
+            made.append(total)
+
+    with pytest.raises(Stopped):
+        identify_shots(shots, SETTINGS, ledger=ledger, progress=stop)
+    again = identify_shots(shots, SETTINGS, ledger=ledger)
+    assert again.runs == whole.runs - sum(made)  # none is made twice, none is missing
+    assert 0 < again.runs < whole.runs
+    assert again.estimates == whole.estimates
 
 
 def test_shots_that_cannot_be_joined_are_refused(shots: list[Shot]) -> None:

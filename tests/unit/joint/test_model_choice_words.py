@@ -1,6 +1,77 @@
 """What the choice between elastic and relaxing says, and when it says that it was not made."""
 
-from kolsky.joint.model_choice import sentence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from doe.whitening import Whitening
+from kolsky.inverse.result import Verdict
+from kolsky.joint.mesh_errors import mesh_patterns
+from kolsky.joint.model_choice import held_against, judged, sentence, time_of
+from kolsky.joint.records import ModelChoice
+from kolsky.uncertainty.numerical import MeshChange
+
+ASKED = ModelChoice(-8.0, -2.0, {}, 20.0, 1e-3, 1e-4, asked_for=True, sentence="the data ask for it")
+
+
+class TwoShots:
+    """Data of two shots with unit noise, two entries each."""
+
+    data = np.zeros(4)
+    shots = (0, 1)
+
+    def of_shot(self, k: int, row: np.ndarray) -> np.ndarray:
+        return np.where(np.arange(4) // 2 == k, row, 0.0)
+
+    def weighed_beside(self, residual: np.ndarray, patterns: np.ndarray) -> None:
+        assert not np.isnan(residual).any()
+
+    def whitening(self, objectives: None, patterns: np.ndarray) -> Whitening:
+        return Whitening(np.ones(4), patterns)
+
+
+def strength(value: float, noise: float, mesh: float) -> Any:
+    size = SimpleNamespace(name="prony_strength_1", value=value, sigma=float(np.hypot(noise, mesh)))
+    return {"prony_strength_1": size}
+
+
+def test_a_strength_that_the_mesh_may_feign_is_not_asked_for() -> None:
+    assert held_against(ASKED, strength(0.3, 0.06, 0.08)) is ASKED  # 3 of 0.1
+    doubtful = held_against(ASKED, strength(0.19, 0.06, 0.08))
+    assert not doubtful.asked_for
+    assert "its strength, 0.19 with a standard uncertainty of 0.1, mesh included" in doubtful.sentence
+    assert held_against(ASKED, {}) is ASKED  # held, not found
+
+
+def test_a_time_at_a_bound_is_no_relaxation() -> None:
+    strong = strength(0.3, 0.06, 0.08)
+    inside, at_bound = (SimpleNamespace(outcome=v) for v in (Verdict.IDENTIFIED, Verdict.AT_BOUND))
+    assert held_against(ASKED, {**strong, "prony_time_1": inside}) is ASKED
+    said = held_against(ASKED, {**strong, "prony_time_1": at_bound})
+    assert not said.asked_for
+    assert "prony_time_1 ends at a bound" in said.sentence
+    assert time_of("prony_strength_2") == "prony_time_2"
+    assert time_of("creep_ratio") == "creep_resistance"
+
+
+def test_an_error_of_the_mesh_is_each_shots_own_and_of_known_size() -> None:
+    stack: Any = TwoShots()
+    change = MeshChange(coarser=np.array([1.0, 2.0, 3.0, 4.0]), element=np.full(4, 8.0), ratio=4.0)
+    rows = mesh_patterns(stack, change)
+    # Richardson's extrapolation with the order 2.5: 4^2.5 - 1 = 31; elements come together as 4^-1.5 = 1/8
+    np.testing.assert_allclose(rows[:2], [[1 / 31, 2 / 31, 0, 0], [0, 0, 3 / 31, 4 / 31]])
+    np.testing.assert_allclose(rows[2:], [[1, 1, 0, 0], [0, 0, 1, 1]])
+    assert len(mesh_patterns(stack, MeshChange(change.coarser, None, 4.0))) == 2
+
+
+def test_what_a_mesh_error_explains_speaks_against_no_model() -> None:
+    stack: Any = TwoShots()
+    pattern = np.array([[3.0, 0.0, 0.0, 0.0]])
+    # variance 1 + 9 of the first entry; a point that is not reached adds nothing
+    found = judged(stack, np.array([2.0, 1.0, np.nan, 0.0]), pattern)
+    assert found == pytest.approx(4.0 / 10.0 + 1.0 + np.log(10.0))
 
 
 def test_a_search_that_ended_above_a_model_that_it_contains_decides_nothing() -> None:

@@ -12,7 +12,10 @@ from kolsky.bars.signals.transducers import ForceBins
 from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.inverse.observations import Observations
 from kolsky.joint.answer import _own
-from kolsky.joint.weights import CLOCK, ShotData, Stack, covariance
+from kolsky.joint.weights import CLOCK, ShotData, Stack, bounded_step, covariance, information
+
+WIDE = np.array([1e3])
+"""Ranges of the unknowns, far beyond what the data leave."""
 
 
 def shot(force: np.ndarray, outline: np.ndarray, *, sigma: float = 0.5, own: Any = None) -> ShotData:
@@ -84,13 +87,38 @@ def test_residuals_that_hang_together_widen_the_interval() -> None:
     slopes, weights = np.ones((n, 1)), Whitening(np.ones(n))
     alternating = np.tile([1.0, -1.0], n // 2)
     # independent at most: the Gauss-Newton variance of a mean, 1 / n
-    assert covariance(slopes, alternating, weights, stack)[0, 0] == pytest.approx(1.0 / n)
+    assert covariance(slopes, alternating, weights, stack, WIDE)[0, 0] == pytest.approx(1.0 / n)
     # blocks of 16 equal residuals: four sums of 16, (4 x 16^2 / n^2) n_blocks / (n_blocks - 1)
     blocks = np.repeat([1.0, -1.0, 1.0, -1.0], 16)
     expected = max(
         (n // length) * length**2 / n**2 * (n // length) / (n // length - 1) for length in (2, 4, 8, 16)
     )
-    assert covariance(slopes, blocks, weights, stack)[0, 0] == pytest.approx(expected)
+    assert covariance(slopes, blocks, weights, stack, WIDE)[0, 0] == pytest.approx(expected)
+
+
+def test_an_unknown_that_nothing_sees_keeps_the_width_of_its_range() -> None:
+    rows = np.array([[3.0, 4.0], [0.0, 0.0]])
+    found = np.linalg.inv(information(rows, np.array([10.0, 6.0])))
+    # 1 / 25 of what is seen; the variance of an even distribution over 6 is 36 / 12
+    np.testing.assert_allclose(found, np.diag([0.04, 3.0]))
+
+
+def test_a_step_stops_at_a_bound_and_the_others_follow() -> None:
+    # r = 2 - x - y, z = x: least at x = 0, y = 2; with y <= 1 the least of (1 - x)^2 + x^2 is at x = 1/2
+    rows = np.array([[1.0, 1.0], [1.0, 0.0]])
+    low, high = np.array([-5.0, -5.0]), np.array([5.0, 1.0])
+    np.testing.assert_allclose(bounded_step(rows, np.array([-2.0, 0.0]), low, high), [0.5, 1.0])
+    # where nothing is seen nothing moves
+    still = bounded_step(np.array([[1.0], [0.0]]), np.array([-0.5]), low, high)
+    np.testing.assert_allclose(still, [0.5, 0.0], atol=1e-12)
+
+
+def test_discrepancies_of_what_free_patterns_leave() -> None:
+    stack = Stack((shot(np.zeros(64), np.zeros(0), sigma=0.1),), np.zeros(0), np.zeros(0), known=0)
+    ramp, alternating = np.linspace(-1.0, 1.0, 64), np.tile([1.0, -1.0], 32)
+    ramp -= alternating * (ramp @ alternating) / 64.0
+    found = stack.weighed_beside(5.0 * ramp + alternating, ramp[None])[0]
+    assert found.force_discrepancy == pytest.approx(np.sqrt(1.0 - 0.01))
 
 
 def test_two_shots_are_not_one_block() -> None:

@@ -50,3 +50,15 @@ def test_refusals_name_the_constant() -> None:
         Constants("neo_hookean", {"mu": 1.0, "D2": 1.0, "poisson": 0.4}, ())
     with pytest.raises(ValueError, match="law must be one of"):
         constants_of("ogden")
+
+
+def test_changes_of_the_map_to_the_energy() -> None:
+    # mu = E / (2 (1 + nu)), lambda = E nu / ((1 + nu) (1 - 2 nu)), differentiated twice by hand
+    E, nu = 3e4, 0.3
+    found = Constants("neo_hookean_coupled", {"E": E, "poisson": nu}, ("E", "poisson")).chain_changes([E, nu])
+    a, b = 1.0 + nu, 1.0 - 2.0 * nu
+    mu = [[0.0, -0.5 / a**2], [-0.5 / a**2, E / a**3]]
+    by_nu = (1.0 + 2.0 * nu**2) / (a * b) ** 2
+    twice = E * (4.0 * nu / (a * b) ** 2 + 2.0 * (1.0 + 2.0 * nu**2) * (1.0 + 4.0 * nu) / (a * b) ** 3)
+    lam = [[0.0, by_nu], [by_nu, twice]]
+    np.testing.assert_allclose(found, [mu, lam], rtol=1e-4, atol=1e-9)

@@ -71,7 +71,10 @@ def test_a_test_that_does_not_tell_is_last() -> None:
     whitened = {"blind": np.array([[1.0, 0.0], [1.0, 0.0]]) * 1e-3, "seen": np.eye(2) * 1e-3}
     found = plan([["blind"], ["seen"]], whitened, {"blind": 1.0, "seen": 1.0}, MOONEY)
     assert [one.tests for one in found] == [("seen",), ("blind",)]
-    assert np.isinf(found[1].relative).all()
+    # what it does see is known: 1 / (C10 sqrt(2) 1e-3)
+    assert found[1].relative[0] == pytest.approx(1.0 / (MOONEY.start[0] * np.sqrt(2.0) * 1e-3))
+    assert found[1].relative[1] == np.inf
+    assert found[1].criterion == np.inf
 
 
 def test_cross_table_has_a_row_a_fit() -> None:

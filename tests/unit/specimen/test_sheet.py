@@ -201,3 +201,30 @@ def test_misfit_noise_and_scales_in_closed_form() -> None:
     inverse = np.linalg.inv(cost.gauss_newton)
     middle = found.scales[0] * cost.curvature_displacement + found.scales[1] * cost.curvature_force
     assert found.covariance == pytest.approx(1e-5 * 1e-12 * inverse @ middle @ inverse)
+
+
+def test_second_derivatives_are_those_of_the_gradient() -> None:
+    # Data far from the model, so that the second derivatives of u and f count; a held region beside.
+    mesh = small_mesh()
+    regions = (mesh.points[mesh.cells].mean(axis=1)[:, 0] > 0.02).astype(np.int64)
+    stiff = constants(E=9e4, poisson=0.2)
+    problem = made(_sheet(regions=regions, held={1: stiff.solid(stiff.start)}))
+    free, sizes = np.array([2.2e4, 0.2]), np.array([2.2e4, 0.2])
+    columns = []
+    for j in range(2):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = free.copy()
+            moved[j] += sign * 1e-4 * sizes[j]
+            cost = problem.cost(moved)
+            assert not isinstance(cost, str)
+            ends.append(cost.gradients.sum(axis=0))
+        columns.append((ends[0] - ends[1]) / (2e-4 * sizes[j]))
+    expected = np.stack(columns) * np.outer(sizes, sizes)
+    cost = problem.cost(free)
+    assert not isinstance(cost, str)
+    found = problem.hessian(free) * np.outer(sizes, sizes)
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(found, expected, atol=1e-5 * scale)  # of the differences
+    # without the second derivatives it would be another matrix
+    assert np.abs(cost.gauss_newton * np.outer(sizes, sizes) - expected).max() > 0.05 * scale

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks import forty_shots
 from benchmarks.forty import SPEC, series_of, spread
 from benchmarks.forty_shots import Answer, Study, cured_copy, flyer_region, one, said_on_purpose, with_subset
 from kolsky.base.errors import InputError
@@ -90,3 +91,26 @@ def test_a_seed_draws_another_population() -> None:
     assert own.shot(3).quantities == same.shot(3).quantities
     assert own.shot(3).quantities.specimen != other.shot(3).quantities.specimen
     assert other.declared.seed == 7
+
+
+def test_an_answer_is_kept_before_its_cures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A study that is stopped within the first cure goes on with that cure, not with the shot."""
+    shot = tmp_path / "shots" / "a"
+    shot.mkdir(parents=True)
+    (shot / "shot.toml").write_text("[dic]\nsubset = 21\n", encoding="utf-8")
+    (shot / "truth.json").write_text('{"m": 1.2}', encoding="utf-8")
+    asked: list[str] = []
+
+    def attempt(study: Study, name: str, folder: Path, cure: str = "") -> Answer:
+        asked.append(cure)
+        if len(asked) == 2:
+            raise KeyboardInterrupt
+        return replace(RIGHT, answered=bool(cure), cure=cure, cured=[])
+
+    monkeypatch.setattr(forty_shots, "attempt", attempt)
+    study = Study("no.toml", str(tmp_path))
+    with pytest.raises(KeyboardInterrupt):
+        one(study, "a")
+    assert one(study, "a").end.cure == "larger subsets"
+    assert one(study, "a").end.answered
+    assert asked == ["", "larger subsets", "larger subsets"]

@@ -1,11 +1,11 @@
-"""Force of a bonded strip to 125 % beside DOLFINx, the same mesh, element and Gauss points."""
+"""Force of a bonded strip to 125 % beside DOLFINx and FElupe, the same mesh, element and Gauss points."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.implicit import SIZE, strip
+from benchmarks.implicit import SIZE, felupe, strip
 from implicit.solve import solve
 
 FILE = Path(__file__).resolve().parents[2] / "reference" / "J_strip.csv"
@@ -22,3 +22,10 @@ def test_force(cells, kind, order):
     assert found.outcome.ok
     # both stop at a residual of 1e-8; 0.1 % was asked for
     np.testing.assert_allclose(found.reaction("right")[:, 0], expected, rtol=1e-6)
+
+
+def test_force_of_felupe():
+    pytest.importorskip("felupe")
+    model, pulls = strip((8, 2, 1), "hex8"), SIZE[0] * np.array([0.4, 0.8, 1.25])
+    found = solve(model, {"pull": pulls})
+    np.testing.assert_allclose(found.reaction("right")[:, 0], felupe(model.mesh, pulls)["forces"], rtol=1e-6)

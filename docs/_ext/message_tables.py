@@ -1,0 +1,121 @@
+"""Tables of error messages and of outcomes, read from the sources, and the index of figures.
+
+A line ``<!-- messages kolsky/readers dic/images -->`` becomes every refusal in these folders or files:
+message, what is allowed, cure; what is filled in when it is raised stands as "…". ``<!-- outcomes NAME -->``
+becomes the members of an outcome's enumeration, cause and cure. ``<!-- figures -->`` becomes the figures of
+all pages with the beginning of their captions.
+"""
+
+import ast
+import importlib
+import re
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parents[1]
+ROOT = DOCS.parent
+LINE = re.compile(r"^<!-- (messages|outcomes|figures)((?: [\w./]+)*) -->$", re.MULTILINE)
+SPLIT = re.compile(r"^```\{figure\} (\S+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+ROLE = re.compile(r" ?\(?\{\w+\}`[^`]*`\)?")
+"""A reference, which would be relative to another page."""
+SHORTEST = 60
+"""Characters that say what a figure shows; "Left:" does not."""
+
+
+def text_of(node: ast.expr | None) -> str:
+    """A text of the sources as it is printed; "…" where a value goes."""
+    match node:
+        case ast.Constant(value=str(text)):
+            return text
+        case ast.JoinedStr(values=values):
+            return "".join(text_of(value) for value in values)
+        case ast.BinOp(left=left, op=ast.Add(), right=right):
+            return text_of(left) + text_of(right)
+        case None:
+            return ""
+    return "…"
+
+
+def refusals(file: Path) -> list[tuple[str, str, str]]:
+    """Message, allowed and cure of every refusal in a file, in its order."""
+    found = []
+    for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+        if not isinstance(node, ast.Call):
+            continue
+        name = ast.unparse(node.func)
+        given = {word.arg: word.value for word in node.keywords if word.arg}
+        if not (name.endswith("InputError") or "cure" in given or "allowed" in given):
+            continue
+        texts = [arg for arg in node.args if isinstance(arg, ast.Constant | ast.JoinedStr | ast.BinOp)]
+        message = text_of(given.get("message") or (texts[0] if texts else None))
+        key = f"{text_of(given['key'])} " if "key" in given else ""
+        if len(message.strip(" …")) > 3:
+            found.append(
+                (node.lineno, f"{key}{message}", text_of(given.get("allowed")), text_of(given.get("cure")))
+            )
+    return [row[1:] for row in sorted(found)]
+
+
+def cell(text: str) -> str:
+    """A text as it stands in a cell of a table."""
+    plain = " ".join(re.sub("…[… ]*…", "…", text).split()).replace("`", "'").replace("|", "\\|")
+    return f"`{plain}`" if plain else ""
+
+
+def messages(places: str) -> str:
+    """The refusals of folders and files."""
+    files: list[Path] = []
+    for place in places.split():
+        path = ROOT / place
+        files += sorted(path.rglob("*.py")) if path.is_dir() else [path]
+    rows = list(dict.fromkeys(row for file in files for row in refusals(file)))
+    lines = ["| what is said | it must be | cure |", "| --- | --- | --- |"]
+    return "\n".join([*lines, *(f"| {' | '.join(map(cell, row))} |" for row in rows)])
+
+
+def outcomes(name: str) -> str:
+    """The members of an outcome's enumeration, given by its dotted name."""
+    module, _, kind = name.strip().rpartition(".")
+    lines = ["| outcome | cause | cure |", "| --- | --- | --- |"]
+    return "\n".join(
+        [
+            *lines,
+            *(
+                f"| `{m.name}` | {m.cause} | {m.cure} |"
+                for m in getattr(importlib.import_module(module), kind)
+            ),
+        ]
+    )
+
+
+def figures(_: str = "") -> str:
+    """The figures of all pages: beginning of the caption, page."""
+    rows: list[str] = []
+    for page in sorted(DOCS.rglob("*.md")):
+        if "_build" in page.parts or page.stem == "figures":
+            continue
+        for _, body in SPLIT.findall(page.read_text("utf-8")):
+            caption = " ".join(
+                line for line in body.splitlines() if line.strip() and not line.startswith(":")
+            )
+            first = ""
+            for sentence in re.split(r"(?<=[.:;])\s", caption.strip()):
+                first = f"{first} {sentence}".strip()
+                if len(first) >= SHORTEST:
+                    break
+            first = ROLE.sub("", first).rstrip(".:; ").replace("|", "\\|")
+            rows.append(f"| {first} | {{doc}}`/{page.relative_to(DOCS).with_suffix('')}` |")
+    return "\n".join(["| figure | page |", "| --- | --- |", *dict.fromkeys(rows)])
+
+
+TABLES = {"messages": messages, "outcomes": outcomes, "figures": figures}
+
+
+def fill(app, name, source) -> None:
+    """Put the tables where a page asks for them."""
+    source[0] = LINE.sub(lambda found: TABLES[found[1]](found[2]), source[0])
+
+
+def setup(app):
+    """Look at every page before it is read."""
+    app.connect("source-read", fill)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,89 @@
+"""The front face's path moved to where force and outline put it, as a nuisance of the fit.
+
+The noise of a flyer's record moves the onset of its motion, and a soft specimen rings with it. The patterns
+of that noise (`kolsky.inverse.front_noise`) are changes of the data at one point: they ring at that point's
+frequency. Where the path is off by much, what they explain is large, and an estimate of Poisson's ratio,
+which sets the frequency, would follow the patterns instead of the data. So the model is run under the path
+with which they explain the residual, p = p_0 + sum_k c_k (p_k - p_0) over replicates p_k of the fitted path
+p_0, and the same change in terms of the patterns, M' a, is taken off its predictions. For a linear response
+nothing is different, the prior of the path included; but what rings is the model, at the frequency of its own
+parameters, and the patterns have the small rest to explain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kolsky.bars.flyer.path import FlyerPath
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.front_noise import SMALLEST_MODE
+from kolsky.inverse.objective import Objective
+
+FOLLOWED = 2.0
+"""Root mean square of the amplitudes, each standard normal beforehand, up to which the path is left: the
+patterns are linear enough for what they have to explain [-]."""
+CREDIBLE = 4.0
+"""The same beyond which the path is left where its record puts it [-]: such a record is not noisy but wrong,
+and no path may hide that."""
+
+
+@dataclass(frozen=True)
+class PathModes:
+    """Independent changes of the path with what each does to the data, a standard deviation a mode."""
+
+    patterns: FloatArray
+    """Changes of bins and all points, shape [q, k]."""
+    shares: FloatArray
+    """Shares of the replicates' deviations in each mode [-], shape [q, n]."""
+    deviations: FloatArray
+    """Of the replicates' jerks from the fitted path [m/s^3], shape [n, n_spans]."""
+
+    @classmethod
+    def of(cls, change: FloatArray, noise: FloatArray, deviations: FloatArray) -> PathModes:
+        """From what the replicates do to the data.
+
+        Parameters
+        ----------
+        change
+            Data under each replicate less those under the path, shape [n, k].
+        noise
+            Standard deviations of the data, shape [k].
+        deviations
+            As above, shape [n, n_spans].
+        """
+        root = np.sqrt(len(change))
+        left, size, right = np.linalg.svd(change / (noise * root), full_matrices=False)
+        kept = size > SMALLEST_MODE
+        return cls(size[kept, None] * right[kept] * noise, left[:, kept].T / root, deviations)
+
+    def moved(self, fitted: FlyerPath, amplitudes: FloatArray) -> FlyerPath:
+        """The fitted path moved by modes of some amplitudes, shape [q]; its covariance stays."""
+        return replace(fitted, jerk=fitted.jerk + (amplitudes @ self.shares) @ self.deviations)
+
+
+def likely_amplitudes(objective: Objective, residual: FloatArray) -> FloatArray:
+    """Most likely amplitudes of the front face's patterns for a residual, shape [q].
+
+    a = M C^-1 r with the patterns M, standard normal beforehand, and the covariance C of the residual
+    r = data - prediction, theirs included.
+
+    Parameters
+    ----------
+    objective
+        With the patterns, and the discrepancies of the residual.
+    residual
+        Shape [k].
+    """
+    return np.asarray(objective.front_noise @ objective.whitening().precision(residual))
+
+
+def size(amplitudes: FloatArray) -> float:
+    """Root mean square of amplitudes [-]; 0 of none."""
+    return float(np.sqrt((amplitudes**2).mean())) if len(amplitudes) else 0.0
+
+
+def credible(amplitudes: FloatArray) -> bool:
+    """True if there are amplitudes, and noise of the record may have brought them."""
+    return 0.0 < size(amplitudes) <= CREDIBLE

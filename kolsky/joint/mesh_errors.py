@@ -1,0 +1,58 @@
+"""What the meshes of a joint search do to the data: changes by mesh and element, as patterns of each shot.
+
+An optimum on a mesh that errs asks for whatever makes up for the error, a branch that relaxes among it. The
+change from the mesh of the search to the refined one, and from one element to the other, say what the error
+looks like; its size differs from shot to shot, since a faster one bends more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+from kolsky.joint.optimum import Optimum
+from kolsky.joint.problem import JointProblem
+from kolsky.joint.weights import Stack
+from kolsky.uncertainty.numerical import ELEMENT_ORDER, ORDER, MeshChange
+
+
+def mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
+    """The data at an optimum on the search's mesh, with both elements, beside those on the refined mesh.
+
+    Raises
+    ------
+    ValueError
+        If the run with the element of the search does not complete there.
+    """
+    numerics = problem.mesh
+    coarse = problem.predict("check", found.x[None], numerics)[0]
+    if np.isnan(coarse).any():
+        raise ValueError("the run at the answer on the mesh of the search did not complete: refine --mesh")
+    other = replace(numerics, element="fbar" if numerics.element == "one_point" else "one_point")
+    element = problem.predict("check", found.x[None], other)[0]
+    return MeshChange(
+        coarser=coarse - found.vector,
+        element=None if np.isnan(element).any() else element - coarse,
+        ratio=problem.settings.refined_mesh[0] / numerics.mesh[0],
+    )
+
+
+def mesh_patterns(stack: Stack, change: MeshChange) -> FloatArray:
+    """Error of the refined mesh as patterns of each shot: by Richardson and by the element, shape [n, k].
+
+    Rows of one standard deviation: what is extrapolated, Δ / (q^2.5 - 1) with the change Δ between meshes of
+    the ratio q, may be missing altogether or be there twice; the two elements come together as q^-1.5.
+
+    Parameters
+    ----------
+    stack
+        Whose entries.
+    change
+        Changes of the data vector.
+    """
+    rows = [change.coarser / (change.ratio**ORDER - 1.0)]
+    if change.element is not None:
+        rows.append(change.element / change.ratio**ELEMENT_ORDER)
+    return np.array([stack.of_shot(k, row) for row in rows for k in range(len(stack.shots))])

@@ -1,0 +1,54 @@
+"""`python -m tests.fuzz.guided NAME [options of libFuzzer]`: damage of one target's file guided by coverage.
+
+Needs Atheris (`pip install atheris`, Linux, CPython up to 3.11 or as its own page says). NAME is a target as
+`python -m tests.fuzz --all` prints it, e.g. "recorder mat"; `-max_total_time=600` ends it after ten minutes.
+What is answered by another error than a refusal is kept by libFuzzer as `crash-*`.
+"""
+
+import sys
+import tempfile
+import warnings
+from pathlib import Path
+
+from tests.fuzz.judge import REFUSALS, Verdict, of_refusal
+
+
+def main(words: list[str]) -> int:
+    """Feed one target; 2 if it cannot be done."""
+    try:
+        import atheris
+    except ImportError:
+        print("needs Atheris: pip install atheris")
+        return 2
+    with atheris.instrument_imports(include=["kolsky", "dic", "doe"]):
+        from tests.fuzz.targets import all_targets
+
+        targets = all_targets()
+    if not words or words[0] not in targets:
+        print("name one of: " + ", ".join(targets))
+        return 2
+    target = targets[words[0]]
+    base = Path(tempfile.mkdtemp(prefix="guided-"))
+    path = target.write(base)
+    seeds = base.parent / f"{base.name}-seeds"
+    seeds.mkdir()
+    (seeds / "sound").write_bytes(path.read_bytes())
+
+    def one(data: bytes) -> None:
+        path.write_bytes(data)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                target.read(path)
+            except REFUSALS as error:
+                verdict, said = of_refusal(error, path)
+                if verdict is not Verdict.REFUSED:
+                    raise AssertionError(said) from error
+
+    atheris.Setup([sys.argv[0], *words[1:], str(seeds)], one)
+    atheris.Fuzz()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,74 @@
+"""Options of every command: `--quiet`, `--json`, and what they print."""
+
+import inspect
+import json
+from pathlib import Path
+
+import pytest
+import typer
+from shot_folders import shot_in
+from typer.testing import CliRunner
+
+from kolsky.cli import app
+from kolsky.cli.commandline import COMMANDS
+from kolsky.cli.quiet import is_quiet, quietly
+from kolsky.cli.terminal import print_result, progress_bars, sweep_progress
+
+DOCS = Path(__file__).resolve().parents[3] / "docs"
+runner = CliRunner()
+
+
+def commands(command: object, name: str = "") -> dict[str, object]:
+    below = getattr(command, "commands", None)
+    if below is None:
+        return {name: command}
+    return {k: v for word, part in below.items() for k, v in commands(part, f"{name} {word}".strip()).items()}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_json_and_quiet(name: str) -> None:
+    made = commands(typer.main.get_command(app))
+    options = {text for parameter in made[name].params for text in parameter.opts}  # type: ignore[attr-defined]
+    assert {"--json", "--quiet", "-q"} <= options
+    assert "as_json" in inspect.signature(COMMANDS[name]).parameters
+
+
+def test_quiet_leaves_the_answer_and_its_warnings(capsys: pytest.CaptureFixture[str]) -> None:
+    for asked, rest in ((False, "wall time"), (True, "")):
+        with quietly(asked):
+            print_result({"m": "1.12"}, None, rest={"wall time": "3 s"}, warnings=["it is late"])
+        shown = capsys.readouterr()
+        assert "1.12" in shown.out
+        assert ("wall time" in shown.out) is bool(rest)
+        assert shown.err == "warning: it is late\n"
+        with quietly(asked):
+            print_result({"m": "1.12"}, {"m": 1.12}, rest={"wall time": "3 s"})
+        shown = capsys.readouterr()
+        assert json.loads(shown.out) == {"m": 1.12}
+        assert ("wall time" in shown.err) is bool(rest)
+    assert not is_quiet()  # nothing is left of it
+
+
+def test_quiet_has_no_progress(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    with quietly(True), progress_bars() as progress, sweep_progress() as pace:
+        progress("design", 1, 2)
+        pace(None)  # type: ignore[arg-type]
+    assert capsys.readouterr().err == ""
+
+
+def test_a_new_shot_says_what_it_found_as_one_object(tmp_path: Path) -> None:
+    folder = shot_in(tmp_path / "shot")
+    (folder / "shot.toml").unlink()
+    said = json.loads(runner.invoke(app, ["new", str(folder), "--json"]).stdout)
+    assert set(said) == {"file", "found", "recordings", "doubtful", "to_fill_in"}
+    assert said["found"]["force"] == "scope.csv"
+    assert "specimen.diameter" in said["to_fill_in"]
+    made = json.loads(runner.invoke(app, ["virtual", "new", str(tmp_path / "v"), "--json"]).stdout)
+    assert Path(made["file"]).is_file()
+
+
+def test_the_page_names_every_command() -> None:
+    page = (DOCS / "howto" / "json.md").read_text(encoding="utf-8")
+    missing = [name for name in COMMANDS if f"`{name}`" not in page]
+    assert missing == []
