@@ -7,6 +7,7 @@ order of their imports in `docs/architecture.md`.
 
 from typing import TYPE_CHECKING, Any
 
+from kolsky.base.shadows import warn_of_shadows as _warn_of_shadows
 from kolsky.report.ipython import register as _register_views
 
 if TYPE_CHECKING:
@@ -149,4 +150,5 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *_HOME})
 
 
+_warn_of_shadows()
 _register_views()

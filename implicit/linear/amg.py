@@ -15,6 +15,8 @@ from implicit.linear.base import Factors, SingularError
 
 TOLERANCE = 1e-10
 """Residual of a solution as a share of the right-hand side [-]."""
+GUIDE = 1e-4
+"""That of a solution with element matrices in single precision, which only guides an iteration."""
 ITERATIONS = 500
 """Most iterations of a solution."""
 
@@ -22,12 +24,14 @@ ITERATIONS = 500
 class AmgFactors:
     """A hierarchy in place of factors."""
 
-    def __init__(self, matrix: csr_array, rigid: FloatArray, *, symmetric: bool) -> None:
+    def __init__(
+        self, matrix: csr_array, rigid: FloatArray, *, symmetric: bool, tolerance: float = TOLERANCE
+    ) -> None:
         try:
             from pyamg import smoothed_aggregation_solver
         except ImportError as missing:
             raise ValueError('linear = "amg" needs the extra: pip install "kolsky[amg]"') from missing
-        self.matrix, self.symmetric = matrix, symmetric
+        self.matrix, self.symmetric, self.tolerance = matrix, symmetric, tolerance
         self._levels = smoothed_aggregation_solver(csr_array(matrix), B=rigid)
 
     def solve(self, right: FloatArray) -> FloatArray:
@@ -44,13 +48,17 @@ class AmgFactors:
         found = np.empty_like(columns)
         method = cg if self.symmetric else gmres
         for j, column in enumerate(columns.T):
-            found[:, j], info = method(matrix, column, rtol=TOLERANCE, maxiter=ITERATIONS, M=precondition)
+            found[:, j], info = method(
+                matrix, column, rtol=self.tolerance, maxiter=ITERATIONS, M=precondition
+            )
             if info != 0:
-                raise SingularError(f"{ITERATIONS} iterations with multigrid did not reach {TOLERANCE:g}")
+                raise SingularError(
+                    f"{ITERATIONS} iterations with multigrid did not reach {self.tolerance:g}"
+                )
         return found.reshape(np.shape(right))
 
 
-def amg_factors(pattern: Pattern, points: FloatArray) -> Callable[[csr_array, bool], Factors]:
+def amg_factors(pattern: Pattern, points: FloatArray) -> Callable[[csr_array, bool, bool], Factors]:
     """A function that makes the hierarchy of a matrix, with the rigid motions of its points."""
     n, d = points.shape
     centred = points - points.mean(axis=0)
@@ -69,7 +77,8 @@ def amg_factors(pattern: Pattern, points: FloatArray) -> Callable[[csr_array, bo
     for column, motion in enumerate(motions):
         rigid[pattern.index[free], column] = motion.ravel()[free]
 
-    def make(matrix: csr_array, symmetric: bool) -> Factors:
-        return AmgFactors(matrix, rigid, symmetric=symmetric)
+    def make(matrix: csr_array, symmetric: bool, guiding: bool) -> Factors:
+        tolerance = GUIDE if guiding else TOLERANCE
+        return AmgFactors(matrix, rigid, symmetric=symmetric, tolerance=tolerance)
 
     return make

@@ -20,7 +20,9 @@ from implicit.linear.dissection import dissect
 from implicit.linear.multifrontal import Multifrontal
 
 MANY = 300_000
-"""Unknowns from which "auto" takes "amg"."""
+"""Unknowns up to which "auto" takes "multifrontal" whatever the mesh is."""
+LARGEST = 8e9
+"""Largest factors that "auto" keeps beyond them [bytes in double precision]; larger ones: "amg"."""
 
 
 class MultifrontalSolver:
@@ -30,6 +32,11 @@ class MultifrontalSolver:
         self.fronts = dissect(centres, pattern.index[pattern.dofs], pattern.count)
         self.count = pattern.count
 
+    @property
+    def bytes(self) -> float:
+        """Of the factors of a symmetric matrix in double precision."""
+        return 8.0 * sum(front.eliminated * len(front.unknowns) for front in self.fronts)
+
     def factors(self, elements: FloatArray, *, symmetric: bool) -> Factors:
         """See `implicit.linear.base.LinearSolver`."""
         return Multifrontal(self.fronts, _finite(elements), self.count, symmetric=symmetric)
@@ -38,16 +45,17 @@ class MultifrontalSolver:
 class SparseSolver:
     """A solver of matrices in CSR."""
 
-    def __init__(self, pattern: Pattern, factorise: Callable[[csr_array, bool], Factors]) -> None:
+    def __init__(self, pattern: Pattern, factorise: Callable[[csr_array, bool, bool], Factors]) -> None:
         self.pattern, self._factorise = pattern, factorise
 
     def factors(self, elements: FloatArray, *, symmetric: bool) -> Factors:
         """See `implicit.linear.base.LinearSolver`."""
-        return self._factorise(self.pattern.matrix(_finite(elements)), symmetric)
+        guiding = elements.dtype == np.float32
+        return self._factorise(self.pattern.matrix(_finite(elements)), symmetric, guiding)
 
 
 class _SuperLU:
-    def __init__(self, matrix: csr_array, symmetric: bool) -> None:
+    def __init__(self, matrix: csr_array, symmetric: bool, guiding: bool) -> None:
         options = {"SymmetricMode": True} if symmetric else {}
         try:
             self._factors = splu(
@@ -67,7 +75,7 @@ class _SuperLU:
 
 
 class _Pardiso:
-    def __init__(self, matrix: csr_array, symmetric: bool) -> None:
+    def __init__(self, matrix: csr_array, symmetric: bool, guiding: bool) -> None:
         try:
             from pypardiso import PyPardisoSolver
         except ImportError as missing:
@@ -95,10 +103,11 @@ def linear_solver(name: str, pattern: Pattern, points: FloatArray, cells: IntArr
     ValueError
         If there is no such solver.
     """
-    if name == "auto":
-        name = "multifrontal" if pattern.count < MANY else "amg"
-    if name == "multifrontal":
-        return MultifrontalSolver(pattern, points[cells].mean(axis=1))
+    if name in ("auto", "multifrontal"):
+        direct = MultifrontalSolver(pattern, points[cells].mean(axis=1))
+        if name == "multifrontal" or pattern.count <= MANY or direct.bytes <= LARGEST:
+            return direct
+        name = "amg"
     if name == "superlu":
         return SparseSolver(pattern, _SuperLU)
     if name == "pardiso":

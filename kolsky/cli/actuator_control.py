@@ -14,7 +14,7 @@ def actuator_control(
     figures: Figures = "",
     as_json: AsJson = False,
 ) -> None:
-    """Close the loop of the table control: a reduced model in it, a plant of another stiffness with noise and delay.
+    """Close the loop of `control`: a reduced model in it, a plant of another stiffness with noise and delay.
 
     Writes actuator.html, actuator.json and every tick with its wall time, a CSV file a direction of gravity.
     """

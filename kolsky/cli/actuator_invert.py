@@ -14,7 +14,7 @@ def actuator_invert(
     figures: Figures = "",
     as_json: AsJson = False,
 ) -> None:
-    """Find the pressures for the bends of the table invert, by Newton's method on the exact slope of the bend.
+    """Find the pressures for the bends of `invert`, by Newton's method on the exact slope of the bend.
 
     Separate chambers have a pressure each, found by bounded least squares with a wanted tip. Writes
     actuator.html and actuator.json.

@@ -20,6 +20,7 @@ from tests.mutants.explicit import FAULTS as EXPLICIT
 from tests.mutants.fault import Fault
 from tests.mutants.folding import FAULTS as FOLDING
 from tests.mutants.full_field import FAULTS as FULL_FIELD
+from tests.mutants.hostile import FAULTS as HOSTILE
 from tests.mutants.implicit import FAULTS as IMPLICIT
 from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
@@ -61,6 +62,7 @@ FAULTS: tuple[Fault, ...] = (
     *EXPLICIT,
     *FOLDING,
     *FULL_FIELD,
+    *HOSTILE,
     *IMPLICIT,
     *INPUTS,
     *INVERSE,

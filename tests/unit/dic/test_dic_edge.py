@@ -6,7 +6,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
-from dic.bodies.edge_fit import HALF, block_sigma, covariance, fit_edge, gap_before, paint, without_shading
+from dic.bodies.edge_fit import HALF, fit_edge, gap_before, without_shading
+from dic.bodies.edge_model import block_sigma, covariance, paint
 from dic.bodies.ends import MODEL, end_in_camera, of_phases, weighted_mean
 from dic.camera import Camera
 from dic.surfaces import SpecimenFrame

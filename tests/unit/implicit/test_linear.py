@@ -6,7 +6,7 @@ import scipy.linalg
 
 from implicit.integration.pattern import Pattern
 from implicit.linear.base import SingularError
-from implicit.linear.solvers import linear_solver
+from implicit.linear.solvers import MultifrontalSolver, SparseSolver, linear_solver
 from implicit.meshes import box
 
 MESH = box((3.0, 2.0, 1.0), (6, 4, 2), kind="hex8")
@@ -92,3 +92,30 @@ def test_multigrid_solves_what_factors_solve():
         for name in ("amg", "multifrontal")
     ]
     np.testing.assert_allclose(found[0], found[1], rtol=1e-6, atol=1e-8 * np.abs(found[1]).max())
+
+
+def test_multigrid_is_taken_where_factors_are_too_large(monkeypatch):
+    pytest.importorskip("pyamg")
+    places = pattern()
+    solver = linear_solver("auto", places, MESH.points, MESH.cells)
+    assert isinstance(solver, MultifrontalSolver)
+    # by hand: every unknown keeps a row of its front
+    rows = np.concatenate([np.full(f.eliminated, len(f.unknowns)) for f in solver.fronts])
+    assert solver.bytes == 8 * rows.sum()
+    monkeypatch.setattr("implicit.linear.solvers.MANY", 10)
+    assert isinstance(linear_solver("auto", places, MESH.points, MESH.cells), MultifrontalSolver)
+    monkeypatch.setattr("implicit.linear.solvers.LARGEST", 8 * rows.sum() - 1)
+    assert isinstance(linear_solver("auto", places, MESH.points, MESH.cells), SparseSolver)
+
+
+def test_what_only_guides_is_solved_loosely():
+    places, K = pattern(), elements("definite")
+    right = np.random.default_rng(1).normal(size=places.count)
+    for name, allowed in (("multifrontal", 1e-3), ("amg", 1e-2)):
+        if name == "amg":
+            pytest.importorskip("pyamg")
+        solver = linear_solver(name, places, MESH.points, MESH.cells)
+        exact = solver.factors(K, symmetric=True).solve(right)
+        rough = solver.factors(K.astype(np.float32), symmetric=True).solve(right)
+        apart = np.abs(rough - exact).max() / np.abs(exact).max()
+        assert 0.0 < apart < allowed

@@ -1,0 +1,36 @@
+"""Our top-level packages have short names, which another distribution may have too."""
+
+import warnings
+from importlib.util import find_spec
+from pathlib import Path
+
+OURS = ("dic", "doe", "explicit", "implicit")
+"""Packages that stand beside `kolsky`."""
+
+
+def shadowed(folder: Path | None = None) -> list[str]:
+    """One sentence for each of our packages that Python would import from elsewhere.
+
+    Parameters
+    ----------
+    folder
+        Where they should be; beside the package `kolsky` if not given.
+    """
+    folder = (folder or Path(__file__).parents[2]).resolve()
+    said = []
+    for name in OURS:
+        found = find_spec(name)
+        places = [] if found is None else list(found.submodule_search_locations or [found.origin])
+        if [Path(str(place)).resolve() for place in places] != [folder / name]:
+            where = "nowhere" if found is None else f"at {', '.join(map(str, places))}"
+            said.append(
+                f"the package {name} of kolsky should be at {folder / name}, but Python finds it {where}: "
+                f"another distribution has that name; install kolsky in an environment of its own"
+            )
+    return said
+
+
+def warn_of_shadows() -> None:
+    """Warn, one line a package, of what `shadowed` finds."""
+    for line in shadowed():
+        warnings.warn(line, UserWarning, stacklevel=3)
