@@ -78,19 +78,24 @@ def test_a_strip_may_not_unpack_to_more_than_the_page(
                 pictures.frame(0)
 
 
-def test_colours_are_refused_and_equal_ones_are_grey(tmp_path: Path) -> None:
+def test_colours_become_grey_by_a_rule_that_is_said(tmp_path: Path) -> None:
+    """Red 12, green 17, blue 10 are 0.299 * 12 + 0.587 * 17 + 0.114 * 10 = 14.7."""
     import cv2
 
+    from dic.images.facts import declared, of_colours
+
     grey = np.random.default_rng(1).integers(0, 255, (8, 9)).astype(np.uint8)
-    cv2.imwrite(str(tmp_path / "a1.png"), np.repeat(grey[..., None], 3, axis=2))
-    assert (open_pictures(tmp_path / "a1.png").frame(0) == grey).all()
     colours = np.repeat(grey[..., None], 3, axis=2)
-    colours[3, 4] = (10, 17, 12)
     cv2.imwrite(str(tmp_path / "a1.png"), colours)
-    with pytest.raises(
-        PictureError, match="colour picture: red, green and blue of a pixel differ by up to 7"
-    ):
-        open_pictures(tmp_path / "a1.png")
+    same = open_pictures(tmp_path / "a1.png")
+    assert (same.frame(0) == grey).all()
+    assert of_colours([same]) == ()
+    colours[3, 4] = (10, 17, 12)  # OpenCV's order: blue first
+    cv2.imwrite(str(tmp_path / "a1.png"), colours)
+    mixed = open_pictures(tmp_path / "a1.png")
+    assert float(mixed.frame(0)[3, 4]) == pytest.approx(14.707, abs=1.0)  # the decoder cuts or rounds
+    (remark,) = of_colours([same, declared(mixed, bits=8)])
+    assert "camera 1 have colours; a grey value is 0.299 R + 0.587 G + 0.114 B" in remark.text
 
 
 def test_a_result_may_not_unpack_to_more_than_so_many_times_its_size(
