@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.images.numbered import WEIGHTS
 from dic.images.series import MOST_FRAMES, Grey, PictureError, Pictures, checked_frame, checked_index
+from dic.outcome import Remark
 
 
 @dataclass(frozen=True)
@@ -100,3 +102,22 @@ def declared(
     if is_dataclass(pictures) and not isinstance(pictures, type):
         pictures = replace(pictures, bits=used)  # the reader holds its frames to this and not to its header
     return DeclaredPictures(pictures, count, used, offset, clock)
+
+
+def of_colours(series: Sequence[Pictures]) -> tuple[Remark, ...]:
+    """Remarks on series whose pictures have colours, which became grey by a rule.
+
+    Parameters
+    ----------
+    series
+        The pictures of each camera.
+    """
+    return tuple(
+        Remark(
+            name="colour pictures",
+            text=f"the pictures of camera {camera} have colours; a grey value is {WEIGHTS} of them",
+            cure="export grey values as they were recorded: a colour sensor's neighbours are interpolated",
+        )
+        for camera, pictures in enumerate(series)
+        if getattr(getattr(pictures, "pictures", pictures), "coloured", False)
+    )

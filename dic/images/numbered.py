@@ -96,6 +96,8 @@ SUFFIXES = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
 """Endings of the files that a folder is searched for; a pattern may name others."""
 MOST_MISSING = 20
 """Numbers a series may span for each picture that is there; more looks like time stamps."""
+WEIGHTS = "0.299 R + 0.587 G + 0.114 B"
+"""Grey value of three colours (ITU-R BT.601), as OpenCV weighs them; a TIFF with colours is refused."""
 LARGEST_FILE = 2**29
 """Largest picture file that is read [bytes]."""
 
@@ -113,6 +115,8 @@ class NumberedPictures:
     bits: int
     crop_offset: tuple[float, float] = (0.0, 0.0)
     times: NDArray[np.float64] | None = None
+    coloured: bool = False
+    """Whether the first picture has pixels whose three colours differ."""
 
     @property
     def n_frames(self) -> int:
@@ -120,13 +124,13 @@ class NumberedPictures:
         return len(self.files)
 
     def frame(self, index: int) -> Grey:
-        """Grey values of one file; a JPEG is turned as its EXIF says, three equal colours are one grey value.
+        """Grey values of one file; a JPEG is turned as its EXIF says, three colours are weighted to one
+        grey value by `WEIGHTS`.
 
         Raises
         ------
         PictureError
-            If the file is missing, cut short, cannot be decoded, has another shape, or is a colour picture:
-            which weights would make grey of it is not this program's to guess.
+            If the file is missing, cut short, cannot be decoded or has another shape.
         """
         file = self.files[checked_index(self.n_frames, index)]
         if file is None:
@@ -201,7 +205,11 @@ def _opened(path: Path, files: list[Path | None], numbers: tuple[int, ...]) -> N
             failures.append(error)
             continue
         shape = checked_shape(file, *picture.shape)
-        return NumberedPictures(path, tuple(files), numbers, shape, checked_bits(file, bits, 16))
+        data = file.read_bytes()
+        used = checked_bits(file, bits, 16)
+        return NumberedPictures(
+            path, tuple(files), numbers, shape, used, coloured=not tiff.sniff(file, data) and _colours(data)
+        )
     raise PictureError(
         path,
         f"none of {len(failures)} pictures can be decoded, the first: {failures[0]}",
@@ -297,7 +305,7 @@ def _page(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
 def _by_opencv(file: Path, index: int, data: bytes) -> tuple[NDArray[np.generic], int]:
     from dic.opencv import cv2
 
-    flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
+    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH
     before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
         picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
@@ -312,19 +320,12 @@ def _by_opencv(file: Path, index: int, data: bytes) -> tuple[NDArray[np.generic]
         raise PictureError(
             file, "cannot be decoded: damaged, or no picture", frame=index, cure="copy or export it again"
         )
-    return _grey(file, index, np.asarray(picture)), picture.dtype.itemsize * 8
+    return np.asarray(picture), picture.dtype.itemsize * 8
 
 
-def _grey(file: Path, index: int, picture: NDArray[np.generic]) -> NDArray[np.generic]:
-    """The one value of each pixel, where its colours are all the same."""
-    if picture.ndim == 2:
-        return picture
-    apart = int((picture.max(axis=2).astype(np.int64) - picture.min(axis=2)).max())
-    if apart > 0:
-        raise PictureError(
-            file,
-            f"is a colour picture: red, green and blue of a pixel differ by up to {apart}",
-            frame=index,
-            cure="export grey values as they were recorded",
-        )
-    return np.ascontiguousarray(picture[..., 0])
+def _colours(data: bytes) -> bool:
+    """Whether a PNG, JPEG or BMP has pixels whose three colours differ."""
+    from dic.opencv import cv2
+
+    picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
+    return picture is not None and picture.ndim == 3 and bool((picture != picture[..., :1]).any())

@@ -21,6 +21,9 @@ from kolsky.base.errors import InputError
 
 STORED = {"f": "<f8", "i": "<i8", "b": "|b1", "u": "|u1"}
 """Kind of a dataset -> its type in the file: float64, int64, bool, small unsigned integer."""
+IN_MEMORY: dict[str, Any] = {"driver": "core", "backing_store": False}
+"""How a file is made before it is written as a whole: HDF5 answers a full disk with a traceback
+for every object that is still open, which nothing can catch."""
 OpenGroup: TypeAlias = h5py.Group
 """A group of an open file."""
 COMPRESSED_FROM = 4096
@@ -95,10 +98,14 @@ class Place:
 @contextmanager
 def creating(path: Path, **attributes: Any) -> Iterator[h5py.File]:
     """A new file with these attributes that takes its place at the end; an older one stays if that fails."""
-    with replacing(Path(path)) as partial, h5py.File(partial, "w") as file:
-        for key, value in attributes.items():
-            file.attrs[key] = value
-        yield file
+    with replacing(Path(path)) as partial:
+        with h5py.File(partial, "w", **IN_MEMORY) as file:
+            for key, value in attributes.items():
+                file.attrs[key] = value
+            yield file
+            file.flush()
+            image = file.id.get_file_image()
+        partial.write_bytes(image)
 
 
 @contextmanager
@@ -112,8 +119,12 @@ def writing(path: Path, form: Format, **attributes: Any) -> Iterator[Place]:
 @contextmanager
 def adding_to(path: Path) -> Iterator[OpenGroup]:
     """The group "entry" of an existing file, to write more into it."""
-    with h5py.File(path, "r+") as file:
+    with h5py.File(path, "r+", **IN_MEMORY) as file:
         yield file["entry"]
+        file.flush()
+        image = file.id.get_file_image()
+    with replacing(Path(path)) as partial:
+        partial.write_bytes(image)
 
 
 @contextmanager

@@ -1,5 +1,6 @@
 """The commands of `kolsky` in the order of `--help`, and what the program does before any of them."""
 
+import errno
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -107,6 +108,8 @@ FORMER_NAMES: dict[str, str] = {"material baseline": "material reference-curve"}
 """Words that commands had once: they still work, and `--help` does not show them."""
 
 
+LONGEST_PLACE = 300
+"""Most characters of a name that a message shows."""
 TERMINATED = 128 + signal.SIGTERM
 """Exit code of a command that was told to end, as shells give it."""
 
@@ -160,7 +163,7 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
 
 @contextmanager
 def refusing_bad_input() -> Iterator[None]:
-    """Turn an `InputError`, and an extra that is not installed, into lines on stderr and exit code 2."""
+    """Turn bad input, what the system refuses, and a missing extra into lines on stderr and exit code 2."""
     try:
         yield
     except InputError as error:
@@ -172,6 +175,30 @@ def refusing_bad_input() -> Iterator[None]:
             raise
         typer.echo(f"this needs the package {error.name}: pip install 'kolsky[{extra}]'", err=True)
         raise typer.Exit(2) from None
+    except OSError as error:
+        if error.errno is None or isinstance(error, BrokenPipeError):
+            raise
+        typer.echo(str(of_system(error)), err=True)
+        raise typer.Exit(2) from None
+    except MemoryError:
+        cure = "use a coarser mesh, fewer runs at once, or a machine with more memory"
+        typer.echo(f"there is not enough memory. Cure: {cure}", err=True)
+        raise typer.Exit(2) from None
+
+
+def of_system(error: OSError) -> InputError:
+    """What the system refuses (a full disk, a long name, a closed folder), with its cure."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        cure = "make room, or give another place with --out FOLDER; earlier results are as they were"
+    elif error.errno == errno.ENAMETOOLONG:
+        cure = "give a shorter name"
+    elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        cure = "see that you may read and write there, or copy it to where you may"
+    else:
+        cure = "look at the file or folder that it names"
+    place = str(error.filename) if error.filename is not None else "the disk"
+    shown = place if len(place) <= LONGEST_PLACE else f"{place[:LONGEST_PLACE]}..."
+    return InputError(shown, f"cannot be used: {error.strerror}", cure=cure)
 
 
 def _show_version(wanted: bool) -> None:

@@ -18,6 +18,8 @@ EVIDENCE = 100.0
 """Least evidence of a cause that is named; see docs/validation/wrong_inputs."""
 ALIKE = 10.0
 """Inputs whose losses differ by less cannot be told apart: likelihoods within a factor of exp(5)."""
+ASSUMED = "model."
+"""Where keys of assumptions begin: values that are taken from elsewhere, not from the specimen."""
 LEAST_SHARE = 0.25
 """Least share of the misfit that a cause explains that is named."""
 
@@ -43,12 +45,34 @@ def ranked(search: CauseSearch, trials: Sequence[Trial]) -> tuple[CauseFinding, 
     likely = [row for row in rows if row[-1]]
     order = in_groups(search, [row[0] for row in likely])
     likely.sort(key=lambda row: order.index(row[0].candidate.key))
-    rest = sorted((row for row in rows if not row[-1]), key=lambda row: -row[2])
+    rest = [row for row in rows if not row[-1]]
+    rest = [rest[i] for i in by_evidence([row[0].candidate.key for row in rest], [row[2] for row in rest])]
     groups = [row[0] for row in likely]
     return tuple(
         _finding(search, *row, alike=_alike(search, row[0], groups) if row[-1] else ())
         for row in (*likely, *rest)
     )
+
+
+def by_evidence(keys: Sequence[str], evidences: Sequence[float]) -> list[int]:
+    """Places of inputs, the most evidence first; of those that cannot be told apart assumptions first.
+
+    What `ASSUMED` has in its key nobody has measured on the specimen; a length that is off by as much as the
+    data would have it is a measurement gone wrong. Evidences that differ by less than `ALIKE` do not tell one
+    from the other.
+
+    Parameters
+    ----------
+    keys, evidences
+        Of the inputs, in any order.
+    """
+    left, order = sorted(range(len(keys)), key=lambda i: -evidences[i]), []
+    while left:
+        first = evidences[left[0]]
+        group = [i for i in left if first > ALIKE and first - evidences[i] < ALIKE] or left[:1]
+        order += sorted(group, key=lambda i: not keys[i].startswith(ASSUMED))
+        left = [i for i in left if i not in group]
+    return order
 
 
 def _within(search: CauseSearch, t: Trial) -> bool:

@@ -12,8 +12,6 @@ for a residual, zero where independent errors explain it.
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.optimize import minimize_scalar
@@ -113,9 +111,12 @@ def without_common(
         Standard deviations of what is independent, shape [k].
     """
     weight = own_sigma**-2
-    # Few rows without BLAS: its threads cost more than the sums.
-    product = np.matmul if len(common) > FEW else partial(np.einsum, "ik,kj->ij")
-    inner = np.eye(len(common)) + product(common * weight, common.T)
-    spread = product(np.linalg.inv(inner), common)
+    inner = np.eye(len(common)) + _product(common * weight, common.T)
+    spread = _product(np.linalg.inv(inner), common)
     share = np.einsum("ik,k->i", common, weight * residual)
     return residual - np.einsum("ik,i->k", spread, share), np.einsum("ik,ik->k", spread, common)
+
+
+def _product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Matrix product; of few rows without BLAS, whose threads cost more than the sums."""
+    return np.asarray(a @ b if len(a) > FEW else np.einsum("ik,kj->ij", a, b))

@@ -18,6 +18,9 @@ from kolsky.inverse.prepared_shot import PreparedShot
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
 from kolsky.joint.runs import JointRuns
+from kolsky.joint.weights import ShotData
+from kolsky.shot.records import Shot
+from kolsky.uncertainty.input_directions import outline_follows
 from kolsky.uncertainty.inputs import parameter_step
 from kolsky.uncertainty.moved_runs import SPECIMEN
 
@@ -91,7 +94,37 @@ def _each(
         changed = replace(shot, specimen=replace(shot.specimen, **{SPECIMEN[key]: value}))
         moved.append(replace(prepared, forward=replace(prepared.forward, shot=changed)))
     change = _vector(problem, _runs(problem, moved, problem.runs.held), found.x) - base
+    if key == "specimen_diameter":
+        shots = [prepared.forward.shot for prepared in problem.runs.prepared]
+        change = with_outlines(change, shots, problem.stack.shots, problem.stack.ends, sigmas)
     return _in_quadrature(problem, gain, change)
+
+
+def with_outlines(
+    change: FloatArray,
+    shots: Sequence[Shot],
+    data: Sequence[ShotData],
+    ends: Sequence[int],
+    sigmas: FloatArray,
+) -> FloatArray:
+    """Change of prediction minus data by larger diameters: outlines move whose axis was placed by theirs.
+
+    Parameters
+    ----------
+    change
+        Change of the predictions, shape [k].
+    shots, data, ends
+        The shots, their data, and where each ends in the vector.
+    sigmas
+        By how much each diameter is larger, relative to it, shape [n_shots].
+    """
+    found, start = change.copy(), 0
+    for shot, one, end, sigma in zip(shots, data, ends, sigmas.tolist(), strict=True):
+        if shot.axis_by_radius:
+            diameter, n_force = shot.specimen.diameter, one.objective.n_force
+            found[start:end] = outline_follows(change[start:end], sigma, diameter, n_force)
+        start = end
+    return found
 
 
 def _places(problem: JointProblem, gain: FloatArray, sigmas: FloatArray, key: str) -> FloatArray:

@@ -182,8 +182,8 @@ def held_against(choice: ModelChoice, shared: Mapping[str, Estimate]) -> ModelCh
             choice,
             asked_for=False,
             sentence=f"the data do not ask for what relaxes: {time_of(strong[0].name)} ends at a bound of "
-            "its range, where a branch is damping or a stiffer curve by another name: identify without it, or "
-            f"give another range with --free {time_of(strong[0].name)}",
+            "its range, where a branch is damping or a stiffer curve by another name: identify without it, "
+            f"or give another range with --free {time_of(strong[0].name)}",
         )
     most = max(sizes, key=lambda e: e.value / e.sigma)
     return replace(

@@ -23,6 +23,8 @@ UNPACKED_LIMIT = 500_000_000
 """Largest size of all its parts unpacked [bytes]; a small file may unpack to any size."""
 COLUMNS_LIMIT = 256
 """Most columns that are read."""
+ROWS_LIMIT = 1_048_576
+"""Most rows of a sheet, in Excel as here: a damaged file may number its last row as it likes."""
 
 _DECLARATIONS = (b"<!DOCTYPE", b"<!ENTITY", "<!DOCTYPE".encode("utf-16-le"), "<!DOCTYPE".encode("utf-16-be"))
 
@@ -146,7 +148,16 @@ def _rows(path: Path, wanted: str | None) -> tuple[str, list[tuple[object, ...]]
         sheets = {sheet.title: sheet for sheet in book.worksheets}
         filled = [title for title, sheet in sheets.items() if wanted is None and _has_rows(sheet)]
         title = chosen_sheet(path, list(sheets), filled, wanted)
-        return title, [row[:COLUMNS_LIMIT] for row in sheets[title].iter_rows(values_only=True)]
+        rows: list[tuple[object, ...]] = []
+        for row in sheets[title].iter_rows(values_only=True):
+            if len(rows) == ROWS_LIMIT:
+                raise InputError(
+                    path,
+                    f"sheet '{title}' has more than {ROWS_LIMIT} rows, which no sheet has",
+                    cure="save it again in Excel, or as CSV",
+                )
+            rows.append(row[:COLUMNS_LIMIT])
+        return title, rows
     except InputError:
         raise
     except Exception as error:

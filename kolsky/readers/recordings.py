@@ -9,7 +9,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import Recording
 from kolsky.readers import judge
-from kolsky.readers.contents import Channel, ChannelInfo, Contents, Layout
+from kolsky.readers.contents import LARGEST_SAMPLE, Channel, ChannelInfo, Clock, Contents, Layout
 from kolsky.readers.formats import FORMATS
 from kolsky.readers.signalunits import si_unit
 from kolsky.readers.table import Column, Table, read_table
@@ -152,7 +152,7 @@ def _recording(contents: Contents, channel: Channel, layout: Layout) -> Recordin
     judge.changing(contents.path, channel, raw)
     value = raw * factor
     judge.unclipped(contents.path, channel, value, unit, layout.full_scale)
-    clock = channel.clock()
+    clock = _clock(contents, channel)
     time, note = clock.times(channel.samples), ""
     if clock.measured is not None:
         value, note = _at_uniform_times(channel.name, clock.measured, value, time)
@@ -203,9 +203,22 @@ def _unit(contents: Contents, channel: Channel, layout: Layout) -> tuple[str, fl
     return known
 
 
+def _clock(contents: Contents, channel: Channel) -> Clock:
+    """The clock of a channel, if its times can be counted."""
+    clock = channel.clock()
+    if not (abs(clock.start) <= LARGEST_SAMPLE and 0.0 < clock.interval <= LARGEST_SAMPLE):
+        raise InputError(
+            contents.path,
+            f"channel '{channel.name}' starts at {clock.start:g} s with an interval of {clock.interval:g} s",
+            allowed=f"finite times of at most {LARGEST_SAMPLE:g} s, and an interval > 0 s",
+            cure="state start and interval in the layout",
+        )
+    return clock
+
+
 def _info(contents: Contents, channel: Channel) -> ChannelInfo:
     try:
-        clock = channel.clock()
+        clock = _clock(contents, channel)
     except InputError as error:
         start, interval = None, None
         words = error.message if error.cure is None else f"{error.message}. Cure: {error.cure}"

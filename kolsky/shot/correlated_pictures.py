@@ -15,6 +15,7 @@ from dic.bodies.region import Region, polygon_mask
 from dic.chain import VERSION, ChainError, ChainSettings, measure
 from dic.correlation import Correlation, Shape
 from dic.images import frame_health
+from dic.images.facts import of_colours
 from dic.outcome import FrameOutcome
 from dic.result import StereoResult
 from dic.tracking import Tracking
@@ -202,7 +203,8 @@ def correlated(pictures: PictureSet, device: str, progress: Progress) -> StereoR
             progress=progress,
         )
         whole = {"calibration": calibrating, "correlation": perf_counter() - started}
-        return replace(result, seconds={**whole, **result.seconds})
+        remarks = (*result.remarks, *of_colours(pictures.series))
+        return replace(result, seconds={**whole, **result.seconds}, remarks=remarks)
     except ChainError as error:
         raise InputError(
             toml.path,

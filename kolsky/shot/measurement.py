@@ -1,7 +1,7 @@
 """A measurement by image correlation alone: from dic.toml to a `dic.full_field` result."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from dic.full_field.extensometers import Extensometer
 from dic.full_field.result import FullField
 from dic.full_field.settings import FullFieldSettings
 from dic.images import PictureError, Pictures
+from dic.images.facts import of_colours
 from dic.tracking import Tracking
 from kolsky.base.errors import InputError, refuse
 from kolsky.base.files import regular
@@ -152,6 +153,17 @@ def measure_file(
     InputError
         If region, mask, calibration or settings do not fit the pictures, or nothing can be measured.
     """
+    result = _measured(measurement, device=device, progress=progress)
+    return replace(result, remarks=(*result.remarks, *of_colours(measurement.series)))
+
+
+def _measured(
+    measurement: Measurement,
+    *,
+    device: str,
+    progress: Progress,
+) -> FullField:
+    """The same without remarks on the pictures."""
     from dic.full_field.measure import measure_plane
     from dic.full_field.stereo import measure_cylinder, measure_surface
 

@@ -223,7 +223,24 @@ def search(
             converged = lower <= chi2 * (1.0 + SETTLED)
             ended = "chi-square no longer falls" if converged else f"no step lowers chi-square {why}".strip()
             break
+    return found_at(samples, p, x, there, bounds, scales, converged=converged, ended=ended, runs=runs)
+
+
+def found_at(
+    samples: tuple[Samples, ...],
+    p: FloatArray,
+    x: tuple[FloatArray, ...],
+    there: tuple[Linearised, ...],
+    bounds: tuple[FloatArray, FloatArray],
+    scales: FloatArray,
+    *,
+    converged: bool,
+    ended: str,
+    runs: int,
+) -> Found:
+    """What a search found where it ended; the arguments are the fields of `Found` and those of `search`."""
     problem = _joined([reduce(own, at, f) for own, at, f in zip(samples, x, there, strict=True)])
+    chi2 = sum(chi_square(own, at, f.force) for own, at, f in zip(samples, x, there, strict=True))
     near = 1e-6 * np.maximum(scales, np.abs(p))
     at = (p - bounds[0] <= near) | (bounds[1] - p <= near)
     return Found(p, x, there, problem, chi2, tuple(map(bool, at)), converged, ended, runs)

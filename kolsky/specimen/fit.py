@@ -6,6 +6,7 @@ search, `intervals` what the data say of each constant, `debonding` whether a bo
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.stats import qmc
@@ -17,6 +18,7 @@ from kolsky.specimen.debonding import Debonding, debonding
 from kolsky.specimen.equilibrium import SpecimenModel
 from kolsky.specimen.errors_in_variables import Found, Linearised, Samples, reduce, search
 from kolsky.specimen.intervals import LEVEL, Intervals, intervals
+from kolsky.specimen.quasi_newton import search_by_quasi_newton
 
 DECADES = 1.0
 """Decades to each side of the declared start over which further starts of a modulus are drawn."""
@@ -60,6 +62,11 @@ class TestFit:
     def rmse(self) -> float:
         """Root mean square of simulated less measured force [N]."""
         return float(np.sqrt(np.mean((self.force - self.test.samples.force) ** 2)))
+
+
+Method = Literal["gauss_newton", "quasi_newton"]
+"""How a fit is searched for."""
+SEARCHES = {"gauss_newton": search, "quasi_newton": search_by_quasi_newton}
 
 
 @dataclass(frozen=True)
@@ -122,6 +129,7 @@ def fit(
     starts: int = 1,
     seed: int = 1,
     bonds: bool = True,
+    method: Method = "gauss_newton",
 ) -> SpecimenFit:
     """Fit one set of constants to tests.
 
@@ -139,6 +147,9 @@ def fit(
         Number of starts, the first as declared and the others drawn around it, and the seed of the draws.
     bonds
         Look for peeling bonds: one more simulation a test.
+    method
+        "gauss_newton" (with Levenberg and Marquardt's damping) or "quasi_newton" (L-BFGS-B), which needs more
+        simulations.
 
     Raises
     ------
@@ -156,10 +167,10 @@ def fit(
         return tuple(answers)
 
     samples = tuple(test.samples for test in tests)
-    ends, refused = [], ""
+    ends, refused, limits = [], "", constants.bounds
     for start in remote_starts(constants, starts, seed):
         try:
-            ends.append(search(respond, samples, start, bounds=constants.bounds, scales=constants.scales))
+            ends.append(SEARCHES[method](respond, samples, start, bounds=limits, scales=constants.scales))
         except ValueError as error:
             refused = str(error)
     if not ends:

@@ -154,6 +154,7 @@ class FitSection(Section):
     """[fit]: which tests are fitted together, and from how many starts."""
 
     together: dict[str, list[f.Name]] = Field(default_factory=dict)
+    method: Literal["gauss_newton", "quasi_newton"] = "gauss_newton"
     starts: Annotated[int, Field(ge=1, le=50)] = 1
     seed: Annotated[int, Field(ge=0)] = 1
 

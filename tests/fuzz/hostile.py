@@ -131,26 +131,30 @@ def _cell(place: str, row: int) -> str:
     return f'<row r="{row}"><c r="{place}{row}"><v>1</v></c></row>'
 
 
-def _matlab(path: Path) -> None:
-    """Thirty variables, each of which unpacks to 400 MB: 12 GB in 12 MB."""
-    header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<HH", 0x0100, 0x4D49)
-    count = 50_000_000 - 64
-    plain = struct.pack("<II", 14, 56 + 8 * count) + struct.pack("<IIII", 6, 8, 6, 0)
-    plain += struct.pack("<IIii", 5, 8, count, 1) + struct.pack("<HH4s", 1, 4, b"CH1\0")
-    plain += struct.pack("<II", 9, 8 * count)
+def _zeros_packed(head: bytes, megabytes: int) -> bytes:
+    """A zlib stream of `head` and so many MB of zeros, made by repeating one packed block."""
     packer = zlib.compressobj(9)
-    packed = packer.compress(plain)
-    for _ in range(100):
-        packed += packer.compress(bytes(8 * count // 100))
-    packed += packer.compress(bytes(8 * count - 100 * (8 * count // 100))) + packer.flush()
+    begun = packer.compress(head) + packer.flush(zlib.Z_FULL_FLUSH)
+    block = packer.compress(bytes(1_000_000)) + packer.flush(zlib.Z_FULL_FLUSH)
+    low, high = zlib.adler32(head) & 0xFFFF, zlib.adler32(head) >> 16
+    high = (high + megabytes * 1_000_000 * low) % 65521  # Adler-32: zeros add the low sum again and again
+    return begun + megabytes * block + packer.flush()[:-4] + struct.pack(">I", high << 16 | low)
+
+
+def _matlab(path: Path) -> None:
+    """Thirty variables, each of which unpacks to 390 MB: 12 GB in 12 MB."""
+    header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<HH", 0x0100, 0x4D49)
+    megabytes = 390
+    plain = struct.pack("<II", 14, 48 + megabytes * 1_000_000) + struct.pack("<IIII", 6, 8, 6, 0)
+    plain += struct.pack("<IIii", 5, 8, megabytes * 125_000, 1) + struct.pack("<HH4s", 1, 4, b"CH1\0")
+    packed = _zeros_packed(plain + struct.pack("<II", 9, megabytes * 1_000_000), megabytes)
     element = struct.pack("<II", 15, len(packed)) + packed
     path.write_bytes(header + 30 * element)
 
 
 def _strips(path: Path) -> None:
     """A TIFF of 6 x 16 pixels whose strip unpacks to 2 GB."""
-    packer = zlib.compressobj(9)
-    packed = b"".join(packer.compress(bytes(20_000_000)) for _ in range(100)) + packer.flush()
+    packed = _zeros_packed(b"", 2000)
     _write_tiff(path, packed, len(packed))
 
 
@@ -218,6 +222,10 @@ def _noise(path: Path) -> None:
 
 OWN: dict[str, tuple[str, Callable[[Path], None]]] = {
     "a row of the number 2 000 000 000": ("recorder excel", _workbook(_cell("A", 1) + _cell("A", 2 * 10**9))),
+    "a sheet that declares 2 000 000 000 rows": (
+        "recorder excel",
+        _workbook(_cell("A", 1) + _cell("A", 2 * 10**9), "A1:C2000000000"),
+    ),
     "a cell at XFD1048576": ("recorder excel", _workbook(_cell("XFD", 1_048_576), "A1:XFD1048576")),
     "12 GB of MATLAB variables": ("recorder mat", _matlab),
     "2 GB in a strip": ("picture a.tif", _strips),

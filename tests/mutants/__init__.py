@@ -5,6 +5,7 @@ there; a fault that all of them let pass is a hole in the tests. The faults stan
 beside this one.
 """
 
+from tests.mutants.actuator import FAULTS as ACTUATOR
 from tests.mutants.bar_files import FAULTS as BAR_FILES
 from tests.mutants.bars import FAULTS as BARS
 from tests.mutants.bars_quoted import FAULTS as BARS_QUOTED
@@ -20,6 +21,7 @@ from tests.mutants.explicit import FAULTS as EXPLICIT
 from tests.mutants.fault import Fault
 from tests.mutants.folding import FAULTS as FOLDING
 from tests.mutants.full_field import FAULTS as FULL_FIELD
+from tests.mutants.hostile import FAULTS as HOSTILE
 from tests.mutants.implicit import FAULTS as IMPLICIT
 from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
@@ -47,6 +49,7 @@ from tests.mutants.virtual_pictures import FAULTS as VIRTUAL_PICTURES
 __all__ = ["FAULTS", "Fault"]
 
 FAULTS: tuple[Fault, ...] = (
+    *ACTUATOR,
     *BARS,
     *BAR_FILES,
     *BARS_QUOTED,
@@ -61,6 +64,7 @@ FAULTS: tuple[Fault, ...] = (
     *EXPLICIT,
     *FOLDING,
     *FULL_FIELD,
+    *HOSTILE,
     *IMPLICIT,
     *INPUTS,
     *INVERSE,

@@ -8,8 +8,23 @@ FIT = ("tests/unit/diagnosis/test_cause_fit.py",)
 ALTERED = ("tests/unit/diagnosis/test_alterations.py",)
 CAUSES = ("tests/unit/diagnosis/test_causes.py",)
 DECLARED = ("tests/unit/diagnosis/test_declared_causes.py",)
+ORDER = ("tests/unit/diagnosis/test_cause_order.py",)
 
 FAULTS = (
+    Fault(
+        name="measurements before assumptions",
+        file="kolsky/diagnosis/cause_ranking.py",
+        right="key=lambda i: not keys[i].startswith(ASSUMED)",
+        wrong="key=lambda i: keys[i].startswith(ASSUMED)",
+        tests=ORDER,
+    ),
+    Fault(
+        name="weak evidence regrouped",
+        file="kolsky/diagnosis/cause_ranking.py",
+        right="if first > ALIKE and first - evidences[i] < ALIKE]",
+        wrong="if first - evidences[i] < ALIKE]",
+        tests=ORDER,
+    ),
     Fault(
         name="patterns without their unit prior",
         file="kolsky/diagnosis/cause_fit.py",

@@ -103,6 +103,13 @@ FAULTS = (
         tests=LATERAL,
     ),
     Fault(
+        name="diameter: every shot's outline moves with it",
+        file="kolsky/joint/declared.py",
+        right="if shot.axis_by_radius:",
+        wrong="if shot.specimen.diameter:",
+        tests=("tests/unit/joint/test_declared_diameter.py",),
+    ),
+    Fault(
         name="diameter: the outline moves by the diameter",
         file="kolsky/uncertainty/input_directions.py",
         right="found[n_force:] -= 0.5 * step * diameter",

@@ -202,4 +202,18 @@ FAULTS = (
         wrong="0.25 * (whole + np.swapaxes(whole, 1, 2))",
         tests=(f"{HERE}/test_constants.py::test_changes_of_the_map_to_the_energy",),
     ),
+    Fault(
+        name="quasi-Newton: half of the gradient by the constants",
+        file="kolsky/specimen/quasi_newton.py",
+        right='gradient += 2.0 * np.einsum("nip,ni->p"',
+        wrong='gradient += 1.0 * np.einsum("nip,ni->p"',
+        tests=FITS,
+    ),
+    Fault(
+        name="quasi-Newton: a displacement moves no force",
+        file="kolsky/specimen/quasi_newton.py",
+        right="own.sigma_displacement**2 + 2.0 * pulled",
+        wrong="own.sigma_displacement**2 + 0.0 * pulled",
+        tests=FITS,
+    ),
 )

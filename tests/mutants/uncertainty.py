@@ -119,8 +119,8 @@ FAULTS = (
     Fault(
         name="Woodbury's identity without the one",
         file="kolsky/inverse/common_errors.py",
-        right="inner = np.eye(len(common)) + product(",
-        wrong="inner = product(",
+        right="inner = np.eye(len(common)) + _product(",
+        wrong="inner = _product(",
         tests=OBJECTIVE,
     ),
     Fault(

@@ -108,3 +108,27 @@ def test_a_full_disk_is_one_line_and_no_remains(tmp_path: Path) -> None:
     assert "\n" not in str(caught.value)
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
     assert (tmp_path / "a.csv").read_text() == "old"
+
+
+def test_results_are_put_in_their_places_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import fcntl
+
+    held = []
+    replace = os.replace
+
+    def look(old: Path, new: Path) -> None:
+        handle = os.open(tmp_path, os.O_RDONLY)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            held.append(False)
+        except BlockingIOError:
+            held.append(True)
+        finally:
+            os.close(handle)
+        replace(old, new)
+
+    monkeypatch.setattr(os, "replace", look)
+    with filling(tmp_path) as folder:
+        (folder / "a.csv").write_text("1")
+        (folder / "b.csv").write_text("2")
+    assert held == [True, True]

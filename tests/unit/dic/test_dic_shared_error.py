@@ -59,6 +59,18 @@ def test_what_the_mean_over_time_takes() -> None:
     r = np.exp(-1.0 / 3.0)
     np.testing.assert_allclose(demeaned(2, 3.0), [0.5 * (1.0 - r), -0.5 * (1.0 - r)])
     np.testing.assert_allclose(demeaned(5, 1e-3), [0.8, -0.2, -0.2, -0.2, -0.2])
+    # Three values of correlations r and r²: with the means of the rows a, b, a and of all, the product of
+    # neighbours is r - a - b + all
+    a, b, whole = (1.0 + r + r**2) / 3.0, (1.0 + 2.0 * r) / 3.0, (3.0 + 4.0 * r + 2.0 * r**2) / 9.0
+    np.testing.assert_allclose(demeaned(3, 3.0)[:2], [1.0 - whole, r - a - b + whole])
+
+
+def test_a_short_record_has_all_of_the_error() -> None:
+    """Eight records of eight memories each: their mean over time takes some 0.2 of the variance with it. 300
+    independent values know the root mean square to 4 %."""
+    records = [made(0.02, 45.0, 10.0, own=0.01, n=80, seed=seed) for seed in range(8)]
+    sigmas = [shared_error(one, np.ones(one.shape, dtype=bool), GRID, subset=SUBSET).sigma for one in records]
+    assert np.sqrt(np.mean(np.square(sigmas))) == pytest.approx(0.02, rel=0.07)
 
 
 def test_what_ends_within_a_subset_is_not_continued_to_no_distance() -> None:

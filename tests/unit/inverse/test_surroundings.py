@@ -16,6 +16,7 @@ from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
 from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
+from kolsky.inverse.settings import Settings
 from kolsky.inverse.surroundings import mass_before
 from kolsky.shot.records import Shot
 
@@ -217,3 +218,18 @@ density = "8048 kg/m^3"
 def test_what_cannot_be_is_refused(tmp_path: Path, changes: list[tuple[str, str]], words: str) -> None:
     with pytest.raises(InputError, match=words):
         kolsky.load_shot(declared(tmp_path / "shot", *changes))
+
+
+@pytest.mark.slow  # 15 s on a quiet core
+def test_a_shot_is_identified_with_its_incident_force(tmp_path: Path) -> None:
+    found = kolsky.load_shot(declared(tmp_path / "shot", COMPARED))
+    numerics = Numerics(mesh=(8, 11))
+    settings = Settings(
+        free={"stiffness_factor": None}, numerics=numerics, refined_mesh=(16, 22), replicates=2
+    )
+    answer = kolsky.identify(found, settings)
+    # The shot was made with 1.12; meshes this coarse are 1 % off, which the interval need not hold.
+    assert answer.estimates["stiffness_factor"].value == pytest.approx(1.12, rel=0.02)
+    assert answer.provenance["incident_force"] == "compared"
+    # The figure of the transmitted force has its own bins alone.
+    assert len(answer.comparison.force_model) == len(answer.comparison.force_time)

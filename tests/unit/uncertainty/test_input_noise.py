@@ -51,6 +51,7 @@ def made_up(force_sigma_gain: float) -> tuple[Any, Replicates]:
     objective = SimpleNamespace(
         observations=SimpleNamespace(force_sigma_gain=force_sigma_gain),
         scale_error=np.array([0.5, 0.0, 0.0]),
+        outline_errors=np.zeros((0, 3)),
         vectors=lambda prediction: prediction,
     )
     prediction: Any = vectors
