@@ -28,7 +28,12 @@ def run_control(
     closed, reductions = {}, {}
     for name, g in gravities.items():
         made = reduce_actuator(
-            actuator, g, most=section.most, modes=section.modes, tolerance=section.tolerance
+            actuator,
+            g,
+            most=section.most,
+            modes=section.modes,
+            tolerance=section.tolerance,
+            seen=section.snapshots,
         )
         controller = Controller(made.model, gain=section.gain, most=section.most)
         plant = plant_of(actuator, g, section)

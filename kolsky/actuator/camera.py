@@ -87,18 +87,19 @@ def calibrate(
     error, matrix, distortion, _, _ = cv2.calibrateCamera(
         [flat] * len(views), [view.astype(np.float32)[:, None] for view in views], size, None, None
     )
-    distortion = np.asarray(distortion, dtype=np.float64).ravel()[:5]
+    coefficients = np.asarray(distortion, dtype=np.float64).ravel()[:5]
     _, rotation, translation = cv2.solvePnP(
-        flat + np.array([*first, 0.0]), in_plane.astype(np.float64), matrix, distortion
+        flat + np.array([*first, 0.0]), in_plane.astype(np.float64), matrix, coefficients
     )
-    return PlaneCamera(np.asarray(matrix), distortion, rotation.ravel(), translation.ravel(), float(error))
+    lens, turn, place = (np.asarray(v, dtype=np.float64) for v in (matrix, rotation, translation))
+    return PlaneCamera(lens, coefficients, turn.ravel(), place.ravel(), float(error))
 
 
 def board_corners(square: float) -> FloatArray:
     """Inner corners of the chessboard, row by row from the top: along x, then along -z [m], shape [n, 2]."""
     columns, rows = BOARD
     x, z = np.meshgrid(np.arange(columns), np.arange(rows))
-    return square * np.column_stack([x.ravel(), -z.ravel()])
+    return np.asarray(square * np.column_stack([x.ravel(), -z.ravel()]), dtype=np.float64)
 
 
 def find_corners(picture: np.ndarray) -> FloatArray:

@@ -10,7 +10,7 @@ from kolsky.actuator.inverse import Inversion
 from kolsky.actuator.loop import Closed
 from kolsky.actuator.marker_fit import MarkerComparison, StiffnessFit
 from kolsky.actuator.reduced import Reduction
-from kolsky.actuator.study import Direction, relative_bend
+from kolsky.actuator.study import BendInTime, Direction, relative_bend
 from kolsky.base.files import write_table
 from kolsky.base.json_types import jsonable
 
@@ -54,6 +54,16 @@ def write_bends(folder: Path, directions: Sequence[Direction]) -> None:
 def _append(columns: dict[str, list[Any]], row: Mapping[str, Any]) -> None:
     for name, value in row.items():
         columns.setdefault(name, []).append(value)
+
+
+def write_motion(path: Path, motions: Sequence[BendInTime]) -> None:
+    """Write the bend over time of every direction of gravity."""
+    columns: dict[str, list[Any]] = {}
+    for one in motions:
+        for time, pressure, angle in zip(one.time, one.pressure, one.angle, strict=True):
+            row = {"gravity": one.name, "time (s)": float(time), "pressure (Pa)": float(pressure)}
+            _append(columns, {**row, "angle (rad)": float(angle)})
+    write_table(path, columns)
 
 
 def bends_json(directions: Sequence[Direction], inputs: Mapping[str, str]) -> dict[str, Any]:

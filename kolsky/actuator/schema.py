@@ -72,6 +72,29 @@ class MaterialSection(Section):
         return self
 
 
+class PronySection(Section):
+    """One term of [motion] prony: the stress at once over the slow one, less 1, and its time."""
+
+    share: Annotated[float, Field(gt=0.0, le=100.0)]
+    time: f.PositiveTime
+
+
+class MotionSection(Section):
+    """[motion]: the largest pressure raised in time, with inertia and damping."""
+
+    ramp: f.PositiveTime
+    hold: f.PositiveTime
+    step: f.PositiveTime
+    scheme: Literal["backward_euler", "trapezoidal"] = "backward_euler"
+    prony: list[PronySection] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _several(self) -> "MotionSection":
+        if not 4.0 <= (self.ramp + self.hold) / self.step <= 10_000.0:
+            raise f.problem("makes too few or too many steps", key="step", allowed="4 to 10 000 steps in all")
+        return self
+
+
 class InvertSection(Section):
     """[invert]: the wanted bend, and the largest pressure."""
 
@@ -90,6 +113,7 @@ class ControlSection(Section):
     most: Pressure
     modes: Annotated[int, Field(ge=1, le=60)] = 8
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-3
+    snapshots: Annotated[int, Field(ge=3, le=200)] = 13
     plant_stiffness: Annotated[float, Field(gt=0.0, le=10.0)] = 0.85
     delay: Annotated[int, Field(ge=0, le=50)] = 1
     lag: Annotated[float, BeforeValidator(f.physical("s", ">= 0"))] = 0.05
@@ -118,6 +142,7 @@ class ActuatorFile(Section):
     gravity: dict[str, Vector]
     pressures: Annotated[list[Pressure], Field(min_length=1)]
     healed: dict[str, Any] | None = None
+    motion: MotionSection | None = None
     invert: InvertSection | None = None
     control: ControlSection | None = None
     markers: MarkersSection | None = None

@@ -74,7 +74,8 @@ def find_markers(picture: np.ndarray, count: int, start: FloatArray) -> Markers:
         raise NoMarkersError(f"{len(kept)} blue parts are seen, too small for {count} markers")
     cv2.setRNGSeed(1)
     rule = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-4)
-    _, _, centres = cv2.kmeans(places, count, None, rule, ROUNDS, cv2.KMEANS_PP_CENTERS)
+    nearest = np.zeros((len(places), 1), dtype=np.int32)
+    _, _, centres = cv2.kmeans(places, count, nearest, rule, ROUNDS, cv2.KMEANS_PP_CENTERS)
     return Markers(chain(centres.astype(np.float64), start), True)
 
 

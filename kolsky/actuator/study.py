@@ -5,7 +5,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from kolsky.actuator.model import Bending
+from implicit.dynamics.march import march
+from implicit.dynamics.relaxation import Prony
+from kolsky.actuator.model import WEIGHT, Bending, bend_of
 from kolsky.actuator.reading import ActuatorSpec
 from kolsky.base.arrays import FloatArray
 
@@ -65,6 +67,63 @@ def schedule(pressures: FloatArray) -> tuple[FloatArray, FloatArray]:
         parts.append(np.linspace(a, b, max(1, int(np.ceil((b - a) / step - 1e-9))) + 1)[1:])
     steps = np.concatenate(parts)
     return steps, np.array([int(np.argmin(np.abs(steps - p))) for p in pressures])
+
+
+@dataclass(frozen=True)
+class BendInTime:
+    """A motion of the actuator under one direction of gravity."""
+
+    name: str
+    """Name of the direction in SPEC."""
+    time: FloatArray
+    """Times [s], shape [n]."""
+    pressure: FloatArray
+    """Pressure [Pa], shape [n]."""
+    angle: FloatArray
+    """Bending angle [rad], shape [n]."""
+
+
+def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
+    """Raise the largest pressure in time, from rest under the weight, as [motion] declares.
+
+    Raises
+    ------
+    ValueError
+        If a step is not found, with its reason.
+    """
+    section = spec.declared.motion
+    if section is None:
+        return []
+    prony = None
+    if section.prony:
+        prony = Prony(tuple(one.share for one in section.prony), tuple(one.time for one in section.prony))
+    steps = round((section.ramp + section.hold) / section.step)
+    time = section.step * np.arange(steps + 1)
+    pressure = spec.pressures[-1] * np.minimum(time / section.ramp, 1.0)
+    found = []
+    for one in directions:
+        model = one.pristine.solution.model
+        histories = {WEIGHT: np.ones(steps), **{h: pressure[1:] for h in spec.actuator.histories}}
+        run = march(
+            model,
+            histories,
+            section.step,
+            density=spec.actuator.density,
+            scheme=section.scheme,
+            prony=prony,
+            start=one.pristine.solution.displacements[0],
+            start_histories={WEIGHT: 1.0, **dict.fromkeys(spec.actuator.histories, 0.0)},
+        )
+        if not run.outcome.ok:
+            reached = time[run.reached - 1]
+            raise ValueError(f"{one.name}, beyond {reached:.4g} s: {run.outcome.cause}; {run.outcome.cure}")
+        mesh = model.mesh
+        ends = [
+            mesh.points[mesh.nodes(where)].mean(axis=0) + run.mean_displacement(where)
+            for where in ("origin", "tip")
+        ]
+        found.append(BendInTime(one.name, time, pressure, bend_of(ends[1] - ends[0])))
+    return found
 
 
 def smallest_gap(run: Bending) -> FloatArray:

@@ -38,9 +38,9 @@ def actuator_simulate(
     if film:
         texts.one_of("--film", film, ("mp4", "gif"))
     from kolsky.actuator.marker_reading import compared_markers
-    from kolsky.actuator.output import bends_json, markers_json, write_bends, write_markers
+    from kolsky.actuator.output import bends_json, markers_json, write_bends, write_markers, write_motion
     from kolsky.actuator.reading import read_actuator
-    from kolsky.actuator.study import simulate_all, warnings_of
+    from kolsky.actuator.study import move, simulate_all, warnings_of
     from kolsky.base.files import filling, usable_folder
     from kolsky.cli.terminal import print_result, since
     from kolsky.report.actuator_film import write_actuator_film
@@ -53,16 +53,21 @@ def actuator_simulate(
     folder = usable_folder(out or read.toml.path.with_suffix("") / "simulate")
     try:
         directions = simulate_all(read)
+        motions = move(read, directions)
         compared, stiffness, more = compared_markers(read, directions)
     except ValueError as error:
         raise read.toml.error("pressures", f"cannot be simulated: {error}") from None
     inputs = {**read.inputs, **more}
     warnings = warnings_of(directions)
-    view = ActuatorView(read.name, directions, compared, stiffness=stiffness, warnings=warnings)
+    view = ActuatorView(
+        read.name, directions, compared, stiffness=stiffness, motions=motions, warnings=warnings
+    )
     said = bends_json(directions, inputs) | markers_json(compared, stiffness)
     with filling(folder) as partial:
         write_bends(partial, directions)
         write_json(partial / "actuator.json", said)
+        if motions:
+            write_motion(partial / "motion.csv", motions)
         if compared:
             write_markers(partial / "markers.csv", compared)
         write_page(partial / "actuator.html", view, inputs)

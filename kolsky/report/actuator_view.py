@@ -10,7 +10,7 @@ from kolsky.actuator.inverse import Inversion
 from kolsky.actuator.loop import Closed
 from kolsky.actuator.marker_fit import MarkerComparison, StiffnessFit
 from kolsky.actuator.reduced import Reduction
-from kolsky.actuator.study import Direction
+from kolsky.actuator.study import BendInTime, Direction
 from kolsky.base.arrays import FloatArray, IntArray
 
 CORNERS = {
@@ -32,6 +32,8 @@ class ActuatorView:
     """Measured markers beside the simulated ones."""
     stiffness: StiffnessFit | None = None
     """Factor of all moduli fitted to them."""
+    motions: Sequence[BendInTime] = ()
+    """Bends over time."""
     inversions: Mapping[str, Sequence[Inversion]] = field(default_factory=dict)
     """Pressures that were searched for, by direction of gravity."""
     closed: Mapping[str, Closed] = field(default_factory=dict)

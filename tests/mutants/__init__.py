@@ -5,6 +5,7 @@ there; a fault that all of them let pass is a hole in the tests. The faults stan
 beside this one.
 """
 
+from tests.mutants.actuator import FAULTS as ACTUATOR
 from tests.mutants.bar_files import FAULTS as BAR_FILES
 from tests.mutants.bars import FAULTS as BARS
 from tests.mutants.bars_quoted import FAULTS as BARS_QUOTED
@@ -48,6 +49,7 @@ from tests.mutants.virtual_pictures import FAULTS as VIRTUAL_PICTURES
 __all__ = ["FAULTS", "Fault"]
 
 FAULTS: tuple[Fault, ...] = (
+    *ACTUATOR,
     *BARS,
     *BAR_FILES,
     *BARS_QUOTED,

@@ -113,6 +113,25 @@ def caption_markers(view: ActuatorView) -> str:
     return "Markers: measured centroids (crosses) and the simulated positions of the same points (dashed)."
 
 
+def draw_motion(view: ActuatorView, panels: Panels) -> None:
+    """Draw the bend over time."""
+    ax = panels["motion"]
+    for colour, one in zip(COLOURS, view.motions, strict=False):
+        ax.plot(one.time, np.degrees(one.angle), "-", color=colour, lw=1.0, label=label_text(one.name, 20))
+    ax.set_xlabel("time (s)")
+    ax.set_ylabel("bending angle (°)")
+    ax.legend(frameon=False, fontsize="small")
+
+
+def caption_motion(view: ActuatorView) -> str:
+    """Return the caption."""
+    one = view.motions[0]
+    return (
+        f"Bending angle over time: the pressure rises to {BAR * float(one.pressure[-1]):.3g} bar and is "
+        "held, with inertia and the declared damping."
+    )
+
+
 def draw_loop(view: ActuatorView, panels: Panels) -> None:
     """Draw the loop: angles, pressure, wall times."""
     above, middle, below = panels["angle"], panels["pressure"], panels["wall"]
@@ -166,6 +185,15 @@ FIGURES = (
         panels=lambda view: [["bend"]],
         draw=draw_bend,
         applies=lambda view: bool(view.directions),
+    ),
+    FigureKind(
+        name="motion",
+        width=PAGE,
+        height=lambda view: 70.0,
+        caption=caption_motion,
+        panels=lambda view: [["motion"]],
+        draw=draw_motion,
+        applies=lambda view: bool(view.motions),
     ),
     FigureKind(
         name="markers",

@@ -1,0 +1,1 @@
+"""Motions: inertia by two implicit schemes, and relaxation of the stress."""
