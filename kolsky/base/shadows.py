@@ -20,7 +20,7 @@ def shadowed(folder: Path | None = None) -> list[str]:
     said = []
     for name in OURS:
         found = find_spec(name)
-        places = [] if found is None else list(found.submodule_search_locations or [found.origin])
+        places = [] if found is None else list(found.submodule_search_locations or [str(found.origin)])
         if [Path(str(place)).resolve() for place in places] != [folder / name]:
             where = "nowhere" if found is None else f"at {', '.join(map(str, places))}"
             said.append(
