@@ -51,11 +51,11 @@ def search_by_quasi_newton(
         ]
     )
     unit = 1.0 / np.maximum(np.linalg.norm(slopes, axis=0), 1e-12 / np.maximum(scales, np.abs(p)))
-    best = [p, x, there, _chi2(samples, x, there)]
-    runs = 0
+    best: tuple[FloatArray, tuple[FloatArray, ...], tuple[Linearised, ...]] = (p, x, there)
+    lowest, runs = _chi2(samples, x, there), 0
 
     def objective(z: FloatArray) -> tuple[float, FloatArray]:
-        nonlocal runs
+        nonlocal runs, best, lowest
         at = np.clip(z[: len(p)] * unit, *bounds)
         moved, parts, used = [], [], len(p)
         for own, moves in zip(samples, free, strict=True):
@@ -76,8 +76,8 @@ def search_by_quasi_newton(
                 by_x = 2.0 * (xs - own.displacement) / own.sigma_displacement**2 + 2.0 * pulled
                 parts.append((own.sigma_displacement * by_x).ravel())
         value = _chi2(samples, tuple(moved), found)
-        if value < best[3]:
-            best[:] = [at, tuple(moved), found, value]
+        if value < lowest:
+            best, lowest = (at, tuple(moved), found), value
         return value, np.concatenate([gradient * unit, *parts])
 
     n_moved = sum(own.displacement.size for own, moves in zip(samples, free, strict=True) if moves)
@@ -95,7 +95,7 @@ def search_by_quasi_newton(
         converged, ended = bool(result.success), f"L-BFGS-B: {result.message}"
     except _FailedError as failed:
         ended = f"a simulation failed: {failed}"
-    return found_at(samples, *best[:3], bounds, scales, converged=converged, ended=ended, runs=runs + 1)
+    return found_at(samples, *best, bounds, scales, converged=converged, ended=ended, runs=runs + 1)
 
 
 def _chi2(samples: tuple[Samples, ...], x: tuple[FloatArray, ...], there: tuple[Linearised, ...]) -> float:
