@@ -58,7 +58,7 @@ def picture_film(toml: ShotToml, result: StereoResult) -> PictureFilm | None:
     times, pictures = [], []
     for frame in chosen:
         try:
-            picture = np.array(series.frame(int(frame)))[rows, columns]
+            picture = np.asarray(series.frame(int(frame)), dtype=np.float64)[rows, columns]
         except PictureError:
             continue
         height = max(1, round(picture.shape[0] * WIDTH / picture.shape[1]))

@@ -131,8 +131,12 @@ def _draw(
     flat = in_picture(surface.points)[surface.faces]
     shown = (np.broadcast_to(colours, (len(bright), 3)) * bright[:, None])[order]
     part = PolyCollection(
-        flat[order], facecolors=shown, edgecolors="none", antialiased=False, rasterized=True
+        list(flat[order]), facecolors=shown, edgecolors="none", antialiased=False, rasterized=True
     )
     if opacity < 1.0:  # of faces one by one, those behind would shine through and edges show twice
-        part.set_agg_filter(lambda image, dpi: (image * [1.0, 1.0, 1.0, opacity], 0, 0))
+
+        def seen_through(image: Any, dpi: float) -> Any:
+            return np.asarray(image) * np.array([1.0, 1.0, 1.0, opacity]), 0, 0
+
+        part.set_agg_filter(seen_through)
     ax.add_collection(part)
