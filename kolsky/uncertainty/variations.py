@@ -90,7 +90,7 @@ def shorter(objective: Objective, model: Model, end: float) -> Data:
     """
     seen = objective.observations
     line = seen.centre_line
-    inside = seen.of_forces(lambda bins, _: bins.edges[1:] <= end + SAME_TIME).astype(bool)
+    inside = seen.of_forces(lambda bins, _: bins.edges[1:]) <= end + SAME_TIME
     n = int(inside[: len(seen.bins.mean)].sum())
     points = line.time <= end + SAME_TIME
     if n < LEAST_BINS:
