@@ -127,7 +127,8 @@ def march(
     moved, velocity = np.full(shape, np.nan), np.full(shape, np.nan)
     for k, one in enumerate(found):
         moved[k], velocity[k] = one.u.reshape(shape[1:]), one.v.reshape(shape[1:])
-    return Motion(model, dt * np.arange(n + 1), moved, velocity, forces, outcome, len(found))
+    time = np.asarray(dt * np.arange(n + 1), dtype=np.float64)
+    return Motion(model, time, moved, velocity, forces, outcome, len(found))
 
 
 def _at_rest(equations: Equations, state: State, masses: FloatArray, u: FloatArray) -> Instant:

@@ -45,7 +45,7 @@ class Relaxing:
         self.decay = np.exp(-dt / tau)
         self.gain = beta * np.exp(-0.5 * dt / tau)
         m, g = body.points.shape
-        self.stress = np.zeros((m, g, 3, 3))
+        self.stress: FloatArray = np.zeros((m, g, 3, 3))
         self.parts = np.zeros((len(tau), m, g, 3, 3))
 
     def _deformation(self, u: FloatArray) -> FloatArray:
@@ -79,7 +79,7 @@ class Relaxing:
         """Take a state as the end of a step."""
         m, g = self.body.points.shape
         P = state.points.P.reshape(m, g, 3, 3)
-        stress = np.linalg.solve(self._deformation(state.u), P)
+        stress = np.asarray(np.linalg.solve(self._deformation(state.u), P), dtype=np.float64)
         change = stress - self.stress
         for i, (decay, gain) in enumerate(zip(self.decay, self.gain, strict=True)):
             self.parts[i] = decay * self.parts[i] + gain * change

@@ -135,7 +135,12 @@ class ReducedModel:
             scale = max(float(np.linalg.norm(internal)), float(np.linalg.norm(external)))
             try:
                 if float(np.linalg.norm(residual)) <= tolerance * scale:
-                    return ReducedState(q, np.linalg.solve(K, unit.T), Outcome.COMPLETED, iteration)
+                    return ReducedState(
+                        q,
+                        np.asarray(np.linalg.solve(K, unit.T), dtype=np.float64),
+                        Outcome.COMPLETED,
+                        iteration,
+                    )
                 q = q - np.linalg.solve(K, residual)
             except np.linalg.LinAlgError:
                 return ReducedState(q, nothing, Outcome.SINGULAR, iteration)

@@ -76,4 +76,5 @@ def run_loop(controller: Controller, plant: Plant, wanted: FloatArray, *, rate: 
         columns["measured"][k], columns["pressure"][k] = seen, decided.pressure
         bounded[k], held[k] = decided.bounded, decided.held
         inside += follow * (decided.pressure - inside)
-    return Closed(dt * np.arange(n), np.asarray(wanted), **columns, bounded=bounded, held=held, rate=rate)
+    time = np.asarray(dt * np.arange(n), dtype=np.float64)
+    return Closed(time, np.asarray(wanted), **columns, bounded=bounded, held=held, rate=rate)

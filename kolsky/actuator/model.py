@@ -53,7 +53,7 @@ class Actuator:
         """Names of the pressures in a solution."""
         return tuple(f"pressure of {name}" for name in self.cavities)
 
-    def model(self, gravity: Sequence[float]) -> Model:
+    def model(self, gravity: Sequence[float] | FloatArray) -> Model:
         """The model with an acceleration of free fall [m/s^2], shape [3].
 
         Raises
@@ -69,12 +69,17 @@ class Actuator:
             conditions.append(Fixed("mirror", (1,)))
         conditions.append(Gravity(self.density, g, WEIGHT))
         conditions += [Pressure(c, h) for c, h in zip(self.cavities, self.histories, strict=True)]
-        volumetric = "mixed" if self.mixed else "displacement"
-        return Model(self.mesh, self.solid, tuple(conditions), volumetric=volumetric, device=self.device)
+        return Model(
+            self.mesh,
+            self.solid,
+            tuple(conditions),
+            volumetric="mixed" if self.mixed else "displacement",
+            device=self.device,
+        )
 
     def simulate(
         self,
-        gravity: Sequence[float],
+        gravity: Sequence[float] | FloatArray,
         pressures: FloatArray,
         *,
         solid: Solid | None = None,

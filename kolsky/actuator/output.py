@@ -24,7 +24,7 @@ def write_bends(folder: Path, directions: Sequence[Direction]) -> None:
         healed = one.healed.angle if one.healed is not None else np.full(len(run.angle), np.nan)
         slopes = run.slopes()
         for k in range(len(run.angle)):
-            row = {"gravity": one.name}
+            row: dict[str, Any] = {"gravity": one.name}
             for j in range(run.pressures.shape[1]):
                 row[f"pressure {j + 1} (Pa)"] = float(run.pressures[k, j])
             row |= {
@@ -43,7 +43,8 @@ def write_bends(folder: Path, directions: Sequence[Direction]) -> None:
             for node, where in zip(
                 nodes, mesh.points[nodes] + run.solution.displacements[k, nodes], strict=True
             ):
-                row = {"gravity": one.name, "pressure (Pa)": float(run.pressures[k].max()), "node": int(node)}
+                row = {"gravity": one.name, "pressure (Pa)": float(run.pressures[k].max())}
+                row["node"] = int(node)
                 row |= {f"{axis} (m)": float(x) for axis, x in zip("xyz", where, strict=True)}
                 _append(line, row)
     write_table(folder / "bend.csv", bend)

@@ -103,7 +103,7 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
 
 def pneunet_of(section: GeometrySection) -> Pneunet:
     """The dimensions that [geometry] declares."""
-    given = {
+    given: dict[str, Any] = {
         key: tuple(value) if isinstance(value, list) else value
         for key, value in section.model_dump(exclude={"mesh", "mesh_unit"}, exclude_none=True).items()
     }

@@ -42,7 +42,7 @@ def simulate_all(spec: ActuatorSpec) -> list[Direction]:
     pressures, asked = schedule(spec.pressures)
     found = []
     for name, g in spec.gravities.items():
-        runs = []
+        runs: list[Bending | None] = []
         for solid in (None, spec.healed):
             if solid is None and runs:
                 runs.append(None)
@@ -98,7 +98,7 @@ def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
     if section.prony:
         prony = Prony(tuple(one.share for one in section.prony), tuple(one.time for one in section.prony))
     steps = round((section.ramp + section.hold) / section.step)
-    time = section.step * np.arange(steps + 1)
+    time = np.asarray(section.step * np.arange(steps + 1), dtype=np.float64)
     pressure = spec.pressures[-1] * np.minimum(time / section.ramp, 1.0)
     found = []
     for one in directions:

@@ -203,10 +203,10 @@ FAULTS = (
         tests=(f"{HERE}/test_constants.py::test_changes_of_the_map_to_the_energy",),
     ),
     Fault(
-        name="quasi-Newton: half of the gradient by the constants",
+        name="quasi-Newton: the gradient by the constants uphill",
         file="kolsky/specimen/quasi_newton.py",
         right='gradient += 2.0 * np.einsum("nip,ni->p"',
-        wrong='gradient += 1.0 * np.einsum("nip,ni->p"',
+        wrong='gradient -= 2.0 * np.einsum("nip,ni->p"',
         tests=FITS,
     ),
     Fault(

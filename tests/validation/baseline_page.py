@@ -104,9 +104,9 @@ def verdict(done: dict[str, Any]) -> str:
         )
     if said:
         said.append(
-            "\nThe band knows no systematic error of the force. GetFEM's force is up to 2.3 % off DOLFINx's where"
-            "\nthe side lands, and that decides between laws: its rows are what such an error does, not a proof"
-            "\nof the correction."
+            "\nThe band knows no systematic error of the force. GetFEM's force is up to 2.3 % off DOLFINx's"
+            "\nwhere the side lands, and that decides between laws: its rows are what such an error does, not"
+            "\na proof of the correction."
         )
     return "\n".join(said)
 
