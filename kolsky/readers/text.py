@@ -59,7 +59,8 @@ def read_bytes(path: Path, *, limit: int = SIZE_LIMIT) -> bytes:
         if stat.S_ISDIR(status.st_mode):
             raise InputError(path, "is a folder, not a file", cure="name the file inside it")
         if not stat.S_ISREG(status.st_mode):
-            raise InputError(path, "is not a regular file", cure="copy the data into a file")
+            kind = "a pipe" if stat.S_ISFIFO(status.st_mode) else "a device or a socket"
+            raise InputError(path, f"is {kind}, not a regular file", cure="copy the data into a file")
         if status.st_size > limit:
             raise InputError(
                 path,

@@ -1,6 +1,7 @@
 """Summary of a loaded shot: named values with units, for a table or for JSON."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -95,9 +96,16 @@ def as_json(shot: ShotBase | CheckedBars) -> dict[str, Any]:
 
 
 def _layouts(shot: ShotBase) -> list[Entry]:
-    """How the tables that are no plain text are read."""
-    found = ((name, layout_in_words(shot.folder / name)) for name in shot.inputs if name.endswith(TABLES))
+    """How the tables that are no plain text are read; of a series of files the first stands for all."""
+    found = (
+        (name, layout_in_words(_first(shot.folder / name))) for name in shot.inputs if name.endswith(TABLES)
+    )
     return [Entry("layouts", name, words) for name, words in found if words]
+
+
+def _first(place: Path) -> Path:
+    """A file, or the first of those that a pattern such as `dic_*.csv` names."""
+    return place if place.exists() else min(place.parent.glob(place.name), default=place)
 
 
 def _inside(shot: Shot, time: np.ndarray) -> np.ndarray:

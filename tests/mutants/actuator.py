@@ -4,7 +4,7 @@ from tests.mutants.fault import Fault
 
 _UNIT = "tests/unit/actuator"
 _BEND, _LOOP, _MARKERS = (f"{_UNIT}/test_{name}.py" for name in ("bending", "control", "markers"))
-_STUDY, _READING = f"{_UNIT}/test_study.py", f"{_UNIT}/test_reading.py"
+_STUDY, _READING = f"{_UNIT}/test_study.py", f"{_UNIT}/test_actuator_reading.py"
 
 FAULTS = (
     Fault(
@@ -103,7 +103,7 @@ FAULTS = (
         "implicit/loads/surface.py",
         "keys.append(np.sort(nodes, axis=1))",
         "keys.append(np.sort(nodes, axis=1)[:, : element.dimension])",
-        (f"{_UNIT}/test_geometry.py::test_faces_that_meet_in_an_edge_are_two",),
+        (f"{_UNIT}/test_actuator_geometry.py::test_faces_that_meet_in_an_edge_are_two",),
     ),
     Fault(
         "half of the curvature of the pressure left out",

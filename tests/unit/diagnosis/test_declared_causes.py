@@ -104,7 +104,7 @@ class LinearModel:
     def __init__(self, columns: dict[str, FloatArray], data: FloatArray) -> None:
         self.columns, self.data, self.x = columns, data, np.ones(1)
         self.lower, self.upper = np.zeros(1), np.full(1, 10.0)
-        self.observations = SimpleNamespace(bins=SimpleNamespace(mean=data))
+        self.observations = SimpleNamespace(bins=SimpleNamespace(mean=data), n_force=data.size)
 
     def steps(self, x: FloatArray) -> FloatArray:
         return np.full(1, 0.01)

@@ -28,7 +28,7 @@ class TwoValleys:
         self.m, self.late, self.off = np.linalg.qr(rng.standard_normal((K, 3)))[0].T
         self.data = LATE * self.late + rng.standard_normal(K)
         self.x, self.lower, self.upper = np.array([x]), np.zeros(1), np.full(1, 10.0)
-        self.observations = SimpleNamespace(bins=SimpleNamespace(mean=self.data))
+        self.observations = SimpleNamespace(bins=SimpleNamespace(mean=self.data), n_force=K)
 
     def steps(self, x: np.ndarray) -> np.ndarray:
         return np.full(1, 0.01)

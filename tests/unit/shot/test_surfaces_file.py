@@ -99,7 +99,7 @@ CHANGES = {
             f.__delitem__("entry/remark_names"),
             f["entry"].create_dataset("remark_names", shape=(2**40,), dtype="S8", chunks=(1024,)),
         ),
-        "remark_names: more than",
+        "remark_names: the file unpacks to more than",
     ),
     "unit": (lambda f: f["entry/t"].attrs.__setitem__("units", "ms"), "must be in 's'"),
     "version": (lambda f: f.attrs.__setitem__("format_version", 99), "99"),
