@@ -111,7 +111,13 @@ FAULTS = (
         "a lag is named though it explains nothing", VERDICT, "> LATE and lag.explains", "> LATE", VERDICTS
     ),
     Fault("the flyer late makes the force late", CLOCK, "FLYER: (-1.0, -1.0)", "FLYER: (1.0, 1.0)", CLOCKS),
-    Fault("a late force shows a later time", LAG, "at = edges - lag", "at = edges + lag", CLOCKS),
+    Fault(
+        "a late force shows a later time",
+        LAG,
+        "np.interp(bins.edges - lag",
+        "np.interp(bins.edges + lag",
+        CLOCKS,
+    ),
     Fault("a late outline shows a later time", LAG, "late = times - lag", "late = times + lag", CLOCKS),
     Fault("the slope of a lag twice as steep", LAG, "/ (2.0 * h)", "/ h", CLOCKS),
     Fault(

@@ -63,7 +63,7 @@ FAULTS = (
     Fault(
         name="the scale of the force bends the outline too",
         file="kolsky/inverse/objective.py",
-        right='np.where(self.mask("force"), self.observations.force_sigma_gain * self.data, 0.0)',
+        right="np.where(transmitted, self.observations.force_sigma_gain * self.data, 0.0)",
         wrong="self.observations.force_sigma_gain * self.data",
         tests=OBJECTIVE,
     ),

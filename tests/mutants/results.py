@@ -34,7 +34,7 @@ FAULTS = (
         CODEC,
     ),
     Fault(
-        "the size limit in values", HDF5, "dataset.size * dataset.dtype.itemsize >", "dataset.size >", CODEC
+        "the size limit in values", HDF5, "+= dataset.size * dataset.dtype.itemsize", "+= dataset.size", CODEC
     ),
     Fault("every version is read", HDF5, "version in form.readable", "version is not None", CODEC),
     Fault("a version late", RECORDS, "place.version < item.since", "place.version <= item.since", CODEC),
