@@ -9,7 +9,9 @@ registry of the solver, ``<!-- causes kolsky -->`` the inputs that are tried as 
 ``<!-- wrong NAME -->`` the table of a study of wrong inputs, ``<!-- budget NAME -->`` that of an error
 budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` and
 ``<!-- changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->`` shots and their
-mean: benchmarks/results/NAME.json. Anywhere in a line, ``<!-- names laws -->`` becomes their names.
+mean, ``<!-- coverage NAME -->`` a study of coverage, ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and
+``<!-- fuzzed NAME -->`` what damage and kills have done: benchmarks/results/NAME.json. Anywhere in a line, ``<!-- names laws -->`` becomes their
+names.
 """
 
 import ast
@@ -22,11 +24,6 @@ import tomllib
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
-LINE = re.compile(
-    r"^<!-- (rooms|public|commands|law|parameters|table|causes|wrong|budget|drawn|answers|changes|pooled)"
-    r" (\w+) -->$",
-    re.MULTILINE,
-)
 NAMES = re.compile(r"<!-- names (\w+) -->")
 
 
@@ -266,6 +263,14 @@ def pooled(name: str) -> str:
     return _not_yet(name) if made is None else table(made)
 
 
+def coverage(name: str) -> str:
+    """A study of coverage, as `benchmarks.coverage_table` prints it."""
+    from benchmarks.coverage_table import table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else table(made)
+
+
 def killed(name: str) -> str:
     """Killed commands, as `benchmarks.kills` prints them."""
     from benchmarks.kills import table
@@ -302,6 +307,7 @@ TABLES = {
     "answers": answers,
     "changes": changes,
     "pooled": pooled,
+    "coverage": coverage,
     "budget": budget,
     "drawn": drawn,
     "causes": causes,
@@ -313,6 +319,8 @@ TABLES = {
     "parameters": parameters,
     "table": table,
 }
+LINE = re.compile(rf"^<!-- ({'|'.join(TABLES)}) (\w+) -->$", re.MULTILINE)
+"""A line of a page that asks for one of these."""
 
 
 def fill(app, name, source) -> None:
