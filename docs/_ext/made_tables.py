@@ -7,11 +7,11 @@ line, ``<!-- commands kolsky -->`` the commands of the command line,
 law that the tests of the doors make up, ``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a
 registry of the solver, ``<!-- causes kolsky -->`` the inputs that are tried as causes of a misfit,
 ``<!-- wrong NAME -->`` the table of a study of wrong inputs, ``<!-- budget NAME -->`` that of an error
-budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` and
-``<!-- changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->`` shots and their
-mean, ``<!-- coverage NAME -->`` a study of coverage, ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and
-``<!-- fuzzed NAME -->`` what damage and kills have done: benchmarks/results/NAME.json. Anywhere in a line, ``<!-- names laws -->`` becomes their
-names.
+budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` and ``<!--
+changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->`` shots and their mean,
+``<!-- coverage NAME -->`` a study of coverage, ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and
+``<!-- fuzzed NAME -->`` what damage and kills have done: benchmarks/results/NAME.json. Anywhere in a line,
+``<!-- names laws -->`` becomes their names.
 """
 
 import ast
