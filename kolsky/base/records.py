@@ -32,6 +32,8 @@ class Recording:
     """Unit of the samples as the file writes it; None if it says none."""
     note: str = ""
     """What was done to the samples so that they have uniform times; empty if nothing was."""
+    first_line: int | None = None
+    """Line of the first sample in a file of text with a line a sample, from 1; None elsewhere."""
 
 
 @dataclass(frozen=True)

@@ -110,9 +110,9 @@ def without_common(
     own_sigma
         Standard deviations of what is independent, shape [k].
     """
-    weight = own_sigma**-2
+    weight: FloatArray = own_sigma**-2
     inner = np.eye(len(common)) + _product(common * weight, common.T)
-    spread = _product(np.linalg.inv(inner), common)
+    spread = _product(np.asarray(np.linalg.inv(inner), dtype=np.float64), common)
     share = np.einsum("ik,k->i", common, weight * residual)
     return residual - np.einsum("ik,i->k", spread, share), np.einsum("ik,ik->k", spread, common)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from explicit.materials import AnyLaw, neo_hookean
+from explicit.materials import MaterialLaw, neo_hookean
 from kolsky.joint.slow_schema import SlowList
 from kolsky.material.curves.uniaxial import gaussian_strain
 from kolsky.material.relaxation.evidence import DynamicTest, Evidence, HistoryTest
@@ -36,7 +36,7 @@ class SlowDynamics:
     """Temperature sweeps by name."""
     moduli: tuple[ApparentModuli, ...]
     """Moduli of each test by itself, then those of the shots."""
-    law: AnyLaw
+    law: MaterialLaw
     """The long-term law, up to the fitted factor."""
     declared: bool
     """True if the list declares it; else it is neo-Hookean."""

@@ -73,7 +73,15 @@ def read_scope(path: Path, *, time: Column, voltage: Column) -> Recording:
     t, volts = table.values(time), table.values(voltage)
     table.check_increasing(time, t)
     _check_uniform(table, time, t)
-    return Recording(time=t, value=volts, channel=voltage.name, unit="V", path=path, sha256=table.sha256)
+    return Recording(
+        time=t,
+        value=volts,
+        channel=voltage.name,
+        unit="V",
+        path=path,
+        sha256=table.sha256,
+        first_line=table.first_line,
+    )
 
 
 def list_channels(path: Path, *, layout: Layout = _FOUND) -> list[ChannelInfo]:

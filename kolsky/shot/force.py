@@ -12,7 +12,6 @@ from kolsky.base.errors import InputError
 from kolsky.base.records import FlyerMotion, Recording
 from kolsky.base.units import in_us
 from kolsky.readers.recordings import read_recordings, read_scope
-from kolsky.readers.table import read_table
 from kolsky.shot.records import ForceChannel
 from kolsky.shot.schema.measured import ForceSection
 from kolsky.shot.schema.reading import ShotToml
@@ -92,7 +91,7 @@ def check_range(scope: Recording, toml: ShotToml) -> None:
             scope.path,
             f"column '{scope.channel}' is clipped: {scope.value[row]:.6g} V in the first of {clipped.size}"
             f" samples at or beyond full scale (force.full_scale = {force.full_scale:g} V)",
-            line=row + read_table(scope.path).first_line if force.layout is None else None,
+            line=None if scope.first_line is None else scope.first_line + row,
             cure="a clipped force is lost; repeat the test at a coarser range, or correct force.full_scale",
         )
 

@@ -126,7 +126,10 @@ def maximum_likelihood(
             args=(y, weight, spans, hats, parts, shared),
             jac=True,
             method="L-BFGS-B",
-            bounds=[(0.0, None)] + [(np.log(LEAST_ADDED), None)] * (n_parts - 1) + [(lowest, highest)] * n,
+            # Noise of more than the whole travel is none that is fitted: a line search there overflows.
+            bounds=[(0.0, highest)]
+            + [(np.log(LEAST_ADDED), highest)] * (n_parts - 1)
+            + [(lowest, highest)] * n,
             options={"ftol": 1e-8},
         )
         # A line search that round-off ends has arrived if a new start from there gains nothing.

@@ -43,7 +43,7 @@ class Toml:
 
 def recording(value: Any, interval: float = 1e-6) -> Recording:
     value = np.asarray(value, dtype=float)
-    return Recording(interval * np.arange(value.size), value, "CH1", "V", FILE, "0")
+    return Recording(interval * np.arange(value.size), value, "CH1", "V", FILE, "0", first_line=2)
 
 
 def refused(check, *args, **options) -> str:
