@@ -9,6 +9,7 @@ from dic.bodies.follow import TrackedBody
 from dic.camera import StereoRig
 from dic.images import Pictures
 from dic.outcome import PointOutcome
+from dic.rigid_body.edge_registration import RegisteredEdge
 from dic.rigid_body.frames_before import SEARCH_RANGE, consistent_frames, registered_edges
 from dic.rigid_body.rest_from_rim import RestGeometry, find_rim, glance
 from dic.rigid_body.translation import FREE, lateral_places, translation_in
@@ -141,7 +142,7 @@ def axial_displacement(
         ):
             rows.insert(0, k)
             found.insert(0, edge.y)
-            sigma.insert(0, edge.sigma)
+            sigma.insert(0, edge.sigma if static[k] else of_moving(edge))
             counts.insert(0, 0)
             common = edge.common  # the last is the first frame's, at rest
     index = np.array(rows, dtype=np.int64)
@@ -183,6 +184,16 @@ def axial_displacement(
         from_rim=from_rim,
         rim_disagreement=disagreement,
     )
+
+
+def of_moving(edge: RegisteredEdge) -> float:
+    """Standard deviation of the registration of a frame that moves, with what frames at rest share [m].
+
+    Static frames show the same rows, and what these are off by is in the place at rest. A body that moves
+    shows others in every frame, and the last of its own at another place between two rows of the picture:
+    there it is the frame's own, all of it, where of a match only `OWN_SHARE` of the variance is.
+    """
+    return float(np.hypot(edge.sigma, edge.common / OWN_SHARE**0.5))
 
 
 def with_rest(

@@ -60,7 +60,7 @@ class RegisteredEdge:
     """Its standard deviation, from the residual of the comparison [m]."""
     common: float
     """Standard deviation common to frames that show the same rows, beside `sigma`, from the uncertainty of
-    the rows' offsets [m]."""
+    the rows' offsets, and of the row at the region's end where it is used [m]."""
     clear: bool
     """False where rows clear of the region's end are too few, and the row at its end counts too."""
     zncc: float

@@ -299,6 +299,13 @@ FAULTS = (
         tests=UNSEEN,
     ),
     Fault(
+        name="a flyer's path: round-off of a gap in the likelihood",
+        file="kolsky/bars/flyer/jerks.py",
+        right="P = left[k].dot(P).dot(left[k].T) + own[k] * K[k, :, None] * K[k]",
+        wrong="P = P - K[k, :, None] * column",
+        tests=UNSEEN,
+    ),
+    Fault(
         name="a flyer's path: one jerk from rest to speed across a gap",
         file="kolsky/bars/flyer/fit.py",
         right="LONGEST_STEP = 2.5",

@@ -8,6 +8,7 @@ REGIONS = "tests/unit/dic/test_dic_found_regions.py"
 ORDER = ("tests/unit/dic/test_dic_pair_order.py",)
 RIM = ("tests/unit/dic/test_dic_rest_from_rim.py",)
 EDGE = "tests/unit/dic/test_dic_edge.py"
+BY_EDGE = ("tests/unit/dic/test_dic_seen_by_edge.py",)
 TRAVEL = ("tests/unit/dic/test_dic_travel_checks.py",)
 SIGMAS = ("tests/unit/dic/test_dic_sigmas.py",)
 NOISE = ("tests/unit/dic/test_dic_noise_floor.py",)
@@ -378,6 +379,27 @@ FAULTS = (
         right="w = np.array([seen[1], by_end[1]]) ** -2.0",
         wrong="w = np.array([seen[1], by_end[1]]) ** 0.0",
         tests=(f"{RIM[0]}::test_what_was_seen_and_the_end_are_joined",),
+    ),
+    Fault(
+        name="flyer by its edge: what the rows share left out of the frames that move",
+        file="dic/rigid_body/axial_displacement.py",
+        right="edge.sigma if static[k] else of_moving(edge)",
+        wrong="edge.sigma",
+        tests=BY_EDGE,
+    ),
+    Fault(
+        name="flyer by its edge: what the rows share counted at rest and in its place",
+        file="dic/rigid_body/axial_displacement.py",
+        right="edge.sigma if static[k] else of_moving(edge)",
+        wrong="of_moving(edge)",
+        tests=BY_EDGE,
+    ),
+    Fault(
+        name="flyer by its edge: half of what the rows share taken for the reference's",
+        file="dic/rigid_body/axial_displacement.py",
+        right="edge.common / OWN_SHARE**0.5",
+        wrong="edge.common",
+        tests=BY_EDGE,
     ),
     Fault(
         name="zero: the face beside the rim adds nothing",

@@ -199,7 +199,7 @@ def evidence(
     seen = weight[:, None] * np.array([1.0, 1.0, 0.0, 0.0, 0.0])[:m]
     data = weight > 0.0
     own = np.where(data, noise.sum(axis=1), 1.0)  # a frame without a displacement says nothing of the noise
-    S, K = np.empty(n), np.empty((n, m))
+    S, K, left, eye = np.empty(n), np.empty((n, m)), np.empty((n, m, m)), np.eye(m)
     P = np.diag([ZERO_PRIOR**2, 0.0, 0.0, 0.0, 1.0][:m])
     if shared is not None:
         seen[:, 4], steps[:, 4, 4] = shared
@@ -209,8 +209,8 @@ def evidence(
         column = P.dot(z)
         S[k] = z.dot(column) + own[k]
         K[k] = column / S[k]
-        P -= K[k, :, None] * column
-    left = np.eye(m) - K[:, :, None] * seen[:, None]
+        left[k] = eye - K[k, :, None] * z
+        P = left[k].dot(P).dot(left[k].T) + own[k] * K[k, :, None] * K[k]  # round-off stays below own
     state, expected = np.zeros(m), np.empty((n, m))
     for k, (step, rest, gain) in enumerate(zip(steps, left, K * y[:, None], strict=True)):
         expected[k] = step.dot(state)

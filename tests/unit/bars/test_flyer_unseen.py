@@ -88,3 +88,21 @@ def test_the_zeros_sigma_is_in_every_place_after_the_rest():
     np.testing.assert_allclose(common.sigma_position(t), expected, rtol=0.02)
     # a common shift changes no speed once the path has caught up with it
     np.testing.assert_allclose(common.sigma_velocity(t), plain.sigma_velocity(t), rtol=0.05)
+
+
+def test_the_likelihood_stays_accurate_where_a_gap_leaves_much_unknown():
+    """Its slope is that of its values, to which the round-off of a long gap must add nothing."""
+    y, weight = position(FRAME * np.arange(-9, 80)) / SIGMA, np.linspace(0.3, 1.0, 89)
+    y, weight[10:29] = y * weight, 0.0
+    y[10:29] = 0.0
+    hats = hat_functions(np.arange(79) + 0.5)
+    shared = (np.where(weight > 0.0, 0.3, 0.0), np.full(89, 0.1))
+    theta = np.array([0.0, 5.0, 4.4, 2.9, 0.7, -0.6, -3.5, -3.3])[: 1 + hats.shape[1]]
+    slope = evidence(theta, y, weight, np.ones(79), hats, None, shared)[1]
+    step = 1e-5
+    for k, one in enumerate(np.eye(theta.size)):
+        ahead, behind = (
+            evidence(theta + sign * step * one, y, weight, np.ones(79), hats, None, shared)[0]
+            for sign in (1.0, -1.0)
+        )
+        assert (ahead - behind) / (2.0 * step) == pytest.approx(slope[k], abs=5e-3, rel=1e-4), k
