@@ -135,8 +135,12 @@ def search_by_single_runs(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedO
             model = model.through(point, vector)
         found, best = _judged(stages, coarse, objective, model, optimum, check, missed, wide)
         objective = found.objective
-        if found.moved <= CONFIRMED:
+        if found.confirmed:
             break
+        if at_inner_face(best, coarse.box, stages.box):
+            # The optimum lies beyond the second design: the next run on the refined mesh judges it there.
+            coarse = replace(coarse, box=_wider(coarse.box, stages.box))
+            best = search(coarse.box, objective, model.predict).x
         optimum, wave = best, best[None]
     return found
 
@@ -172,6 +176,14 @@ def _judged(
         mesh_shift=optimum - coarse.x,
     )
     return found, best.x
+
+
+def _wider(box: Box, whole: Box) -> Box:
+    """The box with half its edges more on every side, inside the whole one."""
+    low, high = np.array(box.lower), np.array(box.upper)
+    more = 0.5 * (high - low)
+    lower, upper = np.maximum(low - more, whole.lower), np.minimum(high + more, whole.upper)
+    return replace(box, lower=tuple(lower.tolist()), upper=tuple(upper.tolist()))
 
 
 def _beside(x: FloatArray, box: Box, whole: Box) -> FloatArray:
