@@ -68,6 +68,20 @@ FAULTS = (
         tests=OBJECTIVE,
     ),
     Fault(
+        name="the design is widened by its whole edges",
+        file="kolsky/inverse/refined_search.py",
+        right="more = 0.5 * (high - low)",
+        wrong="more = 1.0 * (high - low)",
+        tests=("tests/unit/inverse/test_refined_search.py",),
+    ),
+    Fault(
+        name="an optimum beyond the second design is not followed",
+        file="kolsky/inverse/refined_search.py",
+        right="        if at_inner_face(best, coarse.box, stages.box):",
+        wrong="        if False:",
+        tests=("tests/unit/inverse/test_refined_search.py",),
+    ),
+    Fault(
         name="not seen where forty sigma are the whole design",
         file="kolsky/inverse/estimates.py",
         right="elif 4.0 * total > box.upper[i] - box.lower[i]:",
