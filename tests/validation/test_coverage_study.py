@@ -1,7 +1,6 @@
 """The study of coverage, reduced: made experiments are what they say, and a dozen of them identified."""
 
 import json
-import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -10,13 +9,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2
 
-ROOT = Path(__file__).resolve().parent.parent.parent
-if str(ROOT) not in sys.path:
-    sys.path.append(str(ROOT))  # the benchmarks are not installed
-
-from benchmarks.coverage import Found, Study, _free, run  # noqa: E402
-from benchmarks.coverage_counts import NOMINAL, summary  # noqa: E402
-from benchmarks.coverage_problem import (  # noqa: E402
+from benchmarks.coverage import Found, Study, _free, run
+from benchmarks.coverage_counts import NOMINAL, summary
+from benchmarks.coverage_problem import (
     FORCE_SIGMA,
     GROUP,
     NOISE,
@@ -27,7 +22,7 @@ from benchmarks.coverage_problem import (  # noqa: E402
     template,
     velocity,
 )
-from benchmarks.coverage_table import table  # noqa: E402
+from benchmarks.coverage_table import table
 
 M = "stiffness_factor"
 

@@ -13,6 +13,8 @@ from kolsky.shot.regions.session import Session
 HOST = "127.0.0.1"
 MOST = 1_000_000
 """Largest request [bytes]."""
+DISCARDED = 16 * MOST
+"""So much of a request that is too long is read and thrown away [bytes]."""
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -144,6 +146,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._json(415, {"problems": ["a request is JSON with its length"]})
             return None
         if int(length) > MOST:
+            self._discard(min(int(length), DISCARDED))
             self._json(413, {"problems": [f"a request has at most {MOST} bytes"]})
             return None
         try:
@@ -153,6 +156,11 @@ class _Handler(BaseHTTPRequestHandler):
         if content is None:
             self._json(400, {"problems": ["the request is no JSON"]})
         return content
+
+    def _discard(self, left: int) -> None:
+        """Read so many bytes: unread ones would reset the connection, and the refusal would be lost."""
+        while left > 0 and (read := self.rfile.read(min(65_536, left))):
+            left -= len(read)
 
     def _json(self, status: int, content: dict[str, Any]) -> None:
         self._send(status, json.dumps(content).encode(), ".json")

@@ -2,21 +2,15 @@
 
 import json
 import stat
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent.parent.parent
-if str(ROOT) not in sys.path:
-    sys.path.append(str(ROOT))  # the benchmarks are not installed
-
-from benchmarks import dic as benchmark  # noqa: E402
-from benchmarks import dic_peers, dic_whole  # noqa: E402
-from benchmarks.dic_problem import PAIRS, Problem, errors, problems  # noqa: E402
-from dic.correlation import Correlation  # noqa: E402
-from kolsky.shot.schema.reading import shot_toml  # noqa: E402
+from benchmarks import dic as benchmark
+from benchmarks import dic_peers, dic_whole
+from benchmarks.dic_problem import PAIRS, Problem, errors, problems
+from dic.correlation import Correlation
+from kolsky.shot.schema.reading import shot_toml
 
 TABLE = """\
 "subset_x","subset_y","disp_u","disp_v","disp_mag","converged","cost_zncc","ftol","xtol",

@@ -1,20 +1,13 @@
 """Which noise two matches share: closed forms, and drawn scenes with a known answer."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[3]
-if str(ROOT) not in sys.path:
-    sys.path.append(str(ROOT))  # the benchmarks are not installed
-
-from benchmarks import dic_sigmas  # noqa: E402
-from dic.correlation.warp import Shape, identity  # noqa: E402
-from dic.surfaces.overlap import overlap_correlation  # noqa: E402
-from dic.tracking.matcher import carried_from, enlarged, in_material  # noqa: E402
-from dic.tracking.references import gradient  # noqa: E402
+from benchmarks import dic_sigmas
+from dic.correlation.warp import Shape, identity
+from dic.surfaces.overlap import overlap_correlation
+from dic.tracking.matcher import carried_from, enlarged, in_material
+from dic.tracking.references import gradient
 
 SIDE = 21
 

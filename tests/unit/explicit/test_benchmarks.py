@@ -10,16 +10,12 @@ import numpy as np
 import pytest
 import warp as wp
 
-ROOT = Path(__file__).resolve().parent.parent.parent.parent
-if str(ROOT) not in sys.path:
-    sys.path.append(str(ROOT))  # the benchmarks are not installed
-
-from benchmarks import counting, deck, limits, peer, problem, solver  # noqa: E402
-from benchmarks.limit_kernels import fma_kernel, lanes, shared_kernel  # noqa: E402
-from explicit.device import select_device  # noqa: E402
-from explicit.elements.shared import isochoric_factor_function  # noqa: E402
-from explicit.materials import neo_hookean  # noqa: E402
-from explicit.precision import PRECISIONS  # noqa: E402
+from benchmarks import counting, deck, limits, peer, problem, solver
+from benchmarks.limit_kernels import fma_kernel, lanes, shared_kernel
+from explicit.device import select_device
+from explicit.elements.shared import isochoric_factor_function
+from explicit.materials import neo_hookean
+from explicit.precision import PRECISIONS
 
 FP64 = PRECISIONS["fp64"]
 
