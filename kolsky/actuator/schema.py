@@ -119,6 +119,7 @@ class ControlSection(Section):
     lag: Annotated[float, BeforeValidator(f.physical("s", ">= 0"))] = 0.05
     noise: Annotated[float, BeforeValidator(f.physical("rad", ">= 0"))] = 0.0
     seed: Annotated[int, Field(ge=0)] = 1
+    real_time: bool = False
 
 
 class MarkersSection(Section):

@@ -7,6 +7,7 @@ import numpy as np
 
 from implicit.dynamics.march import march
 from implicit.dynamics.relaxation import Prony
+from kolsky.actuator.gaps import smallest_gap
 from kolsky.actuator.model import WEIGHT, Bending, bend_of
 from kolsky.actuator.reading import ActuatorSpec
 from kolsky.base.arrays import FloatArray
@@ -124,28 +125,6 @@ def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
         ]
         found.append(BendInTime(one.name, time, pressure, bend_of(ends[1] - ends[0])))
     return found
-
-
-def smallest_gap(run: Bending) -> FloatArray:
-    """Smallest distance of the facing walls of neighbouring chambers [m], shape [n].
-
-    Each pair of facing points is taken along the line between the middles of its two walls; negative where
-    they have passed each other.
-    """
-    mesh, u = run.solution.model.mesh, run.solution.displacements
-    smallest = np.full(len(u), np.nan)
-    number = 1
-    while f"gap_{number}_left" in mesh.sets:
-        left, right = (
-            mesh.points[mesh.sets[f"gap_{number}_{side}"]] + u[:, mesh.sets[f"gap_{number}_{side}"]]
-            for side in ("left", "right")
-        )
-        across = (right - left).mean(axis=1)
-        across = across / np.linalg.norm(across, axis=-1, keepdims=True)
-        each = np.einsum("npd,nd->np", right - left, across).min(axis=1)
-        smallest = np.fmin(smallest, each)
-        number += 1
-    return smallest
 
 
 def warnings_of(directions: list[Direction]) -> list[str]:

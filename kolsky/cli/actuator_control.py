@@ -1,6 +1,10 @@
 """`kolsky actuator control`: the closed loop with a simulated plant, and how long its ticks take."""
 
+from pathlib import Path
 from time import perf_counter
+from typing import Annotated
+
+import typer
 
 from kolsky.cli import texts
 from kolsky.cli.actuator_simulate import ActuatorPath, OutOfActuator
@@ -10,6 +14,13 @@ from kolsky.cli.options import AsJson, Device, Figures
 def actuator_control(
     spec: ActuatorPath,
     out: OutOfActuator = None,
+    basis: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Keep the reduced models there, and take them from there where the inputs are the same.",
+        ),
+    ] = None,
     device: Device = "cpu",
     figures: Figures = "",
     as_json: AsJson = False,
@@ -35,8 +46,9 @@ def actuator_control(
     if section is None:
         raise read.toml.error("control", "is missing", cure='add [control] with angles = ["20 deg"] and most')
     folder = usable_folder(out or read.toml.path.with_suffix("") / "control")
+    kept = None if basis is None else usable_folder(basis)
     try:
-        closed, reductions = run_control(read.actuator, read.gravities, section)
+        closed, reductions = run_control(read.actuator, read.gravities, section, basis=kept)
     except ValueError as error:
         raise read.toml.error("control", f"cannot be run: {error}") from None
     warnings = loop_warnings(closed, reductions, section)

@@ -86,7 +86,7 @@ FAULTS = (
     ),
     Fault(
         "largest gap in place of the smallest",
-        "kolsky/actuator/study.py",
+        "kolsky/actuator/gaps.py",
         'np.einsum("npd,nd->np", right - left, across).min(axis=1)',
         'np.einsum("npd,nd->np", right - left, across).max(axis=1)',
         (f"{_STUDY}::test_gap_is_the_distance_of_the_walls_and_negative_where_they_overlap",),

@@ -8,8 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from kolsky.actuator.gaps import smallest_gap
 from kolsky.actuator.geometry import Pneunet
-from kolsky.actuator.study import Direction, relative_bend, smallest_gap, warnings_of
+from kolsky.actuator.study import Direction, relative_bend, warnings_of
 
 ROOT = Path(__file__).resolve().parents[3]
 
