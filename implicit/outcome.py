@@ -49,7 +49,7 @@ _TEXTS = {
         "check the constants of the law, or end the history earlier",
     ),
     Outcome.PENETRATION: (
-        "the contact with a rigid plane did not close within its tolerance",
-        "raise the stiffness or the tolerance of the contact",
+        "a contact did not close within its tolerance",
+        "raise the stiffness or the tolerance of the contact, or take smaller steps",
     ),
 }
