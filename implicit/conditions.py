@@ -118,8 +118,8 @@ class RigidPlane:
 class SelfContact:
     """Two surfaces of the body that cannot pass through each other, without friction.
 
-    Gauss points of the first are pushed out of the second by a penalty; an equilibrium in which one is deeper
-    than `depth` is none.
+    Points of integration of the first are pushed out of the second by a penalty; an equilibrium in which one
+    is deeper than `depth` is none.
     """
 
     where: str

@@ -1,4 +1,4 @@
-r"""Frictionless contact of two surfaces of a body, by a penalty at the Gauss points of the first.
+r"""Frictionless contact of two surfaces of a body, by a penalty at points of integration of the first.
 
 A point x of the first surface has its closest point X(s) on the second, where (x - X) . X,a = 0, and the gap
 g = n . (x - X) with the outward normal n there. The potential
@@ -27,7 +27,7 @@ from implicit.loads.surface import faces_on
 from implicit.model import Model
 
 STIFFNESS = 500.0
-"""Penalty of a Gauss point, in shear moduli over the size of a face."""
+"""Penalty of a point, in shear moduli over the size of a face."""
 DEPTH = 0.01
 """Largest depth of an equilibrium unless it is declared, as a share of the size of a face [-]."""
 NEAREST = 12
@@ -67,7 +67,7 @@ class SurfaceContact:
         own = (np.unique([*self.first.ravel(), *self.second.ravel()])[:, None] * d + np.arange(d)).ravel()
         if held and np.intersect1d(np.concatenate(held), own).size:
             raise ValueError(f"a surface of {condition} has prescribed displacements: hold another set")
-        points, weights = model.mesh.element.face_rule(model.gauss or model.mesh.element.gauss)
+        points, weights = contact_rule(self.element)
         self.values = self.element.values(points)
         slopes = self.element.gradients(points)
         X = model.mesh.points[self.first]
@@ -86,7 +86,7 @@ class SurfaceContact:
         return self._last[1]
 
     def pressures(self, u: FloatArray) -> FloatArray:
-        """Contact pressure on every Gauss point of the first surface [Pa], shape [f g]."""
+        """Contact pressure on every point of the first surface [Pa], shape [f g]."""
         found = np.zeros(len(self.areas))
         near = self.touch(u)
         found[near.points] = self.stiffness * np.maximum(0.0, -near.gaps)
@@ -179,38 +179,47 @@ class SurfaceContact:
             return Touch(*(np.zeros(0, dtype=np.int64),) * 2, np.zeros(0), np.zeros((0, x.shape[1] - 1)))
         corners = x[self.second]
         tried = min(NEAREST, len(corners))
-        faces = cKDTree(corners.mean(axis=1)).query(own, k=[*range(1, tried + 1)])[1]
-        points = np.repeat(np.arange(len(own)), tried)
-        flat = faces.ravel()
+        centres = corners.mean(axis=1)
+        away, faces = cKDTree(centres).query(own, k=[*range(1, tried + 1)])
+        radius = np.linalg.norm(corners - centres[:, None], axis=-1).max(axis=1)
+        near = away <= radius[faces] + self.reach
+        points, flat = np.repeat(np.arange(len(own)), tried)[near.ravel()], faces[near]
         places, ended = self._closest(own[points], corners[flat])
         tangents = np.einsum("tka,tkd->tad", self.element.gradients(places), corners[flat])
         at = np.einsum("tk,tkd->td", self.element.values(places), corners[flat])
         gaps = np.einsum("td,td->t", own[points] - at, _normals(tangents))
         good = ended & _inside(self.element, places) & (np.abs(gaps) <= self.reach)
-        distance = np.where(good, np.abs(gaps), np.inf).reshape(-1, tried)
-        best = np.argmin(distance, axis=1) + tried * np.arange(len(own))
-        best = best[np.isfinite(distance.ravel()[best])]
+        kept = np.flatnonzero(good)
+        kept = kept[np.lexsort((np.abs(gaps[kept]), points[kept]))]
+        best = kept[np.unique(points[kept], return_index=True)[1]]  # the nearest of each point
         return Touch(points[best], flat[best], gaps[best], places[best])
 
     def _closest(self, own: FloatArray, corners: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Coordinates in faces of the points nearest to points, and whether the iteration ended."""
         item = self.element
-        places = np.repeat(item.nodes.mean(axis=0)[None], len(own), axis=0)
-        middle = places[0]
-        step = np.full(places.shape, np.inf)
+        middle = item.nodes.mean(axis=0)
+        places = np.repeat(middle[None], len(own), axis=0)
+        left = np.arange(len(own))  # those whose iteration has not ended
         for _ in range(PROJECTIONS):
-            left = own - np.einsum("tk,tkd->td", item.values(places), corners)
-            tangents = np.einsum("tka,tkd->tad", item.gradients(places), corners)
-            bent = np.einsum("tkab,tkd->tabd", item.curvatures(places), corners)
+            if len(left) == 0:
+                break
+            at, nodes = places[left], corners[left]
+            away = own[left] - np.einsum("tk,tkd->td", item.values(at), nodes)
+            tangents = np.einsum("tka,tkd->tad", item.gradients(at), nodes)
             metric = np.einsum("tad,tbd->tab", tangents, tangents)
-            hessian = metric - np.einsum("tabd,td->tab", bent, left)
+            hessian = metric - np.einsum(
+                "tkab,tk->tab", item.curvatures(at), (nodes @ away[..., None])[..., 0]
+            )
             # far from a bent face the Hessian may be indefinite: then the metric alone leads nearer
             wrong = np.linalg.det(hessian) <= 1e-3 * np.linalg.det(metric)
             hessian[wrong] = metric[wrong]
-            step = np.linalg.solve(hessian, np.einsum("tad,td->ta", tangents, left)[..., None])[..., 0]
-            step = np.clip(step, -1.0, 1.0)
-            places = np.clip(places + step, middle - 2.0, middle + 2.0)
-        return places, np.asarray(np.abs(step).max(axis=1) < 1e-9)
+            step = np.linalg.solve(hessian, np.einsum("tad,td->ta", tangents, away)[..., None])[..., 0]
+            moved = np.clip(at + np.clip(step, -1.0, 1.0), middle - 2.0, middle + 2.0)
+            places[left] = moved
+            left = left[np.abs(moved - at).max(axis=1) > 1e-9]
+        ended = np.ones(len(own), dtype=bool)
+        ended[left] = False
+        return places, ended
 
 
 def face_element(element: Element) -> Element:
@@ -223,6 +232,24 @@ def face_element(element: Element) -> Element:
     degree = int(element.exponents.max())
     space = (tensor if element.shape == "hypercube" else complete)(degree, place.shape[1])
     return Element(f"face of {element.name}", element.shape, place, space, (), element.gauss, None, 0)
+
+
+def contact_rule(item: Element) -> tuple[FloatArray, FloatArray]:
+    """Points [g, d - 1] and weights [g] on a face, its corners among them: walls may touch in an edge first.
+
+    Four points of Lobatto's rule in each coordinate (degree 5); on a triangle corners, middles of the edges
+    and centre (degree 3; Zienkiewicz and Taylor 2000, table 5.3).
+    """
+    if item.shape == "simplex" and item.dimension == 2:
+        points = [[0, 0], [1, 0], [0, 1], [0.5, 0], [0, 0.5], [0.5, 0.5], [1 / 3, 1 / 3]]
+        return np.array(points, dtype=float), 0.5 * np.repeat([1 / 20, 2 / 15, 9 / 20], [3, 3, 1])
+    inner = 1.0 / np.sqrt(5.0)
+    line, of_line = np.array([-1.0, -inner, inner, 1.0]), np.array([1.0, 5.0, 5.0, 1.0]) / 6.0
+    if item.shape == "simplex":
+        return 0.5 * (line[:, None] + 1.0), 0.5 * of_line
+    lines = np.stack(np.meshgrid(*[line] * item.dimension, indexing="ij"), axis=-1)
+    weights = np.stack(np.meshgrid(*[of_line] * item.dimension, indexing="ij"), axis=-1)
+    return lines.reshape(-1, item.dimension), weights.reshape(-1, item.dimension).prod(axis=1)
 
 
 def _order(places: FloatArray) -> IntArray:
@@ -260,7 +287,7 @@ def _sizes(tangents: FloatArray) -> FloatArray:
 def _areas(
     model: Model, X: FloatArray, values: FloatArray, slopes: FloatArray, weights: FloatArray
 ) -> FloatArray:
-    """Undeformed area of each Gauss point [m2], shape [f, g]."""
+    """Undeformed area of each point [m2], shape [f, g]."""
     area = weights * _sizes(np.einsum("gkt,fkd->fgtd", slopes, X))
     if model.kinematics == "axisymmetric":
         return np.asarray(area * 2.0 * np.pi * np.einsum("gk,fk->fg", values, X[..., 0]))

@@ -96,6 +96,8 @@ def reduce_actuator(
     """
     if len(actuator.cavities) != 1:
         raise ValueError("the reduced model and its loop have one pressure: set separate = false")
+    if actuator.contacts:
+        raise ValueError("the reduced model has no contact of chambers: remove [contact]")
     pressures = np.linspace(0.0, most, 2 * seen - 1)
     whole = actuator.simulate(gravity, pressures)
     outcome = whole.solution.outcome

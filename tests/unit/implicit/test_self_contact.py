@@ -99,7 +99,7 @@ def test_two_blocks_are_one(kind: str, other: tuple[int, ...]) -> None:
     stress = MU * stretch ** (-2.0 / 3.0) * (stretch - first / (3.0 * stretch)) + K * (stretch - 1.0)
     travel = 0.05 + 2.0 * (1.0 - stretch) - stress / contact.stiffness
     wanted = np.interp(0.25, travel[::-1], -stress[::-1])
-    # another mesh on the other side: Gauss points of the first do not integrate the second's shape functions
+    # another mesh on the other side: points of the first do not integrate the second's shape functions
     tolerance = 1e-5 if other[0] == 2 else 5e-3
     assert run.reaction("bottom")[1, 1] == pytest.approx(wanted, rel=tolerance)
 
@@ -155,8 +155,8 @@ def test_mirrored_blocks_touch_as_one_does_a_plane() -> None:
     assert one.outcome.ok
     assert two.outcome.ok
     force = one.reaction("bottom")[0, 1]
-    # points of the plane are nodes here and Gauss points there: the edge of the contact differs by a share of
-    # an element
+    # points that touch are nodes here and points of integration there: the edge of the contact differs by a
+    # share of an element
     assert two.reaction("bottom")[0, 1] == pytest.approx(force, rel=0.02)
 
 
