@@ -144,8 +144,10 @@ class Actuator:
             longest=longest,
         )
         if not path.outcome.ok:
-            reached = 1e-5 * float(path.load.max())
-            raise ValueError(f"the path goes to {reached:.3g} bar: {path.outcome.cause}; {path.outcome.cure}")
+            highest = 1e-5 * float(path.load.max())
+            turned = ", where the pressure has a limit point" if path.limits.size else ""
+            cause, cure = path.outcome.cause, path.outcome.cure
+            raise ValueError(f"the path rises to {highest:.3g} bar{turned}: {cause}; {cure}")
         found = self.simulate(gravity, pressures, solid=solid, guess=path.crossings(pressures))
         return found, path
 

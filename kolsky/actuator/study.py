@@ -180,8 +180,8 @@ def warnings_of(directions: list[Direction]) -> list[str]:
         limits = np.array([]) if one.path is None else one.path.limits
         if limits.size:
             said.append(
-                f"{one.name}: the pressure has a limit point at {1e-5 * limits[0]:.3g} bar: the actuator snaps "
-                "there, and its bend jumps"
+                f"{one.name}: the pressure has a limit point at {1e-5 * limits[0]:.3g} bar: the actuator "
+                "snaps there, and its bend jumps"
             )
         through = np.flatnonzero(one.overlapping)
         if through.size:

@@ -34,12 +34,9 @@ def actuator_control(
     from kolsky.actuator.benchmark import loop_warnings, run_control
     from kolsky.actuator.output import loop_json, write_loop
     from kolsky.actuator.reading import read_actuator
-    from kolsky.base.files import filling, usable_folder
-    from kolsky.cli.terminal import print_result, since
+    from kolsky.base.files import usable_folder
+    from kolsky.cli.actuator_result import write_result
     from kolsky.report.actuator_view import ActuatorView
-    from kolsky.report.figures_alone import save_figures_alone
-    from kolsky.report.pages.actuator import printed, write_page
-    from kolsky.report.specimen_folder import write_json
 
     read = read_actuator(spec, device=device)
     section = read.declared.control
@@ -54,15 +51,11 @@ def actuator_control(
     warnings = loop_warnings(closed, reductions, section)
     view = ActuatorView(read.name, closed=closed, reductions=reductions, warnings=warnings)
     said = loop_json(closed, reductions, read.inputs)
-    with filling(folder) as partial:
+
+    def ticks(partial: Path) -> None:
         for name, run in closed.items():
             write_loop(partial / f"{name}.csv", run)
-        write_json(partial / "actuator.json", said)
-        write_page(partial / "actuator.html", view, read.inputs)
-        save_figures_alone(partial, view, formats)
-    print_result(
-        printed(view),
-        said if as_json else None,
-        rest={"page": folder / "actuator.html", "wall time": since(started)},
-        warnings=warnings,
-    )
+
+    write_result(
+        folder, view, said, read.inputs, formats=formats, as_json=as_json, started=started, more=ticks
+    )  # fmt: skip

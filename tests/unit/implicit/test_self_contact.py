@@ -7,11 +7,14 @@ import pytest
 
 from explicit.materials import LAWS
 from implicit.conditions import Fixed, Prescribed, RigidPlane, SelfContact
+from implicit.dynamics.inertia import Scheme
+from implicit.dynamics.march import march
 from implicit.laws.solid import Isotropic
 from implicit.laws.volumetric import bulk
 from implicit.loads.surface_contact import SurfaceContact
 from implicit.meshes import Mesh, box, grid, rectangle
 from implicit.model import Model
+from implicit.newton import Newton
 from implicit.outcome import Outcome
 from implicit.sensitivity import direct
 from implicit.solve import solve
@@ -173,3 +176,22 @@ def test_derivatives_of_a_solution_in_contact() -> None:
     assert -found.reaction("upper_top")[0, 0, 1] == pytest.approx(
         (moved[1] - moved[0]) / (0.002 * MU), rel=1e-4
     )
+
+
+@pytest.mark.parametrize("scheme", ["backward_euler", "trapezoidal"])
+def test_a_motion_in_contact(scheme: Scheme) -> None:
+    model = pressed("quad9", gap=0.05, other=(2, 1))
+    rest = solve(model, {"press": [-0.12]})
+    # so slow that inertia is nothing: both schemes pass equilibria
+    run = march(model, {"press": -0.03 * np.arange(1, 5)}, 1.0, density=1e-3, scheme=scheme)
+    assert run.outcome.ok
+    assert rest.reaction("bottom")[0, 1] > 1e4
+    assert run.reaction("bottom")[-1, 1] == pytest.approx(rest.reaction("bottom")[0, 1], rel=1e-6)
+
+
+def test_contact_is_in_the_factors() -> None:
+    # the last iterations towards an equilibrium in contact are quadratic with it, and stall without
+    model = pressed("quad9", gap=0.05, other=(2, 1))
+    run = solve(model, {"press": [-0.25]}, newton=Newton(single=False))
+    assert run.outcome.ok
+    assert run.iterations <= 15
