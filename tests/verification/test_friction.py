@@ -7,8 +7,8 @@ from friction_runs import DRAG
 from static_bonded import reference as bonded
 
 FOLDS_SLIPS_STICKS = (0.1, 0.3, 1000.0)
-"""Coefficients of the slow tests on fine meshes: the edge folds, the face slips, nothing slips. The page's own
-runs (`python tests/verification/pages.py`) take all six, against the same tolerances."""
+"""Coefficients of the slow tests on fine meshes: the edge folds, the face slips, nothing slips. The page
+itself (`python tests/verification/pages.py`) takes all six, against the same tolerances."""
 
 
 def test_the_reference_without_slip_is_the_bonded_one() -> None:
