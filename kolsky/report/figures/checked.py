@@ -126,7 +126,7 @@ def caption_of_pictures(shot: PicturedShot) -> str:
     """Return the caption."""
     return (
         f"{caption_of_force(shot)}. (b) Mean difference of each picture from the first of its camera, in per "
-        "cent of white, on the same clock; grey: the frames that are declared static, where it must be level. "
+        "cent of white, on the same clock; grey: the frames that are declared static, in which it is level. "
         "It must rise before the force does, or with it. (c), (d), (e) Camera 0 in the first frame, in the "
         "last static one, which must look alike, and in the last. Flyer and outline are not measured."
     )
