@@ -162,8 +162,8 @@ def draw_board(
                 place = camera.project(np.asarray(first) + square * DOWN * (np.array([i, j]) + outline))
                 pixels = np.rint(2**FINE * (SHARP * (place + 0.5) - 0.5)).astype(np.int32)
                 cv2.fillPoly(picture, [pixels], 0, shift=FINE)
-    picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-    return _grainy(cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR), noise, rng)
+    mean = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    return _grainy(cv2.cvtColor(mean, cv2.COLOR_GRAY2BGR), noise, rng)
 
 
 def _grainy(picture: np.ndarray, noise: float, rng: np.random.Generator | None) -> np.ndarray:
