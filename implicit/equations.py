@@ -146,10 +146,11 @@ class Equations:
     def factors(self, elements: FloatArray, state: State | None = None) -> Factors:
         """Element matrices, and what the contact of surfaces adds in a state, factorised."""
         nodes, blocks = [], []
-        for contact in self.surfaces if state is not None else ():
-            pairs, stiff = contact.blocks(state.u)
-            nodes.append(contact.nodes_of(pairs))
-            blocks.append(stiff)
+        if state is not None:
+            for contact in self.surfaces:
+                pairs, stiff = contact.blocks(state.u)
+                nodes.append(contact.nodes_of(pairs))
+                blocks.append(stiff)
         if sum(map(len, nodes)) == 0:
             return self.solver.factors(elements, symmetric=self.symmetric)
         joined = np.concatenate(nodes), np.concatenate(blocks)
