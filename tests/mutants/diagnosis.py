@@ -106,6 +106,20 @@ FAULTS = (
         "if e.outcome is Verdict.FAILED:",
         VERDICTS,
     ),
+    Fault(
+        "an interval may reach past the design",
+        VERDICT,
+        "return low < result.design.lower[i] or high > result.design.upper[i]",
+        "return low < result.design.lower[i] and high > result.design.upper[i]",
+        VERDICTS,
+    ),
+    Fault(
+        "a value counts, not its interval",
+        VERDICT,
+        "    low, high = e.interval\n",
+        "    low = high = e.value\n",
+        VERDICTS,
+    ),
     Fault("the lag of least evidence leads", VERDICT, "max(clocks, key", "min(clocks, key", VERDICTS),
     Fault(
         "a lag is named though it explains nothing", VERDICT, "> LATE and lag.explains", "> LATE", VERDICTS
@@ -120,6 +134,32 @@ FAULTS = (
     ),
     Fault("a late outline shows a later time", LAG, "late = times - lag", "late = times + lag", CLOCKS),
     Fault("the slope of a lag twice as steep", LAG, "/ (2.0 * h)", "/ h", CLOCKS),
+    Fault("a slow error has no part in a lag's uncertainty", LAG, "+ float(slow @ slow)", "+ 0.0", CLOCKS),
+    Fault(
+        "a slow error may take a lag",
+        LAG,
+        "replace(objective, slowly=False, slow_discrepancy=0.0)",
+        "objective",
+        CLOCKS,
+    ),
+    Fault(
+        "parameters act at once", LAG, "jacobian = slopes(lag * way)", "jacobian = slopes(0.0 * way)", CLOCKS
+    ),
+    Fault(
+        "what parameters explain is a lag's evidence",
+        LAG,
+        "vector = vector + jacobian @ change",
+        "vector = vector + 0.0 * jacobian @ change",
+        CLOCKS,
+    ),
+    Fault(
+        "a step beside a bound leaves it",
+        CLOCK,
+        "self.upper, -step, step)",
+        "self.upper, step, step)",
+        CLOCKS,
+    ),
+    Fault("slopes per step, not per unit", CLOCK, "/ steps[:, None]", "/ 1.0", CLOCKS),
     Fault(
         "inputs have no part in a lag's uncertainty",
         LAG,
@@ -151,8 +191,8 @@ FAULTS = (
     Fault(
         "the solver is never run again for a lag",
         CLOCK,
-        "if leading.explains or not leading.significance > LATE:",
-        "if leading.explains or leading.significance > LATE:",
+        "not (leading.significance > LATE and",
+        "not (leading.significance < LATE and",
         CLOCKS,
     ),
     Fault(
