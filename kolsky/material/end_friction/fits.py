@@ -61,7 +61,7 @@ class Found:
 
     def misfit(self, test: MeasuredSpecimen) -> float:
         """Root mean square of simulated over measured stress, less 1 [-]."""
-        return float(np.sqrt(np.mean(np.log(self.made.stress / test.stress) ** 2)))
+        return float(np.sqrt(np.mean(test.off(self.made) ** 2)))
 
 
 class FitFailedError(ValueError):
@@ -124,10 +124,31 @@ def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> F
     return Found(model, np.asarray(end.x), made, jacobian(end.x), chi2, len(runs))
 
 
+def on_refined_mesh(test: MeasuredSpecimen) -> tuple[MeasuredSpecimen, Found]:
+    """The test with residuals of the refined mesh, and the curve that told them.
+
+    Raises
+    ------
+    FitFailedError
+        If no curve of nodes meets an equilibrium on both meshes.
+    """
+    near = fit_nodes(test, continuations=("exponential",))[0]
+    try:
+        return test.refined(test.mesh_error(near.model, near.theta, near.made)), near
+    except ValueError as error:
+        raise FitFailedError(str(error)) from error
+
+
 def fit_nodes(
-    test: MeasuredSpecimen, *, continuations: tuple[Continuation, ...] = CONTINUATIONS
+    test: MeasuredSpecimen,
+    *,
+    continuations: tuple[Continuation, ...] = CONTINUATIONS,
+    near: Found | None = None,
 ) -> list[Found]:
     """Curves of nodes, as many as the residual needs to be noise, with every continuation.
+
+    The search begins at `near` if there is one, else at the straight course over I1 through the apparent
+    curve, whose bends are not the material's.
 
     Raises
     ------
@@ -140,10 +161,12 @@ def fit_nodes(
     reasons = ""
     for count in NODES:
         places = np.linspace(0.0, last, count)
-        # The straight course over I1 through the apparent curve: its bends are not the material's.
-        start = np.polynomial.Polynomial.fit(measure(test.strain) ** 2, quotient, 2)(places**2)
+        if near is not None and isinstance(near.model, NodesModel):
+            start = np.log(near.model.law(test.own(near.theta)).two_u_prime(places)[0])
+        else:
+            start = np.polynomial.Polynomial.fit(measure(test.strain) ** 2, quotient, 2)(places**2)
         if test.free:
-            start = np.append(start, np.log(START_FRICTION))
+            start = np.append(start, np.log(START_FRICTION) if near is None else near.theta[-1])
         found = []
         for continuation in continuations:
             if found:

@@ -14,8 +14,8 @@ from kolsky.material.end_friction.fits import (
     bic,
     described,
     fit_candidate,
-    fit_nodes,
     moved,
+    on_refined_mesh,
     weighed,
 )
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, MeasuredSpecimen, ModelFit
@@ -59,7 +59,10 @@ def fit_specimen(
         If no law can be fitted; the message has each one's reason.
     """
     test = tested(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
-    near = fit_nodes(test, continuations=("exponential",))[0]
+    try:
+        test, near = on_refined_mesh(test)
+    except FitFailedError as error:
+        raise ValueError(f"the cylinder cannot be simulated: {error}") from error
     found: list[Found] = []
     failed: list[ModelFit] = []
     for candidate in candidates(laws):
@@ -72,11 +75,10 @@ def fit_specimen(
     weights, criteria = weighed(found, test), bic(found, test)
     made = []
     for one, weight, criterion in zip(found, weights, criteria, strict=True):
-        change = mesh_change(one, test)
-        there = moved(one, change)
-        row = described(there, test, band.strain, float(weight), float(criterion))
+        left, whole = mesh_change(one, test)
+        row = described(moved(one, left), test, band.strain, float(weight), float(criterion))
         share = SHARE / ((test.numerics.refined_mesh[0] / test.numerics.mesh[0]) ** ORDER - 1.0)
-        before = described(one, test, band.strain, 0.0, 0.0).constants
+        before = described(moved(one, left - whole), test, band.strain, 0.0, 0.0).constants
         sigma = {
             name: float(np.hypot(row.sigma[name], share * (value - before[name])))
             for name, value in row.constants.items()
@@ -85,10 +87,14 @@ def fit_specimen(
     return (*sorted(made, key=lambda one: -one.weight), *failed)
 
 
-def mesh_change(one: Found, test: MeasuredSpecimen) -> FloatArray:
-    """Change of the unknowns from the coarse to the refined mesh."""
-    fine = test.simulate(one.model, one.theta, refined=True, derivatives=False)
-    rows = np.log(fine.stress / one.made.stress) / test.noise
+def mesh_change(one: Found, test: MeasuredSpecimen) -> tuple[FloatArray, FloatArray]:
+    """Change of the unknowns to the refined mesh: what is left of it, and from the coarse one [-], shape [n]
+    each."""
+    error = test.mesh_error(one.model, one.theta, one.made)
+    whole = -one.gain[:, : test.strain.size] @ (error.stress / test.noise)
+    left = -one.gain[:, : test.strain.size] @ ((error.stress - test.shift) / test.noise)
     if test.bulge is not None:
-        rows = np.append(rows, (fine.bulge - one.made.bulge) / test.bulge_scale)
-    return np.asarray(-one.gain[:, : rows.size] @ rows)
+        by_radius = one.gain[:, test.strain.size : 2 * test.strain.size] / test.bulge_scale
+        whole = whole - by_radius @ error.bulge
+        left = left - by_radius @ (error.bulge - test.bulge_shift)
+    return np.asarray(left), np.asarray(whole)

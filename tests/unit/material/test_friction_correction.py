@@ -1,6 +1,6 @@
 """The correction of end friction: what is in its band, which law has which weight, what is refused."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,9 +9,15 @@ import pytest
 from kolsky.base.apparatus import Specimen
 from kolsky.material.curves.band import CurveBand
 from kolsky.material.end_friction import correct, fits
-from kolsky.material.end_friction.correct import _cause, _correction, correct_friction
+from kolsky.material.end_friction.correct import _correction, correct_friction
 from kolsky.material.end_friction.fits import Found, bic, weighed
-from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, MeasuredSpecimen
+from kolsky.material.end_friction.problem import (
+    CorrectionNumerics,
+    EndFriction,
+    MeasuredSpecimen,
+    MeshError,
+)
+from kolsky.material.end_friction.remarks import cause_of_misfit
 from kolsky.material.end_friction.specimen_fit import mesh_change
 
 N = 16
@@ -143,9 +149,41 @@ def test_weights_are_those_of_schwarz():
     np.testing.assert_allclose(weighed(laws, test), [ratio / (1 + ratio), 1 / (1 + ratio)])
 
 
+FREED = MeshError(np.full(N, -0.75 * FINER), np.full(N, 2e-6), None)
+"""What one law's refined mesh said: three quarters of what another's says, and two micrometres."""
+
+
+def test_residuals_are_freed_of_the_mesh_and_its_noise_is_less():
+    test = replace(made_test(), bulge=np.full(N, 1e-3), bulge_scale=1e-6)
+    freed = test.refined(FREED)
+    made = freed.simulate(Factor(), np.zeros(1))
+    noise = np.sqrt(0.01**2 - 0.002**2 + 0.001**2)
+    np.testing.assert_allclose(freed.noise, noise)
+    expected = np.append(np.full(N, -0.75 * FINER / noise), np.full(N, 2.0))
+    np.testing.assert_allclose(freed.residual(made), expected)
+    # A force that is the refined mesh's is met exactly by the law behind it.
+    own = replace(test, stress=1.3e4 * STRAIN * np.exp(-0.75 * FINER)).refined(FREED)
+    assert found(own).misfit(own) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_curve_moves_by_what_the_mesh_said_no_more_than_once(plain):
+    test = made_test().refined(FREED)
+    one = found(test)
+    made = _correction(band(), test, [one], np.ones(1), [])
+    np.testing.assert_allclose(made.band.stress, 1e4 * STRAIN * np.exp(0.25 * FINER), rtol=1e-9)
+    # The band holds its share of all that the mesh changes.
+    np.testing.assert_allclose(
+        made.band.parts()["mesh"] / made.band.stress, FINER * 0.5 * 1.25 / (1.5**2 - 1.0), rtol=1e-9
+    )
+
+
 def test_constants_move_with_the_mesh():
     test = made_test()
-    assert mesh_change(found(test), test) == pytest.approx([FINER], rel=1e-9)
+    left, whole = mesh_change(found(test), test)
+    assert (left, whole) == (pytest.approx([FINER], rel=1e-9), pytest.approx([FINER], rel=1e-9))
+    freed = test.refined(FREED)
+    left, whole = mesh_change(found(freed), freed)
+    assert (left, whole) == (pytest.approx([0.25 * FINER], rel=1e-9), pytest.approx([FINER], rel=1e-9))
 
 
 @pytest.mark.parametrize(
@@ -155,15 +193,16 @@ def test_a_refusal_names_where_the_test_is_missed(where, words):
     test = made_test()
     one = found(test)
     one.made.stress[where] *= 1.2
-    assert words in _cause(one, test)
-    assert f"most at strain {STRAIN[where]:.3g} (+18.2 %)" in _cause(one, test)
+    assert words in cause_of_misfit(one, test)
+    assert f"most at strain {STRAIN[where]:.3g} (+18.2 %)" in cause_of_misfit(one, test)
 
 
 @pytest.mark.parametrize(("misfit", "refused"), [(0.0299, False), (0.0301, True)])
 def test_a_test_that_no_law_meets_is_refused(misfit, refused, monkeypatch):
     test = made_test()
     monkeypatch.setattr(correct, "tested", lambda *a: test)
-    monkeypatch.setattr(correct, "fit_nodes", lambda test: [found(test, theta=misfit)])
+    monkeypatch.setattr(correct, "on_refined_mesh", lambda test: (test, None))
+    monkeypatch.setattr(correct, "fit_nodes", lambda test, near: [found(test, theta=misfit)])
     monkeypatch.setattr(correct, "described", lambda *a: SimpleNamespace(weight=1.0))
     if refused:
         with pytest.raises(ValueError, match="no law meets the test: the best, factor, misses it by 3 %"):
