@@ -28,10 +28,10 @@ from kolsky.material.end_friction.fits import (
     described,
     fit_candidate,
     fit_nodes,
-    on_refined_mesh,
     weighed,
 )
 from kolsky.material.end_friction.problem import (
+    COMMON_STRESS,
     MODEL_RADIUS,
     MODEL_STRESS,
     CorrectionNumerics,
@@ -40,15 +40,13 @@ from kolsky.material.end_friction.problem import (
     MeasuredSpecimen,
     ModelFit,
 )
+from kolsky.material.end_friction.refine import mesh_share, on_refined_mesh
 from kolsky.material.end_friction.remarks import LARGEST_MISFIT, cause_of_misfit, remarks_on
 from kolsky.material.fits.compare import candidates
 
 LAWS_TRIED = ("yeoh", "mooney_rivlin", "ogden2", "gent")
 """Laws of the library beside the curves of nodes: of the first invariant with two ways to go on, of both
 invariants, of the stretches."""
-ORDER, SHARE = 2.0, 0.5 * 1.25
-"""Order of the mesh error and its share that counts as standard uncertainty, as in
-`kolsky.identification`."""
 LARGEST_LIKENESS = 0.9
 """Largest autocorrelation of the misfit that is believed [-]."""
 
@@ -89,8 +87,7 @@ def correct_friction(
     """
     test = tested(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
     try:
-        test, near = on_refined_mesh(test)
-        found = fit_nodes(test, near=near)
+        found = fit_nodes(test)
     except FitFailedError as error:
         raise ValueError(f"the friction cannot be taken out: {error}") from error
     failed: list[ModelFit] = []
@@ -100,9 +97,10 @@ def correct_friction(
             found.append(fit_candidate(test, candidate, nearest))
         except FitFailedError as error:
             failed.append(ModelFit.without(candidate.name, str(error)))
+    found, test = on_refined_mesh(found, test)
     weights = weighed(found, test)
     best = found[int(np.argmax(weights))]
-    if best.misfit(test) > LARGEST_MISFIT:
+    if best.misfit > LARGEST_MISFIT:
         raise ValueError(cause_of_misfit(best, test))
     return _correction(band, test, found, weights, failed)
 
@@ -162,18 +160,20 @@ def _correction(
     logs = np.stack([np.log(one.model.stress(test.own(one.theta), strain)) for one in found])
     mean = weights @ logs
     response = curve_change(best, test, strain)
-    error = test.mesh_error(best.model, best.theta, best.made)
-    by_mesh = -response[:, :n] @ error.stress
-    # What the best law's own refined mesh says beside the one that the residuals were freed of.
-    stress = np.exp(mean - response[:, :n] @ (error.stress - test.shift))
-    finer = test.numerics.refined_mesh[0] / test.numerics.mesh[0]
+    if best.mesh is None:
+        raise ValueError(
+            f"{best.model.name}, which meets the test best, has no equilibrium on the refined mesh"
+        )
+    stress = np.exp(mean)
+    by_mesh = -response[:, :n] @ best.mesh.stress
     modes = [(name, response[:, :n] @ (row / band.stress)[_chosen(band, test)]) for name, row in
              zip(band.names, band.modes, strict=True)]  # fmt: skip
     modes += [("noise", row) for row in _noise(best, test, response, band)]
     f, sigma, by_friction = _friction(best, test, response)
     if sigma > 0.0:
         modes.append(("friction", by_friction))
-    modes.append(("mesh", by_mesh * SHARE / (finer**ORDER - 1.0)))
+    modes.append(("mesh", by_mesh * mesh_share(test.numerics)))
+    modes.append(("elements", response[:, :n].sum(axis=1) * COMMON_STRESS))
     modes += [("law", np.sqrt(w) * (row - mean)) for w, row in zip(weights, logs, strict=True) if w > 1e-6]
     made = CurveBand(
         strain,
@@ -195,10 +195,10 @@ def _correction(
         ratio=band.stress / stress,
         coefficient=f,
         sigma=sigma,
-        misfit=best.misfit(test),
+        misfit=best.misfit,
         models=(*models, *failed),
-        past_data=error.fine.past,
-        snaps=error.fine.snaps,
+        past_data=best.mesh.past,
+        snaps=best.mesh.snaps,
         remarks=remarks_on(found, weights, logs, test),
         places=test.strain,
         response=response[:, :n],
@@ -217,9 +217,9 @@ def _noise(best: Found, test: MeasuredSpecimen, response: FloatArray, band: Curv
     """
     n = test.strain.size
     own = (band.noise / band.stress)[_chosen(band, test)]
-    off = test.off(best.made)
+    off = best.off
     alike = float(np.clip(off[1:] @ off[:-1] / max(off @ off, 1e-300), 0.0, LARGEST_LIKENESS))
-    size = np.maximum(own, best.misfit(test) * np.sqrt((1.0 + alike) / (1.0 - alike)))
+    size = np.maximum(own, best.misfit * np.sqrt((1.0 + alike) / (1.0 - alike)))
     _, s, vt = np.linalg.svd((response[:, :n] * size).T, full_matrices=False)
     kept = s > 1e-4 * s[0]
     return np.asarray(s[kept, None] * vt[kept])

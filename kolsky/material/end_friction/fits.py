@@ -1,6 +1,6 @@
 """Laws fitted to a compression test with friction at its ends, by inverse finite elements."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -16,7 +16,7 @@ from kolsky.material.end_friction.models import (
     NodesModel,
     measure,
 )
-from kolsky.material.end_friction.problem import MeasuredSpecimen, ModelFit
+from kolsky.material.end_friction.problem import MeasuredSpecimen, MeshError, ModelFit
 from kolsky.material.fits.compare import Candidate
 from kolsky.material.fits.fit import fit_law
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
@@ -53,15 +53,20 @@ class Found:
     """Sum of squared residuals of the test [-]."""
     evaluations: int
     """Simulated tests."""
+    off: FloatArray
+    """ln of the simulated over the measured stress there [-], shape [n]."""
+    mesh: MeshError | None = None
+    """What the refined mesh changed of it, where the fit was moved to that."""
 
     @property
     def gain(self) -> FloatArray:
         """Change of the unknowns by a change of the residuals' data, shape [n, n_rows]."""
         return np.asarray(np.linalg.pinv(self.jacobian))
 
-    def misfit(self, test: MeasuredSpecimen) -> float:
+    @property
+    def misfit(self) -> float:
         """Root mean square of simulated over measured stress, less 1 [-]."""
-        return float(np.sqrt(np.mean(test.off(self.made) ** 2)))
+        return float(np.sqrt(np.mean(self.off**2)))
 
 
 class FitFailedError(ValueError):
@@ -121,34 +126,14 @@ def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> F
     made = run(end.x)
     assert made is not None
     chi2 = float(np.sum(test.residual(made) ** 2))
-    return Found(model, np.asarray(end.x), made, jacobian(end.x), chi2, len(runs))
-
-
-def on_refined_mesh(test: MeasuredSpecimen) -> tuple[MeasuredSpecimen, Found]:
-    """The test with residuals of the refined mesh, and the curve that told them.
-
-    Raises
-    ------
-    FitFailedError
-        If no curve of nodes meets an equilibrium on both meshes.
-    """
-    near = fit_nodes(test, continuations=("exponential",))[0]
-    try:
-        return test.refined(test.mesh_error(near.model, near.theta, near.made)), near
-    except ValueError as error:
-        raise FitFailedError(str(error)) from error
+    off = np.log(made.stress / test.stress)
+    return Found(model, np.asarray(end.x), made, jacobian(end.x), chi2, len(runs), off)
 
 
 def fit_nodes(
-    test: MeasuredSpecimen,
-    *,
-    continuations: tuple[Continuation, ...] = CONTINUATIONS,
-    near: Found | None = None,
+    test: MeasuredSpecimen, *, continuations: tuple[Continuation, ...] = CONTINUATIONS
 ) -> list[Found]:
     """Curves of nodes, as many as the residual needs to be noise, with every continuation.
-
-    The search begins at `near` if there is one, else at the straight course over I1 through the apparent
-    curve, whose bends are not the material's.
 
     Raises
     ------
@@ -161,12 +146,10 @@ def fit_nodes(
     reasons = ""
     for count in NODES:
         places = np.linspace(0.0, last, count)
-        if near is not None and isinstance(near.model, NodesModel):
-            start = np.log(near.model.law(test.own(near.theta)).two_u_prime(places)[0])
-        else:
-            start = np.polynomial.Polynomial.fit(measure(test.strain) ** 2, quotient, 2)(places**2)
+        # The straight course over I1 through the apparent curve: its bends are not the material's.
+        start = np.polynomial.Polynomial.fit(measure(test.strain) ** 2, quotient, 2)(places**2)
         if test.free:
-            start = np.append(start, np.log(START_FRICTION) if near is None else near.theta[-1])
+            start = np.append(start, np.log(START_FRICTION))
         found = []
         for continuation in continuations:
             if found:
@@ -255,13 +238,8 @@ def described(
         sigma=dict(zip(names, map(float, sigma * units), strict=True)),
         correlation=covariance[: theta.size, : theta.size] / np.outer(size, size),
         stress=one.model.stress(theta, strain),
-        misfit=one.misfit(test),
+        misfit=one.misfit,
         bic=criterion,
         weight=weight,
         evaluations=one.evaluations,
     )
-
-
-def moved(one: Found, change: FloatArray) -> Found:
-    """The model with its unknowns changed."""
-    return replace(one, theta=one.theta + change)

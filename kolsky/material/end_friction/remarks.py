@@ -14,14 +14,14 @@ DISAGREE = 0.02
 
 def cause_of_misfit(best: Found, test: MeasuredSpecimen) -> str:
     """Why no law meets a test, from where it is missed most."""
-    off = test.off(best.made)
+    off = best.off
     worst = int(np.argmax(np.abs(off)))
     share = worst / max(1, off.size - 1)
     guess = "a toe, or a force whose zero is off" if share < 0.2 else "ends that did not hold as declared"
     if share > 0.8:
         guess = "ends that did not hold as declared, a side that landed otherwise, or damage"
     return (
-        f"no law meets the test: the best, {best.model.name}, misses it by {100.0 * best.misfit(test):.2g} %"
+        f"no law meets the test: the best, {best.model.name}, misses it by {100.0 * best.misfit:.2g} %"
         f" (rms), most at strain {test.strain[worst]:.3g} ({100.0 * off[worst]:+.1f} %), at most"
         f" {100.0 * LARGEST_MISFIT:g} % is allowed; likely {guess}"
     )
@@ -37,7 +37,7 @@ def remarks_on(
     if found[best].chi2 > NOISE_LEFT * n:
         said.append(
             f"the best law, {found[best].model.name}, misses the test by"
-            f" {100.0 * found[best].misfit(test):.2g} % (rms), more than its noise; the band holds it"
+            f" {100.0 * found[best].misfit:.2g} % (rms), more than its noise; the band holds it"
         )
     alike = [k for k, one in enumerate(found) if one.chi2 < NOISE_LEFT * n]
     off = {k: float(np.abs(logs[k] - logs[best]).max()) for k in alike}

@@ -7,18 +7,18 @@ import numpy as np
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
 from kolsky.material.curves.band import CurveBand
-from kolsky.material.end_friction.correct import ORDER, SHARE, tested
+from kolsky.material.end_friction.correct import tested
 from kolsky.material.end_friction.fits import (
     FitFailedError,
     Found,
     bic,
     described,
     fit_candidate,
-    moved,
-    on_refined_mesh,
+    fit_nodes,
     weighed,
 )
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, MeasuredSpecimen, ModelFit
+from kolsky.material.end_friction.refine import mesh_share, on_refined_mesh
 from kolsky.material.fits.compare import candidates
 
 
@@ -59,10 +59,7 @@ def fit_specimen(
         If no law can be fitted; the message has each one's reason.
     """
     test = tested(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
-    try:
-        test, near = on_refined_mesh(test)
-    except FitFailedError as error:
-        raise ValueError(f"the cylinder cannot be simulated: {error}") from error
+    near = fit_nodes(test, continuations=("exponential",))[0]
     found: list[Found] = []
     failed: list[ModelFit] = []
     for candidate in candidates(laws):
@@ -72,13 +69,17 @@ def fit_specimen(
             failed.append(ModelFit.without(candidate.name, str(error)))
     if not found:
         raise ValueError("; ".join(f"{one.name}: {one.reason}" for one in failed))
+    found, test = on_refined_mesh(found, test, near=np.inf)
     weights, criteria = weighed(found, test), bic(found, test)
     made = []
     for one, weight, criterion in zip(found, weights, criteria, strict=True):
-        left, whole = mesh_change(one, test)
-        row = described(moved(one, left), test, band.strain, float(weight), float(criterion))
-        share = SHARE / ((test.numerics.refined_mesh[0] / test.numerics.mesh[0]) ** ORDER - 1.0)
-        before = described(moved(one, left - whole), test, band.strain, 0.0, 0.0).constants
+        if one.mesh is None:
+            failed.append(ModelFit.without(one.model.name, "it has no equilibrium on the refined mesh"))
+            continue
+        row = described(one, test, band.strain, float(weight), float(criterion))
+        change = mesh_change(one, test)
+        share = mesh_share(test.numerics)
+        before = described(replace(one, theta=one.theta - change), test, band.strain, 0.0, 0.0).constants
         sigma = {
             name: float(np.hypot(row.sigma[name], share * (value - before[name])))
             for name, value in row.constants.items()
@@ -87,14 +88,10 @@ def fit_specimen(
     return (*sorted(made, key=lambda one: -one.weight), *failed)
 
 
-def mesh_change(one: Found, test: MeasuredSpecimen) -> tuple[FloatArray, FloatArray]:
-    """Change of the unknowns to the refined mesh: what is left of it, and from the coarse one [-], shape [n]
-    each."""
-    error = test.mesh_error(one.model, one.theta, one.made)
-    whole = -one.gain[:, : test.strain.size] @ (error.stress / test.noise)
-    left = -one.gain[:, : test.strain.size] @ ((error.stress - test.shift) / test.noise)
+def mesh_change(one: Found, test: MeasuredSpecimen) -> FloatArray:
+    """Change of the unknowns from the coarse to the refined mesh [-], shape [n]."""
+    assert one.mesh is not None
+    rows = one.mesh.stress / test.noise
     if test.bulge is not None:
-        by_radius = one.gain[:, test.strain.size : 2 * test.strain.size] / test.bulge_scale
-        whole = whole - by_radius @ error.bulge
-        left = left - by_radius @ (error.bulge - test.bulge_shift)
-    return np.asarray(left), np.asarray(whole)
+        rows = np.append(rows, one.mesh.bulge / test.bulge_scale)
+    return np.asarray(-one.gain[:, : rows.size] @ rows)
