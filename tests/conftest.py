@@ -25,13 +25,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 @pytest.hookimpl(tryfirst=True)  # the marks must be there when `-m` chooses by them
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark what the verification manual rests on, and what asks for a GPU by the fixtures `cuda` or `gpu`;
-    deselect slow tests unless `--slow` or `-m` is given."""
+    deselect slow tests unless `--slow` or `-m` is given, and begin with their files then: at the end of a run
+    on several cores, short ones fill them all."""
     for item in items:
         if {"cuda", "gpu"} & set(getattr(item, "fixturenames", ())):
             item.add_marker("cuda")
         if item.path.is_relative_to(VERIFICATION):
             item.add_marker("verification")
     if config.getoption("--slow") or config.getoption("-m"):
+        long = {item.path for item in items if item.get_closest_marker("slow")}
+        items.sort(key=lambda item: item.path not in long)
         return
     slow = [item for item in items if item.get_closest_marker("slow")]
     if slow:

@@ -14,7 +14,7 @@ from scipy import ndimage
 from scipy.optimize import minimize
 
 from dic.arrays import BoolArray, FloatArray, IntArray
-from dic.bodies.edge_model import covariance, sandwich
+from dic.bodies.edge_model import sandwich, with_slopes
 from dic.camera import Camera
 from dic.surfaces import SpecimenFrame
 
@@ -135,23 +135,32 @@ def fit_edge(
     whole = moments.sum(axis=1) / counts.sum(axis=1)[:, None, None]
     share = counts.sum(axis=1) / counts.sum()
 
-    def cost(p: FloatArray) -> float:
-        total = 0.0
+    def cost(p: FloatArray) -> tuple[float, FloatArray]:
+        total, slope = 0.0, np.zeros(p.size)
         for k in range(n):
-            C = covariance(p, u, width[k], free)
+            C, slopes = with_slopes(p, u, width[k], free)
             L = np.linalg.cholesky(C)
-            z = np.linalg.solve(L, whole[k])
-            total += share[k] * (np.sum(np.log(np.diag(L))) + 0.5 * np.trace(np.linalg.solve(L, z.T)))
-        return float(total)
+            inverse = np.linalg.inv(C)
+            left = inverse @ whole[k]
+            total += share[k] * (np.sum(np.log(np.diag(L))) + 0.5 * np.trace(left))
+            slope += 0.5 * share[k] * np.einsum("rs,jrs->j", inverse - left @ inverse, slopes)
+        return float(total), slope
 
     logs = [np.log(limits) for limits in (BLUR, LENGTH, LENGTH, CONTRAST, CONTRAST, NOISE, SHAPE)]
     wide = (-reach, reach) if sure else (float(u[0]) + ROOM, float(u[-1]) - ROOM)
     bound = [wide, *((low, high) for low, high in logs), (0.0, 1.0)]
     begin = np.log([0.7, 1.8, 1.8, 1.0, 0.5, 0.05, 2.0])
     tried = np.arange(wide[0] + AT_END, wide[1], GRID)
-    likely = tried[int(np.argmin([cost(np.array([at, *begin, 0.5])) for at in tried]))]
+    likely = tried[int(np.argmin([cost(np.array([at, *begin, 0.5]))[0] for at in tried]))]
     fits = [
-        minimize(cost, np.array([at, *begin, 0.5]), method="L-BFGS-B", bounds=bound, options={"maxiter": 60})
+        minimize(
+            cost,
+            np.array([at, *begin, 0.5]),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=bound,
+            options={"maxiter": 60},
+        )
         for at in {0.0, float(likely)}
     ]
     best = min(fits, key=lambda fit: fit.fun)

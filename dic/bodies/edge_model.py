@@ -1,6 +1,9 @@
 """Covariance of the rows of a strip across an edge, and what the scatter of its columns says of the edge."""
 
+from dataclasses import dataclass
+
 import numpy as np
+from scipy.linalg import toeplitz
 from scipy.special import ndtr
 
 from dic.arrays import FloatArray
@@ -19,8 +22,34 @@ def paint(lag: FloatArray, length: float, shape: float) -> FloatArray:
     return np.asarray((1.0 + lag**2 / (2.0 * shape * length**2)) ** -shape)
 
 
+def paint_slopes(lag: FloatArray, length: float, shape: float) -> tuple[FloatArray, FloatArray]:
+    """Slopes of `paint` over the logarithms of length and of shape [-]."""
+    q = lag**2 / (2.0 * shape * length**2)
+    value = (1.0 + q) ** -shape
+    by_length = 2.0 * shape * q * value / (1.0 + q)
+    return by_length, value * shape * (q / (1.0 + q) - np.log1p(q))
+
+
+@dataclass(frozen=True)
+class _Side:
+    """The paint of one body as the pixels see it."""
+
+    seen: FloatArray
+    """What each place of paint gives each pixel, shape [n_u, n_v]."""
+    by_blur: FloatArray
+    """Its slope over the logarithm of the blur, shape [n_u, n_v]."""
+    end: tuple[int, FloatArray] | None
+    """The place of paint that the body ends in, and the slope of what it gives over that end [1/px], shape
+    [n_u]; None if the body ends beyond the strip."""
+
+
 def covariance(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> FloatArray:
-    """Covariance of the rows of a strip, shape [n_rows, n_rows].
+    """Covariance of the rows of a strip, shape [n_rows, n_rows]; parameters as for `with_slopes`."""
+    return with_slopes(p, u, width, free)[0]
+
+
+def with_slopes(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> tuple[FloatArray, FloatArray]:
+    """Covariance of the rows of a strip, and its slope over each parameter.
 
     Parameters
     ----------
@@ -33,25 +62,60 @@ def covariance(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> F
         Band for parameter 0, and what parameter 1 adds [px].
     free
         Whether the parameter counts.
+
+    Returns
+    -------
+    tuple of NDArray
+        Covariance, shape [n_rows, n_rows], and slopes, shape [9, n_rows, n_rows].
     """
     edge, (blur, first, other, contrast, second, noise, shape) = p[0], np.exp(p[1:8])
     band = float(width[0] + (p[8] * width[1] if free else 0.0))
     v = np.arange(u[0] - BEYOND, u[-1] + BEYOND + CELL, CELL)
-    low, high = v - 0.5 * CELL, v + 0.5 * CELL
     lag = CELL * np.arange(v.size, dtype=np.float64)
-    apart = np.abs(np.subtract.outer(np.arange(v.size), np.arange(v.size)))
-    inside = _weights(u, low, np.minimum(high, edge), blur)
-    outside = _weights(u, np.maximum(low, edge + band), high, blur)
-    C = contrast**2 * inside @ paint(lag, first, shape)[apart] @ inside.T
-    C += second**2 * outside @ paint(lag, other, shape)[apart] @ outside.T
-    C[np.diag_indices_from(C)] += noise**2
-    return np.asarray(C)
+    slopes = np.zeros((9, u.size, u.size))
+    C = noise**2 * np.eye(u.size)
+    slopes[6] = 2.0 * C
+    body, beyond = _side(u, v, edge, blur, below=True), _side(u, v, edge + band, blur, below=False)
+    for side, length, size, by_length, by_size in (
+        (body, first, contrast, 2, 4),
+        (beyond, other, second, 3, 5),
+    ):
+        K = size**2 * toeplitz(paint(lag, length, shape))
+        near = side.seen @ K
+        part = near @ side.seen.T
+        C += part
+        slopes[by_size] = 2.0 * part
+        slopes[1] += _both(near @ side.by_blur.T)
+        lengths, shapes = paint_slopes(lag, length, shape)
+        slopes[by_length] = size**2 * side.seen @ toeplitz(lengths) @ side.seen.T
+        slopes[7] += size**2 * side.seen @ toeplitz(shapes) @ side.seen.T
+        if side.end is not None:
+            cell, by_end = side.end
+            moved = _both(np.outer(near[:, cell], by_end))
+            slopes[0] += moved
+            if free and side is beyond:
+                slopes[8] = width[1] * moved
+    return C, slopes
 
 
-def _weights(u: FloatArray, low: FloatArray, high: FloatArray, blur: float) -> FloatArray:
-    """What paint between `low` and `high` gives a pixel at u, shape [n_u, n_v]."""
-    reach = np.maximum(high, low)
-    return np.asarray(ndtr((reach - u[:, None]) / blur) - ndtr((low - u[:, None]) / blur))
+def _both(a: FloatArray) -> FloatArray:
+    return np.asarray(a + a.T)
+
+
+def _side(u: FloatArray, v: FloatArray, end: float, blur: float, *, below: bool) -> _Side:
+    """Paint in cells about v that ends at `end`, on the side below or above it."""
+    walls = np.append(v, v[-1] + CELL) - 0.5 * CELL
+    cell = int(np.searchsorted(walls, end)) - 1
+    inside = np.clip(walls, None, end) if below else np.clip(walls, end, None)
+    z = (inside - u[:, None]) / blur
+    density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+    within = 0 <= cell < v.size
+    at_end = density[:, cell + 1 if below else cell] / blur if within else None
+    return _Side(
+        seen=np.diff(ndtr(z), axis=1),
+        by_blur=-np.diff(z * density, axis=1),
+        end=None if at_end is None else (cell, at_end if below else -at_end),
+    )
 
 
 def sandwich(
@@ -73,15 +137,8 @@ def sandwich(
     n_blocks = counts.shape[1]
     g, H = np.zeros((n_blocks, len(used))), np.zeros((len(used), len(used)))
     for k in range(len(width)):
-        C = covariance(p, u, width[k], free)
-        inverse = np.linalg.inv(C)
-        slopes = []
-        for j in used:
-            step = np.zeros(p.size)
-            step[j] = 1e-4
-            slopes.append(
-                (covariance(p + step, u, width[k], free) - covariance(p - step, u, width[k], free)) / 2e-4
-            )
+        C, every = with_slopes(p, u, width[k], free)
+        inverse, slopes = np.linalg.inv(C), every[used]
         middle = [inverse @ D @ inverse for D in slopes]
         for b in range(n_blocks):
             off = moments[k, b] - counts[k, b] * C

@@ -12,6 +12,7 @@ from kolsky.base.errors import InputError
 from kolsky.cli.options import AsJson
 
 if TYPE_CHECKING:
+    from kolsky.shot.picture_survey import FoundPictures
     from kolsky.shot.survey import Survey
 
 
@@ -25,7 +26,7 @@ def new(
     pictures: Annotated[
         bool, typer.Option("--pictures", help="For pictures of two cameras in place of exports.")
     ] = False,
-    series: Annotated[
+    previous: Annotated[
         Path | None,
         typer.Option("--from", metavar="SHOT", help="The last shot of a series; its apparatus stays."),
     ] = None,
@@ -34,14 +35,15 @@ def new(
     """Write a shot.toml: files, columns, units and clocks as found, facts blank; one that exists is kept."""
     from kolsky.shot.survey import survey
 
-    if sum((bars, pictures, series is not None)) > 1:
+    if sum((bars, pictures, previous is not None)) > 1:
         raise InputError(folder, "--bars, --pictures and --from exclude each other", cure="give one of them")
     path = folder / "shot.toml"
-    last = None if series is None else _text_of(series)
+    last = None if previous is None else _text_of(previous)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         found = survey(folder)
-        text = written(found, folder, bars=bars, pictures=pictures, last=last)
+        series = _pictures(folder, found) if pictures else None
+        text = written(found, folder, bars=bars, pictures=series, last=last)
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError as error:
@@ -54,7 +56,7 @@ def new(
             folder, f"cannot be written ({error.strerror})", cure="give another folder, or make it writable"
         ) from None
     if as_json:
-        typer.echo(json.dumps(_said(path, text, found, bars=bars), indent=2))
+        typer.echo(json.dumps(_said(path, text, found, bars=bars, pictures=series), indent=2))
         return
     if bars:
         for table in found.recordings:
@@ -62,6 +64,10 @@ def new(
     else:
         for part, table in found.parts.items():
             typer.echo(f"  {table.path.name}: [{part}]")
+    for key, name in _parts(series).items():
+        typer.echo(f"  {name}: [{key.partition('.')[0]}] {key.partition('.')[2]}")
+    for one in () if series is None else series.others:
+        typer.echo(f"  {one.said}: of no part of the shot beyond doubt")
     recorded = {table.path.name for table in found.recordings} if bars else set()
     for name, why in found.doubtful.items():
         if name not in recorded:
@@ -69,14 +75,33 @@ def new(
     typer.echo(f"wrote {path}; fill in what is empty, then: kolsky check {folder}")
 
 
-def _said(path: Path, text: str, found: "Survey", *, bars: bool) -> dict[str, Any]:
+def _pictures(folder: Path, found: "Survey") -> "FoundPictures":
+    from kolsky.shot.picture_survey import survey_pictures
+
+    return survey_pictures(folder, found)
+
+
+def _parts(pictures: "FoundPictures | None") -> dict[str, str]:
+    """Dotted key -> file or pattern of the pictures that were found."""
+    if pictures is None:
+        return {}
+    both = (("pictures", pictures.test), ("calibration", pictures.target))
+    return {f"{table}.camera_{i}": one.name for table, series in both for i, one in enumerate(series)}
+
+
+def _said(
+    path: Path, text: str, found: "Survey", *, bars: bool, pictures: "FoundPictures | None"
+) -> dict[str, Any]:
     """What was found and what is left to fill in, as one object."""
     from kolsky.shot.schema.blanks import blanks
 
     recorded = [table.path.name for table in found.recordings] if bars else []
     return {
         "file": str(path),
-        "found": {} if bars else {part: table.path.name for part, table in found.parts.items()},
+        "found": {
+            **({} if bars else {part: table.path.name for part, table in found.parts.items()}),
+            **_parts(pictures),
+        },
         "recordings": recorded,
         "doubtful": {name: why for name, why in found.doubtful.items() if name not in recorded},
         "to_fill_in": list(blanks(tomllib.loads(text))),
@@ -84,21 +109,32 @@ def _said(path: Path, text: str, found: "Survey", *, bars: bool) -> dict[str, An
 
 
 def written(
-    found: "Survey", folder: Path, *, bars: bool = False, pictures: bool = False, last: str | None = None
+    found: "Survey",
+    folder: Path,
+    *,
+    bars: bool = False,
+    pictures: "FoundPictures | None" = None,
+    last: str | None = None,
 ) -> str:
     """The text of the new shot file: the blank one, or the last shot's, with what the files say."""
     from kolsky.shot.new_file import filled, next_of_series, noted, notes_of, values_of
 
     if last is not None:
         return noted(next_of_series(last, folder, found), notes_of(found))
-    text = template(bars=bars, pictures=pictures)
+    text = template(bars=bars, pictures=pictures is not None)
     if bars:
         from kolsky.shot.new_bars import with_recordings
 
         return with_recordings(text, found)
     values, notes = values_of(found), notes_of(found)
-    if pictures:
+    if pictures is not None:
+        from kolsky.shot.picture_survey import picture_notes, picture_values
+
         values = {k: v for k, v in values.items() if not k.startswith(("flyer.", "centre_line."))}
+        values |= picture_values(pictures)
+        notes |= picture_notes(pictures)
+        if pictures.target:
+            text = text.replace("# [calibration.target]", "[calibration.target]", 1)
     return noted(filled(text, values), notes)
 
 

@@ -4,17 +4,18 @@ A flyer recorded late makes the model late, and force and outline early alike. E
 (`kolsky.diagnosis.lag_fit`) with the effect of the free parameters taken as linear. Where the lag that leads
 is beyond its uncertainty and yet does not explain the data, the wrong clock may have driven the parameters
 further than that holds: the solver is run again where the fit has moved them, and with the others than the
-stiffness at their declared values, for a wrong clock may have led them into another valley.
+stiffness at their declared values, for a wrong clock may have led them into another valley. What rings does
+so at another frequency there: the effect of the parameters is found anew by runs beside each point.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from explicit import Response
 from kolsky.base.arrays import FloatArray
-from kolsky.diagnosis.lag_fit import FittedLag, Shifted, fit_lag, late_prediction
+from kolsky.diagnosis.lag_fit import FittedLag, Shifted, fit_lag, late_prediction, without_lag
 from kolsky.diagnosis.thresholds import LATE
 from kolsky.inverse.fit_results import ClockLag
 from kolsky.inverse.objective import Objective
@@ -29,6 +30,8 @@ STIFFNESS = "stiffness_factor"
 """The parameter of which a shot declares nothing."""
 TURNS = 3
 """Most rounds of runs of their own."""
+BESIDE = 1e-3
+"""Distance of the runs that show a parameter's effect, over its range [-]."""
 RIVAL = 0.5
 """Lags with at least this share of the leading one's evidence are followed too."""
 STILL = 1e-4
@@ -70,6 +73,12 @@ class Reruns:
         other = self.inside(np.where(np.isfinite(self.declared), self.declared, moved))
         return [point] if np.allclose(point, other, rtol=STILL, atol=0.0) else [point, other]
 
+    def beside(self, point: FloatArray) -> FloatArray:
+        """The point, then one beside it for each parameter and inside the box too, shape [d + 1, d]."""
+        step = BESIDE * (self.upper - self.lower)
+        step = np.where(point + step > self.upper, -step, step)
+        return np.asarray(point + np.concatenate([np.zeros((1, len(point))), np.diag(step)]))
+
     def inside(self, point: FloatArray) -> FloatArray:
         """The point inside the box."""
         return np.asarray(np.clip(point, self.lower, self.upper))
@@ -108,14 +117,18 @@ def clock_lags(
     """
     shifted, found = late_prediction(response, objective), []
     recordings = DIRECTIONS if objective.observations.has_shape else (FORCE,)
-    before = float(objective.deviance(shifted(np.zeros(2))[None])[0])
+    before = without_lag(objective, shifted, lambda _: jacobian)
 
-    def fitted(name: str, seen: Shifted) -> FittedLag:
-        return fit_lag(objective, seen, jacobian, DIRECTIONS[name], changes, before=before)
+    def fitted(name: str, seen: Shifted, slope: Shifted) -> FittedLag:
+        return fit_lag(objective, seen, slope, DIRECTIONS[name], changes, before=before)
 
-    fits = {name: fitted(name, shifted) for name in recordings}
+    def refitted(name: str, points: FloatArray, runs: Sequence[Response]) -> FittedLag:
+        seen = [late_prediction(run, objective) for run in runs]
+        return fitted(name, seen[0], slopes(points, seen))
+
+    fits = {name: fitted(name, shifted, lambda _: jacobian) for name in recordings}
     if again is not None:
-        fits = follow(fits, again, lambda name, run: fitted(name, late_prediction(run, objective)))
+        fits = follow(fits, again, refitted)
     for name, fit in fits.items():
         file, key = origin(shot, name)
         found.append(
@@ -132,8 +145,29 @@ def clock_lags(
     return tuple(found)
 
 
+def slopes(points: FloatArray, seen: Sequence[Shifted]) -> Shifted:
+    """Effect of each parameter on late recordings, shape [k, d]; none on a point that a run does not reach.
+
+    Parameters
+    ----------
+    points
+        As of `Reruns.beside`, shape [d + 1, d].
+    seen
+        The predictions there, length d + 1.
+    """
+    steps = np.diag(points[1:] - points[0])
+
+    def slope(lags: FloatArray) -> FloatArray:
+        first, *others = (one(lags) for one in seen)
+        return np.nan_to_num((np.array(others) - first) / steps[:, None]).T
+
+    return slope
+
+
 def follow(
-    fits: Mapping[str, FittedLag], again: Reruns, refit: Callable[[str, Response], FittedLag]
+    fits: Mapping[str, FittedLag],
+    again: Reruns,
+    refit: Callable[[str, FloatArray, Sequence[Response]], FittedLag],
 ) -> dict[str, FittedLag]:
     """The lags with runs of their own, where the leading one is significant and explains nothing.
 
@@ -144,10 +178,10 @@ def follow(
     again
         The solver.
     refit
-        Fits the lag of a recording to a run, a batch of one.
+        Fits the lag of a recording to the runs at the points of `Reruns.beside`, a batch of one each.
     """
     leading = max(fits.values(), key=_evidence)
-    if leading.explains or not leading.significance > LATE:
+    if leading.explains or not (leading.significance > LATE and leading.evidence > 0.0):
         return dict(fits)
     going = [
         (name, start, point)
@@ -157,10 +191,12 @@ def follow(
     ]
     found: dict[tuple[str, int], FittedLag] = {}
     for _ in range(TURNS):
-        response, moved = again.run(np.array([point for *_, point in going])), []
+        groups, moved = [again.beside(point) for *_, point in going], []
+        response, size = again.run(np.concatenate(groups)), len(again.x) + 1
         for row, (name, start, point) in enumerate(going):
-            if response.outcomes[row].ok:
-                fit = found[name, start] = refit(name, response.select([row]))
+            rows = range(row * size, (row + 1) * size)
+            if all(response.outcomes[i].ok for i in rows):
+                fit = found[name, start] = refit(name, groups[row], [response.select([i]) for i in rows])
                 to = again.inside(point + fit.move)
                 if not np.allclose(to, point, rtol=STILL, atol=0.0):
                     moved.append((name, start, to))

@@ -1,10 +1,12 @@
 """One lag fitted to the data: how late a recording is, the free parameters found with it.
 
 A force that was recorded late by d is the model's force of the time t - d, and so is an outline. The lag is
-fitted by Gauss-Newton steps together with the free parameters, whose effect is taken as linear; the
-discrepancies are found anew with every step, since a wrong clock has inflated those of the optimum. The
-standard uncertainty of a lag holds the residual, correlated in time or not, and what noise of the inputs and
-mesh do to the lag.
+fitted by Gauss-Newton steps together with the free parameters, whose effect is taken as linear, and as late
+as the recording where runs beside the point tell it; the discrepancies are found anew with every step, since
+a wrong clock has inflated those of the optimum. A late outline is a slowly varying error that its points have
+in common: weights that know such errors (`kolsky.inverse.common_errors`) would take the lag for one. It is
+fitted without, and they enter its standard uncertainty with the amplitude that is left, beside the residual,
+correlated in time or not, and what noise of the inputs and mesh do to the lag.
 """
 
 from collections.abc import Callable, Mapping
@@ -32,9 +34,12 @@ ROUNDS = 15
 """Most Gauss-Newton steps."""
 STILL = 1e-8
 """A lag that moves by less has come to rest [s]: a fiftieth of what can be told."""
+AT_REST = 1e-2
+"""Free parameters that move by less, in standard deviations, have come to rest: -2 ln L changes by 1e-4."""
 
 Shifted = Callable[[FloatArray], FloatArray]
-"""Predicted data vector, shape [k], of a force and an outline recorded late by two lags [s], shape [2]."""
+"""Predicted data vector, shape [k], of a force and an outline recorded late by two lags [s], shape [2]; or
+its slopes by the free parameters, shape [k, d]."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +57,7 @@ class FittedLag:
     objective: Objective
     """With the discrepancies that are left."""
     evidence: float
-    """Fall of -2 ln L [-]."""
+    """Fall of -2 ln L by the lag, the free parameters fitted with it and without [-]."""
     settled: bool
     """Whether the search came to rest inside `REACH`."""
     explains: bool
@@ -69,7 +74,7 @@ class FittedLag:
 def fit_lag(
     objective: Objective,
     shifted: Shifted,
-    jacobian: FloatArray,
+    slopes: Shifted,
     direction: tuple[float, float],
     changes: Mapping[str, FloatArray],
     *,
@@ -83,50 +88,71 @@ def fit_lag(
         Data, noise and first discrepancies.
     shifted
         The prediction of late recordings at the optimum.
-    jacobian
-        Of the data vector by the free parameters, shape [k, d].
+    slopes
+        Of the data vector by the free parameters, shape [k, d], with late recordings.
     direction
         Lags of force and outline if this lag is one.
     changes
         By source, changes of the prediction by one standard uncertainty, shape [k] or [n, k].
     before
-        -2 ln L with which the evidence is compared; that of the prediction without a lag if left out.
+        -2 ln L with which the evidence is compared; that of `without_lag` for the same run if left out.
     """
-    way, d, h = np.array(direction), jacobian.shape[1], STEP
+    way, h = np.array(direction), STEP
+    d = slopes(0.0 * way).shape[1]
     if before is None:
-        before = float(objective.deviance(shifted(0.0 * way)[None])[0])
-    lag, move, settled = _first(objective, shifted, jacobian, way), np.zeros(d), False
+        before = without_lag(objective, shifted, slopes)
+    plain = _without_slow_error(objective)
+    lag, move, settled = _first(plain, shifted, slopes, way), np.zeros(d), False
     for _ in range(ROUNDS):
+        jacobian = slopes(lag * way)
         vector = shifted(lag * way) + jacobian @ move
         slope = (shifted((lag + h) * way) - shifted((lag - h) * way)) / (2.0 * h)
         wide = np.column_stack([jacobian, slope])
-        objective = objective.with_discrepancy(vector)
-        gain = objective.gain(wide)
-        change = gain @ (objective.data - vector)
+        plain = plain.with_discrepancy(vector)
+        gain = plain.gain(wide)
+        change = gain @ (plain.data - vector)
         move, lag = move + change[:d], float(np.clip(lag + change[d], -REACH, REACH))
         if abs(change[d]) < STILL:
             settled = True
             break
-    vector = shifted(lag * way) + jacobian @ move
-    variance = float(objective.residual_covariance(wide, vector)[d, d])
+    vector = shifted(lag * way) + slopes(lag * way) @ move
+    left = objective.with_discrepancy(vector)
+    slow = left.slow_discrepancy * (left.slow_patterns @ gain[d])
+    variance = float(plain.residual_covariance(wide, vector)[d, d]) + float(slow @ slow)
     for source in changes.values():
         moves = np.nan_to_num(np.atleast_2d(source)) @ gain[d]
         variance += float((moves**2).mean())
-    left = objective.with_discrepancy(vector)
     return FittedLag(
         lag=lag,
         sigma=variance**0.5,
         vector=vector,
         jacobian=wide,
         objective=left,
-        evidence=float(before - objective.deviance(vector[None])[0]),
+        evidence=float(before - plain.deviance(vector[None])[0]),
         settled=settled and abs(lag) < REACH,
         explains=all(channel.explained for channel in fit_quality(left, vector, wide, changes=changes)),
         move=move,
     )
 
 
-def _first(objective: Objective, shifted: Shifted, jacobian: FloatArray, way: FloatArray) -> float:
+def without_lag(objective: Objective, shifted: Shifted, slopes: Shifted) -> float:
+    """-2 ln L without a lag, the free parameters fitted [-]; arguments as of `fit_lag`."""
+    plain, now = _without_slow_error(objective), np.zeros(2)
+    vector, jacobian = shifted(now), slopes(now)
+    for _ in range(ROUNDS):
+        plain = plain.with_discrepancy(vector)
+        change = plain.gain(jacobian) @ (plain.data - vector)
+        vector = vector + jacobian @ change
+        if float(change @ plain.information(jacobian) @ change) < AT_REST**2:
+            break
+    return float(plain.deviance(vector[None])[0])
+
+
+def _without_slow_error(objective: Objective) -> Objective:
+    return replace(objective, slowly=False, slow_discrepancy=0.0)
+
+
+def _first(objective: Objective, shifted: Shifted, slopes: Shifted, way: FloatArray) -> float:
     """A lag to begin with: the likeliest of a scan over `REACH`, the free parameters refitted.
 
     For a beginning the modes of the front face's noise are left to the discrepancies.
@@ -134,7 +160,7 @@ def _first(objective: Objective, shifted: Shifted, jacobian: FloatArray, way: Fl
     plain = replace(objective, observations=replace(objective.observations, front_noise=None))
 
     def cost(lag: float) -> float:
-        vector, weighted = shifted(lag * way), plain
+        vector, weighted, jacobian = shifted(lag * way), plain, slopes(lag * way)
         for _ in range(2):
             weighted = weighted.with_discrepancy(vector)
             vector = vector + jacobian @ (weighted.gain(jacobian) @ (plain.data - vector))

@@ -89,7 +89,8 @@ class Variation:
     value: float
     """The other choice: end of the window, or width of the force's bins [s]."""
     shifts: Mapping[str, float]
-    """By how much each free parameter moves, in SI; empty if it could not be searched."""
+    """By how much each free parameter moves on the refined mesh, the error of which is not corrected here, in
+    SI; empty if it could not be searched."""
     status: str
     """What was done, in words."""
 

@@ -16,6 +16,7 @@ from kolsky.base.errors import InputError, refuse
 from kolsky.base.files import regular
 from kolsky.readers.shot_tables import FrameTimes
 from kolsky.shot.frames import read_frames
+from kolsky.shot.picture_changes import PictureChanges, picture_changes
 from kolsky.shot.schema.pictures import PicturesSection, SeriesSection
 from kolsky.shot.schema.reading import ShotToml
 
@@ -38,6 +39,11 @@ class PictureSet:
     def time(self) -> FloatArray:
         """Frame times on the shot's clock [s], shape [n_frames]."""
         return self.frames.time + self.toml.declared.frames.clock_offset
+
+    @cached_property
+    def changes(self) -> PictureChanges:
+        """When the pictures begin to change, and what three of them show."""
+        return picture_changes(self.series, self.time, self.toml.declared.frames.static)
 
     @cached_property
     def inputs(self) -> dict[str, str]:

@@ -334,6 +334,13 @@ FAULTS = (
         tests=(f"{FLYER}::test_noise_of_all_frames_beside_the_declared_one",),
     ),
     Fault(
+        name="a flyer's path: added noise that vanished stays away",
+        file="kolsky/bars/flyer/jerks.py",
+        right="x[1:n_parts] < np.log(VANISHED)",
+        wrong="x[1:n_parts] < -np.inf",
+        tests=(f"{FLYER}::test_added_noise_that_a_search_loses_is_found_again",),
+    ),
+    Fault(
         name="a flyer's path: its noise without the part that all frames have",
         file="kolsky/bars/flyer/fit.py",
         right="s = np.sqrt(parts @ np.exp(2.0 * log_scales))",

@@ -120,6 +120,32 @@ FAULTS = (
     ),
     Fault("a late outline shows a later time", LAG, "late = times - lag", "late = times + lag", CLOCKS),
     Fault("the slope of a lag twice as steep", LAG, "/ (2.0 * h)", "/ h", CLOCKS),
+    Fault("a slow error has no part in a lag's uncertainty", LAG, "+ float(slow @ slow)", "+ 0.0", CLOCKS),
+    Fault(
+        "a slow error may take a lag",
+        LAG,
+        "replace(objective, slowly=False, slow_discrepancy=0.0)",
+        "objective",
+        CLOCKS,
+    ),
+    Fault(
+        "parameters act at once", LAG, "jacobian = slopes(lag * way)", "jacobian = slopes(0.0 * way)", CLOCKS
+    ),
+    Fault(
+        "what parameters explain is a lag's evidence",
+        LAG,
+        "vector = vector + jacobian @ change",
+        "vector = vector + 0.0 * jacobian @ change",
+        CLOCKS,
+    ),
+    Fault(
+        "a step beside a bound leaves it",
+        CLOCK,
+        "self.upper, -step, step)",
+        "self.upper, step, step)",
+        CLOCKS,
+    ),
+    Fault("slopes per step, not per unit", CLOCK, "/ steps[:, None]", "/ 1.0", CLOCKS),
     Fault(
         "inputs have no part in a lag's uncertainty",
         LAG,
@@ -151,8 +177,8 @@ FAULTS = (
     Fault(
         "the solver is never run again for a lag",
         CLOCK,
-        "if leading.explains or not leading.significance > LATE:",
-        "if leading.explains or leading.significance > LATE:",
+        "not (leading.significance > LATE and",
+        "not (leading.significance < LATE and",
         CLOCKS,
     ),
     Fault(

@@ -327,15 +327,22 @@ FAULTS = (
     Fault(
         name="edge: the band lies before the edge",
         file="dic/bodies/edge_model.py",
-        right="np.maximum(low, edge + band)",
-        wrong="np.maximum(low, edge - band)",
+        right="_side(u, v, edge + band, blur, below=False)",
+        wrong="_side(u, v, edge - band, blur, below=False)",
         tests=(f"{EDGE}::test_covariance_of_paint_that_ends",),
+    ),
+    Fault(
+        name="edges: the slope over the paint's end turned round",
+        file="dic/bodies/edge_model.py",
+        right="at_end if below else -at_end",
+        wrong="at_end",
+        tests=(f"{EDGE}::test_slopes_of_the_covariance",),
     ),
     Fault(
         name="edge: paint adds by its standard deviation",
         file="dic/bodies/edge_model.py",
-        right="C = contrast**2 * inside",
-        wrong="C = contrast * inside",
+        right="K = size**2 * toeplitz(",
+        wrong="K = size * toeplitz(",
         tests=(f"{EDGE}::test_covariance_of_paint_that_ends",),
     ),
     Fault(

@@ -37,7 +37,9 @@ def test_a_late_flyer_is_named(hold: tuple[str, ...]) -> None:
         assert abs(first.value - LATE) < 1e-6
         return
     assert abs(lag.lag - LATE) < 2.0 * lag.sigma
-    assert lag.sigma < 1e-6
+    # On 32 x 44 elements the outline keeps a slow error of 2.8 um, which moves the lag by 1.0 us: as much as
+    # it was to be known to before that error was in its uncertainty (0.6 us without). 20 us stay 17 sigma.
+    assert lag.sigma < 1.5e-6
     (said,) = late_clocks(found)
     assert said in found.warnings
     assert (

@@ -81,21 +81,25 @@ def compared(friction: float, case_name: str) -> NDArray[np.bool_]:
     return compression < TANGLED.get(friction, 1.0)
 
 
-def force_excess(found: tuple[Found, ...], case_name: str) -> float:
+def force_excess(
+    found: tuple[Found, ...], case_name: str, coefficients: tuple[float, ...] = FRICTION
+) -> float:
     """Largest |force difference| beyond the reference's uncertainty, over the force [-]."""
     worst = 0.0
-    for friction, one in zip(FRICTION, found, strict=True):
+    for friction, one in zip(coefficients, found, strict=True):
         reference = known(friction)
         beyond = np.abs(force_difference(one, reference)) - reference.force_error / reference.force
         worst = max(worst, float(beyond[compared(friction, case_name)].max()))
     return worst
 
 
-def radius_excess(found: tuple[Found, ...], case_name: str) -> tuple[float, float]:
+def radius_excess(
+    found: tuple[Found, ...], case_name: str, coefficients: tuple[float, ...] = FRICTION
+) -> tuple[float, float]:
     """Largest difference of the radius at mid-height, and of the outline (rms), beyond the uncertainty of the
     reference's radii of middle and edge [m]."""
     middle, outline = 0.0, 0.0
-    for friction, one in zip(FRICTION, found, strict=True):
+    for friction, one in zip(coefficients, found, strict=True):
         reference = known(friction)
         held = compared(friction, case_name)
         radius = np.abs(one.middle[: len(held)] - reference.middle) - reference.middle_error

@@ -18,6 +18,8 @@ ALIKE = 0.05
 """Sigmas that differ by a smaller share are alike."""
 ADDED, LEAST_ADDED = 0.3, 1e-3
 """Noise that is the same in all frames, over the typical sigma: at the start of the search, and the least."""
+VANISHED, BACK = 0.1, 1.0
+"""Added noise below which the search is begun again, and with how much, over the typical sigma."""
 CHANGE_PER_OCTAVE = 2.0
 """Prior standard deviation of the change of log tau from one control point to the next."""
 
@@ -117,29 +119,37 @@ def maximum_likelihood(
     # Highest tau: the whole travel within a frame; lowest: no effect on the last frame.
     highest, lowest = np.log(max(np.ptp(y), 10.0)), np.log(0.06 / hats.shape[0] ** 3)
     n, n_parts = hats.shape[1], 1 if parts is None else parts.shape[1]
+    # Noise of more than the whole travel is none that is fitted: a line search there overflows.
+    bounds = [(0.0, highest)] + [(np.log(LEAST_ADDED), highest)] * (n_parts - 1) + [(lowest, highest)] * n
+    data = (y, weight, spans, hats, parts, shared)
     begin = [0.0] + [np.log(ADDED)] * (n_parts - 1)
-    x, value = np.concatenate([begin, np.linspace(0.0, 0.5 * lowest, n)]), np.inf
+    x, value, problem = _searched(np.concatenate([begin, np.linspace(0.0, 0.5 * lowest, n)]), data, bounds)
+    if problem:
+        raise ValueError(f"the smoothness of the flyer's motion could not be found: {problem}")
+    added = np.zeros(x.size, dtype=bool)
+    added[1:n_parts] = x[1:n_parts] < np.log(VANISHED)
+    if added.any():
+        # Where a part has vanished the likelihood is flat in its logarithm, whatever more of it would do.
+        other, likelier, problem = _searched(np.where(added, np.log(BACK), x), data, bounds)
+        x = other if likelier < value and not problem else x
+    return x[:n_parts], x[n_parts:]
+
+
+def _searched(
+    x: FloatArray, data: tuple[object, ...], bounds: list[tuple[float, float]]
+) -> tuple[FloatArray, float, str]:
+    """Where the search for the least `evidence` from x settles, its value, and why it did not (or "")."""
+    value = np.inf
     for _ in range(MOST_STARTS):
         best = minimize(
-            evidence,
-            x,
-            args=(y, weight, spans, hats, parts, shared),
-            jac=True,
-            method="L-BFGS-B",
-            # Noise of more than the whole travel is none that is fitted: a line search there overflows.
-            bounds=[(0.0, highest)]
-            + [(np.log(LEAST_ADDED), highest)] * (n_parts - 1)
-            + [(lowest, highest)] * n,
-            options={"ftol": 1e-8},
+            evidence, x, args=data, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-8}
         )
         # A line search that round-off ends has arrived if a new start from there gains nothing.
         settled = bool(best.success) or abs(value - best.fun) < SETTLED * max(abs(best.fun), 1.0)
         x, value = best.x, float(best.fun)
         if settled:
-            break
-    else:
-        raise ValueError(f"the smoothness of the flyer's motion could not be found: {best.message}")
-    return best.x[:n_parts], best.x[n_parts:]
+            return x, value, ""
+    return x, value, str(best.message)
 
 
 def evidence(

@@ -47,6 +47,7 @@ __all__ = [
     "JOINT",
     "MATERIALS",
     "MODULI",
+    "PICTURE_CHECKS",
     "PLANS",
     "PREDICTIONS",
     "RATES",
@@ -100,6 +101,8 @@ CALIBRATION = by_name(calibration.FIGURES)
 """Stereo calibration."""
 CHECKS = by_name(checked.FIGURES)
 """Shot before anything is run."""
+PICTURE_CHECKS = by_name(checked.OF_PICTURES)
+"""Shot whose pictures are not correlated yet."""
 BAR_CHECKS = by_name([waves.CHECKED_BARS])
 """Test between bars before it is reduced."""
 SPECKLES = by_name([speckles.SPECKLE_FLOOR])
@@ -135,9 +138,9 @@ SWEEPS = by_name(sweep.FIGURES)
 BUDGETS = by_name(budget.FIGURES)
 """Error budget."""
 MODULI = by_name([rate_curves.MODULI])
-RELAXATIONS = by_name(relaxation.FIGURES)
 """Moduli of tests of every kind over their time scales."""
-
+RELAXATIONS = by_name(relaxation.FIGURES)
+"""Slow tests and shots on one axis of time."""
 SPECIMENS = by_name(specimen.FIGURES)
 """Whole specimens fitted to forces."""
 SHEETS = by_name(sheet.FIGURES)
@@ -166,7 +169,7 @@ SHOWN_BY: dict[str, Registry] = {
     "kolsky.prediction.predict.Prediction": PREDICTIONS,
     "kolsky.shot.recorded.Recorded": RECORDINGS,
     "kolsky.shot.bar_check.CheckedBars": BAR_CHECKS,
-    "kolsky.shot.records.PicturedShot": CHECKS,
+    "kolsky.shot.records.PicturedShot": PICTURE_CHECKS,
     "kolsky.shot.records.Shot": CHECKS,
     "kolsky.studies.budget.records.Budget": BUDGETS,
     "kolsky.studies.global_sensitivity.GlobalSensitivity": SENSITIVITY,

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import approx_fprime
 
+from kolsky.bars.flyer import jerks
 from kolsky.bars.flyer.fit import fit_flyer, whitening
 from kolsky.bars.flyer.jerks import (
     CHANGE_PER_OCTAVE,
@@ -260,6 +261,20 @@ def test_warm_air_in_well_seen_frames_is_no_fault_of_the_others():
     # would make that 1.8 um and more
     assert np.median(spread) < 1.2e-6
     assert np.abs((path.position(t) - position(t)) / np.maximum(spread, 1e-9)).max() < 4.0
+
+
+def test_added_noise_that_a_search_loses_is_found_again(monkeypatch):
+    # The likelihood is flat in the logarithm of a part that has vanished: a search that begins there stays.
+    sigma = np.where(np.arange(FRAMES.size) % 3 == 0, 4.0, 1.0) * SIGMA
+    rng = np.random.default_rng(4)
+    error = rng.standard_normal(FRAMES.size) * np.hypot(sigma, 3.0 * SIGMA)
+    motion = FlyerMotion(time=FRAMES, displacement=position(FRAMES) + error, sigma=sigma)
+    found = fit_flyer(motion, start=START)
+    monkeypatch.setattr(jerks, "ADDED", 2e-3)
+    again = fit_flyer(motion, start=START)
+    assert again.noise_scale == pytest.approx(found.noise_scale, rel=1e-3)
+    assert again.noise_scale == pytest.approx(np.hypot(1.0, 3.0), rel=0.15)
+    assert rms(again.position(FRAMES[20:]) - found.position(FRAMES[20:])) < 1e-3 * SIGMA
 
 
 def test_gradient_of_the_marginal_likelihood():

@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
 from dic.bodies.edge_fit import HALF, fit_edge, gap_before, without_shading
-from dic.bodies.edge_model import block_sigma, covariance, paint
+from dic.bodies.edge_model import block_sigma, covariance, paint, with_slopes
 from dic.bodies.ends import MODEL, end_in_camera, of_phases, weighted_mean
 from dic.camera import Camera
 from dic.surfaces import SpecimenFrame
@@ -69,6 +69,20 @@ def test_fewer_rows_beyond_serve_too():
 def test_an_edge_out_of_reach_is_none():
     assert fit_edge(strips(4.5, speckled=False), U, np.zeros((2, 1)), reach=1.5) is None
     assert fit_edge(np.full((1, U.size, 40), 7.0), U, np.zeros((2, 1))) is None
+
+
+@pytest.mark.parametrize("edge", [0.37, -9.1])  # within the strip, and beyond all of its paint
+def test_slopes_of_the_covariance(edge):
+    p = np.array([edge, *np.log([0.8, 1.5, 2.5, 1.2, 0.6, 0.1, 2.0]), 0.4])
+    width = np.array([0.33, 1.1])
+    for free in (True, False):
+        numeric = np.array(
+            [
+                (covariance(p + h, U, width, free) - covariance(p - h, U, width, free)) / 2e-5
+                for h in 1e-5 * np.eye(p.size)
+            ]
+        )
+        np.testing.assert_allclose(with_slopes(p, U, width, free)[1], numeric, atol=1e-8)
 
 
 def test_covariance_of_paint_that_ends():

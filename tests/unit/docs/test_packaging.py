@@ -1,30 +1,98 @@
 """What is installed: the conda recipe asks for what the package asks for, every file of a page is shipped."""
 
-import re
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
 import tomllib
+import zipfile
 from fnmatch import fnmatch
 from pathlib import Path
+
+import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[3]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 RENAMED = {"matplotlib": "matplotlib-base"}
+PACKAGES = ("kolsky", "dic", "explicit", "implicit", "doe")
 
 
 def test_the_conda_recipe_has_the_dependencies_of_the_package() -> None:
-    recipe = (ROOT / "conda" / "meta.yaml").read_text("utf-8")
-    run = recipe[recipe.index("  run:") : recipe.index("\ntest:")]
-    listed = dict(re.findall(r"- ([\w-]+) >=([\d.]+)", run))
+    recipe = yaml.safe_load((ROOT / "conda" / "recipe.yaml").read_text("utf-8"))
+    listed = dict(text.split(" >=") for text in recipe["requirements"]["run"])
     wanted = dict(text.split(">=") for text in PROJECT["project"]["dependencies"])
     wanted = {RENAMED.get(name, name): version for name, version in wanted.items()}
     wanted["python"] = PROJECT["project"]["requires-python"].removeprefix(">=")
     assert listed == wanted
-    assert f'version: "{PROJECT["project"]["version"]}"' in recipe
+    host = dict(text.split(" >=") for text in recipe["requirements"]["host"] if ">=" in text)
+    assert [f"setuptools>={host['setuptools']}"] == PROJECT["build-system"]["requires"]
+    assert recipe["context"]["version"] == PROJECT["project"]["version"]
+    scripts = [f"{name} = {place}" for name, place in PROJECT["project"]["scripts"].items()]
+    assert recipe["build"]["python"]["entry_points"] == scripts
+    assert recipe["about"]["summary"] == PROJECT["project"]["description"]
+    imported = {name for test in recipe["tests"] for name in test.get("python", {}).get("imports", ())}
+    assert imported == set(PACKAGES)
+
+
+def test_the_conda_recipe_is_rendered() -> None:
+    rattler_build = pytest.importorskip("rattler_build", reason="pip install py-rattler-build")
+    recipe = rattler_build.Stage0Recipe.from_file(str(ROOT / "conda" / "recipe.yaml"))
+    (variant,) = recipe.render(rattler_build.VariantConfig(), rattler_build.RenderConfig())
+    assert "kolsky" in repr(variant)
+    assert PROJECT["project"]["version"] in repr(variant)
+
+
+def built(tmp_path: Path, kind: str) -> Path:
+    """A wheel or a source distribution, made from a copy of what is shipped."""
+    pytest.importorskip("setuptools", minversion="77")
+    copy = tmp_path / "tree"
+    copy.mkdir()
+    for name in ("pyproject.toml", "MANIFEST.in", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff"):
+        shutil.copy(ROOT / name, copy)
+    for name in (*PACKAGES, "conda"):
+        shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(ROOT / "runs" / "open-01", copy / "runs" / "open-01")
+    code = f"from setuptools import build_meta as b; b.build_{kind}({str(tmp_path)!r})"
+    subprocess.run([sys.executable, "-W", "ignore", "-c", code], cwd=copy, check=True, capture_output=True)
+    return next(tmp_path.glob("kolsky-*"))
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_every_file_of_the_packages_and_runs_outside_the_tree(tmp_path: Path) -> None:
+    wheel = built(tmp_path, "wheel")
+    with zipfile.ZipFile(wheel) as archive:
+        held = {name for name in archive.namelist() if ".dist-info/" not in name}
+        archive.extractall(tmp_path / "site")
+    there = {
+        path.relative_to(ROOT).as_posix()
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+    assert held == there
+    for arguments in (["--version"], ["virtual", "new", str(tmp_path / "lab")]):
+        code = f"import sys; sys.argv[1:] = {arguments!r}; from kolsky.cli import main; main()"
+        done = subprocess.run(
+            [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False,
+            env={**os.environ, "PYTHONPATH": str(tmp_path / "site")},
+        )  # fmt: skip
+        assert (done.returncode, done.stderr) == (0, "")  # no warning of a package found elsewhere
+    assert (tmp_path / "lab" / "SPEC.toml").is_file()
+
+
+@pytest.mark.slow
+def test_the_source_distribution_holds_the_shots_and_pages(tmp_path: Path) -> None:
+    with tarfile.open(built(tmp_path, "sdist")) as archive:
+        held = {name.partition("/")[2] for name in archive.getnames()}
+    assert {"runs/open-01/shot.toml", "conda/recipe.yaml", "CITATION.cff", "kolsky/py.typed"} <= held
 
 
 def test_every_file_beside_the_modules_is_shipped() -> None:
     patterns = PROJECT["tool"]["setuptools"]["package-data"]
     missing = []
-    for package in ("kolsky", "dic", "explicit", "implicit", "doe"):
+    for package in PACKAGES:
         for file in (ROOT / package).rglob("*"):
             inside = file.relative_to(ROOT / package).as_posix()
             if not file.is_file() or file.suffix in (".py", ".pyc") or "__pycache__" in inside:

@@ -122,5 +122,7 @@ def test_the_shift_is_that_of_an_identification_with_the_other_window() -> None:
     m, n = (answer.estimates["stiffness_factor"] for answer in (found, other))
     shift = told[WINDOW_END, round(1e6 * end)].shifts["stiffness_factor"]
     # Another design about another optimum: the two agree within half of what the residuals alone leave open.
-    assert shift == pytest.approx(n.value - m.value, abs=0.5 * m.noise_parts["force and shape"])
+    # Both on the mesh they were searched on. Each answer is then corrected for that mesh's error, by 0.0048
+    # and 0.0054 on these elements: how fine the mesh is is no choice of a window.
+    assert shift == pytest.approx(n.on_mesh - m.on_mesh, abs=0.5 * m.noise_parts["force and shape"])
     assert shift > 0.6 * m.noise_parts["force and shape"]  # and there is something to foretell
