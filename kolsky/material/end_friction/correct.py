@@ -218,7 +218,7 @@ def _noise(best: Found, test: MeasuredSpecimen, response: FloatArray, band: Curv
     n = test.strain.size
     own = (band.noise / band.stress)[_chosen(band, test)]
     off = best.off
-    alike = float(np.clip(off[1:] @ off[:-1] / max(off @ off, 1e-300), 0.0, LARGEST_LIKENESS))
+    alike = float(np.clip(off[1:] @ off[:-1] / max(float(off @ off), 1e-300), 0.0, LARGEST_LIKENESS))
     size = np.maximum(own, best.misfit * np.sqrt((1.0 + alike) / (1.0 - alike)))
     _, s, vt = np.linalg.svd((response[:, :n] * size).T, full_matrices=False)
     kept = s > 1e-4 * s[0]
