@@ -114,8 +114,35 @@ class RigidPlane:
     """Largest depth, as a share of the mesh's size [-]."""
 
 
+@dataclass(frozen=True)
+class SelfContact:
+    """Two surfaces of the body that cannot pass through each other, without friction.
+
+    Points of integration of the first are pushed out of the second by a penalty; an equilibrium in which one
+    is deeper than `depth` is none.
+    """
+
+    where: str
+    """Set of points of the first surface."""
+    other: str
+    """Set of points of the second surface."""
+    penalty: float = 500.0
+    """Pressure over depth, in shear moduli over the size of a face [-]."""
+    depth: float | None = None
+    """Largest depth of an equilibrium [m]; None: a hundredth of the size of a face."""
+    reach: float | None = None
+    """Distance within which a surface is looked for [m], less than the body is thick behind it; None: the
+    size of a face."""
+
+    def __post_init__(self) -> None:
+        for name in ("penalty", "depth", "reach"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} of a contact must be > 0, got {value}")
+
+
 Load = NodalForce | Traction | Gravity | Pressure
-Condition = Fixed | Prescribed | Coupled | RigidPlane | Load
+Condition = Fixed | Prescribed | Coupled | RigidPlane | SelfContact | Load
 
 
 def histories_of(conditions: tuple[Condition, ...]) -> tuple[str, ...]:

@@ -6,13 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicit.arrays import FloatArray
-from implicit.conditions import Pressure, RigidPlane
+from implicit.conditions import Pressure, RigidPlane, SelfContact
 from implicit.integration.body import Body, BodyState
 from implicit.linear.base import Factors
+from implicit.linear.bridges import BridgedSolver
 from implicit.linear.solvers import linear_solver
 from implicit.loads.contact import PlaneContact
 from implicit.loads.dead import nodal_forces, weight
 from implicit.loads.pressure import FollowerPressure
+from implicit.loads.surface_contact import SurfaceContact
 from implicit.model import Model
 
 
@@ -51,8 +53,10 @@ class Equations:
             (c.history, FollowerPressure(model, c.where)) for c in model.conditions if isinstance(c, Pressure)
         ]
         self.contacts = [PlaneContact(model, c) for c in model.conditions if isinstance(c, RigidPlane)]
+        self.surfaces = [SurfaceContact(model, c) for c in model.conditions if isinstance(c, SelfContact)]
         self.symmetric = not self.pressures
         self.solver = linear_solver(linear, self.body.pattern, model.mesh.points, model.mesh.cells)
+        self._bridged = BridgedSolver(linear, self.body.pattern, model.mesh.points, model.mesh.cells)
         size = float(np.ptp(model.mesh.points, axis=0).max())
         depth = model.thickness if model.kinematics.startswith("plane") else size
         self.floor = 1e-13 * model.solid.shear_modulus * size * depth
@@ -139,9 +143,21 @@ class Equations:
             contact.add_stiffness(elements, pushes, held=held)
         return elements
 
-    def factors(self, elements: FloatArray) -> Factors:
-        """The tangent, factorised."""
-        return self.solver.factors(elements, symmetric=self.symmetric)
+    def factors(self, elements: FloatArray, state: State | None = None) -> Factors:
+        """Element matrices, and what the contact of surfaces adds in a state, factorised."""
+        nodes, blocks = [], []
+        for contact in self.surfaces if state is not None else ():
+            pairs, stiff = contact.blocks(state.u)
+            nodes.append(contact.nodes_of(pairs))
+            blocks.append(stiff)
+        if sum(map(len, nodes)) == 0:
+            return self.solver.factors(elements, symmetric=self.symmetric)
+        joined = np.concatenate(nodes), np.concatenate(blocks)
+        return self._bridged.factors(elements, *joined, symmetric=self.symmetric)
+
+    def closed(self, state: State) -> bool:
+        """Whether no surface is deeper in another than it may be."""
+        return all(contact.deepest(state.u) <= contact.depth for contact in self.surfaces)
 
     def times(self, elements: FloatArray, du: FloatArray) -> FloatArray:
         """Element matrices times changes [m] of shape [..., n d], summed in all components [N]."""
@@ -176,4 +192,6 @@ class Equations:
         total = carried + nodal_forces(self.model, at)
         for contact, pushed in zip(self.contacts, multipliers, strict=True):
             total = total + contact.forces(contact.pushes(u, self.travel(contact, at), pushed))
+        for surface in self.surfaces:
+            total = total + surface.forces(u)
         return total

@@ -66,9 +66,9 @@ class Model:
             if regions.shape != (len(self.mesh.cells),) or regions.min() < 0:
                 raise ValueError(f"regions must be one number >= 0 for each of {len(self.mesh.cells)} cells")
         for condition in self.conditions:
-            where = getattr(condition, "where", None)
-            if where is not None:
-                self.mesh.nodes(where)
+            for where in (getattr(condition, name, None) for name in ("where", "other")):
+                if where is not None:
+                    self.mesh.nodes(where)
 
     @property
     def dimension(self) -> int:

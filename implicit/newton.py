@@ -58,17 +58,21 @@ class Iteration:
         self.factorisations += 1
         if self.single:
             try:
-                return self.equations.factors(self.equations.stiffness(state, single=True))
+                return self.equations.factors(self.equations.stiffness(state, single=True), state)
             except SingularError:
                 self.single = False
-        return self.equations.factors(self.equations.stiffness(state))
+        return self.equations.factors(self.equations.stiffness(state), state)
 
     def equilibrium(self, state: State) -> State | Outcome:
         """The equilibrium near a state, contacts closed; or why there is none."""
         try:
             for _ in range(AUGMENTATIONS):
                 found = self._converged(state)
-                if isinstance(found, Outcome) or not self.equations.contacts:
+                if isinstance(found, Outcome):
+                    return found
+                if not self.equations.closed(found):
+                    return Outcome.PENETRATION
+                if not self.equations.contacts:
                     return found
                 multipliers, closed = self.equations.augmented(found)
                 if closed:

@@ -12,6 +12,7 @@ class Outcome(IntEnum):
     SINGULAR = 3
     THICKNESS = 4
     PENETRATION = 5
+    UNFINISHED = 6
 
     @property
     def ok(self) -> bool:
@@ -48,8 +49,12 @@ _TEXTS = {
         "no thickness stretch makes the stress across the sheet zero",
         "check the constants of the law, or end the history earlier",
     ),
+    Outcome.UNFINISHED: (
+        "the path did not reach its last load within its steps",
+        "allow more or longer steps, or end at a load that the body can carry",
+    ),
     Outcome.PENETRATION: (
-        "the contact with a rigid plane did not close within its tolerance",
-        "raise the stiffness or the tolerance of the contact",
+        "a contact did not close within its tolerance",
+        "raise the stiffness or the tolerance of the contact, or take smaller steps",
     ),
 }

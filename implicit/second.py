@@ -52,7 +52,7 @@ def second(sensitivities: Sensitivities) -> SecondDerivatives:
     model, table = solution.model, solution.parameters
     equations = Equations(model, table)
     n = table.size
-    if equations.contacts:
+    if equations.contacts or equations.surfaces:
         raise ValueError(
             "second derivatives of a model with contact are not defined where a point comes or goes"
         )

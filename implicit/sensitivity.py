@@ -69,7 +69,7 @@ def direct(solution: Solution, *, histories: tuple[str, ...] = ()) -> Sensitivit
         moved = np.zeros_like(explicit)
         for j, name in enumerate(histories, start=len(own)):
             moved[j], right[j] = _by_history(equations, state, elements, name)
-        unknown = equations.factors(elements).solve(-right.T).T
+        unknown = equations.factors(elements, state).solve(-right.T).T
         moved += equations.expanded(unknown)
         du[step] = moved.reshape(shape[1:])
         for j, name in enumerate(histories, start=len(own)):
@@ -108,7 +108,7 @@ def adjoint(
         weight = np.zeros(model.n_dofs) if by_forces is None else by_forces[step].reshape(-1)
         carried = equations.carried_stiffness(state)
         right = by_displacements[step].reshape(-1) + equations.times(np.swapaxes(carried, 1, 2), weight)
-        factors = equations.factors(equations.with_contact(carried, state, held=True))
+        factors = equations.factors(equations.with_contact(carried, state, held=True), state)
         lam = factors.solve_transposed(equations.reduced(right))
         test = weight - equations.expanded(lam)
         elements = equations.body.element_forces_by_parameters(state.body)

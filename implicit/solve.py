@@ -166,7 +166,7 @@ class _Path:
         self.iteration.factorisations += 1
         self.iteration.iterations += 1
         right = last.residual + equations.reduced(equations.times(elements, moved - last.u))
-        change = equations.factors(elements).solve(-right)
+        change = equations.factors(elements, last).solve(-right)
         return equations.evaluate(moved + equations.expanded(change), at, like=last)
 
     def _continued(self, at: dict[str, float]) -> FloatArray | None:

@@ -67,7 +67,7 @@ def march(
     Parameters
     ----------
     model : Model
-        The body with its supports and loads, without contact.
+        The body with its supports and loads, without rigid planes.
     histories : mapping of str to array
         Value of each history at the end of each step, shape [n].
     dt : float
@@ -90,7 +90,7 @@ def march(
     Raises
     ------
     ValueError
-        If a history does not fit, dt is not > 0, the scheme is not known or there is a contact.
+        If a history does not fit, dt is not > 0, the scheme is not known or there is a rigid plane.
     """
     table = checked_steps(model, histories)
     n = len(next(iter(table.values()))) if table else (steps or 1)
@@ -169,12 +169,13 @@ class _Stepper:
                 )
             sizes = [float(np.linalg.norm(x)) for x in (state.body.forces, state.external, inertia)]
             if float(np.linalg.norm(residual)) <= max(self.tolerance * max(sizes), equations.floor):
-                return Outcome.COMPLETED, now, state
+                closed = Outcome.COMPLETED if equations.closed(state) else Outcome.PENETRATION
+                return closed, now, state
             elements = equations.stiffness(state) + factor(self.scheme, self.dt) * self.masses
             if self.relaxing is not None:
                 elements = elements + self.relaxing.stiffness(equations.body.stiffness(state.body))
             try:
-                change = equations.factors(elements).solve(-residual)
+                change = equations.factors(elements, state).solve(-residual)
             except SingularError:
                 return Outcome.SINGULAR, now, state
             u = u + equations.expanded(change)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicit.arrays import FloatArray, IntArray
+from implicit.elements.reference import Face
 from implicit.meshes import Mesh
 
 
@@ -20,6 +21,8 @@ class Faces:
     """Their derivatives along the face's coordinates [-], shape [g, k, d - 1]."""
     weights: FloatArray
     """Weights of the Gauss points [-], shape [g]."""
+    face: Face
+    """The local face."""
 
 
 def faces_on(mesh: Mesh, where: str, gauss: int | None = None) -> list[Faces]:
@@ -50,7 +53,7 @@ def faces_on(mesh: Mesh, where: str, gauss: int | None = None) -> list[Faces]:
         tangents = np.asarray(face.tangents)
         places = np.asarray(face.origin) + points @ tangents
         slopes = element.gradients(places) @ tangents.T
-        result.append(Faces(cells, element.values(places), slopes, weights))
+        result.append(Faces(cells, element.values(places), slopes, weights, face))
     if not result:
         raise ValueError(f"no face of the mesh has all its points in the set {where!r}")
     return result

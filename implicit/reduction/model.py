@@ -14,7 +14,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray
-from implicit.conditions import Coupled, Gravity, NodalForce, Prescribed, Pressure, RigidPlane, Traction
+from implicit.conditions import (
+    Coupled,
+    Gravity,
+    NodalForce,
+    Prescribed,
+    Pressure,
+    RigidPlane,
+    SelfContact,
+    Traction,
+)
 from implicit.equations import Equations
 from implicit.integration.points import Points
 from implicit.meshes import Mesh
@@ -217,7 +226,7 @@ def _checked(model: Model) -> None:
     wrong = [
         c
         for c in model.conditions
-        if isinstance(c, Prescribed | Coupled | NodalForce | Traction | RigidPlane)
+        if isinstance(c, Prescribed | Coupled | NodalForce | Traction | RigidPlane | SelfContact)
     ]
     if wrong:
         raise ValueError(f"a reduced model has supports, weight and pressures, not {wrong[0]}")

@@ -21,6 +21,8 @@ DOWN = np.array([1.0, -1.0])
 """Signs of a board's columns and rows along x and z."""
 FINE = 4
 """Bits of a pixel's fraction with which OpenCV draws polygons."""
+SHARP = 4
+"""Fine pixels along a pixel of a made chessboard."""
 
 
 @dataclass(frozen=True)
@@ -148,18 +150,20 @@ def draw_board(
     rng: np.random.Generator | None = None,
 ) -> np.ndarray:
     """Make a picture of the chessboard in the plane of a camera."""
-    picture = np.full((size[1], size[0], 3), 255, dtype=np.uint8)
+    # OpenCV fills a polygon with its boundary's pixels: on fine pixels, whose mean is the picture's, that
+    # is little
+    picture = np.full((SHARP * size[1], SHARP * size[0]), 255, dtype=np.uint8)
     edge = np.linspace(0.0, 1.0, 9)[:-1]
     corners = [(edge, 0 * edge), (1 + 0 * edge, edge), (1 - edge, 1 + 0 * edge), (0 * edge, 1 - edge)]
     outline = np.concatenate([np.column_stack(side) for side in corners])
     for i in range(-1, BOARD[0]):
         for j in range(-1, BOARD[1]):
             if (i + j) % 2 == 0:
-                pixels = np.rint(
-                    2**FINE * camera.project(np.asarray(first) + square * DOWN * (np.array([i, j]) + outline))
-                )
-                cv2.fillPoly(picture, [pixels.astype(np.int32)], (0, 0, 0), lineType=cv2.LINE_AA, shift=FINE)
-    return _grainy(picture, noise, rng)
+                place = camera.project(np.asarray(first) + square * DOWN * (np.array([i, j]) + outline))
+                pixels = np.rint(2**FINE * (SHARP * (place + 0.5) - 0.5)).astype(np.int32)
+                cv2.fillPoly(picture, [pixels], 0, shift=FINE)
+    mean = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    return _grainy(cv2.cvtColor(mean, cv2.COLOR_GRAY2BGR), noise, rng)
 
 
 def _grainy(picture: np.ndarray, noise: float, rng: np.random.Generator | None) -> np.ndarray:

@@ -1,7 +1,7 @@
 """The closed loop with a simulated plant, and the wall time of every tick."""
 
 from dataclasses import dataclass
-from time import perf_counter, process_time
+from time import perf_counter, process_time, sleep
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -28,7 +28,7 @@ class Closed:
     pressure: FloatArray
     """Pressure that was asked for [Pa], shape [n]."""
     wall: FloatArray
-    """Wall time of the controller in each tick [s], shape [n]."""
+    """Wall time from the beginning of each tick to its pressure [s], shape [n]."""
     processor: FloatArray
     """Processor time of the controller in each tick [s], which other programs do not lengthen, shape [n]."""
     bounded: BoolArray
@@ -37,6 +37,8 @@ class Closed:
     """Ticks in which the model gave no pressure, shape [n]."""
     rate: float
     """Ticks a second [1/s]."""
+    real_time: bool = False
+    """Whether every tick waited for its time; its wall time then begins when it was due."""
 
     @property
     def late(self) -> int:
@@ -54,11 +56,20 @@ class Closed:
         return np.array(found)
 
 
-def run_loop(controller: Controller, plant: Plant, wanted: FloatArray, *, rate: float, seed: int) -> Closed:
+def run_loop(
+    controller: Controller,
+    plant: Plant,
+    wanted: FloatArray,
+    *,
+    rate: float,
+    seed: int,
+    real_time: bool = False,
+) -> Closed:
     """Close the loop for wanted angles [rad] of shape [n], one a tick.
 
     The pressure in the actuator follows the one asked for with the plant's lag; the camera sees its angle,
-    with noise, some ticks late.
+    with noise, some ticks late. In real time a tick waits until it is due, and what it takes to wake up is
+    part of its wall time; else the ticks follow one another at once.
     """
     rng = np.random.default_rng(seed)
     bend = PchipInterpolator(plant.pressure, plant.angle)
@@ -67,14 +78,20 @@ def run_loop(controller: Controller, plant: Plant, wanted: FloatArray, *, rate: 
     inside = 0.0
     columns = {name: np.zeros(n) for name in ("measured", "angle", "pressure", "wall", "processor")}
     bounded, held = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+    begun = perf_counter()
     for k in range(n):
         columns["angle"][k] = bend(inside)
         seen = columns["angle"][max(k - plant.delay, 0)] + plant.noise * rng.standard_normal()
-        started, worked = perf_counter(), process_time()
+        due = begun + k * dt
+        while real_time and (left := due - perf_counter()) > 0.0:
+            sleep(left)
+        started, worked = due if real_time else perf_counter(), process_time()
         decided = controller.tick(float(wanted[k]), float(seen))
         columns["wall"][k], columns["processor"][k] = perf_counter() - started, process_time() - worked
         columns["measured"][k], columns["pressure"][k] = seen, decided.pressure
         bounded[k], held[k] = decided.bounded, decided.held
         inside += follow * (decided.pressure - inside)
     time = np.asarray(dt * np.arange(n), dtype=np.float64)
-    return Closed(time, np.asarray(wanted), **columns, bounded=bounded, held=held, rate=rate)
+    return Closed(
+        time, np.asarray(wanted), **columns, bounded=bounded, held=held, rate=rate, real_time=real_time
+    )

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from implicit.conditions import Condition, Fixed, Gravity, Pressure
+from implicit.arc_length import ArcPath, follow
+from implicit.conditions import Condition, Fixed, Gravity, Pressure, SelfContact
 from implicit.laws.solid import Solid
 from implicit.meshes import Mesh
 from implicit.model import Model
@@ -47,6 +48,8 @@ class Actuator:
     """Whether volume ratio and pressure are fields of their own (nearly incompressible materials)."""
     device: str = "cpu"
     """Where the element kernels run."""
+    contacts: tuple[SelfContact, ...] = ()
+    """Walls of neighbouring chambers that may touch."""
 
     @property
     def histories(self) -> tuple[str, ...]:
@@ -69,6 +72,7 @@ class Actuator:
             conditions.append(Fixed("mirror", (1,)))
         conditions.append(Gravity(self.density, g, WEIGHT))
         conditions += [Pressure(c, h) for c, h in zip(self.cavities, self.histories, strict=True)]
+        conditions += self.contacts
         return Model(
             self.mesh,
             self.solid,
@@ -98,6 +102,54 @@ class Actuator:
         model = self.model(gravity)
         constants = None if solid is None else solid.parameters()
         return Bending(solve(model, steps, constants, guess=guess, newton=newton), table)
+
+    def follow(
+        self,
+        gravity: Sequence[float] | FloatArray,
+        pressures: FloatArray,
+        *,
+        first: float,
+        steps: int = 200,
+        longest: float = 4.0,
+        solid: Solid | None = None,
+    ) -> tuple["Bending", ArcPath]:
+        """Equilibria under rising pressures [Pa] of shape [n], the same in all cavities, past limit points.
+
+        Parameters
+        ----------
+        gravity, pressures, solid
+            As of `simulate`.
+        first, steps, longest
+            As of `implicit.arc_length.follow`.
+
+        Returns
+        -------
+        tuple of Bending, ArcPath
+            The equilibria that a pressure raised from 0 meets, and the whole path between them.
+
+        Raises
+        ------
+        ValueError
+            If the path ends before the last pressure, with its reason.
+        """
+        constants = None if solid is None else solid.parameters()
+        path = follow(
+            self.model(gravity),
+            self.histories,
+            until=float(pressures[-1]),
+            first=first,
+            others={WEIGHT: 1.0},
+            parameters=constants,
+            steps=steps,
+            longest=longest,
+        )
+        if not path.outcome.ok:
+            highest = 1e-5 * float(path.load.max())
+            turned = ", where the pressure has a limit point" if path.limits.size else ""
+            cause, cure = path.outcome.cause, path.outcome.cure
+            raise ValueError(f"the path rises to {highest:.3g} bar{turned}: {cause}; {cure}")
+        found = self.simulate(gravity, pressures, solid=solid, guess=path.crossings(pressures))
+        return found, path
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from kolsky.actuator.inverse import Inversion
 from kolsky.actuator.loop import Closed
 from kolsky.actuator.marker_fit import MarkerComparison, StiffnessFit
 from kolsky.actuator.reduced import Reduction
-from kolsky.actuator.study import BendInTime, Direction, relative_bend
+from kolsky.actuator.study import BendInTime, Direction, path_angle, relative_bend
 from kolsky.base.files import write_table
 from kolsky.base.json_types import jsonable
 
@@ -32,6 +32,9 @@ def write_bends(folder: Path, directions: Sequence[Direction]) -> None:
                 "angle healed (rad)": "" if np.isnan(healed[k]) else float(healed[k]),
                 "smallest gap (m)": "" if np.isnan(one.gap[k]) else float(one.gap[k]),
             }
+            if one.touching is not None:
+                row["contact force (N)"] = float(one.touching.force[k])
+                row["contact depth (m)"] = float(one.touching.depth[k])
             for j in range(slopes.shape[1]):
                 row[f"slope {j + 1} (rad/Pa)"] = float(slopes[k, j])
             _append(bend, row)
@@ -48,6 +51,10 @@ def write_bends(folder: Path, directions: Sequence[Direction]) -> None:
                 row |= {f"{axis} (m)": float(x) for axis, x in zip("xyz", where, strict=True)}
                 _append(line, row)
     write_table(folder / "bend.csv", bend)
+    for one in directions:
+        if one.path is not None:
+            columns = {"arc (m)": one.path.arc, "pressure (Pa)": one.path.load}
+            write_table(folder / f"path_{one.name}.csv", {**columns, "angle (rad)": path_angle(one.path)})
     if line:
         write_table(folder / "line.csv", line)
 
@@ -76,6 +83,9 @@ def bends_json(directions: Sequence[Direction], inputs: Mapping[str, str]) -> di
             "pressure_Pa": run.pressures[one.asked],
             "angle_rad": run.angle[one.asked],
             "slope_rad_per_Pa": run.slopes()[one.asked],
+            "limit_pressures_Pa": None if one.path is None else one.path.limits,
+            "contact_force_N": None if one.touching is None else one.touching.force[one.asked],
+            "contact_depth_m": None if one.touching is None else one.touching.depth[one.asked],
             "angle_healed_rad": None if one.healed is None else one.healed.angle[one.asked],
             "healed_over_pristine_less_1": None if one.healed is None else relative_bend(one),
         }

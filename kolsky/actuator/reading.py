@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from implicit.conditions import SelfContact
 from implicit.laws.solid import Isotropic, Solid
 from implicit.laws.volumetric import bulk
 from implicit.meshes import Mesh, from_pyvista
 from kolsky.actuator.geometry import Pneunet
 from kolsky.actuator.model import Actuator
-from kolsky.actuator.schema import ActuatorFile, GeometrySection
+from kolsky.actuator.schema import ActuatorFile, ContactSection, GeometrySection
 from kolsky.base.arrays import FloatArray
 from kolsky.base.units import UnitError, quantity
 from kolsky.readers.gmsh_volume import read_gmsh_volume
@@ -92,7 +93,16 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
         other = dict(declared.healed)
         d1 = other.pop("D1", declared.material.D1)
         healed = _solid(toml, declared, "healed", {**given, **other}, d1)
-    actuator = Actuator(mesh, cavities, solid, declared.material.density, declared.material.mixed, device)
+    contacts = contacts_of(mesh, declared.contact)
+    if declared.contact is not None and not contacts:
+        raise toml.error(
+            "contact",
+            'needs the walls that may touch, the sets "gap_1_left" and "gap_1_right" and so on of the mesh',
+            cure="name them, take two chambers or more, or remove [contact]",
+        )
+    actuator = Actuator(
+        mesh, cavities, solid, declared.material.density, declared.material.mixed, device, contacts
+    )
     for name, g in declared.gravity.items():
         try:
             actuator.model(g)
@@ -108,6 +118,17 @@ def pneunet_of(section: GeometrySection) -> Pneunet:
         for key, value in section.model_dump(exclude={"mesh", "mesh_unit"}, exclude_none=True).items()
     }
     return Pneunet(**given)
+
+
+def contacts_of(mesh: Mesh, section: ContactSection | None) -> tuple[SelfContact, ...]:
+    """The contacts of the walls at the gaps of a mesh; none without a section."""
+    found: list[SelfContact] = []
+    while section is not None and f"gap_{len(found) + 1}_left" in mesh.sets:
+        n = len(found) + 1
+        found.append(
+            SelfContact(f"gap_{n}_left", f"gap_{n}_right", penalty=section.penalty, depth=section.depth)
+        )
+    return tuple(found)
 
 
 def volume_reading(d1: Any) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from implicit.outcome import Outcome
 from implicit.reduction.model import ReducedModel, ReducedState, reduce
+from kolsky.actuator.gaps import smallest_gap
 from kolsky.actuator.model import WEIGHT, Actuator, Bending, bend_of, bend_slope
 from kolsky.base.arrays import FloatArray
 
@@ -62,12 +63,14 @@ class Reduction:
 
     model: ReducedActuator
     """The reduced actuator."""
-    seen: Bending
-    """Equilibria that it is made from."""
-    unseen: Bending
-    """Equilibria between them."""
+    pressure: FloatArray
+    """Pressures between those that it is made from [Pa], shape [n]."""
+    angle: FloatArray
+    """Angle of the whole model there [rad], shape [n]."""
     error: FloatArray
-    """Angle of the reduced model less that of the whole one at the unseen pressures [rad], shape [n]."""
+    """Angle of the reduced model less that of the whole one [rad], shape [n]."""
+    gap: float
+    """Smallest distance of neighbouring chambers of the whole model at any pressure [m]; NaN without gaps."""
 
     @property
     def largest_error(self) -> float:
@@ -93,6 +96,8 @@ def reduce_actuator(
     """
     if len(actuator.cavities) != 1:
         raise ValueError("the reduced model and its loop have one pressure: set separate = false")
+    if actuator.contacts:
+        raise ValueError("the reduced model has no contact of chambers: remove [contact]")
     pressures = np.linspace(0.0, most, 2 * seen - 1)
     whole = actuator.simulate(gravity, pressures)
     outcome = whole.solution.outcome
@@ -108,7 +113,10 @@ def reduce_actuator(
             raise ValueError(f"the reduced model at {1e-5 * pressure:.3g} bar: {bend.state.outcome.cause}")
         found.append(bend.angle)
         start = bend.state.q
-    return Reduction(made, first, between, np.array(found) - between.angle)
+    gaps = smallest_gap(whole)
+    gap = float("nan") if np.isnan(gaps).all() else float(np.nanmin(gaps))
+    at, angle = between.pressures[:, 0], between.angle
+    return Reduction(made, at, angle, np.array(found) - angle, gap)
 
 
 def _every(whole: Bending, offset: int) -> Bending:

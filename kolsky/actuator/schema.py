@@ -72,6 +72,27 @@ class MaterialSection(Section):
         return self
 
 
+class ContactSection(Section):
+    """[contact]: neighbouring chambers touch, by a penalty."""
+
+    penalty: Annotated[float, Field(gt=0.0, le=1e6)] = 500.0
+    depth: f.Length | None = None
+
+
+class PathSection(Section):
+    """[path]: the equilibria are followed by arc length, past limit points of the pressure."""
+
+    first: Pressure
+    steps: Annotated[int, Field(ge=1, le=5000)] = 200
+    longest: Annotated[float, Field(ge=1.0, le=1000.0)] = 4.0
+
+    @model_validator(mode="after")
+    def _begins(self) -> "PathSection":
+        if not self.first > 0.0:
+            raise f.problem("must be > 0", key="first", cure='write the pressure of a small step, "0.02 bar"')
+        return self
+
+
 class PronySection(Section):
     """One term of [motion] prony: the stress at once over the slow one, less 1, and its time."""
 
@@ -119,6 +140,7 @@ class ControlSection(Section):
     lag: Annotated[float, BeforeValidator(f.physical("s", ">= 0"))] = 0.05
     noise: Annotated[float, BeforeValidator(f.physical("rad", ">= 0"))] = 0.0
     seed: Annotated[int, Field(ge=0)] = 1
+    real_time: bool = False
 
 
 class MarkersSection(Section):
@@ -142,6 +164,8 @@ class ActuatorFile(Section):
     gravity: dict[str, Vector]
     pressures: Annotated[list[Pressure], Field(min_length=1)]
     healed: dict[str, Any] | None = None
+    contact: ContactSection | None = None
+    path: PathSection | None = None
     motion: MotionSection | None = None
     invert: InvertSection | None = None
     control: ControlSection | None = None

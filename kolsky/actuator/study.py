@@ -5,12 +5,17 @@ from itertools import pairwise
 
 import numpy as np
 
+from implicit.arc_length import ArcPath
 from implicit.dynamics.march import march
 from implicit.dynamics.relaxation import Prony
+from implicit.laws.solid import Solid
+from kolsky.actuator.gaps import Touching, smallest_gap, touching
 from kolsky.actuator.model import WEIGHT, Bending, bend_of
 from kolsky.actuator.reading import ActuatorSpec
-from kolsky.base.arrays import FloatArray
+from kolsky.base.arrays import BoolArray, FloatArray
 
+OVERLAP = 0.1
+"""Overlap of facing points with contact, as a share of the gap at rest, from which on it is named [-]."""
 FILM_STEPS = 8
 """Least number of steps to the largest pressure."""
 
@@ -29,6 +34,18 @@ class Direction:
     """Steps of the declared pressures, shape [n_pressures]."""
     gap: FloatArray
     """Smallest distance of neighbouring chambers [m], shape [n]; below 0 they overlap. NaN without gaps."""
+    path: ArcPath | None = None
+    """Equilibria by arc length, where SPEC declares it."""
+    touching: Touching | None = None
+    """Their contact, where SPEC declares it."""
+
+    @property
+    def overlapping(self) -> BoolArray:
+        """Steps at which chambers have passed through each other, shape [n]; the facing points by which gaps
+        are measured may slide along walls in contact, so a tenth of the gap at rest is allowed there."""
+        allowed = 0.0 if self.touching is None else OVERLAP * self.gap[0]
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.gap < -allowed)
 
 
 def simulate_all(spec: ActuatorSpec) -> list[Direction]:
@@ -43,19 +60,49 @@ def simulate_all(spec: ActuatorSpec) -> list[Direction]:
     found = []
     for name, g in spec.gravities.items():
         runs: list[Bending | None] = []
+        paths: list[ArcPath | None] = []
         for solid in (None, spec.healed):
             if solid is None and runs:
                 runs.append(None)
                 continue
-            run = spec.actuator.simulate(g, pressures, solid=solid)
+            run, path = _simulated(spec, g, pressures, solid)
+            paths.append(path)
             outcome = run.solution.outcome
             if not outcome.ok:
                 reached = 1e-5 * pressures[max(run.solution.reached - 1, 0)]
                 raise ValueError(f"{name}, beyond {reached:.3g} bar: {outcome.cause}; {outcome.cure}")
             runs.append(run)
         assert runs[0] is not None
-        found.append(Direction(name, runs[0], runs[1], asked, smallest_gap(runs[0])))
+        gap, contact = smallest_gap(runs[0]), touching(runs[0])
+        found.append(Direction(name, runs[0], runs[1], asked, gap, paths[0], contact))
     return found
+
+
+def _simulated(
+    spec: ActuatorSpec, gravity: FloatArray, pressures: FloatArray, solid: Solid | None
+) -> tuple[Bending, ArcPath | None]:
+    """Equilibria step by step, or along the path where SPEC declares one."""
+    section = spec.declared.path
+    if section is None:
+        return spec.actuator.simulate(gravity, pressures, solid=solid), None
+    return spec.actuator.follow(
+        gravity,
+        pressures,
+        first=section.first,
+        steps=section.steps,
+        longest=section.longest,
+        solid=solid,
+    )
+
+
+def path_angle(path: ArcPath) -> FloatArray:
+    """Bending angle along a path [rad], shape [n]."""
+    mesh = path.model.mesh
+    ends = [
+        (mesh.points[mesh.nodes(where)] + path.displacements[:, mesh.nodes(where)]).mean(axis=1)
+        for where in ("origin", "tip")
+    ]
+    return bend_of(ends[1] - ends[0])
 
 
 def schedule(pressures: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -126,38 +173,23 @@ def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
     return found
 
 
-def smallest_gap(run: Bending) -> FloatArray:
-    """Smallest distance of the facing walls of neighbouring chambers [m], shape [n].
-
-    Each pair of facing points is taken along the line between the middles of its two walls; negative where
-    they have passed each other.
-    """
-    mesh, u = run.solution.model.mesh, run.solution.displacements
-    smallest = np.full(len(u), np.nan)
-    number = 1
-    while f"gap_{number}_left" in mesh.sets:
-        left, right = (
-            mesh.points[mesh.sets[f"gap_{number}_{side}"]] + u[:, mesh.sets[f"gap_{number}_{side}"]]
-            for side in ("left", "right")
-        )
-        across = (right - left).mean(axis=1)
-        across = across / np.linalg.norm(across, axis=-1, keepdims=True)
-        each = np.einsum("npd,nd->np", right - left, across).min(axis=1)
-        smallest = np.fmin(smallest, each)
-        number += 1
-    return smallest
-
-
 def warnings_of(directions: list[Direction]) -> list[str]:
     """What a reader must know before using the bends."""
     said = []
     for one in directions:
-        through = np.flatnonzero(one.gap < 0.0)
+        limits = np.array([]) if one.path is None else one.path.limits
+        if limits.size:
+            said.append(
+                f"{one.name}: the pressure has a limit point at {1e-5 * limits[0]:.3g} bar: the actuator "
+                "snaps there, and its bend jumps"
+            )
+        through = np.flatnonzero(one.overlapping)
         if through.size:
             pressure = 1e-5 * float(one.pristine.pressures[through[0]].max())
             said.append(
                 f"{one.name}: from {pressure:.3g} bar on neighbouring chambers overlap, which they cannot: "
-                "the bends beyond are not those of the actuator; widen the gap or end at a lower pressure"
+                "the bends beyond are not those of the actuator; "
+                + ("declare [contact]" if one.touching is None else "take more steps or a finer mesh")
             )
     return said
 

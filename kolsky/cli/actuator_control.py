@@ -1,6 +1,10 @@
 """`kolsky actuator control`: the closed loop with a simulated plant, and how long its ticks take."""
 
+from pathlib import Path
 from time import perf_counter
+from typing import Annotated
+
+import typer
 
 from kolsky.cli import texts
 from kolsky.cli.actuator_simulate import ActuatorPath, OutOfActuator
@@ -10,6 +14,13 @@ from kolsky.cli.options import AsJson, Device, Figures
 def actuator_control(
     spec: ActuatorPath,
     out: OutOfActuator = None,
+    basis: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Keep the reduced models there, and take them from there where the inputs are the same.",
+        ),
+    ] = None,
     device: Device = "cpu",
     figures: Figures = "",
     as_json: AsJson = False,
@@ -23,34 +34,28 @@ def actuator_control(
     from kolsky.actuator.benchmark import loop_warnings, run_control
     from kolsky.actuator.output import loop_json, write_loop
     from kolsky.actuator.reading import read_actuator
-    from kolsky.base.files import filling, usable_folder
-    from kolsky.cli.terminal import print_result, since
+    from kolsky.base.files import usable_folder
+    from kolsky.cli.actuator_result import write_result
     from kolsky.report.actuator_view import ActuatorView
-    from kolsky.report.figures_alone import save_figures_alone
-    from kolsky.report.pages.actuator import printed, write_page
-    from kolsky.report.specimen_folder import write_json
 
     read = read_actuator(spec, device=device)
     section = read.declared.control
     if section is None:
         raise read.toml.error("control", "is missing", cure='add [control] with angles = ["20 deg"] and most')
     folder = usable_folder(out or read.toml.path.with_suffix("") / "control")
+    kept = None if basis is None else usable_folder(basis)
     try:
-        closed, reductions = run_control(read.actuator, read.gravities, section)
+        closed, reductions = run_control(read.actuator, read.gravities, section, basis=kept)
     except ValueError as error:
         raise read.toml.error("control", f"cannot be run: {error}") from None
     warnings = loop_warnings(closed, reductions, section)
     view = ActuatorView(read.name, closed=closed, reductions=reductions, warnings=warnings)
     said = loop_json(closed, reductions, read.inputs)
-    with filling(folder) as partial:
+
+    def ticks(partial: Path) -> None:
         for name, run in closed.items():
             write_loop(partial / f"{name}.csv", run)
-        write_json(partial / "actuator.json", said)
-        write_page(partial / "actuator.html", view, read.inputs)
-        save_figures_alone(partial, view, formats)
-    print_result(
-        printed(view),
-        said if as_json else None,
-        rest={"page": folder / "actuator.html", "wall time": since(started)},
-        warnings=warnings,
-    )
+
+    write_result(
+        folder, view, said, read.inputs, formats=formats, as_json=as_json, started=started, more=ticks
+    )  # fmt: skip

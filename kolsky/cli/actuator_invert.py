@@ -24,12 +24,9 @@ def actuator_invert(
     from kolsky.actuator.inverse import Inversion, Reached, pressure_for, pressures_for
     from kolsky.actuator.output import inversions_json
     from kolsky.actuator.reading import read_actuator
-    from kolsky.base.files import filling, usable_folder
-    from kolsky.cli.terminal import print_result, since
+    from kolsky.base.files import usable_folder
+    from kolsky.cli.actuator_result import write_result
     from kolsky.report.actuator_view import ActuatorView
-    from kolsky.report.figures_alone import save_figures_alone
-    from kolsky.report.pages.actuator import printed, write_page
-    from kolsky.report.specimen_folder import write_json
 
     read = read_actuator(spec, device=device)
     section = read.declared.invert
@@ -53,13 +50,4 @@ def actuator_invert(
     ]
     view = ActuatorView(read.name, inversions=found, warnings=warnings)
     said = inversions_json(found, read.inputs)
-    with filling(folder) as partial:
-        write_json(partial / "actuator.json", said)
-        write_page(partial / "actuator.html", view, read.inputs)
-        save_figures_alone(partial, view, formats)
-    print_result(
-        printed(view),
-        said if as_json else None,
-        rest={"page": folder / "actuator.html", "wall time": since(started)},
-        warnings=warnings,
-    )
+    write_result(folder, view, said, read.inputs, formats=formats, as_json=as_json, started=started)

@@ -41,13 +41,11 @@ def actuator_simulate(
     from kolsky.actuator.output import bends_json, markers_json, write_bends, write_markers, write_motion
     from kolsky.actuator.reading import read_actuator
     from kolsky.actuator.study import move, simulate_all, warnings_of
-    from kolsky.base.files import filling, usable_folder
-    from kolsky.cli.terminal import print_result, since
+    from kolsky.base.files import usable_folder
+    from kolsky.cli.actuator_result import write_result
     from kolsky.report.actuator_film import write_actuator_film
     from kolsky.report.actuator_view import ActuatorView
-    from kolsky.report.figures_alone import save_figures_alone
-    from kolsky.report.pages.actuator import printed, write_page
-    from kolsky.report.specimen_folder import write_json, write_solution_vtu
+    from kolsky.report.specimen_folder import write_solution_vtu
 
     read = read_actuator(spec, device=device)
     folder = usable_folder(out or read.toml.path.with_suffix("") / "simulate")
@@ -63,23 +61,19 @@ def actuator_simulate(
         read.name, directions, compared, stiffness=stiffness, motions=motions, warnings=warnings
     )
     said = bends_json(directions, inputs) | markers_json(compared, stiffness)
-    with filling(folder) as partial:
+
+    def tables(partial: Path) -> None:
         write_bends(partial, directions)
-        write_json(partial / "actuator.json", said)
         if motions:
             write_motion(partial / "motion.csv", motions)
         if compared:
             write_markers(partial / "markers.csv", compared)
-        write_page(partial / "actuator.html", view, inputs)
         for one in directions:
             if vtu:
                 write_solution_vtu(partial / f"{one.name}.vtu", one.pristine.solution)
             if film:
                 write_actuator_film(partial / f"{one.name}.{film}", one)
-        save_figures_alone(partial, view, formats)
-    print_result(
-        printed(view),
-        said if as_json else None,
-        rest={"page": folder / "actuator.html", "wall time": since(started)},
-        warnings=warnings,
-    )
+
+    write_result(
+        folder, view, said, inputs, formats=formats, as_json=as_json, started=started, more=tables,
+    )  # fmt: skip

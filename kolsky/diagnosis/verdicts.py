@@ -29,18 +29,30 @@ def judged(result: Identification) -> Identification:
 
 
 def verdict(result: Identification, e: Estimate) -> Verdict:
-    """The verdict on one parameter, gravest first: unexplained, contradicted, of one channel alone."""
+    """The verdict on one parameter, gravest first.
+
+    Not explained, contradicted, not told from a bound of its design, of one channel alone.
+    """
     if e.outcome not in WITHHELD:
         return e.outcome
     if not all(channel.explained for channel in result.fit):
         return Verdict.UNEXPLAINED
     if contradicted(result, e.name):
         return Verdict.CONTRADICTED
+    if reaches_bound(result, e):
+        return Verdict.BOUND_REACHED
     if e.outcome is Verdict.IDENTIFIED:
         for channel in result.fit:
             if 1.0 - channel.weight.get(e.name, 0.5) < ALONE:
                 return ALONE_BY[channel.channel]
     return e.outcome
+
+
+def reaches_bound(result: Identification, e: Estimate) -> bool:
+    """True if the k = 2 interval reaches past a bound of the parameter's design, which no run has seen."""
+    i = result.design.names.index(e.name)
+    low, high = e.interval
+    return low < result.design.lower[i] or high > result.design.upper[i]
 
 
 def explained(result: Identification) -> bool:

@@ -34,6 +34,7 @@ class Verdict(StrEnum):
     UNEXPLAINED = "not explained by the model"
     CONTRADICTED = "force and outline contradict each other"
     AT_BOUND = "at a bound of the design"
+    BOUND_REACHED = "not told from a bound of the design"
     CONDITIONAL = "only if the parameter at its bound is right"
     NOT_SEEN = "not seen by the data"
     PLATEAU = "on a plateau of a rough misfit"

@@ -4,6 +4,7 @@ from tests.mutants.fault import Fault
 
 _UNIT = "tests/unit/actuator"
 _BEND, _LOOP, _MARKERS = (f"{_UNIT}/test_{name}.py" for name in ("bending", "control", "markers"))
+_CONTACT, _ARC = (f"tests/unit/implicit/test_{name}.py" for name in ("self_contact", "arc_length"))
 _STUDY, _READING = f"{_UNIT}/test_study.py", f"{_UNIT}/test_actuator_reading.py"
 
 FAULTS = (
@@ -86,7 +87,7 @@ FAULTS = (
     ),
     Fault(
         "largest gap in place of the smallest",
-        "kolsky/actuator/study.py",
+        "kolsky/actuator/gaps.py",
         'np.einsum("npd,nd->np", right - left, across).min(axis=1)',
         'np.einsum("npd,nd->np", right - left, across).max(axis=1)',
         (f"{_STUDY}::test_gap_is_the_distance_of_the_walls_and_negative_where_they_overlap",),
@@ -125,5 +126,96 @@ FAULTS = (
         "beta * np.exp(-0.5 * dt / tau)",
         "beta * np.exp(-1.0 * dt / tau)",
         ("tests/unit/implicit/test_dynamics.py::test_stress_relaxes_as_the_series_says",),
+    ),
+    Fault(
+        "contact that pulls too",
+        "implicit/loads/surface_contact.py",
+        "self.stiffness * np.maximum(0.0, -near.gaps)",
+        "self.stiffness * -near.gaps",
+        (f"{_CONTACT}::test_cylinders_touch_as_hertz_says",),
+    ),
+    Fault(
+        "second surface pushed the same way",
+        "implicit/loads/surface_contact.py",
+        "[self.values[g], -self.element.values(near.places)]",
+        "[self.values[g], self.element.values(near.places)]",
+        (f"{_CONTACT}::test_forces_and_stiffness_are_derivatives_of_the_potential",),
+    ),
+    Fault(
+        "tangent of contact without the turning of its normal",
+        "implicit/loads/surface_contact.py",
+        "along, bend, along) - mixed - np.swapaxes(mixed, 1, 2)",
+        "along, bend, along)",
+        (f"{_CONTACT}::test_forces_and_stiffness_are_derivatives_of_the_potential",),
+    ),
+    Fault(
+        "weights of the inner points of a face for the outer ones",
+        "implicit/loads/surface_contact.py",
+        "np.array([1.0, 5.0, 5.0, 1.0]) / 6.0",
+        "np.array([5.0, 1.0, 1.0, 5.0]) / 6.0",
+        (f"{_CONTACT}::test_two_blocks_are_one",),
+    ),
+    Fault(
+        "an equilibrium may be ten times as deep",
+        "implicit/equations.py",
+        "contact.deepest(state.u) <= contact.depth",
+        "contact.deepest(state.u) <= 10.0 * contact.depth",
+        (f"{_CONTACT}::test_an_equilibrium_that_is_too_deep_is_none",),
+    ),
+    Fault(
+        "contact left out of the factors",
+        "implicit/newton.py",
+        "self.equations.factors(self.equations.stiffness(state), state)",
+        "self.equations.factors(self.equations.stiffness(state))",
+        (f"{_CONTACT}::test_contact_is_in_the_factors",),
+    ),
+    Fault(
+        "contact force of a half for that of the whole",
+        "kolsky/actuator/gaps.py",
+        'share = 2.0 if "mirror"',
+        'share = 1.0 if "mirror"',
+        (f"{_BEND}::test_chambers_that_touch",),
+    ),
+    Fault(
+        "facing points may overlap by the whole gap",
+        "kolsky/actuator/study.py",
+        "OVERLAP * self.gap[0]",
+        "self.gap[0]",
+        (f"{_STUDY}::test_contact_allows_facing_points_a_tenth_of_the_gap",),
+    ),
+    Fault(
+        "a path that turns back where the load does",
+        "implicit/arc_length.py",
+        "float(before @ slope) > 0.0 else -1.0",
+        "float(before @ slope) > 0.0 else 1.0",
+        (f"{_ARC}::test_a_balloon_passes_the_pressure_that_it_can_carry",),
+    ),
+    Fault(
+        "limit point at the middle of three equilibria",
+        "implicit/arc_length.py",
+        "found.append(float(curve(curve.deriv().roots()[0].real)))",
+        "found.append(float(self.load[k - 1]))",
+        (f"{_ARC}::test_limits_and_crossings_of_a_known_path",),
+    ),
+    Fault(
+        "a raised load that is met on the falling part of the path",
+        "implicit/arc_length.py",
+        "rising = (self.load[:-1] <= load) & (self.load[1:] >= load)",
+        "rising = (self.load[:-1] >= load) & (self.load[1:] <= load)",
+        (f"{_ARC}::test_limits_and_crossings_of_a_known_path",),
+    ),
+    Fault(
+        "the key of a stored basis without the plant",
+        "kolsky/actuator/basis_file.py",
+        "section.snapshots, section.plant_stiffness",
+        "section.snapshots",
+        (f"{_UNIT}/test_basis_file.py::test_the_key_says_what_it_follows_from",),
+    ),
+    Fault(
+        "wall time without what it takes to wake up",
+        "kolsky/actuator/loop.py",
+        "due if real_time else perf_counter()",
+        "perf_counter()",
+        (f"{_LOOP}::test_in_real_time_a_tick_begins_when_it_is_due",),
     ),
 )

@@ -106,6 +106,20 @@ FAULTS = (
         "if e.outcome is Verdict.FAILED:",
         VERDICTS,
     ),
+    Fault(
+        "an interval may reach past the design",
+        VERDICT,
+        "return low < result.design.lower[i] or high > result.design.upper[i]",
+        "return low < result.design.lower[i] and high > result.design.upper[i]",
+        VERDICTS,
+    ),
+    Fault(
+        "a value counts, not its interval",
+        VERDICT,
+        "    low, high = e.interval\n",
+        "    low = high = e.value\n",
+        VERDICTS,
+    ),
     Fault("the lag of least evidence leads", VERDICT, "max(clocks, key", "min(clocks, key", VERDICTS),
     Fault(
         "a lag is named though it explains nothing", VERDICT, "> LATE and lag.explains", "> LATE", VERDICTS

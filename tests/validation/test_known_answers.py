@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
 from kolsky.identification import identify
 from kolsky.inverse.result import Identification
@@ -109,23 +108,6 @@ def test_the_only_warning_is_the_end_of_the_curve(case: tuple[Shot, Identificati
     difference = found.route_difference
     assert difference is not None
     assert abs(difference.values["stiffness_factor"]) < 3.0 * difference.sigma["stiffness_factor"]
-
-
-@pytest.mark.slow
-def test_all_known_answers_together(tmp_path: Path) -> None:
-    """Errors of all shots over their standard uncertainties, as one chi-square."""
-    sources = [OPEN_01, OPEN_02, *(ROOT / "runs" / name for name in ("open-03", "open-04"))]
-    z = []
-    for source in sources:
-        folder = tmp_path / source.name
-        shutil.copytree(source, folder, ignore=shutil.ignore_patterns("results", "*.py"))
-        if not (folder / "shot.toml").exists():
-            shutil.copy(OPEN_01 / "shot.toml", folder)
-        e = identify(load_shot(folder)).estimates["stiffness_factor"]
-        assert e.outcome.identified, source.name
-        z.append((e.value - truth(source)) / e.sigma)
-    # What the errors of right intervals stay below in 95.45 % of such sets: k = 2, jointly over the shots.
-    assert np.square(z).sum() < chi2.ppf(0.9545, len(z)), z
 
 
 def test_result_file_round_trip(case: tuple[Shot, Identification, float], tmp_path: Path):

@@ -1,7 +1,9 @@
 """Shots of known stiffness at several flyer velocities, through `identify`, to a mean and a slope."""
 
 import importlib.util
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -13,7 +15,7 @@ from kolsky.inverse.forward import Numerics
 from kolsky.inverse.settings import Settings
 from kolsky.studies.rates.collect import collected_shot
 from kolsky.studies.rates.comparison import compare
-from kolsky.studies.rates.records import GroupRates
+from kolsky.studies.rates.records import GroupRates, RatedShot
 from kolsky.studies.rates.regression import SlopeVerdict
 
 SCRIPT = Path(__file__).resolve().parents[2] / "runs" / "rate_shots.py"
@@ -43,14 +45,26 @@ def truth(speed: float, tilt: float) -> float:
     return 1.12 + tilt * float(np.log10(speed / 1.6))
 
 
-def compared(maker: ModuleType, root: Path, tilt: float) -> GroupRates:
-    shots = []
-    for number, speed in enumerate(SPEEDS):
-        folder = root / f"shot-{number}"
+@pytest.fixture(scope="module")
+def collected(
+    maker: ModuleType, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[int, float], RatedShot]:
+    """The shot of a speed's number and a true stiffness factor, made and identified once."""
+
+    @cache
+    def found(number: int, m: float) -> RatedShot:
+        folder = tmp_path_factory.mktemp("rates") / f"shot-{number}"
         # Half as fine again as the mesh of the answers, which are corrected to an infinitely fine one.
         numerics = Numerics(mesh=(36, 48), element="fbar")
-        maker.make(folder, speed, truth(speed, tilt), seed=number, numerics=numerics)
-        shots.append(collected_shot(folder, group="gel", identify=lambda shot: identify(shot, COARSE)))
+        maker.make(folder, SPEEDS[number], m, seed=number, numerics=numerics)
+        return collected_shot(folder, group="gel", identify=lambda shot: identify(shot, COARSE))
+
+    return found
+
+
+def compared(collected: Callable[[int, float], RatedShot], tilt: float) -> GroupRates:
+    # The speed at which both truths are one gives one and the same shot to both sets.
+    shots = [collected(number, truth(speed, tilt)) for number, speed in enumerate(SPEEDS)]
     (group,) = compare(shots).groups
     assert len(group.counted) == len(SPEEDS)
     return group
@@ -58,8 +72,8 @@ def compared(maker: ModuleType, root: Path, tilt: float) -> GroupRates:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tilt", [0.0, TILT])
-def test_the_slope_of_known_shots(maker, tmp_path, tilt):
-    group = compared(maker, tmp_path, tilt)
+def test_the_slope_of_known_shots(collected, tilt):
+    group = compared(collected, tilt)
     line, pooled, e = group.slope, group.pooled, group.equal_strain
     assert line is not None
     assert line.fit is not None

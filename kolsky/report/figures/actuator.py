@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
 from kolsky.actuator.model import Bending
+from kolsky.actuator.study import path_angle
 from kolsky.report.actuator_view import ActuatorView, outer_faces, side_view
 from kolsky.report.figures.base import (
     FORCE,
@@ -73,6 +74,8 @@ def draw_bend(view: ActuatorView, panels: Panels) -> None:
         bar = BAR * run.pressures.max(axis=1)
         ax.plot(bar, np.degrees(run.angle), "-", color=colour, lw=1.0, label=name)
         ax.plot(bar[one.asked], np.degrees(run.angle[one.asked]), "o", color=colour, ms=3)
+        if one.path is not None:
+            ax.plot(BAR * one.path.load, np.degrees(path_angle(one.path)), ":", color=colour, lw=1.0)
         if one.healed is not None:
             ax.plot(bar, np.degrees(one.healed.angle), "--", color=colour, lw=1.0, label=f"{name}, healed")
     ax.set_xlabel("pressure (bar)")
@@ -84,6 +87,10 @@ def caption_bend(view: ActuatorView) -> str:
     """Return the caption."""
     healed = any(one.healed is not None for one in view.directions)
     said = "Bending angle over pressure in every direction of gravity; dots are the declared pressures."
+    if any(one.path is not None for one in view.directions):
+        said += (
+            " Dotted: the path of equilibria by arc length, which a raised pressure leaves where it turns."
+        )
     return said + (" Dashed: with the constants of the healed material." if healed else "")
 
 

@@ -41,7 +41,7 @@ def _degrees(value: float) -> str:
 
 def tables(view: ActuatorView) -> list[dict[str, Any]]:
     """Tables of the page: of each the caption, the heads and the rows."""
-    return [bends(view), marker_rows(view), stiffness(view), inversions(view), loops(view)]
+    return [bends(view), contacts(view), marker_rows(view), stiffness(view), inversions(view), loops(view)]
 
 
 def bends(view: ActuatorView) -> dict[str, Any]:
@@ -59,11 +59,36 @@ def bends(view: ActuatorView) -> dict[str, Any]:
                     f"{np.degrees(slopes[k]) / BAR:.4g}",
                     numbers.NOTHING if one.healed is None else _degrees(float(one.healed.angle[k])),
                     numbers.NOTHING if healed is None else numbers.percent(float(healed[number])),
-                    lost=bool(one.gap[k] < 0.0),
+                    lost=bool(one.overlapping[k]),
                 )
             )
     heads = ["Gravity", "Pressure (bar)", "Bend", "Slope (°/bar)", "Bend, healed", "Healed less pristine"]
     return {"caption": "Bend at the declared pressures", "head": heads, "rows": rows}
+
+
+def contacts(view: ActuatorView) -> dict[str, Any]:
+    """Contact of neighbouring chambers."""
+    rows = []
+    for one in view.directions:
+        found = one.touching
+        if found is None:
+            continue
+        steps = np.flatnonzero(found.force > 0.0)
+        bar = BAR * one.pristine.pressures.max(axis=1)
+        rows.append(
+            _row(
+                one.name,
+                "not at all" if steps.size == 0 else f"{bar[steps[0]]:.3g} bar",
+                f"{found.force[-1]:.3g}",
+                f"{1e6 * found.depth.max():.2g}",
+                f"{1e3 * one.gap.min():.3g}",
+            )
+        )
+    heads = [
+        "Gravity", "Touching from the step at", "Force at the largest pressure (N)", "Deepest (µm)",
+        "Smallest gap of facing points (mm)",
+    ]  # fmt: skip
+    return {"caption": "Contact of neighbouring chambers", "head": heads, "rows": rows}
 
 
 def marker_rows(view: ActuatorView) -> dict[str, Any]:

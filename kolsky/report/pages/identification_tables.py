@@ -28,6 +28,9 @@ _VERDICTS = {
     "allow: do not use the value before the cause is found.",
     Verdict.AT_BOUND: "The optimum lies on a bound of the design: the value is a limit, not an "
     "estimate. Widen the design and run again.",
+    Verdict.BOUND_REACHED: "The interval reaches past a bound of the design: the data do not tell the value "
+    "from that bound, and the interval's other end alone is a finding. Where a value beyond is possible, "
+    "widen the design and run again; where none is (no friction is the least), hold the parameter there.",
     Verdict.CONDITIONAL: "Another parameter lies on a bound of the design and this one compensates for it: "
     "the value and its interval hold only if that bound is right. Widen that bound, or hold that "
     "parameter at an independent value.",

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import pyvista
 
+from implicit.conditions import SelfContact
 from kolsky.actuator.geometry import Pneunet
 from kolsky.actuator.reading import read_actuator, volume_reading
 from kolsky.actuator.study import schedule
@@ -127,6 +128,21 @@ def test_a_gmsh_file_names_its_points(tmp_path: Path) -> None:
     assert mesh.nodes("clamp").tolist() == [0, 2, 3]
     assert mesh.nodes("tip").tolist() == [1]
     assert mesh.nodes("origin").tolist() == [0]
+
+
+def test_contact_and_path_are_declared(tmp_path: Path) -> None:
+    path = _spec(tmp_path)
+    path.write_text(path.read_text() + '[contact]\ndepth = "20 um"\n[path]\nfirst = "0.02 bar"\n')
+    read = read_actuator(path)
+    assert read.actuator.contacts == (SelfContact("gap_1_left", "gap_1_right", depth=20e-6),)
+    assert read.declared.path is not None
+    assert read.declared.path.first == pytest.approx(2e3)
+    path.write_text(path.read_text().replace("chambers = 2", "chambers = 1"))
+    with pytest.raises(InputError, match="gap_1_left"):
+        read_actuator(path)
+    path.write_text(path.read_text().replace('"0.02 bar"', '"0 bar"'))
+    with pytest.raises(InputError, match=r"path\.first"):
+        read_actuator(path)
 
 
 def test_steps_pass_the_declared_pressures() -> None:

@@ -1,11 +1,17 @@
 """Bend, its slope and the inverse of both: closed forms, differences, and planted answers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from implicit.conditions import SelfContact
+from implicit.loads.surface_contact import SurfaceContact
 from implicit.newton import Newton
+from kolsky.actuator.gaps import touching
 from kolsky.actuator.inverse import Reached, Search, pressure_for, pressures_for
 from kolsky.actuator.model import bend_of, bend_slope
+from kolsky.actuator.reduced import reduce_actuator
 from tests.unit.actuator.small import DOWN, MOST, actuator
 
 SMALL = actuator()
@@ -71,3 +77,41 @@ def test_two_chambers_by_bounded_least_squares() -> None:
     capped = pressures_for(pair, DOWN, **wanted, most=30e3)
     assert capped.ended is Reached.NEAREST
     assert capped.pressures.max() <= 30e3
+
+
+def test_a_path_meets_the_same_equilibria() -> None:
+    pressures = np.array([0.0, 20e3, 40e3])
+    found, path = SMALL.follow(DOWN, pressures, first=15e3)
+    assert found.angle == pytest.approx(SMALL.simulate(DOWN, pressures).angle, rel=1e-6)
+    assert path.load[0] == 0.0
+    assert path.load[-1] >= 40e3
+    assert path.limits.size == 0
+    with pytest.raises(ValueError, match="rises to"):
+        SMALL.follow(DOWN, np.array([40e3]), first=1e3, steps=2)
+
+
+def test_chambers_that_touch() -> None:
+    free = actuator(wall=1.2e-3, gap=0.3e-3, cell=3e-3, inlet=2e-3)
+    contact = SelfContact("gap_1_left", "gap_1_right")
+    both = replace(free, contacts=(contact,))
+    pressures = np.array([10e3, 29.9e3, 30e3, 30.1e3])
+    apart, touched = free.simulate(DOWN, pressures), both.simulate(DOWN, pressures)
+    assert touched.solution.outcome.ok
+    assert touching(apart) is None
+    pressed = touching(touched)
+    assert pressed is not None
+    assert pressed.force[0] == 0.0
+    assert pressed.force[2] > 0.01
+    # the walls as far through each other as the penalty says: 1 % of a face of 3.6 by 5 mm is what is allowed
+    assert 0.0 < pressed.depth[2] < 40e-6
+    assert touched.angle[0] == pytest.approx(apart.angle[0], rel=1e-6)
+    assert touched.angle[2] > 1.02 * apart.angle[2]  # pushed apart, it bends more
+    # half of the actuator is modelled: the pressures of both halves
+    one = SurfaceContact(touched.solution.model, contact)
+    u = touched.solution.displacements[2].ravel()
+    assert pressed.force[2] == pytest.approx(2.0 * one.areas @ one.pressures(u))
+    # exact slope in contact
+    difference = (touched.angle[3] - touched.angle[1]) / 200.0
+    assert touched.slopes()[2, 0] == pytest.approx(difference, rel=1e-4)
+    with pytest.raises(ValueError, match="no contact"):
+        reduce_actuator(both, DOWN, most=30e3, modes=3, tolerance=1e-3)

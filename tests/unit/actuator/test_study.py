@@ -8,8 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from implicit.arc_length import ArcPath
+from implicit.outcome import Outcome
+from kolsky.actuator.gaps import Touching, smallest_gap
 from kolsky.actuator.geometry import Pneunet
-from kolsky.actuator.study import Direction, relative_bend, smallest_gap, warnings_of
+from kolsky.actuator.study import Direction, relative_bend, warnings_of
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -39,6 +42,23 @@ def test_overlap_is_warned_of_and_its_absence_not() -> None:
     bad = Direction("down", run, None, np.array([0]), np.array([-1e-4]))  # type: ignore[arg-type]
     assert "0.4 bar" in warnings_of([bad])[0]
     assert warnings_of([replace(bad, gap=np.array([1e-4]))]) == []
+
+
+def test_contact_allows_facing_points_a_tenth_of_the_gap() -> None:
+    run = _moved(0.0)
+    gap = np.array([2e-3, 1e-3, -1.9e-4, -2.1e-4])
+    one = Direction("down", run, None, np.array([0]), gap)  # type: ignore[arg-type]
+    assert one.overlapping.tolist() == [False, False, True, True]
+    touching = Touching(np.zeros(4), np.zeros(4))
+    assert replace(one, touching=touching).overlapping.tolist() == [False, False, False, True]
+
+
+def test_a_limit_point_is_warned_of() -> None:
+    arc = np.array([0.0, 1.0, 2.0])
+    model, moved = _moved(0.0).solution.model, np.zeros((3, 1, 3))
+    path = ArcPath(model, 5e4 * arc * (2.0 - arc), moved, arc, Outcome.UNFINISHED)  # 5e4 at 1
+    one = Direction("down", _moved(0.0), None, np.array([0]), np.zeros(3), path)  # type: ignore[arg-type]
+    assert "limit point at 0.5 bar" in warnings_of([one])[0]
 
 
 def test_effect_of_healing_is_that_on_the_bend_from_rest() -> None:

@@ -9,6 +9,7 @@ from synthetic import synthetic
 from kolsky.diagnosis.verdicts import explained, fit_warnings, judged
 from kolsky.inverse.fit_results import ClockLag, FitQuality
 from kolsky.inverse.result import Identification, RouteDifference, Verdict
+from kolsky.uncertainty.warnings.answer import bounds
 
 M = "stiffness_factor"
 
@@ -62,6 +63,25 @@ def test_a_graver_verdict_stays() -> None:
     e = replace(result.estimates[M], outcome=Verdict.NOT_SEEN)
     bad = replace(result, estimates={M: e}, fit=(replace(result.fit[0], residual=9.0),))
     assert outcome(judged(bad)) is Verdict.NOT_SEEN
+
+
+@pytest.mark.parametrize("end", ["lower", "upper"])
+@pytest.mark.parametrize(("inside", "verdict"), [(2.01, Verdict.IDENTIFIED), (1.99, Verdict.BOUND_REACHED)])
+def test_a_value_not_told_from_a_bound_is_not_identified(end: str, inside: float, verdict: Verdict) -> None:
+    """A value so many standard uncertainties inside its design; k = 2 is the interval."""
+    result = synthetic(nodes=False)
+    bound = getattr(result.design, end)[0]
+    parts = {"sigma_noise": 3e-3, "sigma_numerical": 4e-3, "sigma_systematic": 12e-3}  # 13e-3 together
+    e = replace(result.estimates[M], **parts)
+    value = float(bound) + (1.0 if end == "lower" else -1.0) * inside * 13e-3
+    near = replace(result, estimates={M: replace(e, value=value)})
+    assert outcome(judged(near)) is verdict
+    assert not Verdict.BOUND_REACHED.identified
+    told = [text for text in bounds(judged(near)) if "reaches past the bounds of its design" in text]
+    assert len(told) == (verdict is Verdict.BOUND_REACHED)
+    # A misfit is graver.
+    bad = replace(near, fit=(replace(result.fit[0], residual=9.0),))
+    assert outcome(judged(bad)) is Verdict.UNEXPLAINED
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.101, Verdict.IDENTIFIED), (0.099, Verdict.OUTLINE_ALONE)])

@@ -111,7 +111,7 @@ def test_a_shallow_arch_snaps_through_and_rests_in_equilibrium():
     ends = (Fixed("left"), Fixed("right"))
     model = Model(mesh, RUBBER, (*ends, NodalForce("apex", 1, "load")), kinematics="plane_strain")
     # more force than the arch carries upright; backward Euler takes the energy of the snap out
-    force = {"load": -20.0 * np.minimum(np.arange(1, 61) / 10.0, 1.0)}
+    force = {"load": -20.0 * np.minimum(np.arange(1, 49) / 10.0, 1.0)}
     found = march(model, force, 0.06, density=RHO, tolerance=1e-7)
     assert found.outcome.ok
     apex = found.mean_displacement("apex")[:, 1]
@@ -119,4 +119,6 @@ def test_a_shallow_arch_snaps_through_and_rests_in_equilibrium():
     assert apex[-1] < -1.5 * rise
     rest = solve(model, {"load": [-20.0]}, guess=found.displacements[-1:])
     assert rest.outcome.ok
+    # the slowest motion that is left takes 12 steps, and backward Euler keeps cos(2 pi / 12) of it in each:
+    # of the first swing past the rest, 0.28 rises at step 12, 36 steps leave 0.28 * 0.866^36 = 1.6e-3
     assert found.displacements[-1] == pytest.approx(rest.displacements[0], abs=2e-3 * rise)
