@@ -1,7 +1,8 @@
 """Commands that are killed: `python -m benchmarks.kills [--kills 100] [--workers 2] [--seed 1]`.
 
 Every trial starts a command in a folder of its own, ends it at a moment drawn over its duration (by SIGKILL,
-SIGTERM or SIGINT), and starts the same command again. Counted are: files that cannot be read, hidden files
+SIGTERM or SIGINT; a command that has ended by then is started anew and ended earlier), and starts the same
+command again. Counted are: files that cannot be read, hidden files
 left, processes that go on, runs of a sweep that were lost or repeated, and numbers that differ from those
 that two undisturbed runs have in common. With `--out FOLDER` each row is kept there, and a campaign goes on
 where it stopped; the table is written to `benchmarks/results/kills.json`.
@@ -15,6 +16,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -26,8 +28,9 @@ from typing import Any
 import psutil
 
 from benchmarks.kill_contents import contents, ledger_runs, unreadable
+from benchmarks.kill_watch import end_of, end_of_children
+from benchmarks.small_cases import ROOT, small_shot, write_pictures
 
-ROOT = Path(__file__).resolve().parents[1]
 RESULT = Path(__file__).parent / "results" / "kills.json"
 SIGNALS = {"SIGKILL": 0.5, "SIGTERM": 0.25, "SIGINT": 0.25}
 """How a command is ended, with its share of the trials."""
@@ -35,6 +38,8 @@ CHILDREN = 1.0
 """Time within which the children of a killed command end [s]."""
 STOPPED = 3.0
 """Time within which a command that is told to end has ended [s]."""
+SOONER = 0.7
+"""A command that had ended before its signal gets it at this share of the moment next time."""
 LONGEST = 1800.0
 """Time after which a command is given up [s]."""
 
@@ -60,19 +65,19 @@ class Trial:
     how: str
     """The signal."""
     share: float
-    """When it came, as a share of the undisturbed duration [-]."""
+    """When it was sent, as a share of the undisturbed duration [-]."""
     code: int
     """Exit code of the killed command."""
     stopped: float
-    """Time from the signal to the command's end [s]."""
+    """Time from the signal to the command's end, without waits for a core [s]."""
     children: float
-    """Time from the command's end to that of the last of its children [s]."""
+    """Time from the command's end to that of the last of its children, without waits for a core [s]."""
     problems: tuple[str, ...]
     """What is wrong; nothing if all is as it should be."""
 
 
 def _shot(folder: Path) -> None:
-    shutil.copytree(ROOT / "runs" / "open-01", folder / "shot")
+    small_shot(folder / "shot")
 
 
 def _answered(folder: Path) -> None:
@@ -83,19 +88,7 @@ def _answered(folder: Path) -> None:
 
 
 def _pictures(folder: Path) -> None:
-    import cv2
-    import numpy as np
-
-    speckles = cv2.GaussianBlur(np.random.default_rng(4).normal(128.0, 400.0, (160, 220)), (0, 0), 2.0)
-    for number in range(24):
-        moved = np.float32([[1, 0, 0.25 * number], [0, 1, -0.1 * number]])
-        picture = cv2.warpAffine(
-            speckles, moved, (220, 160), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT
-        )
-        cv2.imwrite(str(folder / f"cam_{number:03d}.png"), np.clip(picture, 0, 255).astype(np.uint8))
-    (folder / "dic.toml").write_text(
-        '[dic]\nkind = "plane"\nscale = "0.1 mm"\n[pictures]\ncamera_0 = { pattern = "cam_*.png" }\n'
-    )
+    write_pictures(folder, frames=12, size=(120, 160))
 
 
 def _bars(folder: Path) -> None:
@@ -108,15 +101,15 @@ def _virtual(folder: Path) -> None:
 
 def _specimen(folder: Path) -> None:
     text = (ROOT / "runs" / "specimen" / "silicone.toml").read_text()
-    text = text.replace("elements = [40, 10, 2]", "elements = [20, 4, 2]")
+    text = text.replace("elements = [40, 10, 2]", "elements = [10, 2, 2]")
     text = text.partition("[tests.biaxial]")[0]
     (folder / "strip.toml").write_text(text)
     shutil.copy(ROOT / "runs" / "specimen" / "uniaxial.csv", folder)
 
 
-_TINY = ("FOLDER/shot", "--mesh", "8x11", "--free", "stiffness_factor", "--refined-mesh", "16x22",
+_TINY = ("FOLDER/shot", "--mesh", "4x6", "--free", "stiffness_factor", "--refined-mesh", "6x8",
          "--replicates", "2")  # fmt: skip
-_SWEEP = ("sweep", "FOLDER/shot", "--design", "lhs", "--runs", "640", "--mesh", "16x22")
+_SWEEP = ("sweep", "FOLDER/shot", "--design", "lhs", "--runs", "640", "--mesh", "6x8")
 COMMANDS = {
     "sweep": Command(_SWEEP, _shot),
     "sweep over processes": Command((*_SWEEP, "--processes", "2"), _shot),
@@ -130,6 +123,8 @@ COMMANDS = {
     "specimen fit": Command(("specimen", "fit", "FOLDER/strip.toml", "--out", "FOLDER/results"), _specimen),
 }
 """Commands by name."""
+MAKING = {name: threading.Lock() for name in COMMANDS}
+"""Held while a command's inputs are made."""
 
 
 def _start(words: tuple[str, ...], folder: Path) -> subprocess.Popen[str]:
@@ -162,13 +157,22 @@ class Undisturbed:
     """Runs in its ledger; 0 without one."""
 
 
+def _inputs(name: str, base: Path, folder: Path) -> None:
+    """Put what a command reads into a new folder; it is made once for all trials."""
+    made = base / f"{name.replace(' ', '-')}-inputs"
+    with MAKING[name]:  # trials side by side: the second waits until all of it is there
+        if not made.exists():
+            made.mkdir(parents=True)
+            COMMANDS[name].inputs(made)
+    shutil.copytree(made, folder)
+
+
 def undisturbed(name: str, base: Path) -> Undisturbed:
     """Run a command twice and keep what does not depend on when it ran."""
     found, seconds, runs = [], [], 0
     for number in range(2):
         folder = base / f"{name.replace(' ', '-')}-undisturbed-{number}"
-        folder.mkdir(parents=True)
-        COMMANDS[name].inputs(folder)
+        _inputs(name, base, folder)
         started = time.monotonic()
         done = _run(COMMANDS[name].words, folder)
         seconds.append(time.monotonic() - started)
@@ -182,38 +186,85 @@ def undisturbed(name: str, base: Path) -> Undisturbed:
     return Undisturbed(min(seconds), common, runs)
 
 
+def _kept(name: str, base: Path, out: Path) -> Undisturbed:
+    """What two undisturbed runs have in common, from the folder of the rows if it is there."""
+    place = out / f"{name.replace(' ', '-')}.json"
+    if place.exists():
+        return Undisturbed(**json.loads(place.read_text()))
+    whole = undisturbed(name, base)
+    place.write_text(json.dumps(asdict(whole)) + "\n")
+    return whole
+
+
+@dataclass(frozen=True)
+class Killed:
+    """A command that was sent a signal while it ran."""
+
+    share: float
+    """When, as a share of the undisturbed duration [-]."""
+    code: int
+    """Its exit code."""
+    said: str
+    """Its standard error."""
+    stopped: float
+    """Time from the signal to its end, without waits for a core [s]."""
+    children: float
+    """Time from its end to that of its last child, without waits for a core [s]."""
+    alive: int
+    """Children that were still there ten seconds later."""
+
+
+def killed(name: str, how: str, share: float, base: Path, folder: Path, whole: Undisturbed) -> Killed:
+    """Start a command and send it a signal; earlier, in a new folder, if it had ended by then."""
+    while True:
+        _inputs(name, base, folder)
+        run = _start(COMMANDS[name].words, folder)
+        time.sleep(share * whole.seconds)
+        if run.poll() is None:
+            break
+        run.communicate()
+        shutil.rmtree(folder)
+        share *= SOONER
+    children = psutil.Process(run.pid).children(recursive=True)
+    signalled = time.monotonic()
+    run.send_signal(getattr(signal, how))
+    said, stopped = end_of(run, signalled, LONGEST)
+    gone, alive = end_of_children(children)
+    return Killed(share, run.returncode, said, stopped, gone, alive)
+
+
+def _begun(one: Killed) -> bool:
+    """Whether the command line had begun; before, the interpreter ends in its own way."""
+    itself = one.code in (-2, -15) or (one.code == 1 and str(ROOT) not in one.said)
+    return not itself
+
+
+def _of_the_end(one: Killed, how: str, folder: Path) -> list[str]:
+    """What is wrong with how a command ended, and with what it left."""
+    problems = []
+    if one.alive or one.children > CHILDREN:
+        problems.append(f"{one.alive} children went on, the last for {one.children:.1f} s")
+    told = how != "SIGKILL"
+    if told and one.stopped > STOPPED:
+        problems.append(f"ended {one.stopped:.1f} s after {how}")
+    # 0: it was done when the signal came.
+    expected = {"SIGKILL": (-9, 0), "SIGTERM": (143, 0), "SIGINT": (130, 0)}[how]
+    if _begun(one) and one.code not in expected:
+        problems.append(f"exit code {one.code} after {how}")
+    if told and _begun(one):
+        if "Traceback" in one.said:
+            problems.append(f"traceback after {how}: {one.said.strip().splitlines()[-1]}")
+        problems += [f"left after {how}: {path.name}" for path in _hidden(folder)]
+    return problems + [f"cannot be read after {how}: {what}" for what in unreadable(folder)]
+
+
 def trial(number: int, name: str, how: str, share: float, base: Path, whole: Undisturbed) -> Trial:
     """Kill a command at a share of its duration, start it again, and look at what there is."""
     folder = base / f"trial-{number:03d}"
-    folder.mkdir(parents=True)
-    command = COMMANDS[name]
-    command.inputs(folder)
-    problems = []
-    run = _start(command.words, folder)
-    time.sleep(share * whole.seconds)
-    children = [] if run.poll() is not None else psutil.Process(run.pid).children(recursive=True)
-    signalled = time.monotonic()
-    if run.poll() is None:
-        run.send_signal(getattr(signal, how))
-    _, said = run.communicate(timeout=LONGEST)
-    ended = time.monotonic()
-    _, alive = psutil.wait_procs(children, timeout=10.0)
-    gone = time.monotonic() - ended if children else 0.0
-    if alive or gone > CHILDREN:
-        problems.append(f"{len(alive)} processes of {len(children)} went on for {gone:.1f} s")
-    told = how != "SIGKILL"
-    if told and ended - signalled > STOPPED:
-        problems.append(f"ended {ended - signalled:.1f} s after {how}")
-    expected = {"SIGKILL": (-9, 0), "SIGTERM": (143, 0, -15), "SIGINT": (130, 0, 1, -2)}[how]
-    if run.returncode not in expected:
-        problems.append(f"exit code {run.returncode} after {how}")
-    if told and "Traceback" in said and run.returncode not in (-2, -15):
-        problems.append(f"traceback after {how}: {said.strip().splitlines()[-1]}")
-    if told and run.returncode not in (-2, -15):
-        problems += [f"left after {how}: {path.name}" for path in _hidden(folder)]
-    problems += [f"cannot be read after {how}: {what}" for what in unreadable(folder)]
+    one = killed(name, how, share, base, folder, whole)
+    problems = _of_the_end(one, how, folder)
     before = ledger_runs(folder)
-    again = _run(command.words, folder)
+    again = _run(COMMANDS[name].words, folder)
     if again.returncode != 0:
         problems.append(f"the next run ends with {again.returncode}: {again.stderr.strip()[-300:]}")
     problems += [f"left after the next run: {path.name}" for path in _hidden(folder)]
@@ -229,7 +280,7 @@ def trial(number: int, name: str, how: str, share: float, base: Path, whole: Und
         problems.append(f"{len(other)} of {len(whole.numbers)} numbers are others, the first: {other[0]}")
     if not problems:
         shutil.rmtree(folder)
-    return Trial(number, name, how, share, run.returncode, ended - signalled, gone, tuple(problems))
+    return Trial(number, name, how, one.share, one.code, one.stopped, one.children, tuple(problems))
 
 
 def _hidden(folder: Path) -> list[Path]:
@@ -251,6 +302,32 @@ def table(record: dict[str, Any]) -> str:
     return "\n".join([*lines, "", f"{record['kills']} trials, {len(record['problems'])} problems."])
 
 
+def recorded(seed: int, trials: list[Trial], seconds: dict[str, float]) -> dict[str, Any]:
+    """The record: by command how often it was ended how, and what was wrong.
+
+    Parameters
+    ----------
+    seed
+        Of the campaign.
+    trials
+        All of them.
+    seconds
+        Undisturbed duration by command [s].
+    """
+    rows = {}
+    for name, duration in seconds.items():
+        own = [one for one in trials if one.command == name]
+        rows[name] = {
+            "undisturbed [s]": round(duration, 2),
+            "kills": dict(Counter(one.how for one in own)),
+            "wrong": sum(bool(one.problems) for one in own),
+            "longest stop [s]": round(max((one.stopped for one in own), default=0.0), 2),
+            "longest child [s]": round(max((one.children for one in own), default=0.0), 2),
+        }
+    return {"seed": seed, "kills": len(trials), "commands": rows,
+            "problems": [f"{t.number} {t.command}: {p}" for t in trials for p in t.problems]}  # fmt: skip
+
+
 def main() -> int:
     """Run the campaign; 1 if anything was wrong."""
     parser = argparse.ArgumentParser(
@@ -261,60 +338,64 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=2, help="trials side by side")
     parser.add_argument("--only", default="", metavar="WORD", help="commands whose name holds it")
     parser.add_argument("--out", type=Path, help="folder of the rows; one that is there is not done again")
+    parser.add_argument("--collect", action="store_true", help="only record the rows that are there")
     parser.add_argument("--record", type=Path, default=RESULT)
     said = parser.parse_args()
+    if said.collect:
+        if said.out is None:
+            parser.error("--collect needs --out FOLDER")
+        return _written(said, *_collected(said.out, said.seed))
+    # A shell that starts this in the background has it ignored, and what is started here would inherit that.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     rng = random.Random(said.seed)
     names = [name for name in COMMANDS if said.only in name]
     drawn = [
-        (
-            number,
-            names[number % len(names)],
-            rng.choices(list(SIGNALS), list(SIGNALS.values()))[0],
-            rng.random(),
-        )
-        for number in range(said.kills)
+        (n, names[n % len(names)], rng.choices(list(SIGNALS), list(SIGNALS.values()))[0], rng.random())
+        for n in range(said.kills)
     ]
     out = said.out or Path(tempfile.mkdtemp(prefix="kills-"))
     out.mkdir(parents=True, exist_ok=True)
-    base = Path(tempfile.mkdtemp(prefix="kills-work-"))
+    base = out / "work"  # what the commands read stays there, so that all rows are of the same inputs
+    for left in (*base.glob("trial-*"), *base.glob("*-undisturbed-*")):
+        shutil.rmtree(left)
     with ThreadPoolExecutor(said.workers) as pool:
-        wholes = dict(zip(names, pool.map(lambda name: undisturbed(name, base), names), strict=True))
+        wholes = dict(zip(names, pool.map(lambda name: _kept(name, base, out), names), strict=True))
 
         def one(row: tuple[int, str, str, float]) -> Trial:
             number, name, how, share = row
             kept = out / f"{said.seed}-{number:04d}.json"
             if kept.exists():
-                return Trial(
-                    **{
-                        **json.loads(kept.read_text()),
-                        "problems": tuple(json.loads(kept.read_text())["problems"]),
-                    }
-                )
+                return _row(kept)
             made = trial(number, name, how, share, base, wholes[name])
             kept.write_text(json.dumps(asdict(made)) + "\n")
-            print(
-                f"{number:3} {name:22} {how:8} {share:4.0%} {'; '.join(made.problems) or 'right'}", flush=True
-            )
+            right = "; ".join(made.problems) or "right"
+            print(f"{number:3} {name:22} {how:8} {made.share:4.0%} {right}", flush=True)
             return made
 
         trials = list(pool.map(one, drawn))
-    table = {
-        name: {
-            "undisturbed [s]": round(wholes[name].seconds, 2),
-            "kills": dict(Counter(one.how for one in trials if one.command == name)),
-            "wrong": sum(bool(one.problems) for one in trials if one.command == name),
-            "longest stop [s]": round(max((t.stopped for t in trials if t.command == name), default=0.0), 2),
-            "longest child [s]": round(
-                max((t.children for t in trials if t.command == name), default=0.0), 2
-            ),
-        }
-        for name in names
-    }
-    record = {"seed": said.seed, "kills": len(trials), "commands": table,
-              "problems": [f"{t.command}: {p}" for t in trials for p in t.problems]}  # fmt: skip
+    result = _written(said, trials, {name: whole.seconds for name, whole in wholes.items()})
+    if result == 0:
+        shutil.rmtree(base, ignore_errors=True)
+    return result
+
+
+def _row(path: Path) -> Trial:
+    there = json.loads(path.read_text())
+    return Trial(**{**there, "problems": tuple(there["problems"])})
+
+
+def _collected(out: Path, seed: int) -> tuple[list[Trial], dict[str, float]]:
+    """The rows of a campaign that are there, and the undisturbed durations [s]."""
+    trials = [_row(path) for path in sorted(out.glob(f"{seed}-*.json"))]
+    kept = {name: out / f"{name.replace(' ', '-')}.json" for name in COMMANDS}
+    return trials, {n: json.loads(p.read_text())["seconds"] for n, p in kept.items() if p.exists()}
+
+
+def _written(said: argparse.Namespace, trials: list[Trial], seconds: dict[str, float]) -> int:
+    """Write and print the record; 1 if anything was wrong."""
+    record = recorded(said.seed, trials, seconds)
     said.record.write_text(json.dumps(record, indent=1) + "\n")
-    print(json.dumps(record, indent=1))
-    shutil.rmtree(base, ignore_errors=True)
+    print(table(record))
     return 1 if record["problems"] else 0
 
 

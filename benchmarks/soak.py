@@ -1,10 +1,11 @@
 """An hour of work in one process: `python -m benchmarks.soak --seconds 3600 [--workers N] [--record FILE]`.
 
 Each worker is one process that sweeps, identifies and correlates in turn for so long, always the same
-question. After each round it notes its resident memory, its open handles and the digest of the numbers.
+questions, each as small as the commands take it (see `tasks`): what grows does so with the number of calls.
+After each round it notes its resident memory, its open handles and the digests of the numbers, a line each in
+`--rows FOLDER`, so that nothing is lost when it is stopped; `--collect` judges the lines that are there.
 Memory and handles must not grow from the second tenth of the rounds on, and every round of a worker must give
-the same bits; `benchmarks/results/soak.json` keeps what was found. The counts over all workers are printed at
-the end: sweep runs, identifications, correlations.
+the same bits; `benchmarks/results/soak.json` keeps what was found and how often each was done.
 """
 
 import argparse
@@ -14,23 +15,28 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import psutil
 
+from benchmarks.small_cases import END, small_shot, write_pictures
 from kolsky.base.process import process_pool
 
 RESULT = Path(__file__).parent / "results" / "soak.json"
-ROOT = Path(__file__).resolve().parents[1]
 SETTLED = 0.1
 """Share of the rounds after which memory is taken as settled: libraries load and caches fill before."""
 GROWTH = 0.02
 """Largest growth of the resident memory from then to the end, as a share of it; a leak of one array a round
 is more than that in a hundred rounds."""
-ROUND = {"sweep": 1000, "identify": 1, "dic": 1}
-"""Sweep runs, identifications and correlations of a round; of the latter two see `every`."""
+ROUND = {"sweep": 1000, "identify": 1, "outline": 1, "dic": 1}
+"""Sweep runs, identifications without and with an outline, and correlations of a round; see `every`."""
+EVERY = {"sweep": 1, "identify": 1, "outline": 20, "dic": 5}
+"""In every how many rounds each is done."""
+MESH, REFINED = (4, 6), (6, 8)
+"""Elements across the radius and along the length, of the runs and of the answer."""
 
 
 def _digest(*arrays: Any) -> str:
@@ -42,7 +48,6 @@ def _digest(*arrays: Any) -> str:
 
 def tasks(folder: Path) -> dict[str, Callable[[], str]]:
     """What a round does: name -> a function that works and returns the digest of its numbers."""
-    from benchmarks.kills import _pictures
     from doe import Box
     from doe.designs.space_filling import latin_hypercube
     from kolsky.identification import identify
@@ -51,54 +56,85 @@ def tasks(folder: Path) -> dict[str, Callable[[], str]]:
     from kolsky.results.hdf5 import write_identification
     from kolsky.shot.load import load_shot
     from kolsky.shot.measurement import measure_file, read_measurement
+    from kolsky.shot.records import Shot
     from kolsky.studies.sweep import sweep
 
-    shot = load_shot(ROOT / "runs" / "open-01")
+    place = small_shot(folder / "shot")
     box = Box(("friction", "stiffness_factor"), (0.0, 0.8), (1.0, 1.3))
     design = latin_hypercube(box, ROUND["sweep"], rng=1)
-    coarse = Numerics(mesh=(8, 11), threads=1)
-    settings = Settings(free={"stiffness_factor": None}, numerics=coarse, refined_mesh=(16, 22), replicates=2)
-    _pictures(folder)
-    measurement = read_measurement(folder / "dic.toml")
+    coarse = Numerics(mesh=MESH, threads=1)
+    settings = Settings(
+        free={"stiffness_factor": None},
+        numerics=coarse,
+        refined_mesh=REFINED,
+        replicates=2,
+        replicate_mesh=MESH,
+    )
+    write_pictures(folder, frames=8, size=(90, 120))
+
+    def loaded(*, outline: bool) -> Shot:
+        shot = load_shot(place)
+        if not isinstance(shot, Shot):
+            raise TypeError("open-01 has exports")
+        return shot if outline else replace(shot, centre_line=None)
 
     def swept() -> str:
-        place = folder / "sweep.sqlite"
-        place.unlink(missing_ok=True)
-        table = sweep(shot, design, numerics=coarse, ledger=place).table
-        return _digest(table.chi2_force, table.chi2_shape)
+        ledger = folder / "sweep.sqlite"
+        ledger.unlink(missing_ok=True)
+        table = sweep(loaded(outline=False), design, numerics=coarse, ledger=ledger).table
+        return _digest(table.chi2_force)
 
-    def identified() -> str:
-        found = identify(shot, settings)
+    def identified(*, outline: bool) -> str:
+        found = identify(loaded(outline=outline), settings)
         write_identification(folder / "identification.h5", found)
         return _digest([(e.value, e.sigma) for e in found.estimates.values()])
 
     def correlated() -> str:
-        field = measure_file(measurement)
+        field = measure_file(read_measurement(folder / "dic.toml"))
         return _digest(field.pixels, field.zncc, field.points)
 
-    return {"sweep": swept, "identify": identified, "dic": correlated}
+    return {
+        "sweep": swept,
+        "identify": lambda: identified(outline=False),
+        "outline": lambda: identified(outline=True),
+        "dic": correlated,
+    }
 
 
-def work(number: int, seconds: float, every: dict[str, int]) -> list[dict[str, Any]]:
-    """The rounds of one worker: what was done, memory [bytes], handles, digests."""
+def work(number: int, seconds: float, least: int, rows: Path) -> None:
+    """The rounds of one worker, a line each: what was done, memory [bytes], handles, digests.
+
+    Parameters
+    ----------
+    number
+        Of the worker.
+    seconds, least
+        It ends after so long, but not before so many rounds.
+    rows
+        Folder of the lines.
+    """
     process = psutil.Process()
-    rounds: list[dict[str, Any]] = []
+    count = 0
     with tempfile.TemporaryDirectory(prefix="soak-") as place:
         made = tasks(Path(place))
         started = time.monotonic()
-        while time.monotonic() - started < seconds or len(rounds) < 3:
-            done = [name for name in made if len(rounds) % every[name] == 0]
-            digests = {name: made[name]() for name in done}
-            rounds.append(
-                {
-                    "worker": number,
-                    "at": time.monotonic() - started,
-                    "memory": process.memory_info().rss,
-                    "handles": process.num_fds() if hasattr(process, "num_fds") else process.num_handles(),
-                    "digests": digests,
-                }
-            )
-    return rounds
+        while time.monotonic() - started < seconds or count < least:
+            digests = {name: made[name]() for name in made if count % EVERY[name] == 0}
+            row = {
+                "at": round(time.monotonic() - started, 2),
+                "memory": process.memory_info().rss,
+                "handles": process.num_fds() if hasattr(process, "num_fds") else process.num_handles(),
+                "digests": digests,
+            }
+            with (rows / f"{number:03d}.jsonl").open("a") as file:
+                file.write(json.dumps(row) + "\n")
+            count += 1
+
+
+def collected(rows: Path) -> list[list[dict[str, Any]]]:
+    """The rounds of every worker that has lines in a folder."""
+    files = sorted(rows.glob("*.jsonl"))
+    return [[json.loads(line) for line in file.read_text().splitlines()] for file in files]
 
 
 def judged(rounds: list[dict[str, Any]]) -> dict[str, Any]:
@@ -129,18 +165,54 @@ def judged(rounds: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
+def recorded(workers: list[list[dict[str, Any]]]) -> dict[str, Any]:
+    """What was found over all workers, with what was grown and what differed.
+
+    Parameters
+    ----------
+    workers
+        The rounds of each, as `work` writes them.
+    """
+    found = [judged(rounds) for rounds in workers]
+    # The same question to several processes has the same answer too.
+    digests: dict[str, set[str]] = {}
+    for one in (one for rounds in workers for one in rounds):
+        for name, digest in one["digests"].items():
+            digests.setdefault(name, set()).add(digest)
+    return {
+        "seconds": round(max(rounds[-1]["at"] for rounds in workers)),
+        "mesh": list(MESH),
+        "refined mesh": list(REFINED),
+        "done": {name: sum(one["done"].get(name, 0) for one in found) for name in ROUND},
+        "largest growth": max(one["growth"] for one in found),
+        "workers that grew": [
+            number
+            for number, one in enumerate(found)
+            if one["growth"] > GROWTH or one["handles"][1] > one["handles"][0]
+        ],
+        "tasks with different bits": sorted(name for name, some in digests.items() if len(some) > 1),
+        "workers": found,
+    }
+
+
 def table(record: dict[str, Any]) -> str:
     """The record in words."""
     done = record["done"]
     workers = record["workers"]
     memory = [one["memory [MB]"] for one in workers]
+    handles = [one["handles"] for one in workers]
     bits = record["tasks with different bits"]
+    counted = "One process" if len(workers) == 1 else f"{len(workers)} processes"
     return (
-        f"{len(workers)} processes for {record['seconds'] / 60:.0f} min: {done['sweep']} runs of sweeps,"
-        f" {done['identify']} identifications, {done['dic']} correlations. Resident memory of a process"
-        f" {min(memory)[0]:.0f} to {max(memory)[0]:.0f} MB once settled,"
-        f" largest growth {100.0 * record['largest growth']:.1f} % to the end; processes that grew:"
-        f" {len(record['workers that grew'])}; tasks whose bits differed: {len(bits)}."
+        f"{counted} for {record['seconds'] / 60:.0f} min: {done['sweep']} runs of sweeps"
+        f" ({' × '.join(map(str, record['mesh']))} elements, {END}),"
+        f" {done['identify']} identifications by the force alone and {done['outline']} by force and outline"
+        f" (answers on {' × '.join(map(str, record['refined mesh']))} elements), {done['dic']} correlations"
+        f" of 8 pictures. Resident memory once settled {min(memory)[0]:.0f} MB, at the end"
+        f" {max(memory, key=lambda pair: pair[1])[1]:.0f} MB (largest growth of a process"
+        f" {100.0 * record['largest growth']:.1f} %, allowed {100.0 * GROWTH:.0f} %); open handles"
+        f" {max(pair[0] for pair in handles)}, at the end {max(pair[1] for pair in handles)}; processes that"
+        f" grew: {len(record['workers that grew'])}; tasks whose bits differed: {len(bits)}."
     )
 
 
@@ -150,30 +222,27 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--seconds", type=float, default=3600.0)
+    parser.add_argument("--rounds", type=int, default=3, help="rounds that a worker makes at least")
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--identify-every", type=int, default=1, metavar="ROUNDS")
-    parser.add_argument("--dic-every", type=int, default=5, metavar="ROUNDS")
+    parser.add_argument("--rows", type=Path, help="folder of the lines; default: a temporary one")
+    parser.add_argument("--collect", action="store_true", help="only judge the lines of --rows")
     parser.add_argument("--record", type=Path, default=RESULT)
     said = parser.parse_args()
-    every = {"sweep": 1, "identify": said.identify_every, "dic": said.dic_every}
-    with process_pool(said.workers) as pool:
-        jobs = [pool.submit(work, number, said.seconds, every) for number in range(said.workers)]
-        workers = [judged(job.result()) for job in jobs]
-    bits = {name for one in workers for name, count in one["different bits"].items() if count > 1}
-    grown = [
-        n for n, one in enumerate(workers) if one["growth"] > GROWTH or one["handles"][1] > one["handles"][0]
-    ]
-    record = {
-        "seconds": said.seconds,
-        "done": {name: sum(one["done"].get(name, 0) for one in workers) for name in ROUND},
-        "largest growth": max(one["growth"] for one in workers),
-        "workers that grew": grown,
-        "tasks with different bits": sorted(bits),
-        "workers": workers,
-    }
+    if said.collect and said.rows is None:
+        parser.error("--collect needs --rows FOLDER")
+    rows = said.rows or Path(tempfile.mkdtemp(prefix="soak-rows-"))
+    rows.mkdir(parents=True, exist_ok=True)
+    if not said.collect:
+        if list(rows.glob("*.jsonl")):
+            parser.error(f"{rows} holds lines of another run: choose another folder")
+        with process_pool(said.workers) as pool:
+            jobs = [pool.submit(work, n, said.seconds, said.rounds, rows) for n in range(said.workers)]
+            for job in jobs:
+                job.result()
+    record = recorded(collected(rows))
     said.record.write_text(json.dumps(record, indent=1) + "\n")
     print(json.dumps({key: value for key, value in record.items() if key != "workers"}, indent=1))
-    return 1 if grown or bits else 0
+    return 1 if record["workers that grew"] or record["tasks with different bits"] else 0
 
 
 if __name__ == "__main__":

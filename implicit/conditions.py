@@ -118,7 +118,7 @@ class RigidPlane:
 class SelfContact:
     """Two surfaces of the body that cannot pass through each other, without friction.
 
-    Points of integration of the first are pushed out of the second by a penalty; an equilibrium in which one
+    Points of integration of each are pushed out of the other by a penalty; an equilibrium in which one
     is deeper than `depth` is none.
     """
 

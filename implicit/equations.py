@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicit.arrays import FloatArray
-from implicit.conditions import Pressure, RigidPlane, SelfContact
+from implicit.conditions import Pressure, RigidPlane
 from implicit.integration.body import Body, BodyState
 from implicit.linear.base import Factors
 from implicit.linear.bridges import BridgedSolver
@@ -14,7 +14,7 @@ from implicit.linear.solvers import linear_solver
 from implicit.loads.contact import PlaneContact
 from implicit.loads.dead import nodal_forces, weight
 from implicit.loads.pressure import FollowerPressure
-from implicit.loads.surface_contact import SurfaceContact
+from implicit.loads.surface_contact import surface_contacts
 from implicit.model import Model
 
 
@@ -53,7 +53,7 @@ class Equations:
             (c.history, FollowerPressure(model, c.where)) for c in model.conditions if isinstance(c, Pressure)
         ]
         self.contacts = [PlaneContact(model, c) for c in model.conditions if isinstance(c, RigidPlane)]
-        self.surfaces = [SurfaceContact(model, c) for c in model.conditions if isinstance(c, SelfContact)]
+        self.surfaces = surface_contacts(model)
         self.symmetric = not self.pressures
         self.solver = linear_solver(linear, self.body.pattern, model.mesh.points, model.mesh.cells)
         self._bridged = BridgedSolver(linear, self.body.pattern, model.mesh.points, model.mesh.cells)
@@ -146,10 +146,11 @@ class Equations:
     def factors(self, elements: FloatArray, state: State | None = None) -> Factors:
         """Element matrices, and what the contact of surfaces adds in a state, factorised."""
         nodes, blocks = [], []
-        for contact in self.surfaces if state is not None else ():
-            pairs, stiff = contact.blocks(state.u)
-            nodes.append(contact.nodes_of(pairs))
-            blocks.append(stiff)
+        if state is not None:
+            for contact in self.surfaces:
+                pairs, stiff = contact.blocks(state.u)
+                nodes.append(contact.nodes_of(pairs))
+                blocks.append(stiff)
         if sum(map(len, nodes)) == 0:
             return self.solver.factors(elements, symmetric=self.symmetric)
         joined = np.concatenate(nodes), np.concatenate(blocks)

@@ -12,7 +12,8 @@ m_ab = X,a . X,b, the curvature k_ab = n . X,ab, H = m - g k and P_a = (0, n N_b
     sum_g w_g (eps dg dg^T - t d2g),
     d2g = -D^T X,a (m^-1 k H^-1)^ab X,b^T D - (D^T X,a H^ab P_b^T + transposed) - g P_a H^ab P_b^T   (C.2)
 
-exactly (Laursen and Simo 1993; the closest point's Hessian by the implicit function theorem).
+exactly (Laursen and Simo 1993; the closest point's Hessian by the implicit function theorem). A contact is
+looked for both ways, each with half of the penalty: an edge of either surface may press into the other.
 """
 
 from dataclasses import dataclass, replace
@@ -53,7 +54,7 @@ class Touch:
 
 
 class SurfaceContact:
-    """The contact of two sets of a model."""
+    """The points of one set of a model that touch another set."""
 
     def __init__(self, model: Model, condition: SelfContact) -> None:
         self.model, self.condition = model, condition
@@ -74,7 +75,7 @@ class SurfaceContact:
         self.areas = _areas(model, X, self.values, slopes, weights).ravel()
         lengths = _sizes(np.einsum("gkt,fkd->fgtd", slopes, X)) @ weights
         self.size = float(np.mean(lengths)) ** (1.0 / (d - 1))
-        self.stiffness = condition.penalty * model.solid.shear_modulus / self.size
+        self.stiffness = 0.5 * condition.penalty * model.solid.shear_modulus / self.size
         self.depth = DEPTH * self.size if condition.depth is None else condition.depth
         self.reach = self.size if condition.reach is None else condition.reach
         self._last: tuple[FloatArray, Touch] | None = None
@@ -220,6 +221,16 @@ class SurfaceContact:
         ended = np.ones(len(own), dtype=bool)
         ended[left] = False
         return places, ended
+
+
+def surface_contacts(model: Model) -> list[SurfaceContact]:
+    """The contacts of a model's surfaces, both ways."""
+    found = []
+    for c in model.conditions:
+        if isinstance(c, SelfContact):
+            turned = replace(c, where=c.other, other=c.where)
+            found += [SurfaceContact(model, one) for one in (c, turned)]
+    return found
 
 
 def face_element(element: Element) -> Element:

@@ -113,7 +113,8 @@ def stored(key: str, made: Reduction, plant: Plant) -> StoredBasis:
 
 
 def write_basis(path: Path, found: StoredBasis) -> None:
-    """Write the file."""
+    """Write the file, and its folder where there is none."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     with writing(path, FORMAT) as place:
         BASIS.write(place, found)
 

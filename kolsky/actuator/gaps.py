@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from implicit.conditions import SelfContact
-from implicit.loads.surface_contact import SurfaceContact
+from implicit.loads.surface_contact import surface_contacts
 from kolsky.actuator.model import Bending
 from kolsky.base.arrays import FloatArray
 
@@ -45,7 +44,7 @@ class Touching:
 def touching(run: Bending) -> Touching | None:
     """Contact forces and depths of equilibria; None of a model without contact."""
     model = run.solution.model
-    contacts = [SurfaceContact(model, c) for c in model.conditions if isinstance(c, SelfContact)]
+    contacts = surface_contacts(model)
     if not contacts:
         return None
     share = 2.0 if "mirror" in model.mesh.sets else 1.0

@@ -110,13 +110,20 @@ FORMER_NAMES: dict[str, str] = {"material baseline": "material reference-curve"}
 
 LONGEST_PLACE = 300
 """Most characters of a name that a message shows."""
-TERMINATED = 128 + signal.SIGTERM
-"""Exit code of a command that was told to end, as shells give it."""
+TOLD = 128
+"""Exit code of a command that a signal ended, less the signal's number, as shells give it."""
 
 
-def _end(number: int, frame: FrameType | None) -> None:
-    """Told to end: by an exception, so that every block removes what it left half-made."""
-    raise SystemExit(TERMINATED)
+def _ending(told: list[int]) -> Callable[[int, FrameType | None], None]:
+    """What a signal that ends the command does: an exception, so that every block removes what it left."""
+
+    def end(number: int, frame: FrameType | None) -> None:
+        told.append(number)
+        if number == signal.SIGINT:
+            raise KeyboardInterrupt
+        raise SystemExit(TOLD + number)
+
+    return end
 
 
 def main() -> None:
@@ -125,8 +132,17 @@ def main() -> None:
         if isinstance(stream, TextIOWrapper):
             # A terminal without a character (± in an old code page) gets its escape, not a traceback.
             stream.reconfigure(errors="backslashreplace")
-    signal.signal(signal.SIGTERM, _end)
-    app()
+    told: list[int] = []
+    signal.signal(signal.SIGTERM, _ending(told))
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # a background job ignores it
+        signal.signal(signal.SIGINT, _ending(told))
+    try:
+        app()
+    except Exception:
+        if not told:
+            raise
+        # A library that was being loaded makes the signal's exception an error of its own.
+        raise SystemExit(TOLD + told[0]) from None
 
 
 def program(commands: Mapping[str, Command]) -> typer.Typer:

@@ -235,20 +235,6 @@ class Records:
             raise InputError(texts.COMMAND_LINE, f"--ledger: {error}", cure=cure) from error
 
 
-SCHEDULER_FILE = 1_000_000
-"""Largest scheduler file that is read [bytes]."""
-PATIENCE = 5.0
-"""Time that a Dask scheduler has to answer [s]."""
-
-
-def _is_file(text: str) -> bool:
-    """Whether a text names a file; an address may be longer than any name."""
-    try:
-        return Path(text).is_file()
-    except OSError:
-        return False
-
-
 @dataclass(frozen=True)
 class Workers:
     """The processes that share a sweep, as given on the command line."""
@@ -272,8 +258,10 @@ class Workers:
                 texts.COMMAND_LINE, "--dask and --processes exclude each other", cure="choose one"
             )
         if self.dask:
-            with self._client() as client:
-                yield client.get_executor
+            from kolsky.cli.scheduler import client
+
+            with client(self.dask) as cluster:
+                yield cluster.get_executor
         elif self.processes is not None:
             yield partial(process_pool, self.processes)
         else:
@@ -284,26 +272,3 @@ class Workers:
         if given is not None or self.processes is None:
             return given
         return max(1, (os.cpu_count() or 1) // self.processes)
-
-    def _client(self) -> Any:
-        try:
-            from distributed import Client
-        except ImportError:
-            cure = "pip install 'kolsky[cluster]'"
-            raise InputError(texts.COMMAND_LINE, "--dask needs the package distributed", cure=cure) from None
-        file = _is_file(self.dask)
-        if file and Path(self.dask).stat().st_size > SCHEDULER_FILE:
-            raise InputError(
-                Path(self.dask),
-                f"has {Path(self.dask).stat().st_size} bytes",
-                allowed=f"a scheduler file, of at most {SCHEDULER_FILE} bytes",
-                cure="give the file that `dask scheduler --scheduler-file` writes",
-            )
-        place = {"scheduler_file": self.dask} if file else {"address": self.dask}
-        try:
-            return Client(**place, timeout=PATIENCE, set_as_default=False)
-        except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-            cure = "start one with `dask scheduler` and give its address or its scheduler file"
-            raise InputError(
-                texts.COMMAND_LINE, f"--dask {self.dask}: no scheduler answers ({error})", cure=cure
-            ) from error

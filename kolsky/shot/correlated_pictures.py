@@ -20,6 +20,7 @@ from dic.outcome import FrameOutcome
 from dic.result import StereoResult
 from dic.tracking import Tracking
 from kolsky.base.errors import InputError
+from kolsky.shot.picture_scale import check_length, lengths_seen
 from kolsky.shot.picture_set import PictureSet
 from kolsky.shot.refined_rig import refined
 from kolsky.shot.rig import calibrated
@@ -169,6 +170,9 @@ def correlated(pictures: PictureSet, device: str, progress: Progress) -> StereoR
     cameras = calibrated(pictures, progress)
     calibrating = perf_counter() - started
     places = places_of(pictures)
+    sizes = (pictures.series[0].shape, pictures.series[1].shape)
+    seen = lengths_seen(cameras.rig, np.array(places.specimen.corners), section.flyer_side, sizes)
+    check_length(toml, seen)
     static = np.arange(pictures.time.size) < declared.frames.static
     settings = chain_settings(section, declared.specimen, places.edge, device, length_sigma_of(toml))
     reporting = {} if declared.reporting is None else declared.reporting.model_dump(exclude_none=True)

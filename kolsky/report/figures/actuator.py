@@ -72,12 +72,20 @@ def draw_bend(view: ActuatorView, panels: Panels) -> None:
     for colour, one in zip(COLOURS, view.directions, strict=False):
         run, name = one.pristine, label_text(one.name, 20)
         bar = BAR * run.pressures.max(axis=1)
-        ax.plot(bar, np.degrees(run.angle), "-", color=colour, lw=1.0, label=name)
-        ax.plot(bar[one.asked], np.degrees(run.angle[one.asked]), "o", color=colour, ms=3)
+        line = "-" if one.path is None else "."  # a line would join both sides of a snap
+        ax.plot(bar, np.degrees(run.angle), line, color=colour, lw=1.0, ms=3, label=name)
+        ax.plot(bar[one.asked], np.degrees(run.angle[one.asked]), "o", color=colour, ms=4)
         if one.path is not None:
             ax.plot(BAR * one.path.load, np.degrees(path_angle(one.path)), ":", color=colour, lw=1.0)
         if one.healed is not None:
-            ax.plot(bar, np.degrees(one.healed.angle), "--", color=colour, lw=1.0, label=f"{name}, healed")
+            ax.plot(
+                bar,
+                np.degrees(one.healed.angle),
+                "--" if one.path is None else "+",
+                color=colour,
+                lw=1.0,
+                label=f"{name}, healed",
+            )
     ax.set_xlabel("pressure (bar)")
     ax.set_ylabel("bending angle (°)")
     ax.legend(frameon=False, fontsize="small")

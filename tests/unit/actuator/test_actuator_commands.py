@@ -3,9 +3,12 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+import pyvista
 from typer.testing import CliRunner
 
+from implicit.meshes import box
 from kolsky.cli.commandline import app
 
 SPEC = """
@@ -62,6 +65,70 @@ def test_simulate_invert_and_control(tmp_path: Path) -> None:
     assert run["ticks"] == 80
     assert max(run["settled_error_rad"]) < 1e-3
     assert (tmp_path / "c" / "downward.csv").read_text().startswith("time (s),")
+
+
+@pytest.mark.slow
+def test_chambers_touch_by_command(tmp_path: Path) -> None:
+    text = SPEC[: SPEC.index("[healed]")].replace('"0.2 bar", "0.4 bar"', '"0.1 bar", "0.3 bar"')
+    thin = 'element = "hex8"\nwall = "1.2 mm"\ngap = "0.3 mm"\ncell = "3 mm"\ninlet = "2 mm"'
+    spec = tmp_path / "touching.toml"
+    spec.write_text(text.replace('element = "hex8"', thin))
+    assert "declare [contact]" in _run("actuator", "simulate", spec, "--out", tmp_path / "free")
+    spec.write_text(spec.read_text() + "[contact]\n")
+    said = _run("actuator", "simulate", spec, "--out", tmp_path / "t")
+    assert "overlap" not in said
+    found = json.loads((tmp_path / "t" / "actuator.json").read_text())["bends"]["downward"]
+    free = json.loads((tmp_path / "free" / "actuator.json").read_text())["bends"]["downward"]
+    assert free["contact_force_N"] is None
+    assert found["contact_force_N"][1] > 0.01
+    assert found["angle_rad"][1] > 1.02 * free["angle_rad"][1]
+    assert "Contact of neighbouring chambers" in (tmp_path / "t" / "actuator.html").read_text()
+    assert "contact force (N)" in (tmp_path / "t" / "bend.csv").read_text()
+
+
+def _arch(path: Path) -> None:
+    """A shallow clamped arch, whose upper side is the cavity."""
+    span, rise = 100.0, 4.0
+    mesh = box((span, 5.0, 2.0), (8, 1, 1), kind="hex27")
+    top = mesh.nodes("front")
+    lift = rise * np.sin(np.pi * mesh.points[:, 0] / span) ** 2
+    points = mesh.points + np.column_stack([0.0 * lift, 0.0 * lift, lift])
+    cells = np.column_stack([np.full(len(mesh.cells), 27), mesh.cells]).ravel()
+    grid = pyvista.UnstructuredGrid(cells, np.full(len(mesh.cells), mesh.element.vtk), points)
+    x, z = mesh.points[:, 0], mesh.points[:, 2]
+    low = z < 1e-9
+    masks = {
+        "clamp": (x < 1e-9) | (x > span - 1e-9),
+        "origin": (x < 1e-9) & low,
+        "tip": (np.abs(x - 0.5 * span) < 1e-9) & low,
+        "cavity": np.isin(np.arange(len(x)), top),
+        "mirror": (mesh.points[:, 1] < 1e-9) | (mesh.points[:, 1] > 5.0 - 1e-9),
+    }
+    for name, mask in masks.items():
+        grid.point_data[f"set:{name}"] = mask.astype(np.uint8)
+    grid.save(path)
+
+
+@pytest.mark.slow
+def test_an_arch_snaps_by_command(tmp_path: Path) -> None:
+    _arch(tmp_path / "arch.vtu")
+    spec = tmp_path / "arch.toml"
+    text = SPEC[: SPEC.index("[healed]")].replace('"0.2 bar", "0.4 bar"', '"0.1 mbar", "2 mbar"')
+    geometry = 'mesh = "arch.vtu"\nmesh_unit = "mm"\n[material]'
+    text = text.replace("downward = [0.0, 0.0, -9.81]", "weightless = [0.0, 0.0, 0.0]")
+    head, tail = text.split("[geometry]")[0], text.split("[material]")[1]
+    spec.write_text(head + "[geometry]\n" + geometry + tail + '[path]\nfirst = "0.05 mbar"\n')
+    said = _run("actuator", "simulate", spec, "--out", tmp_path / "a", "--figures", "png")
+    assert "snaps there" in said
+    found = json.loads((tmp_path / "a" / "actuator.json").read_text())["bends"]["weightless"]
+    first, second = found["limit_pressures_Pa"]
+    # of the order of EI (2 pi / L)^4 rise = 30 Pa
+    assert second < first < 200.0
+    assert first > 10.0
+    # upright below the limit, hanging beyond it
+    assert found["angle_rad"][0] < 0.0 < found["angle_rad"][1]
+    path = np.genfromtxt(tmp_path / "a" / "path_weightless.csv", delimiter=",", names=True)
+    assert path["pressure_Pa"].max() >= 200.0
 
 
 def test_a_missing_table_is_named(tmp_path: Path) -> None:

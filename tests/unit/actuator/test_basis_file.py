@@ -20,14 +20,15 @@ SECTION = ControlSection.model_construct(
 
 def test_a_stored_reduction_closes_the_same_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     small, gravities = actuator(chambers=1), {"down": np.array(DOWN)}
-    first, made = benchmark.run_control(small, gravities, SECTION, basis=tmp_path)
+    folder = tmp_path / "kept" / "basis"  # there is none yet
+    first, made = benchmark.run_control(small, gravities, SECTION, basis=folder)
     monkeypatch.setattr(benchmark, "reduce_actuator", None)  # it is not made again
-    second, again = benchmark.run_control(small, gravities, SECTION, basis=tmp_path)
+    second, again = benchmark.run_control(small, gravities, SECTION, basis=folder)
     assert np.array_equal(first["down"].pressure, second["down"].pressure)
     assert again["down"].largest_error == made["down"].largest_error
-    (tmp_path / "down.h5").write_bytes(b"no HDF5")
+    (folder / "down.h5").write_bytes(b"no HDF5")
     with pytest.raises(InputError, match="delete it"):
-        benchmark.run_control(small, gravities, SECTION, basis=tmp_path)
+        benchmark.run_control(small, gravities, SECTION, basis=folder)
 
 
 def test_the_key_says_what_it_follows_from() -> None:

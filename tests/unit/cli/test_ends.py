@@ -57,6 +57,80 @@ def test_a_command_that_is_told_to_end_leaves_nothing(tmp_path: Path) -> None:
     assert not out.exists()
 
 
+LOADING = """
+import os, signal, sys
+from kolsky.cli import commandline
+
+def app():
+    try:
+        os.kill(os.getpid(), getattr(signal, sys.argv[1]))
+    except (KeyboardInterrupt, SystemExit):
+        pass
+    raise ImportError("a library was being loaded")
+
+commandline.app = app
+signal.signal(signal.SIGINT, signal.default_int_handler)
+commandline.main()
+"""
+
+
+@pytest.mark.parametrize(("how", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGURG", 1)])
+def test_a_signal_that_a_library_makes_an_error_of_its_own(how: str, code: int) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", LOADING, how], capture_output=True, text=True, env=ENVIRONMENT, check=False
+    )
+    assert done.returncode == code
+    assert ("Traceback" in done.stderr) == (code == 1)  # without a signal it is a fault of the program
+
+
+CLOSED = """
+import sys
+from pathlib import Path
+from kolsky.base.files import filling
+from kolsky.cli.commandline import refusing_bad_input
+
+with refusing_bad_input():
+    with filling(Path(sys.argv[1])) as partial:
+        (partial / "kept.csv").write_text("later")
+"""
+OVERRIDE = (1, 2)
+"""CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH: with them the administrator writes anywhere."""
+
+
+def _ordinary() -> None:
+    """Give up what lets the administrator write into closed folders, with the next program."""
+    import ctypes
+
+    for capability in OVERRIDE if os.geteuid() == 0 else ():
+        ctypes.CDLL(None).prctl(24, capability, 0, 0, 0)  # PR_CAPBSET_DROP
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="capabilities of Linux")
+@pytest.mark.parametrize("closed", ["results", "shot"])
+def test_a_folder_that_nobody_may_write_to(closed: str, tmp_path: Path) -> None:
+    out = tmp_path / "shot" / "results"
+    out.mkdir(parents=True)
+    (out / "kept.csv").write_text("earlier")
+    folder = out if closed == "results" else out.parent
+    folder.chmod(0o555)
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", CLOSED, str(out if closed == "results" else out.parent / "new")],
+            capture_output=True,
+            text=True,
+            env=ENVIRONMENT,
+            preexec_fn=_ordinary,
+            check=False,
+        )
+    finally:
+        folder.chmod(0o755)
+    assert done.returncode != 0
+    assert "Cure: " in done.stderr.splitlines()[0]
+    assert "Permission denied" in done.stderr or "not writable" in done.stderr
+    assert [path.name for path in out.iterdir()] == ["kept.csv"]
+    assert (out / "kept.csv").read_text() == "earlier"
+
+
 @pytest.mark.parametrize("how", ["raise", "kill"])
 def test_workers_end_with_their_parent(how: str, tmp_path: Path) -> None:
     script = tmp_path / "workers.py"

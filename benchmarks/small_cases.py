@@ -1,0 +1,50 @@
+"""Small inputs of `benchmarks.kills` and `benchmarks.soak`: what grows or breaks does so with the calls."""
+
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+END = "250 us"
+"""End of the time that is simulated of a small shot; open-01 has 1.4 ms."""
+FRAMES = 8
+"""Every so many frames of its moving outline are kept."""
+
+
+def small_shot(folder: Path) -> Path:
+    """A folder with the shot open-01, shorter and with fewer points."""
+    shutil.copytree(ROOT / "runs" / "open-01", folder)
+    declared = folder / "shot.toml"
+    declared.write_text(declared.read_text().replace('# end = "1.4 ms"', f'end = "{END}"'))
+    outline = folder / "centreline.csv"
+    heading, *rows = outline.read_text().splitlines()
+    frames = [int(row.partition(",")[0]) for row in rows]
+    kept = [row for row, frame in zip(rows, frames, strict=True) if frame < 12 or frame % FRAMES == 0]
+    outline.write_text("\n".join([heading, *kept[::2]]) + "\n")
+    return folder
+
+
+def write_pictures(folder: Path, *, frames: int = 24, size: tuple[int, int] = (160, 220)) -> None:
+    """A plane measurement: speckles that move, with its file of settings.
+
+    Parameters
+    ----------
+    folder
+        Where they go.
+    frames
+        How many pictures.
+    size
+        Their height and width [px].
+    """
+    speckles = cv2.GaussianBlur(np.random.default_rng(4).normal(128.0, 400.0, size), (0, 0), 2.0)
+    for number in range(frames):
+        moved = np.array([[1, 0, 0.25 * number], [0, 1, -0.1 * number]], dtype=np.float32)
+        picture = cv2.warpAffine(
+            speckles, moved, size[::-1], flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT
+        )
+        cv2.imwrite(str(folder / f"cam_{number:03d}.png"), np.clip(picture, 0, 255).astype(np.uint8))
+    (folder / "dic.toml").write_text(
+        '[dic]\nkind = "plane"\nscale = "0.1 mm"\n[pictures]\ncamera_0 = { pattern = "cam_*.png" }\n'
+    )
