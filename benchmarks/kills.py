@@ -338,8 +338,13 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=2, help="trials side by side")
     parser.add_argument("--only", default="", metavar="WORD", help="commands whose name holds it")
     parser.add_argument("--out", type=Path, help="folder of the rows; one that is there is not done again")
+    parser.add_argument("--collect", action="store_true", help="only record the rows that are there")
     parser.add_argument("--record", type=Path, default=RESULT)
     said = parser.parse_args()
+    if said.collect:
+        if said.out is None:
+            parser.error("--collect needs --out FOLDER")
+        return _written(said, *_collected(said.out, said.seed))
     # A shell that starts this in the background has it ignored, and what is started here would inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     rng = random.Random(said.seed)
@@ -360,8 +365,7 @@ def main() -> int:
             number, name, how, share = row
             kept = out / f"{said.seed}-{number:04d}.json"
             if kept.exists():
-                there = json.loads(kept.read_text())
-                return Trial(**{**there, "problems": tuple(there["problems"])})
+                return _row(kept)
             made = trial(number, name, how, share, base, wholes[name])
             kept.write_text(json.dumps(asdict(made)) + "\n")
             right = "; ".join(made.problems) or "right"
@@ -369,11 +373,29 @@ def main() -> int:
             return made
 
         trials = list(pool.map(one, drawn))
-    record = recorded(said.seed, trials, {name: whole.seconds for name, whole in wholes.items()})
+    result = _written(said, trials, {name: whole.seconds for name, whole in wholes.items()})
+    if result == 0:
+        shutil.rmtree(base, ignore_errors=True)
+    return result
+
+
+def _row(path: Path) -> Trial:
+    there = json.loads(path.read_text())
+    return Trial(**{**there, "problems": tuple(there["problems"])})
+
+
+def _collected(out: Path, seed: int) -> tuple[list[Trial], dict[str, float]]:
+    """The rows of a campaign that are there, and the undisturbed durations [s]."""
+    trials = [_row(path) for path in sorted(out.glob(f"{seed}-*.json"))]
+    kept = {name: out / f"{name.replace(' ', '-')}.json" for name in COMMANDS}
+    return trials, {n: json.loads(p.read_text())["seconds"] for n, p in kept.items() if p.exists()}
+
+
+def _written(said: argparse.Namespace, trials: list[Trial], seconds: dict[str, float]) -> int:
+    """Write and print the record; 1 if anything was wrong."""
+    record = recorded(said.seed, trials, seconds)
     said.record.write_text(json.dumps(record, indent=1) + "\n")
     print(table(record))
-    if not record["problems"]:
-        shutil.rmtree(base, ignore_errors=True)
     return 1 if record["problems"] else 0
 
 

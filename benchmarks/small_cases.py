@@ -40,7 +40,7 @@ def write_pictures(folder: Path, *, frames: int = 24, size: tuple[int, int] = (1
     """
     speckles = cv2.GaussianBlur(np.random.default_rng(4).normal(128.0, 400.0, size), (0, 0), 2.0)
     for number in range(frames):
-        moved = np.float32([[1, 0, 0.25 * number], [0, 1, -0.1 * number]])
+        moved = np.array([[1, 0, 0.25 * number], [0, 1, -0.1 * number]], dtype=np.float32)
         picture = cv2.warpAffine(
             speckles, moved, size[::-1], flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT
         )

@@ -344,4 +344,25 @@ FAULTS = (
         wrong="float(length_sigma + lower)",
         tests=("tests/unit/shot/test_flyer_refusal.py",),
     ),
+    Fault(
+        name="a picture's change over the number of grey values, not over white",
+        file="kolsky/shot/picture_changes.py",
+        right="/ float(2**pictures.bits - 1)",
+        wrong="/ float(2**pictures.bits)",
+        tests=("tests/unit/shot/test_picture_changes.py",),
+    ),
+    Fault(
+        name="rest ends one frame late on the page of a shot with pictures",
+        file="kolsky/shot/picture_changes.py",
+        right="rest_end=float(time[static - 1]),",
+        wrong="rest_end=float(time[static]),",
+        tests=("tests/unit/shot/test_picture_changes.py",),
+    ),
+    Fault(
+        name="pictures taken for the test's whatever their number",
+        file="kolsky/shot/picture_survey.py",
+        right="test = _pair([one for one in series if one.count == count])",
+        wrong="test = _pair([one for one in series if one.key == 'file'])",
+        tests=("tests/unit/cli/test_new_from_pictures.py",),
+    ),
 )
