@@ -312,28 +312,21 @@ def test_relative_imports_of_a_package_start_at_the_package():
 
 
 HELP = """
-import sys, time
+import sys
 sys.argv = ["kolsky", "--help"]
 from kolsky.cli import main
 try:
     main()
 finally:
     loaded = sorted({name.split(".")[0] for name in sys.modules})
-    print("loaded:", time.process_time(), *loaded, file=sys.stderr)
+    print("loaded:", *loaded, file=sys.stderr)
 """
 
 
-def test_help_loads_nothing_heavy_and_is_quick():
-    seconds = []
-    for _ in range(3):  # the best of three: the first may have to compile bytecode
-        run = subprocess.run(
-            [sys.executable, "-c", HELP], capture_output=True, text=True, cwd=ROOT, timeout=60
-        )
-        assert run.returncode == 0, run.stderr
-        assert "check" in run.stdout  # the commands are listed
-        spent, *loaded = run.stderr.rpartition("loaded:")[2].split()
-        assert "kolsky" in loaded
-        assert not set(HEAVY) & set(loaded)
-        seconds.append(float(spent))
-    # processor time, start of Python included: waiting on a loaded machine is no fault of the command line
-    assert min(seconds) < 0.3
+def test_help_loads_nothing_heavy():
+    run = subprocess.run([sys.executable, "-c", HELP], capture_output=True, text=True, cwd=ROOT, timeout=60)
+    assert run.returncode == 0, run.stderr
+    assert "check" in run.stdout  # the commands are listed
+    loaded = run.stderr.rpartition("loaded:")[2].split()
+    assert "kolsky" in loaded
+    assert not set(HEAVY) & set(loaded)
