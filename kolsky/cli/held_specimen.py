@@ -9,17 +9,68 @@ from kolsky.base.errors import InputError
 from kolsky.cli import texts
 
 if TYPE_CHECKING:
+    from kolsky.base.apparatus import Specimen
     from kolsky.material.end_friction.problem import ModelFit
     from kolsky.material.fits.homogeneous_test import HomogeneousTest
 
 DEFAULT_LAWS = ("neo_hookean", "reduced_polynomial", "yeoh", "mooney_rivlin", "ogden1")
 """Laws that are tried if none is named: those that a single compression test may determine."""
 
+SAME_SIZE = 1e-3
+"""Relative difference up to which two sizes of one specimen are the same, written with fewer digits [-]."""
+
+
+def size_of(text: str) -> "Specimen":
+    """ "9.5 mm x 6.5 mm" as the undeformed size of a cylinder."""
+    from kolsky.base.apparatus import Specimen
+
+    diameter, cross, length = text.partition(" x ")
+    if not cross:
+        raise InputError(
+            texts.COMMAND_LINE, f"--specimen {text!r} cannot be read", cure='write "9.5 mm x 6.5 mm"'
+        )
+    return Specimen(
+        diameter=texts.physical("--specimen", diameter, "m", positive=True),
+        length=texts.physical("--specimen", length, "m", positive=True),
+        density=0.0,
+    )
+
+
+def agreed_size(
+    size: "Specimen", length: float | None, area: float | None, unused: dict[str, bool]
+) -> tuple[float, float]:
+    """Length [m] and cross-section [m^2] of the tests: the cylinder's, which others must agree with.
+
+    Raises
+    ------
+    InputError
+        If `--length`, `--area` or `--diameter` is another, or an option was given that such a fit has no use
+        for: the names in `unused` that are True.
+    """
+    for option, mine, own, unit in (
+        ("--length", length, size.length, "m"),
+        ("--area or --diameter", area, size.area, "m^2"),
+    ):
+        if mine is not None and abs(mine / own - 1.0) > SAME_SIZE:
+            raise InputError(
+                texts.COMMAND_LINE,
+                f"{option} gives {mine:.6g} {unit}, --specimen {own:.6g} {unit}",
+                cure=f"leave {option} out: the size of --specimen is taken",
+            )
+    given = [name for name, used in unused.items() if used]
+    if given:
+        raise InputError(
+            texts.COMMAND_LINE,
+            f"{', '.join(given)} does not go with --specimen",
+            cure="leave it out: repeats are averaged, all laws start from one curve and are free of bounds",
+        )
+    return size.length, size.area
+
 
 def fit_held_specimen(
     tests: Sequence["HomogeneousTest"],
     *,
-    specimen: str,
+    size: "Specimen",
     ends: str,
     laws: tuple[str, ...],
     poisson: float | None,
@@ -29,11 +80,10 @@ def fit_held_specimen(
 ) -> None:
     """Fit laws to repeats of one compression test with held or rubbing ends; write and print the constants.
 
-    `specimen` is "DIAMETER x LENGTH"; the tests are apparent nominal stresses, tension-positive.
+    The tests are apparent nominal stresses, tension-positive.
     """
     import numpy as np
 
-    from kolsky.base.apparatus import Specimen
     from kolsky.base.files import filling, write_table
     from kolsky.cli.reference_curve import ends_of
     from kolsky.cli.terminal import print_result
@@ -44,16 +94,6 @@ def fit_held_specimen(
     from kolsky.material.reference_curve import Treatment, reference_curve
     from kolsky.material.reference_curve_files import model_summary
 
-    diameter, cross, length = specimen.partition(" x ")
-    if not cross:
-        raise InputError(
-            texts.COMMAND_LINE, f"--specimen {specimen!r} cannot be read", cure='write "9.5 mm x 6.5 mm"'
-        )
-    size = Specimen(
-        diameter=texts.physical("--specimen", diameter, "m", positive=True),
-        length=texts.physical("--specimen", length, "m", positive=True),
-        density=0.0,
-    )
     held = ends_of(ends, 0.0)
     if held is None or ends == "free":
         raise InputError(

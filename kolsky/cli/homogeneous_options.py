@@ -72,14 +72,20 @@ def read_tests(
     InputError
         If a file cannot be read, what is said of it is not enough, or it holds no such test.
     """
-    from kolsky.material.fits.homogeneous_files import means_by_mode, named_apart, read_homogeneous_test
+    from kolsky.material.fits.homogeneous_files import (
+        means_by_mode,
+        named_apart,
+        read_homogeneous_test,
+        with_own_headings,
+    )
 
     hashes: dict[str, str] = {}
     tests: list[HomogeneousTest] = []
     for text in files:
         mode, path = _mode_and_path(text)
-        _refuse_columns(path, mode, columns)
-        test, hashes[str(path)] = read_homogeneous_test(path, columns, mode=mode)
+        there = with_own_headings(path, columns)
+        _refuse_columns(path, mode, there)
+        test, hashes[str(path)] = read_homogeneous_test(path, there, mode=mode)
         tests.append(test)
     if mean:
         try:

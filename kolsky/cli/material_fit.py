@@ -118,6 +118,26 @@ def material_fit(
         ) from None
     folder = usable_folder(out)
     ratio, free_poisson = poisson_of(poisson, lateral)
+    tested_length = None if length is None else texts.physical("--length", length, "m", positive=True)
+    section = area_of(area, diameter)
+    size = None
+    if specimen is not None:
+        from kolsky.cli.held_specimen import agreed_size, fit_held_specimen, size_of
+
+        size = size_of(specimen)
+        tested_length, section = agreed_size(
+            size,
+            tested_length,
+            section,
+            {
+                "--figures": bool(formats),
+                "--mean": mean > 0,
+                "--weighting": weighting != "absolute",
+                "--free-bounds": free_bounds,
+                "--poisson free": free_poisson,
+                "--lateral": bool(lateral),
+            },
+        )
     columns = Columns(
         convention,
         stretch,
@@ -128,18 +148,16 @@ def material_fit(
         header_line,
         displacement=displacement,
         force=force,
-        length=None if length is None else texts.physical("--length", length, "m", positive=True),
-        area=area_of(area, diameter),
+        length=tested_length,
+        area=section,
         lateral=lateral,
         lateral_strain=lateral_strain,
     )
     tests, hashes = read_tests(files, columns, mean=mean)
-    if specimen is not None:
-        from kolsky.cli.held_specimen import fit_held_specimen
-
+    if size is not None:
         fit_held_specimen(
             tests,
-            specimen=specimen,
+            size=size,
             ends=ends,
             laws=texts.listed(laws),
             poisson=ratio,

@@ -181,6 +181,22 @@ def read_homogeneous(
     return HomogeneousTable(path, contents.sha256, *values)
 
 
+def read_ratio(path: Path, column: str, layout: Layout, *, cure: str) -> FloatArray:
+    """A column of stretches or strains as pure numbers, shape [n]; one without a unit is taken as it stands.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or the column is missing, not of numbers, or has a unit of another kind;
+        `cure` is said there.
+    """
+    contents = read_contents(path, layout=layout)
+    found = _wanted_column(contents, column)
+    values: FloatArray = found.values() * _stated_factor(contents, found, None, "1", '"1" or "%"', cure)
+    judge.finite(path, found, values)
+    return values
+
+
 def column_names(path: Path, layout: Layout) -> list[str]:
     """Names and numbers of the columns of numbers, the first twenty, as messages show them.
 

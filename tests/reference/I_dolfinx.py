@@ -34,6 +34,8 @@ def isochoric(name, constants, C, hoop, J):
     if name.startswith("yeoh"):
         e = I1 - 3
         return constants["C10"] * e + constants["C20"] * e**2 + constants["C30"] * e**3
+    if name == "neo_hookean":
+        return constants["C10"] * (I1 - 3)
     if name == "reduced_polynomial":
         return constants["C10"] * (I1 - 3) + constants["C20"] * (I1 - 3) ** 2
     if name.startswith("mooney_rivlin"):

@@ -1,7 +1,7 @@
 """Make the tables I from the files of `I_dolfinx.py`: `python I_tables.py FOLDER`.
 
 A force is the mean of the two finest meshes that went through to 50 %, its uncertainty half of their
-difference; the outline is the finest mesh's.
+difference; the outline is the finest mesh's. Rows of specimens without two such runs in FOLDER stay.
 """
 
 import sys
@@ -23,6 +23,12 @@ def finished(folder: Path, specimen: str, ends: str) -> list[tuple[int, dict[str
     return sorted(found, key=lambda one: -one[0])
 
 
+def standing(path: Path, specimen: str, ends: str) -> list[str]:
+    """The rows of a case that a table has."""
+    lines = path.read_text().splitlines()[1:] if path.exists() else []
+    return [line for line in lines if line.split(",")[:2] == [specimen, ends]]
+
+
 def main() -> None:
     """Write both tables beside this file."""
     folder, here = Path(sys.argv[1]), Path(__file__).resolve().parent
@@ -33,7 +39,11 @@ def main() -> None:
                 continue
             runs = finished(folder, specimen, ends)[:2]
             if len(runs) < 2:
-                print(f"{specimen} {ends}: {len(runs)} meshes went through, two are needed: left out")
+                old = standing(here / "I_force.csv", specimen, ends)
+                print(f"{specimen} {ends}: {len(runs)} meshes went through, two are needed: "
+                      f"{f'{len(old)} rows stay' if old else 'left out'}")  # fmt: skip
+                forces += old
+                outlines += standing(here / "I_outline.csv", specimen, ends)
                 continue
             (fine, one), (coarse, other) = runs
             mean = 0.5 * (one["history"] + other["history"])

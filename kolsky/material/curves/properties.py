@@ -19,6 +19,8 @@ INITIAL = 0.05
 """End of the range of Young's modulus, as nominal strain [-]."""
 DROP = 0.2
 """Share of the largest stress that a broken specimen has lost [-]."""
+BACK = 0.02
+"""Share of its strain by which a specimen may spring back as it breaks [-]."""
 FEWEST = 3
 """Points that a regression needs."""
 
@@ -101,10 +103,12 @@ def poissons_ratio(stretch: FloatArray, lateral: FloatArray) -> Measured | None:
 def fracture(strain: FloatArray, stress: FloatArray, *, drop: float = DROP) -> Fracture | None:
     """Largest stress and its strain, if the stress then falls by the share `drop`; None if it never does.
 
+    The fall counts only where the strain has not gone back by more than `BACK`: unloading is no fracture.
     Stress and strain are positive along the load, in the order of the test, shape [n].
     """
     top = int(np.argmax(stress))
-    if stress[top:].min() > (1.0 - drop) * stress[top]:
+    fallen = (stress[top:] <= (1.0 - drop) * stress[top]) & (strain[top:] >= (1.0 - BACK) * strain[top])
+    if not fallen.any():
         return None
     return Fracture(float(stress[top]), float(strain[top]))
 

@@ -22,7 +22,6 @@ from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
 from kolsky.material.curves.band import CurveBand
 from kolsky.material.end_friction.fits import (
-    NOISE_LEFT,
     FitFailedError,
     Found,
     bic,
@@ -32,6 +31,7 @@ from kolsky.material.end_friction.fits import (
     weighed,
 )
 from kolsky.material.end_friction.problem import (
+    COMMON_STRESS,
     MODEL_RADIUS,
     MODEL_STRESS,
     CorrectionNumerics,
@@ -40,20 +40,15 @@ from kolsky.material.end_friction.problem import (
     MeasuredSpecimen,
     ModelFit,
 )
+from kolsky.material.end_friction.refine import mesh_share, on_refined_mesh
+from kolsky.material.end_friction.remarks import LARGEST_MISFIT, cause_of_misfit, remarks_on
 from kolsky.material.fits.compare import candidates
 
 LAWS_TRIED = ("yeoh", "mooney_rivlin", "ogden2", "gent")
 """Laws of the library beside the curves of nodes: of the first invariant with two ways to go on, of both
 invariants, of the stretches."""
-LARGEST_MISFIT = 0.03
-"""Root mean square misfit of the best law from which on a correction is refused [-]."""
-ORDER, SHARE = 2.0, 0.5 * 1.25
-"""Order of the mesh error and its share that counts as standard uncertainty, as in
-`kolsky.identification`."""
 LARGEST_LIKENESS = 0.9
 """Largest autocorrelation of the misfit that is believed [-]."""
-DISAGREE = 0.02
-"""Difference of two laws that meet the test alike from which on it is said [-]."""
 
 
 def correct_friction(
@@ -102,10 +97,11 @@ def correct_friction(
             found.append(fit_candidate(test, candidate, nearest))
         except FitFailedError as error:
             failed.append(ModelFit.without(candidate.name, str(error)))
+    found, test = on_refined_mesh(found, test)
     weights = weighed(found, test)
     best = found[int(np.argmax(weights))]
-    if best.misfit(test) > LARGEST_MISFIT:
-        raise ValueError(_cause(best, test))
+    if best.misfit > LARGEST_MISFIT:
+        raise ValueError(cause_of_misfit(best, test))
     return _correction(band, test, found, weights, failed)
 
 
@@ -142,21 +138,6 @@ def tested(
     )
 
 
-def _cause(best: Found, test: MeasuredSpecimen) -> str:
-    """Why no law meets a test, from where it is missed most."""
-    off = np.log(best.made.stress / test.stress)
-    worst = int(np.argmax(np.abs(off)))
-    share = worst / max(1, off.size - 1)
-    guess = "a toe, or a force whose zero is off" if share < 0.2 else "ends that did not hold as declared"
-    if share > 0.8:
-        guess = "ends that did not hold as declared, a side that landed otherwise, or damage"
-    return (
-        f"no law meets the test: the best, {best.model.name}, misses it by {100.0 * best.misfit(test):.2g} %"
-        f" (rms), most at strain {test.strain[worst]:.3g} ({100.0 * off[worst]:+.1f} %), at most"
-        f" {100.0 * LARGEST_MISFIT:g} % is allowed; likely {guess}"
-    )
-
-
 def curve_change(one: Found, test: MeasuredSpecimen, strain: FloatArray) -> FloatArray:
     """Change of ln T at some strains by ln S at the compared ones (and by radii), shape [n, n_residuals]."""
     theta = test.own(one.theta)
@@ -179,19 +160,20 @@ def _correction(
     logs = np.stack([np.log(one.model.stress(test.own(one.theta), strain)) for one in found])
     mean = weights @ logs
     response = curve_change(best, test, strain)
-    fine = test.simulate(best.model, best.theta, refined=True, derivatives=False)
-    shift = np.log(fine.stress / best.made.stress)
-    # The refined mesh's force is what the test should have been fitted with.
-    by_mesh = -response[:, :n] @ shift
-    stress = np.exp(mean + by_mesh)
-    finer = test.numerics.refined_mesh[0] / test.numerics.mesh[0]
+    if best.mesh is None:
+        raise ValueError(
+            f"{best.model.name}, which meets the test best, has no equilibrium on the refined mesh"
+        )
+    stress = np.exp(mean)
+    by_mesh = -response[:, :n] @ best.mesh.stress
     modes = [(name, response[:, :n] @ (row / band.stress)[_chosen(band, test)]) for name, row in
              zip(band.names, band.modes, strict=True)]  # fmt: skip
     modes += [("noise", row) for row in _noise(best, test, response, band)]
     f, sigma, by_friction = _friction(best, test, response)
     if sigma > 0.0:
         modes.append(("friction", by_friction))
-    modes.append(("mesh", by_mesh * SHARE / (finer**ORDER - 1.0)))
+    modes.append(("mesh", by_mesh * mesh_share(test.numerics)))
+    modes.append(("elements", response[:, :n].sum(axis=1) * COMMON_STRESS))
     modes += [("law", np.sqrt(w) * (row - mean)) for w, row in zip(weights, logs, strict=True) if w > 1e-6]
     made = CurveBand(
         strain,
@@ -213,11 +195,11 @@ def _correction(
         ratio=band.stress / stress,
         coefficient=f,
         sigma=sigma,
-        misfit=best.misfit(test),
+        misfit=best.misfit,
         models=(*models, *failed),
-        past_data=fine.past,
-        snaps=fine.snaps,
-        remarks=_remarks(found, weights, logs, test),
+        past_data=best.mesh.past,
+        snaps=best.mesh.snaps,
+        remarks=remarks_on(found, weights, logs, test),
         places=test.strain,
         response=response[:, :n],
     )
@@ -235,9 +217,9 @@ def _noise(best: Found, test: MeasuredSpecimen, response: FloatArray, band: Curv
     """
     n = test.strain.size
     own = (band.noise / band.stress)[_chosen(band, test)]
-    off = np.log(best.made.stress / test.stress)
-    alike = float(np.clip(off[1:] @ off[:-1] / max(off @ off, 1e-300), 0.0, LARGEST_LIKENESS))
-    size = np.maximum(own, best.misfit(test) * np.sqrt((1.0 + alike) / (1.0 - alike)))
+    off = best.off
+    alike = float(np.clip(off[1:] @ off[:-1] / max(float(off @ off), 1e-300), 0.0, LARGEST_LIKENESS))
+    size = np.maximum(own, best.misfit * np.sqrt((1.0 + alike) / (1.0 - alike)))
     _, s, vt = np.linalg.svd((response[:, :n] * size).T, full_matrices=False)
     kept = s > 1e-4 * s[0]
     return np.asarray(s[kept, None] * vt[kept])
@@ -261,28 +243,3 @@ def _friction(
     sigma = f * float(np.hypot(np.linalg.norm(gain), together))
     common = np.full(n, MODEL_RADIUS * test.specimen.radius / test.bulge_scale)
     return f, sigma, response[:, n:] @ common + nothing
-
-
-def _remarks(
-    found: list[Found], weights: FloatArray, logs: FloatArray, test: MeasuredSpecimen
-) -> tuple[str, ...]:
-    """Misfits that are no noise, and laws that the test cannot tell apart."""
-    best = int(np.argmax(weights))
-    said = []
-    n = test.strain.size
-    if found[best].chi2 > NOISE_LEFT * n:
-        said.append(
-            f"the best law, {found[best].model.name}, misses the test by"
-            f" {100.0 * found[best].misfit(test):.2g} % (rms), more than its noise; the band holds it"
-        )
-    alike = [k for k, one in enumerate(found) if one.chi2 < NOISE_LEFT * n]
-    off = {k: float(np.abs(logs[k] - logs[best]).max()) for k in alike}
-    if off and max(off.values()) > DISAGREE:
-        k = max(off, key=lambda one: off[one])
-        said.append(
-            f"{found[k].model.name} meets the test within its noise too and differs from"
-            f" {found[best].model.name} by {100.0 * off[k]:.2g} %: the choice between them rests on their"
-            f" number of constants (weight {weights[k]:.2g}); a test in another mode or the radius at"
-            " mid-height would tell"
-        )
-    return tuple(said)

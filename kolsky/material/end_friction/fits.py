@@ -1,6 +1,6 @@
 """Laws fitted to a compression test with friction at its ends, by inverse finite elements."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -16,7 +16,7 @@ from kolsky.material.end_friction.models import (
     NodesModel,
     measure,
 )
-from kolsky.material.end_friction.problem import MeasuredSpecimen, ModelFit
+from kolsky.material.end_friction.problem import MeasuredSpecimen, MeshError, ModelFit
 from kolsky.material.fits.compare import Candidate
 from kolsky.material.fits.fit import fit_law
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
@@ -53,15 +53,20 @@ class Found:
     """Sum of squared residuals of the test [-]."""
     evaluations: int
     """Simulated tests."""
+    off: FloatArray
+    """ln of the simulated over the measured stress there [-], shape [n]."""
+    mesh: MeshError | None = None
+    """What the refined mesh changed of it, where the fit was moved to that."""
 
     @property
     def gain(self) -> FloatArray:
         """Change of the unknowns by a change of the residuals' data, shape [n, n_rows]."""
         return np.asarray(np.linalg.pinv(self.jacobian))
 
-    def misfit(self, test: MeasuredSpecimen) -> float:
+    @property
+    def misfit(self) -> float:
         """Root mean square of simulated over measured stress, less 1 [-]."""
-        return float(np.sqrt(np.mean(np.log(self.made.stress / test.stress) ** 2)))
+        return float(np.sqrt(np.mean(self.off**2)))
 
 
 class FitFailedError(ValueError):
@@ -121,7 +126,8 @@ def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> F
     made = run(end.x)
     assert made is not None
     chi2 = float(np.sum(test.residual(made) ** 2))
-    return Found(model, np.asarray(end.x), made, jacobian(end.x), chi2, len(runs))
+    off = np.log(made.stress / test.stress)
+    return Found(model, np.asarray(end.x), made, jacobian(end.x), chi2, len(runs), off)
 
 
 def fit_nodes(
@@ -232,13 +238,8 @@ def described(
         sigma=dict(zip(names, map(float, sigma * units), strict=True)),
         correlation=covariance[: theta.size, : theta.size] / np.outer(size, size),
         stress=one.model.stress(theta, strain),
-        misfit=one.misfit(test),
+        misfit=one.misfit,
         bic=criterion,
         weight=weight,
         evaluations=one.evaluations,
     )
-
-
-def moved(one: Found, change: FloatArray) -> Found:
-    """The model with its unknowns changed."""
-    return replace(one, theta=one.theta + change)

@@ -7,7 +7,7 @@ import numpy as np
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
 from kolsky.material.curves.band import CurveBand
-from kolsky.material.end_friction.correct import ORDER, SHARE, tested
+from kolsky.material.end_friction.correct import tested
 from kolsky.material.end_friction.fits import (
     FitFailedError,
     Found,
@@ -15,10 +15,10 @@ from kolsky.material.end_friction.fits import (
     described,
     fit_candidate,
     fit_nodes,
-    moved,
     weighed,
 )
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, MeasuredSpecimen, ModelFit
+from kolsky.material.end_friction.refine import mesh_share, on_refined_mesh
 from kolsky.material.fits.compare import candidates
 
 
@@ -69,14 +69,17 @@ def fit_specimen(
             failed.append(ModelFit.without(candidate.name, str(error)))
     if not found:
         raise ValueError("; ".join(f"{one.name}: {one.reason}" for one in failed))
+    found, test = on_refined_mesh(found, test, near=np.inf)
     weights, criteria = weighed(found, test), bic(found, test)
     made = []
     for one, weight, criterion in zip(found, weights, criteria, strict=True):
+        if one.mesh is None:
+            failed.append(ModelFit.without(one.model.name, "it has no equilibrium on the refined mesh"))
+            continue
+        row = described(one, test, band.strain, float(weight), float(criterion))
         change = mesh_change(one, test)
-        there = moved(one, change)
-        row = described(there, test, band.strain, float(weight), float(criterion))
-        share = SHARE / ((test.numerics.refined_mesh[0] / test.numerics.mesh[0]) ** ORDER - 1.0)
-        before = described(one, test, band.strain, 0.0, 0.0).constants
+        share = mesh_share(test.numerics)
+        before = described(replace(one, theta=one.theta - change), test, band.strain, 0.0, 0.0).constants
         sigma = {
             name: float(np.hypot(row.sigma[name], share * (value - before[name])))
             for name, value in row.constants.items()
@@ -86,9 +89,9 @@ def fit_specimen(
 
 
 def mesh_change(one: Found, test: MeasuredSpecimen) -> FloatArray:
-    """Change of the unknowns from the coarse to the refined mesh."""
-    fine = test.simulate(one.model, one.theta, refined=True, derivatives=False)
-    rows = np.log(fine.stress / one.made.stress) / test.noise
+    """Change of the unknowns from the coarse to the refined mesh [-], shape [n]."""
+    assert one.mesh is not None
+    rows = one.mesh.stress / test.noise
     if test.bulge is not None:
-        rows = np.append(rows, (fine.bulge - one.made.bulge) / test.bulge_scale)
+        rows = np.append(rows, one.mesh.bulge / test.bulge_scale)
     return np.asarray(-one.gain[:, : rows.size] @ rows)

@@ -10,11 +10,15 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.material.fits.homogeneous_test import HomogeneousTest, mean_test
 from kolsky.material.fits.modes import Mode
-from kolsky.readers.columns import heading_unit, read_columns, read_homogeneous
+from kolsky.readers.columns import column_names, read_columns, read_homogeneous, read_ratio
 from kolsky.readers.contents import Layout
 
 CONVENTIONS = ("tension-positive", "compression-positive")
 """Signs of stress and strain that a file may have."""
+
+
+OWN = ("nominal strain (1)", "nominal stress (Pa)")
+"""Headings of strain and stress in the tables of this package: curves, laws without friction."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,21 @@ def read_homogeneous_test(
     return test, table.sha256
 
 
+def with_own_headings(path: Path, columns: Columns) -> Columns:
+    """The columns of a table of this package, where none was said.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    if columns.stretch or columns.strain or columns.stress or columns.force or columns.displacement:
+        return columns
+    names = {text.rpartition(" (")[0].strip("'") for text in
+             column_names(path, Layout(header_line=columns.header_line))}  # fmt: skip
+    return replace(columns, strain=OWN[0], stress=OWN[1]) if names.issuperset(OWN) else columns
+
+
 def _of_force(path: Path, columns: Columns) -> tuple[HomogeneousTest, str]:
     """A uniaxial test from displacement and force."""
     assert columns.length is not None
@@ -130,13 +149,10 @@ def _lateral(path: Path, columns: Columns) -> FloatArray | None:
     """Stretch across the load, if its column is named."""
     if not columns.lateral:
         return None
-    values, _ = read_columns(
-        path,
-        {"lateral": (columns.lateral, "1")},
-        units={} if heading_unit(columns.lateral) else {columns.lateral: "1"},
-        header_line=columns.header_line,
+    values = read_ratio(
+        path, columns.lateral, Layout(header_line=columns.header_line), cure='"(1)" or "(%)" in its heading'
     )
-    return values["lateral"] + 1.0 if columns.lateral_strain else values["lateral"]
+    return values + 1.0 if columns.lateral_strain else values
 
 
 def named_apart(tests: Sequence[HomogeneousTest]) -> tuple[HomogeneousTest, ...]:

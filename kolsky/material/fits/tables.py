@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.material.curves.properties import fracture, poissons_ratio, youngs_modulus
+from kolsky.material.curves.properties import Fracture, fracture, poissons_ratio, youngs_modulus
 from kolsky.material.fits.compare import Comparison, Row
 from kolsky.material.fits.fit import Fit, FitOutcome
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
@@ -57,10 +57,9 @@ def as_json(comparison: Comparison, hashes: dict[str, str]) -> dict[str, Any]:
 def _properties(test: HomogeneousTest) -> dict[str, Any]:
     """Young's modulus from 0 to 5 %, Poisson's ratio by regression, fracture; None where there is none."""
     uniaxial = test.mode is Mode.UNIAXIAL
-    sign = 1.0 if test.strain[np.argmax(np.abs(test.strain))] > 0.0 else -1.0
     modulus = youngs_modulus(test.strain, test.stress) if uniaxial else None
     across = poissons_ratio(test.deformation, test.lateral) if uniaxial and test.lateral is not None else None
-    broke = fracture(sign * test.strain, sign * test.stress)
+    broke = _fracture(test)[0]
     return {
         "youngs_modulus_to_5_percent": None if modulus is None else asdict(modulus),
         "poissons_ratio_by_regression": None if across is None else asdict(across),
@@ -232,6 +231,7 @@ def _curves(comparison: Comparison) -> Columns:
 def remarks(found: Comparison) -> list[str]:
     """Warnings about a comparison: laws without a fit, ranks that differ, dependent residuals."""
     said = [f"{row.candidate.name} has no fit: {row.reason}" for row in found.rows if row.fit is None]
+    said += [text for text in map(_broken, found.tests) if text]
     best = found.best
     if best is None or best.fit is None:
         return [*said, "no law is determined by these tests and stable over them"]
@@ -261,3 +261,22 @@ def remarks(found: Comparison) -> list[str]:
     if first_failure is not None:
         said.append(f"{best.candidate.name} beyond the data: {first_failure}")
     return said
+
+
+def _fracture(test: HomogeneousTest) -> tuple[Fracture | None, int]:
+    """A test's fracture, if it shows one, and the number of its points after the largest stress."""
+    sign = 1.0 if test.strain[np.argmax(np.abs(test.strain))] > 0.0 else -1.0
+    return fracture(sign * test.strain, sign * test.stress), test.stress.size - 1 - int(
+        np.argmax(sign * test.stress)
+    )
+
+
+def _broken(test: HomogeneousTest) -> str:
+    """What is said of a test that goes on after its fracture; empty if none does."""
+    broke, after = _fracture(test)
+    if broke is None:
+        return ""
+    return (
+        f"{test.name} breaks at strain {broke.strain:.4g} ({1e-3 * broke.stress:.4g} kPa), and its {after}"
+        " points after that are fitted too: leave them out of the file"
+    )

@@ -225,8 +225,8 @@ def draw_reference_curve(made: ReferenceCurve, panels: Panels) -> None:
         ax.fill_between(band.strain, KPA * low, KPA * high, color=BAND, alpha=0.4, lw=0.0, label="k = 2")
         ax.plot(band.strain, KPA * value, color=MEASURED, lw=1.0, label="material")
     side = "compressive" if made.compression else "tensile"
-    left.set(xlabel=f"Nominal {side} strain [–]", ylabel="Nominal stress [kPa]")
-    right.set(xlabel=f"Nominal {side} strain [–]", ylabel="$E_a$ [kPa]")
+    left.set(xlabel=f"Nominal {side} strain (–)", ylabel="Nominal stress (kPa)")
+    right.set(xlabel=f"Nominal {side} strain (–)", ylabel="$E_a$ (kPa)")
     left.set(
         xlim=(0.0, 1.02 * float(band.strain[-1])), ylim=(0.0, 1.1 * KPA * float(made.apparent.stress[-1]))
     )

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from explicit.materials.laws.mooney_rivlin import MooneyRivlin
 from kolsky.base.errors import InputError
 from kolsky.cli import app
+from kolsky.cli.held_specimen import agreed_size, size_of
 from kolsky.cli.homogeneous_options import read_tests
 from kolsky.material.fits.homogeneous import incompressible_stress
 from kolsky.material.fits.homogeneous_files import Columns
@@ -173,3 +174,42 @@ def test_a_law_without_a_fit_is_a_remark(tmp_path):
     assert done.exit_code == 0, done.output
     assert "ogden3 has no fit: ogden3 has 6 free constants, the tests only 6 points" in done.stderr
     assert "ogden3 has no fit" in (out / "material.html").read_text(encoding="utf-8")
+
+
+def test_a_lateral_strain_has_its_files_unit(tmp_path):
+    rows = [f"{e},{2 * e},{-0.4 * e}" for e in (0.5, 1.0, 2.0, 4.0)]
+    path = tmp_path / "pull.csv"
+    path.write_text("\n".join(["Strain (%),Stress (kPa),Side (%)", *rows]) + "\n", encoding="utf-8")
+    (test,), _ = read_tests(
+        [str(path)],
+        Columns("tension-positive", strain="Strain", stress="Stress", lateral="Side", lateral_strain=True),
+    )
+    np.testing.assert_allclose(test.lateral, [0.998, 0.996, 0.992, 0.984])
+    path.write_text("\n".join(["Strain (%),Stress (kPa),Side (mm)", *rows]) + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"column 'Side \(mm\)' has the unit 'mm'"):
+        read_tests([str(path)], Columns("tension-positive", strain="Strain", stress="Stress", lateral="Side"))
+
+
+def test_tables_of_the_package_need_no_columns(tmp_path):
+    path = tmp_path / "curve.csv"
+    rows = [f"{e},{6e4 * e},0" for e in (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35)]
+    head = "nominal strain (1),nominal stress (Pa),independent sigma (Pa)"
+    path.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    (test,), _ = read_tests([str(path)], Columns("compression-positive"))
+    np.testing.assert_allclose(test.deformation[::2], [0.95, 0.85, 0.75, 0.65])
+    np.testing.assert_allclose(test.stress[::2], [-3e3, -9e3, -15e3, -21e3])
+    with pytest.raises(InputError, match="does not say which columns"):
+        read_tests([str(write(tmp_path / "other.csv"))], Columns("compression-positive"))
+
+
+def test_a_held_cylinder_has_one_size():
+    size = size_of("9.5 mm x 6.5 mm")
+    area = np.pi * 4.75e-3**2
+    assert agreed_size(size, None, None, {}) == pytest.approx((6.5e-3, area), rel=1e-12)
+    assert agreed_size(size, 6.5e-3, 70.88e-6, {})[1] == pytest.approx(area, rel=1e-12)
+    with pytest.raises(InputError, match=r"--length gives 0\.0065065\d* m, --specimen 0\.0065 m"):
+        agreed_size(size, 6.5e-3 * 1.00101, None, {})
+    with pytest.raises(InputError, match="--area or --diameter gives"):
+        agreed_size(size, None, 1.0011 * area, {})
+    with pytest.raises(InputError, match="--figures, --mean does not go with --specimen"):
+        agreed_size(size, None, None, {"--figures": True, "--mean": True, "--lateral": False})

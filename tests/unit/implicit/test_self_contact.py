@@ -165,9 +165,9 @@ def test_mirrored_blocks_touch_as_one_does_a_plane() -> None:
 
 
 def test_an_equilibrium_that_is_too_deep_is_none() -> None:
-    model = pressed("quad9", gap=0.05, penalty=0.5)
+    model = pressed("quad9", gap=0.05, penalty=7.5)
     assert solve(model, {"press": [-0.25]}).outcome is Outcome.PENETRATION
-    assert solve(pressed("quad9", gap=0.05, penalty=0.5, depth=0.2), {"press": [-0.25]}).outcome.ok
+    assert solve(pressed("quad9", gap=0.05, penalty=7.5, depth=0.04), {"press": [-0.25]}).outcome.ok
 
 
 def test_derivatives_of_a_solution_in_contact() -> None:

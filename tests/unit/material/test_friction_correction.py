@@ -1,6 +1,6 @@
 """The correction of end friction: what is in its band, which law has which weight, what is refused."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,9 +9,11 @@ import pytest
 from kolsky.base.apparatus import Specimen
 from kolsky.material.curves.band import CurveBand
 from kolsky.material.end_friction import correct, fits
-from kolsky.material.end_friction.correct import _cause, _correction, correct_friction
+from kolsky.material.end_friction.correct import _correction, correct_friction
 from kolsky.material.end_friction.fits import Found, bic, weighed
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, MeasuredSpecimen
+from kolsky.material.end_friction.refine import locally, on_refined_mesh
+from kolsky.material.end_friction.remarks import cause_of_misfit
 from kolsky.material.end_friction.specimen_fit import mesh_change
 
 N = 16
@@ -43,7 +45,8 @@ class Made(MeasuredSpecimen):
     def simulate(self, model, theta, *, refined=False, derivatives=True):
         S = 1.3 * model.stress(theta, self.strain) * np.exp(-FINER if refined else 0.0)
         by = np.column_stack([S, 2.0 * S * self.strain])
-        return SimpleNamespace(stress=S, stress_by=by, bulge=1e-3 + 0 * S, past=0.3, snaps=1)
+        bulge = np.full(N, 1e-3 + (2e-6 if refined else 0.0))
+        return SimpleNamespace(stress=S, stress_by=by, bulge=bulge, past=0.3, snaps=1)
 
 
 def made_test(ends=None, noise=0.01):
@@ -51,13 +54,14 @@ def made_test(ends=None, noise=0.01):
     return Made(STRAIN, S, np.full(N, noise), SPECIMEN, ends or EndFriction("bonded"), CorrectionNumerics())
 
 
-def found(test, off=0.0, theta=0.0):
+def found(test, off=0.0, theta=0.0, refined=True):
     model = Factor(off)
     x = np.array([theta])
     made = test.simulate(model, x)
     J = np.ones((N, 1)) / test.noise[:, None]
-    chi2 = float(np.sum((np.log(made.stress / test.stress) / test.noise) ** 2))
-    return Found(model, x, made, J, chi2, 3)
+    missed = np.log(made.stress / test.stress)
+    mesh = test.mesh_error(model, x, made) if refined else None
+    return Found(model, x, made, J, float(np.sum((missed / test.noise) ** 2)), 3, missed, mesh)
 
 
 def band(noise=0.0, mode=None):
@@ -75,11 +79,14 @@ def plain(monkeypatch):
 def test_the_curve_moves_to_the_refined_mesh_with_a_share_in_the_band(plain):
     """The force falls by 0.4 % with the mesh, so the curve rises by it; share 1.25 / 2 over 1.5^2 - 1."""
     test = made_test()
-    made = _correction(band(), test, [found(test)], np.ones(1), [])
+    fits, test = on_refined_mesh([found(test, refined=False)], test)
+    made = _correction(band(), test, fits, np.ones(1), [])
     np.testing.assert_allclose(made.band.stress, 1e4 * STRAIN * np.exp(FINER), rtol=1e-9)
     np.testing.assert_allclose(
         made.band.parts()["mesh"] / made.band.stress, FINER * 0.5 * 1.25 / (1.5**2 - 1.0), rtol=1e-9
     )
+    # An error of the force that is common to all strains goes into the one unknown whole.
+    np.testing.assert_allclose(made.band.parts()["elements"] / made.band.stress, 6e-4, rtol=1e-9)
     np.testing.assert_allclose(made.ratio, 1.3 * np.exp(-FINER))
     assert (made.past_data, made.snaps, made.coefficient) == (0.3, 1, None)
 
@@ -115,7 +122,7 @@ def test_the_spread_of_laws_is_in_the_band(plain):
     made = _correction(band(), test, laws, np.array([0.8, 0.2]), [])
     d = 0.1 * STRAIN
     np.testing.assert_allclose(made.band.parts()["law"] / made.band.stress, 0.4 * d, rtol=1e-9)
-    np.testing.assert_allclose(made.band.stress, 1e4 * STRAIN * np.exp(FINER + 0.2 * d), rtol=1e-9)
+    np.testing.assert_allclose(made.band.stress, 1e4 * STRAIN * np.exp(0.2 * d), rtol=1e-9)
 
 
 def test_a_declared_frictions_sigma_is_in_the_band(plain):
@@ -143,6 +150,64 @@ def test_weights_are_those_of_schwarz():
     np.testing.assert_allclose(weighed(laws, test), [ratio / (1 + ratio), 1 / (1 + ratio)])
 
 
+def test_a_fit_moves_to_its_own_refined_mesh():
+    """One unknown: the force that the refined mesh takes, the law gives back; the noise is that mesh's."""
+    test = made_test()
+    one = found(test, refined=False)
+    (moved,), finer = on_refined_mesh([one], test)
+    # Of the change 1.25 / 2 over 1.5^2 - 1, a half, is not known of the refined mesh.
+    noise = np.sqrt(0.01**2 - 0.002**2 + 0.001**2 + (0.5 * FINER) ** 2)
+    np.testing.assert_allclose(finer.noise, noise)
+    np.testing.assert_allclose(moved.theta, [FINER], rtol=1e-12)
+    np.testing.assert_allclose(moved.jacobian, 1.0 / noise)
+    np.testing.assert_allclose(moved.mesh.stress, -FINER)
+    assert moved.evaluations == one.evaluations + 1
+    assert (moved.chi2, moved.misfit) == (pytest.approx(0.0, abs=1e-20), pytest.approx(0.0, abs=1e-12))
+
+
+def test_what_a_mesh_does_beside_the_law_is_left_in_the_misfit():
+    """A mesh's force that wavers by +- a about its mean: the one unknown takes the mean, a is left."""
+    a = np.where(np.arange(N) % 2, 0.003, -0.003)
+    test = made_test()
+    one = replace(found(test, refined=False), off=a)
+    (moved,), finer = on_refined_mesh([one], test)
+    assert moved.misfit == pytest.approx(0.003, rel=1e-12)
+    assert moved.chi2 == pytest.approx(N * (0.003 / finer.noise[0]) ** 2, rel=1e-12)
+
+
+def test_the_radius_of_the_refined_mesh_is_compared():
+    """The refined mesh's radius is 2 um more, which no unknown changes: (2 / 1)^2 a point is left."""
+    test = replace(made_test(), bulge=np.full(N, 1e-3), bulge_scale=1e-6)
+    one = found(test, refined=False)
+    one = replace(one, jacobian=np.vstack([one.jacobian, np.zeros((N, 1))]))
+    (moved,), _ = on_refined_mesh([one], test)
+    assert moved.chi2 == pytest.approx(4.0 * N, rel=1e-9)
+
+
+@pytest.mark.parametrize(("chi2", "kept"), [(9.9 * N, False), (10.1 * N, True)])
+def test_a_law_that_is_far_off_stays_on_the_coarse_mesh(chi2, kept):
+    test = made_test()
+    far = replace(found(test, refined=False), chi2=chi2)
+    made, _ = on_refined_mesh([found(test, refined=False), far], test)
+    assert (made[1].mesh is None) is kept
+
+
+def test_a_law_past_its_bound_stays_at_it():
+    test = made_test()
+    one = found(test, refined=False)
+    one.model.upper = np.full(1, 0.25 * FINER)
+    (moved,), finer = on_refined_mesh([one], test)
+    np.testing.assert_allclose(moved.theta, 0.25 * FINER)
+    assert moved.misfit == pytest.approx(0.75 * FINER, rel=1e-9)
+    assert moved.chi2 == pytest.approx(N * (0.75 * FINER / finer.noise[0]) ** 2, rel=1e-9)
+
+
+def test_the_size_of_a_mesh_error_is_its_root_mean_square_over_laws_and_neighbours():
+    first, second = np.array([0.0, 3.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0, 2.0])
+    # Squares' means: 0, 5, 0, 2; each with its neighbours, the ends twice.
+    np.testing.assert_allclose(locally([first, second]) ** 2, [5 / 3, 5 / 3, 7 / 3, 4 / 3])
+
+
 def test_constants_move_with_the_mesh():
     test = made_test()
     assert mesh_change(found(test), test) == pytest.approx([FINER], rel=1e-9)
@@ -154,15 +219,16 @@ def test_constants_move_with_the_mesh():
 def test_a_refusal_names_where_the_test_is_missed(where, words):
     test = made_test()
     one = found(test)
-    one.made.stress[where] *= 1.2
-    assert words in _cause(one, test)
-    assert f"most at strain {STRAIN[where]:.3g} (+18.2 %)" in _cause(one, test)
+    one.off[where] += np.log(1.2)
+    assert words in cause_of_misfit(one, test)
+    assert f"most at strain {STRAIN[where]:.3g} (+18.2 %)" in cause_of_misfit(one, test)
 
 
 @pytest.mark.parametrize(("misfit", "refused"), [(0.0299, False), (0.0301, True)])
 def test_a_test_that_no_law_meets_is_refused(misfit, refused, monkeypatch):
     test = made_test()
     monkeypatch.setattr(correct, "tested", lambda *a: test)
+    monkeypatch.setattr(correct, "on_refined_mesh", lambda found, test: (found, test))
     monkeypatch.setattr(correct, "fit_nodes", lambda test: [found(test, theta=misfit)])
     monkeypatch.setattr(correct, "described", lambda *a: SimpleNamespace(weight=1.0))
     if refused:
@@ -186,7 +252,7 @@ def test_more_nodes_are_tried_until_the_residual_is_noise(monkeypatch):
     def fitted(test, model, start):
         counts.append(model.nodes.size)
         chi2 = {5: 40.0, 7: 23.0, 10: 1.0}[model.nodes.size]  # 16 points: 24 is the limit
-        return Found(model, np.zeros(model.nodes.size), None, np.zeros((N + 3, 1)), chi2, 1)
+        return Found(model, np.zeros(model.nodes.size), None, np.zeros((N + 3, 1)), chi2, 1, np.zeros(N))
 
     monkeypatch.setattr(fits, "fit_model", fitted)
     fits.fit_nodes(made_test(), continuations=("tangent",))

@@ -15,6 +15,7 @@ from kolsky.material.fits.homogeneous_test import HomogeneousTest
 from kolsky.material.fits.modes import Mode
 from kolsky.material.fits.search import search
 from kolsky.material.fits.stability import Stability, drucker, least_compressible_stiffness
+from kolsky.material.fits.tables import remarks
 
 
 def test_youngs_modulus_is_the_regression_to_five_percent():
@@ -40,6 +41,26 @@ def test_fracture_is_the_largest_stress_before_a_fifth_is_lost():
     broken = np.array([0, 1, 2, 3, 4, 5, 6, 7, 5.7, 5.65, 5.59]) * 1e4
     assert (fracture(strain, broken).stress, fracture(strain, broken).strain) == (7e4, pytest.approx(0.7))
     assert fracture(strain, np.where(broken == 5.59e4, 5.61e4, broken)) is None  # 19.9 % are lost
+
+
+def test_unloading_is_no_fracture():
+    strain = np.array([0.0, 0.25, 0.5, 0.75, 1.0, 0.75, 0.5])
+    stress = np.array([0.0, 2, 4, 6, 8, 5.0, 3.0]) * 1e4
+    assert fracture(strain, stress) is None
+    # The same fall while the specimen springs back by less than a fiftieth.
+    assert fracture(np.array([0.0, 0.25, 0.5, 0.75, 1.0, 0.985, 0.981]), stress).strain == 1.0
+    assert fracture(np.array([0.0, 0.25, 0.5, 0.75, 1.0, 0.979, 0.97]), stress) is None
+
+
+def test_points_past_a_fracture_are_said():
+    strain = np.linspace(0.0, 1.0, 11)
+    broken = np.array([0, 1, 2, 3, 4, 5, 6, 7, 3, 2, 1]) * 1e4
+    (said,) = remarks(
+        SimpleNamespace(
+            rows=[], best=None, tests=[HomogeneousTest("pull", Mode.UNIAXIAL, 1.0 + strain, broken)]
+        )
+    )[:-1]
+    assert said.startswith("pull breaks at strain 0.7 (70 kPa), and its 3 points after that are fitted too")
 
 
 def test_a_healing_efficiency_has_the_uncertainty_of_both_means():
