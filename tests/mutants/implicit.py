@@ -81,8 +81,8 @@ FAULTS = (
     Fault(
         "du/dp with the wrong sign",
         "implicit/sensitivity.py",
-        "factors(elements).solve(-right.T).T",
-        "factors(elements).solve(right.T).T",
+        "factors(elements, state).solve(-right.T).T",
+        "factors(elements, state).solve(right.T).T",
         (f"{_DERIVATIVES}::test_direct_is_the_difference",),
     ),
     Fault(
