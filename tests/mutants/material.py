@@ -117,6 +117,27 @@ FAULTS = (
         CORRECTION,
     ),
     Fault(
+        "a law moved where the test tells nothing",
+        "kolsky/material/end_friction/refine.py",
+        "np.linalg.pinv(jacobian, rcond=TOLD)",
+        "np.linalg.pinv(jacobian)",
+        CORRECTION,
+    ),
+    Fault(
+        "a law moved to a stress below none",
+        "kolsky/material/end_friction/refine.py",
+        "test.strain) > 0.0).all()",
+        "test.strain) > -1e99).all()",
+        CORRECTION,
+    ),
+    Fault(
+        "a law without stress averaged with the others",
+        "kolsky/material/end_friction/correct.py",
+        "band.strain) > 0.0).all()",
+        "band.strain) > -1e99).all()",
+        CORRECTION,
+    ),
+    Fault(
         "derivatives with the coarse noise",
         "kolsky/material/end_friction/refine.py",
         "(test.noise / finer.noise)",

@@ -98,6 +98,13 @@ def correct_friction(
         except FitFailedError as error:
             failed.append(ModelFit.without(candidate.name, str(error)))
     found, test = on_refined_mesh(found, test)
+    positive = [(one.model.stress(test.own(one.theta), band.strain) > 0.0).all() for one in found]
+    failed += [
+        ModelFit.without(one.model.name, "its stress is not positive at every strain")
+        for one, kept in zip(found, positive, strict=True)
+        if not kept
+    ]
+    found = [one for one, kept in zip(found, positive, strict=True) if kept]
     weights = weighed(found, test)
     best = found[int(np.argmax(weights))]
     if best.misfit > LARGEST_MISFIT:

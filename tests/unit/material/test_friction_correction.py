@@ -192,6 +192,48 @@ def test_a_law_that_is_far_off_stays_on_the_coarse_mesh(chi2, kept):
     assert (made[1].mesh is None) is kept
 
 
+class Falling(Factor):
+    """A law whose stress the mesh's step would take below none: (1 - 300 x) 10 kPa times the strain."""
+
+    name = "falling"
+
+    def stress(self, theta, strain):
+        return (1.0 - 300.0 * theta[0]) * 1e4 * strain
+
+
+def test_a_direction_that_the_test_does_not_tell_is_not_moved_in():
+    test = made_test()
+    one = found(test, refined=False)
+    one.model.lower, one.model.upper = np.full(2, -np.inf), np.full(2, np.inf)
+    # A second unknown of a millionth of the first one's effect: uncut it would go to a thousand and more.
+    wavering = np.where(np.arange(N) % 2, 1e-6, -1e-6)
+    jacobian = np.column_stack([one.jacobian[:, 0], wavering / test.noise])
+    one = replace(one, theta=np.array([0.0, 0.5]), jacobian=jacobian, off=1e3 * wavering)
+    (moved,), _ = on_refined_mesh([one], test)
+    np.testing.assert_allclose(moved.theta, [FINER, 0.5], rtol=1e-9)
+
+
+def test_a_law_that_would_lose_its_stress_keeps_its_fit():
+    test = made_test()
+    one = replace(found(test, refined=False), model=Falling())
+    (kept,), finer = on_refined_mesh([one], test)
+    assert (kept.mesh, kept.theta) == (None, pytest.approx(one.theta))
+    assert kept.chi2 == pytest.approx(float(np.sum(finer.residual(one.made) ** 2)))
+
+
+def test_a_law_without_stress_at_some_strain_is_a_failed_one(monkeypatch):
+    test = made_test()
+    bad = replace(found(test), model=Falling(), theta=np.array([0.01]))
+    monkeypatch.setattr(correct, "tested", lambda *a: test)
+    monkeypatch.setattr(correct, "on_refined_mesh", lambda found, test: (found, test))
+    monkeypatch.setattr(correct, "fit_nodes", lambda test: [found(test), bad])
+    monkeypatch.setattr(correct, "described", lambda *a: SimpleNamespace(weight=1.0))
+    made = correct_friction(band(), SPECIMEN, EndFriction("bonded"), laws=())
+    assert np.isfinite(made.band.stress).all()
+    assert [m.name for m in made.models[1:]] == ["falling"]
+    assert "not positive" in made.models[1].reason
+
+
 def test_a_law_past_its_bound_stays_at_it():
     test = made_test()
     one = found(test, refined=False)
