@@ -59,7 +59,7 @@ class Whole:
     wall: float
     """From its beginning to its end [s]."""
     processor: float
-    """Processor time of all threads [s]."""
+    """Processor time of all threads, and of the processes that worked beside this one [s]."""
     stages: dict[str, float]
     """Wall time of the stages of the correlation and of what is around it [s]; those of the correlation
     overlap."""
@@ -107,13 +107,13 @@ def runs(raw: Path, repeats: int, *, device: str = "cpu", say: Callable[[str], A
             (folder / sub).mkdir()
         shot = shot_of(folder / "shot", raw)
         for run in range(repeats + 1):
-            wall, processor = time.perf_counter(), time.process_time()
+            wall, processor = time.perf_counter(), sum(os.times()[:4])
             told = StringIO()
             with redirect_stdout(told), redirect_stderr(StringIO()):
                 dic(shot, out=folder / "out", again=True, device=device)
             whole = Whole(
                 wall=time.perf_counter() - wall,
-                processor=time.process_time() - processor,
+                processor=sum(os.times()[:4]) - processor,
                 stages=read_stereo_result(folder / "out" / "dic.h5").seconds,
             )
             shutil.rmtree(folder / "out")

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from dic.bodies.found_regions import find_regions
 from dic.camera import StereoRig
-from dic.chain.follow_bodies import displacement_of, follow_flyer, follow_specimen
+from dic.chain.follow_bodies import displacement_of, follow, match_flyer, match_specimen
 from dic.chain.inspect_images import inspect_images
 from dic.chain.settings import ChainSettings
 from dic.chain.test_frame import fit_test_frame
@@ -194,8 +194,10 @@ def measured(
         few = int(q.frames.static)
         rest = (InMemory(grey[0][:few], bits), InMemory(grey[1][:few], bits))
         still = inspect_images(rest, rig, settings, t=surface.time[:few], static=static[:few])
-        flyer = follow_flyer(inputs, regions.flyer, None)
-        placement = fit_test_frame(still, follow_specimen(still, regions.specimen, None), flyer).placement
+        flyer = follow(inputs, [match_flyer(inputs, regions.flyer)])[0]
+        placement = fit_test_frame(
+            still, follow(still, [match_specimen(still, regions.specimen)])[0], flyer
+        ).placement
         axial = displacement_of(inputs, flyer, placement)
     except ValueError as error:
         return replace(result, why=f"refused: {error}")

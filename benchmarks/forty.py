@@ -2,7 +2,7 @@
 
 Each shot of a population is made, identified unattended as `kolsky identify` does it, and set beside its
 truth: answered and right, refused with a reason, or confidently wrong. What was refused is tried again with
-the cures of `benchmarks.forty_shots.CURES`, which are counted apart. The folder keeps the shots and an answer
+the cures of `benchmarks.forty_cures.CURES`, which are counted apart. The folder keeps the shots and an answer
 a file: called again, the study goes on where it stopped. With `--exports` the outline and the flyer come from
 tables instead of pictures.
 """

@@ -10,25 +10,19 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-import numpy as np
-
+from benchmarks.forty_cures import CURES
 from kolsky.base.errors import InputError
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
-from kolsky.virtual.schema import Specification
-from kolsky.virtual.shot_folder import SURFACE, TRUTH
+from kolsky.virtual.shot_folder import TRUTH
 
 RIGHT = 0.01
 """Largest relative error of an answer that counts as right [-]."""
 COVERED = 3.0
 """An answer further from the truth than so many of its standard uncertainties is confidently wrong."""
 KINDS = ("right", "answered, beyond 1 %", "refused", "confidently wrong", "stopped by a fault")
-CLEAR = 4.0
-"""How far the region of the flyer that a cure declares stays clear of its edge and the picture's [px]."""
-LEAST = 8.0
-"""Least height of such a region [px]."""
 
 
 @dataclass(frozen=True)
@@ -169,48 +163,3 @@ def cured_copy(folder: Path, place: Path, cure: Callable[[str, Path], str | None
     (place / "shot.toml").unlink()
     (place / "shot.toml").write_text(text, encoding="utf-8")
     return True
-
-
-def flyer_region(text: str, folder: Path) -> str | None:
-    """Declare a region of the flyer in the last frame, as a person would who looks at the picture."""
-    answer = json.loads((folder / TRUTH).read_text("utf-8"))
-    if "cameras" not in answer or "flyer = {" in text:
-        return None
-    camera, q = answer["cameras"][0], Specification.model_validate(answer["specification"])
-    with np.load(folder / SURFACE) as kept:
-        face = q.specimen.length - float(kept["d"][-1])
-    R, t, K = (np.array(camera[name]) for name in ("R", "t", "K"))
-    ahead = R @ [0.0, face, 0.0] + t
-    edge = (K @ (ahead / ahead[2]))[:2] - np.array(camera["crop_offset"])
-    columns, rows = q.cameras.picture
-    side = q.cameras.flyer_side
-    x, y = [CLEAR, columns - 1 - CLEAR], [CLEAR, rows - 1 - CLEAR]
-    along, place = (y, edge[1]) if side in ("up", "down") else (x, edge[0])
-    along[1 if side in ("up", "left") else 0] = place - CLEAR if side in ("up", "left") else place + CLEAR
-    if along[1] - along[0] < LEAST:
-        return None
-    frame = len((folder / "frames.csv").read_text("utf-8").splitlines()) - 2
-    ranges = [", ".join(f"{value:.1f}" for value in pair) for pair in (x, y)]
-    line = f"flyer = {{ x = [{ranges[0]}], y = [{ranges[1]}], frame = {frame} }}"
-    return re.sub(r"^\[dic\]$", f"[dic]\n{line}", text, count=1, flags=re.MULTILINE)
-
-
-def with_subset(share: float) -> Callable[[str, Path], str | None]:
-    """Correlate with subsets of another size, odd and within what a shot file may say."""
-
-    def changed(text: str, folder: Path) -> str | None:
-        found = re.search(r"^subset = (\d+)$", text, re.MULTILINE)
-        if found is None:
-            return None
-        size = int(np.clip(2 * round(0.5 * (share * int(found[1]) - 1.0)) + 1, 11, 51))
-        return text.replace(found[0], f"subset = {size}", 1)
-
-    return changed
-
-
-CURES: dict[str, Callable[[str, Path], str | None]] = {
-    "a region of the flyer": flyer_region,
-    "larger subsets": with_subset(1.4),
-    "smaller subsets": with_subset(0.7),
-}
-"""What is tried on a refused shot, in this order, each alone."""

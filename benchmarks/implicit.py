@@ -3,7 +3,8 @@
     python -m benchmarks.implicit                     # 25 515 displacements, 10 steps to 125 %, and a peer
     python -m benchmarks.implicit --peer dolfinx --python /usr/bin/python3
     python -m benchmarks.implicit --cells 20x5x1 --peer none
-    python -m benchmarks.implicit --growth 1e4 3e4 1e5 3e5 1e6 --steps 1 --strain 0.125 --peer none
+    python -m benchmarks.implicit --growth 1e4 3e4 1e5 3e5 1e6 --steps 1 --strain 0.125 --peer none \
+        --json benchmarks/results/implicit_growth.json --where "name of the machine"
     python -m benchmarks.implicit --device cuda             # element kernels on a GPU
     python -m benchmarks.implicit --linear amg --growth 1e6 --peer none
     python -m benchmarks.implicit --kind tet4 --cells 73x18x8 --peer none   # 63 072 tetrahedra
@@ -18,6 +19,7 @@ else run meanwhile; the ratio of processor seconds stands other work.
 
 import argparse
 import json
+import os
 import subprocess
 import time
 from collections.abc import Sequence
@@ -26,6 +28,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.implicit_table import merged
 from explicit.arrays import FloatArray
 from explicit.materials import LAWS, bulk_modulus
 from implicit.conditions import Fixed, Prescribed
@@ -44,6 +47,8 @@ SHEAR, POISSON = 25e3, 0.45
 """Shear modulus [Pa] and Poisson's ratio."""
 STRETCH = 1.25
 """Nominal strain at the last step [-]."""
+SETTINGS = ("kind", "device", "linear", "steps", "strain", "where")
+"""Options that a measurement keeps."""
 DOLFINX = Path(__file__).resolve().parent.parent / "tests" / "reference" / "J_dolfinx.py"
 """The strip by DOLFINx."""
 
@@ -56,13 +61,13 @@ def strip(cells: tuple[int, ...], kind: str, device: str = "cpu") -> Model:
     return Model(box(SIZE, cells, kind=kind), solid, conditions, device=device)
 
 
-def ours(model: Model, pulls: FloatArray, linear: str) -> dict[str, Any]:
-    """Seconds, counts and forces of a solution, and seconds of its derivatives."""
+def ours(model: Model, pulls: FloatArray, linear: str, *, derivatives: bool) -> dict[str, Any]:
+    """Seconds, counts and forces of a solution, and seconds of its derivatives, 0 without."""
     options = Newton(tolerance=1e-8, linear=linear)
     started, cpu = time.perf_counter(), time.process_time()
     found = solve(model, {"pull": pulls}, newton=options)
     middle, cpu = time.perf_counter(), time.process_time() - cpu
-    if linear in ("auto", "multifrontal"):
+    if derivatives and linear in ("auto", "multifrontal"):
         direct(found)
     ended = time.perf_counter()
     return {
@@ -148,21 +153,26 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--python", default="python3", help="a Python that has DOLFINx")
     parser.add_argument("--strain", type=float, default=STRETCH, help="nominal strain at the last step")
     parser.add_argument("--growth", type=float, nargs="*", default=[], help="numbers of displacements")
-    parser.add_argument("--json", type=Path, help="write what was measured here")
+    parser.add_argument("--plain", action="store_true", help="without the time of derivatives")
+    parser.add_argument("--json", type=Path, help="add what was measured to this file")
+    parser.add_argument("--where", default="this machine", help="its name in the table of that file")
     given = parser.parse_args(arguments)
     if given.peer == "dolfinx" and (given.strain, given.steps) != (STRETCH, 10):
         parser.error("--peer dolfinx makes ten steps to 1.25")
     pulls = SIZE[0] * given.strain * np.arange(1, given.steps + 1) / given.steps
     small = strip((2, 1, 1), given.kind, given.device)
     direct(solve(small, {"pull": [0.01]}))  # compiles
-    sizes = [cells_for(n, given.kind) for n in given.growth]
+    sizes: list[tuple[int, ...]] = [cells_for(n, given.kind) for n in given.growth]
     if not sizes:
         sizes = [tuple(int(n) for n in given.cells.split("x"))]
-    report = []
     for cells in sizes:
         model = strip(cells, given.kind, given.device)
-        entry: dict[str, Any] = {"cells": list(cells), "kind": given.kind, "device": given.device}
-        entry |= ours(model, pulls, given.linear)
+        entry: dict[str, Any] = {name: getattr(given, name) for name in SETTINGS}
+        entry |= {
+            "cells": list(cells),
+            "threads": int(os.environ.get("OMP_NUM_THREADS", os.cpu_count() or 1)),
+        }
+        entry |= ours(model, pulls, given.linear, derivatives=not given.plain)
         line = (
             f"{'x'.join(map(str, cells))} {given.kind}: {entry['displacements']} displacements, "
             f"{entry['outcome']}, {entry['seconds']:.2f} s, of the processor "
@@ -185,9 +195,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 f"forces differ by at most {entry['largest difference']:.2g}",
                 flush=True,
             )
-        report.append(entry)
-    if given.json is not None:
-        given.json.write_text(json.dumps(report, indent=1) + "\n", "utf-8")
+        if given.json is not None:
+            given.json.write_text(json.dumps(merged(given.json, [entry]), indent=1) + "\n", "utf-8")
 
 
 if __name__ == "__main__":

@@ -59,12 +59,24 @@ def end_of(run: subprocess.Popen[str], since: float, longest: float) -> tuple[st
         return said, own_time(time.monotonic() - since, before, after)
 
 
+def runs(process: psutil.Process) -> bool:
+    """Whether a process has not ended.
+
+    One that has stays in the table of processes until somebody takes its exit code: of an orphan that is the
+    first process of the machine, which may take seconds for it.
+    """
+    try:
+        return bool(process.status() != psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return False
+
+
 def end_of_children(children: list[psutil.Process]) -> tuple[float, int]:
     """Own time until the last of some processes has ended [s], and how many are there at the end."""
     pids = [child.pid for child in children]
     since, before = time.monotonic(), waited(pids)
     after, alive = dict(before), children
-    while alive and time.monotonic() - since < GIVEN_UP:
+    while (alive := [child for child in alive if runs(child)]) and time.monotonic() - since < GIVEN_UP:
         after |= waited(pids)
-        _, alive = psutil.wait_procs(alive, timeout=OFTEN)
+        time.sleep(OFTEN)
     return own_time(time.monotonic() - since, before, after) if children else 0.0, len(alive)

@@ -40,6 +40,8 @@ STOPPED = 3.0
 """Time within which a command that is told to end has ended [s]."""
 SOONER = 0.7
 """A command that had ended before its signal gets it at this share of the moment next time."""
+SHOWN = 1500
+"""Most characters of a traceback that a row keeps."""
 LONGEST = 1800.0
 """Time after which a command is given up [s]."""
 
@@ -236,7 +238,7 @@ def killed(name: str, how: str, share: float, base: Path, folder: Path, whole: U
 def _begun(one: Killed) -> bool:
     """Whether the command line had begun; before, the interpreter ends in its own way."""
     itself = one.code in (-2, -15) or (one.code == 1 and str(ROOT) not in one.said)
-    return not itself
+    return not itself or any("commandline.py" in l and l.endswith("in main") for l in one.said.splitlines())
 
 
 def _of_the_end(one: Killed, how: str, folder: Path) -> list[str]:
@@ -253,7 +255,8 @@ def _of_the_end(one: Killed, how: str, folder: Path) -> list[str]:
         problems.append(f"exit code {one.code} after {how}")
     if told and _begun(one):
         if "Traceback" in one.said:
-            problems.append(f"traceback after {how}: {one.said.strip().splitlines()[-1]}")
+            _, _, told_of = one.said.partition("Traceback")
+            problems.append(f"traceback after {how}: {' | '.join(told_of.strip().splitlines())[:SHOWN]}")
         problems += [f"left after {how}: {path.name}" for path in _hidden(folder)]
     return problems + [f"cannot be read after {how}: {what}" for what in unreadable(folder)]
 

@@ -65,9 +65,9 @@ def main() -> None:
         pairs = [drawn(GROUP * group + i, seed) for i in range(given.each)]
         setup, truths = pairs[0][0], [truth for _, truth in pairs]
         head = given.out / f"{seed}-{group}"
-        slopes = np.array([_slope(setup, truth, head, i, given.device) for i, truth in enumerate(truths)])
+        slopes = np.array([slope_of(setup, truth, head, i, given.device) for i, truth in enumerate(truths)])
         data = {
-            (mesh[0], element): _kept(setup, truths, mesh, element, head, given.device)
+            (mesh[0], element): kept_vectors(setup, truths, mesh, element, head, given.device)
             for mesh in MESHES
             for element in ELEMENTS
         }
@@ -158,7 +158,7 @@ def judged(series: list[Series]) -> dict[str, Any]:
     }
 
 
-def _slope(setup: Setup, truth: Truth, head: Path, number: int, device: str) -> FloatArray:
+def slope_of(setup: Setup, truth: Truth, head: Path, number: int, device: str) -> FloatArray:
     """Jacobian of the data vector by the parameters on the coarsest mesh, shape [k, 3]."""
     moved = [
         replace(truth, **{name: getattr(truth, name) + sign * step})
@@ -166,7 +166,7 @@ def _slope(setup: Setup, truth: Truth, head: Path, number: int, device: str) -> 
         for sign in (1.0, -1.0)
     ]
     place = head.parent / f"{head.name}-slope"
-    vectors = _kept(setup, moved, MESHES[0], "one_point", Path(f"{place}-{number}"), device)
+    vectors = kept_vectors(setup, moved, MESHES[0], "one_point", Path(f"{place}-{number}"), device)
     return np.stack(
         [(vectors[2 * i] - vectors[2 * i + 1]) / (2.0 * step) for i, step in enumerate(STEPS.values())],
         axis=1,
@@ -185,7 +185,7 @@ def _gain(slope: FloatArray, setup: Setup, truth: Truth, *, outline_alone: bool 
     return np.concatenate([alone, together[1:]])
 
 
-def _kept(
+def kept_vectors(
     setup: Setup, truths: list[Truth], mesh: tuple[int, int], element: str, head: Path, device: str
 ) -> FloatArray:
     """Data vectors on a mesh, from the folder or simulated, shape [n, k]."""
@@ -193,14 +193,14 @@ def _kept(
     if not place.exists():
         started = time.perf_counter()
         seen = simulate(setup, truths, mesh=mesh, device=device, element=element)
-        vectors = [_vector(setup, truth, *one) for truth, one in zip(truths, seen, strict=True)]
+        vectors = [data_vector(setup, truth, *one) for truth, one in zip(truths, seen, strict=True)]
         np.savez(place, vectors=np.array(vectors))
         print(f"{place.name}: {time.perf_counter() - started:.1f} s", flush=True)
     with np.load(place) as stored:
         return np.asarray(stored["vectors"])
 
 
-def _vector(setup: Setup, truth: Truth, force: FloatArray, Z: FloatArray) -> FloatArray:
+def data_vector(setup: Setup, truth: Truth, force: FloatArray, Z: FloatArray) -> FloatArray:
     """Means of the force over the bins [N], then the radii [m]."""
     edges, t = template(setup, truth).bins.edges, setup.samples
     impulse = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(t))])

@@ -157,6 +157,7 @@ def judged(rounds: list[dict[str, Any]]) -> dict[str, Any]:
             found.setdefault(name, set()).add(digest)
     return {
         "rounds": len(rounds),
+        "seconds": round(rounds[-1]["at"]),
         "memory [MB]": [round(float(first) / 1e6, 1), round(float(last) / 1e6, 1)],
         "growth": round(float(last / first) - 1.0, 4),
         "handles": [int(np.median(handles[:third])), int(np.median(handles[-third:]))],
@@ -180,7 +181,7 @@ def recorded(workers: list[list[dict[str, Any]]]) -> dict[str, Any]:
         for name, digest in one["digests"].items():
             digests.setdefault(name, set()).add(digest)
     return {
-        "seconds": round(max(rounds[-1]["at"] for rounds in workers)),
+        "seconds": max(one["seconds"] for one in found),
         "mesh": list(MESH),
         "refined mesh": list(REFINED),
         "done": {name: sum(one["done"].get(name, 0) for one in found) for name in ROUND},
@@ -202,9 +203,11 @@ def table(record: dict[str, Any]) -> str:
     memory = [one["memory [MB]"] for one in workers]
     handles = [one["handles"] for one in workers]
     bits = record["tasks with different bits"]
+    minutes = sorted(round(one["seconds"] / 60) for one in workers)
     counted = "One process" if len(workers) == 1 else f"{len(workers)} processes"
+    each = f"{minutes[-1]} min" if minutes[0] == minutes[-1] else f"{minutes[0]} to {minutes[-1]} min each"
     return (
-        f"{counted} for {record['seconds'] / 60:.0f} min: {done['sweep']} runs of sweeps"
+        f"{counted}, {each}: {done['sweep']} runs of sweeps"
         f" ({' × '.join(map(str, record['mesh']))} elements, {END}),"
         f" {done['identify']} identifications by the force alone and {done['outline']} by force and outline"
         f" (answers on {' × '.join(map(str, record['refined mesh']))} elements), {done['dic']} correlations"

@@ -67,7 +67,7 @@ def main() -> None:
         numbers = [GROUP * group + i for i in range(given.each)]
         if not given.only_kept:
             for variant in VARIANTS:
-                _keep(variant, numbers, given.seed, given.out, given.device)
+                keep(variant, numbers, given.seed, given.out, given.device)
         rows += _compared(group, numbers, given.seed, given.out)
     (given.out / "compared.json").write_text(json.dumps(rows, indent=1) + "\n")
     print("| flyer (m/s) | mesh | element | grading | $m$ alone | $m$ | $\\nu$ | $\\beta$ (µs) | rms (µm) |")
@@ -81,7 +81,7 @@ def main() -> None:
         )
 
 
-def _keep(variant: Variant, numbers: list[int], seed: int, folder: Path, device: str) -> None:
+def keep(variant: Variant, numbers: list[int], seed: int, folder: Path, device: str) -> None:
     """Simulate a group in one batch, unless it is kept."""
     if all(_place(folder, number, variant).exists() for number in numbers):
         return
@@ -108,8 +108,8 @@ def _compared(group: int, numbers: list[int], seed: int, folder: Path) -> list[d
             continue
         shifts = []
         for number, slope in zip(numbers, slopes, strict=True):
-            truth = middle(*(_read(folder, number, one) for one in TRUTH))[1]
-            apart = (_read(folder, number, variant)[1] - truth).ravel()
+            truth = middle(*(read(folder, number, one) for one in TRUTH))[1]
+            apart = (read(folder, number, variant)[1] - truth).ravel()
             alone = np.linalg.lstsq(slope[:, :1], apart, rcond=None)[0]
             together = np.linalg.lstsq(slope, apart, rcond=None)[0]
             shifts.append([*alone, *together, np.sqrt(np.mean(apart**2))])
@@ -149,7 +149,7 @@ def _place(folder: Path, number: int, variant: Variant) -> Path:
     return folder / f"t-{number}-{variant.name}.npz"
 
 
-def _read(folder: Path, number: int, variant: Variant) -> tuple[FloatArray, FloatArray]:
+def read(folder: Path, number: int, variant: Variant) -> tuple[FloatArray, FloatArray]:
     with np.load(_place(folder, number, variant)) as stored:
         return stored["force"], stored["Z"]
 

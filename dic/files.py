@@ -156,6 +156,11 @@ def regular(path: Path | str) -> Path:
     raise OSError(errno.EINVAL, f"it is {kind}, not a regular file", str(path))
 
 
+def one_line(text: str) -> str:
+    """The text with line breaks and other unprintable characters written as escapes."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
 """Characters that begin a formula for a spreadsheet, full-width forms included (OWASP, CSV Injection)."""
 

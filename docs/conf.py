@@ -24,6 +24,7 @@ extensions = [
     "model_pages",
     "module_pages",
     "myst_nb",
+    "notebooks_ahead",
     "shell_cells",
     "sphinx.ext.autodoc",
     "sphinx.ext.duration",
@@ -47,6 +48,8 @@ os.environ["PYTHONPATH"] = os.pathsep.join(sys.path[:2])
 os.environ["COLUMNS"] = "100"  # of the tables that are printed
 
 html_theme = "furo"
+html_theme_options = {"top_of_page_buttons": []}
+templates_path = ["_templates"]
 html_title = f"kolsky {release}"
 
 # Documented where they are defined, not again where a package offers them.
@@ -70,7 +73,10 @@ nitpick_ignore_regex = [
         r"Path|tuple\[(int|str)|dict\[str|[a-z][a-z_ -]*",
     ),  # words in a type: "array", "callable, optional"
     # Names of ours for types: arrays, the panels of a figure, any kind of shot.
-    ("py:class", r"FloatArray|NDArray|Panels|Kind|kolsky\.[a-z0-9_.]+\.(AnyShot|Model|T)"),
+    (
+        "py:class",
+        r"FloatArray|NDArray|Panels|Kind|kolsky\.[a-z0-9_.]+\.(AnyShot|Model|T)|dic\.chain\.stages\.Result",
+    ),
     ("py:class", r"kolsky\.shot\.schema\.fields\._physical\.<locals>\.validate"),  # what reads a quantity
     ("py:.*", module_pages.without_page(module_pages.sources())),  # modules that have no page
     ("py:class", r"(explicit|doe|dic)(\.[a-z_]+)?\.[A-Z]\w*"),  # re-exported: documented where it is defined

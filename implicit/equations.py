@@ -56,6 +56,10 @@ class Equations:
         self.surfaces = surface_contacts(model)
         self.symmetric = not self.pressures
         self.solver = linear_solver(linear, self.body.pattern, model.mesh.points, model.mesh.cells)
+        self.smooth = not (self.contacts or self.surfaces)
+        """Whether a tangent tells of states near its own: where points touch and part it does not."""
+        self.worth = self.solver.worth if self.smooth else 1
+        """Iterations with a kept tangent that take about the time of a factorisation."""
         self._bridged = BridgedSolver(linear, self.body.pattern, model.mesh.points, model.mesh.cells)
         size = float(np.ptp(model.mesh.points, axis=0).max())
         depth = model.thickness if model.kinematics.startswith("plane") else size
@@ -102,10 +106,14 @@ class Equations:
         external = self._external(u, at, multipliers, carried)
         return State(at, u, body, carried, external, self.reduced(body.forces - external), multipliers)
 
+    def excess(self, state: State, tolerance: float) -> float:
+        """The residual over what is allowed of it [-]."""
+        scale = max(float(np.linalg.norm(state.body.forces)), float(np.linalg.norm(state.external)))
+        return float(np.linalg.norm(state.residual)) / max(tolerance * scale, self.floor)
+
     def converged(self, state: State, tolerance: float) -> bool:
         """Whether the residual is below its tolerance."""
-        scale = max(float(np.linalg.norm(state.body.forces)), float(np.linalg.norm(state.external)))
-        return float(np.linalg.norm(state.residual)) <= max(tolerance * scale, self.floor)
+        return self.excess(state, tolerance) <= 1.0
 
     def augmented(self, state: State) -> tuple[tuple[FloatArray, ...], bool]:
         """Multipliers that take over the penalty forces, and whether no point was too deep before."""

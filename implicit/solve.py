@@ -13,6 +13,9 @@ from implicit.newton import Iteration, Newton
 from implicit.outcome import Outcome
 from implicit.solution import Solution
 
+DEGREE = 5
+"""Highest degree of the polynomial that continues the states so far."""
+
 
 def solve(
     model: Model,
@@ -138,7 +141,7 @@ class _Path:
         return Outcome.COMPLETED
 
     def _reached(self, state: State) -> None:
-        self.before = [*self.before[-2:], self.state]
+        self.before = [*self.before[1 - DEGREE :], self.state]
         self.state = state
 
     def _next(self, at: dict[str, float]) -> State | Outcome:
@@ -162,15 +165,15 @@ class _Path:
         equations = self.equations
         last = equations.evaluate(self.state.u, at, like=self.state)
         moved = equations.with_prescribed(last.u, at)
-        elements = equations.stiffness(last)
-        self.iteration.factorisations += 1
+        elements = self.iteration.factorised(last)
         self.iteration.iterations += 1
         right = last.residual + equations.reduced(equations.times(elements, moved - last.u))
-        change = equations.factors(elements, last).solve(-right)
+        assert self.iteration.kept is not None
+        change = self.iteration.kept.direction(right)
         return equations.evaluate(moved + equations.expanded(change), at, like=last)
 
     def _continued(self, at: dict[str, float]) -> FloatArray | None:
-        """The path continued as a polynomial of up to third degree, if the histories go straight on."""
+        """The path continued as a polynomial, if the histories go straight on."""
         states = [*self.before, self.state]
         if len(states) < 2:
             return None
@@ -194,8 +197,28 @@ class _Path:
             kept.append(state.u)
         if len(places) < 2:
             return None
-        guess = np.zeros_like(self.state.u)
-        for i, u in enumerate(kept):
-            others = [x for j, x in enumerate(places) if j != i]
-            guess += u * float(np.prod([(1.0 - x) / (places[i] - x) for x in others]))
-        return guess
+        return continued(places, kept)
+
+
+def continued(places: list[float], states: list[FloatArray]) -> FloatArray:
+    """The polynomial through the last states, the latest first, at place 1.
+
+    Its degree is one that would have met the latest state best from those before it, and one more where that
+    was the highest that could be tried: a history with kinks is continued by few states.
+    """
+    latest, errors = states[0], [np.linalg.norm(states[1] - states[0])]
+    for degree in range(1, len(states) - 1):
+        met = _extrapolated(places[1 : degree + 2], states[1 : degree + 2], places[0])
+        errors.append(np.linalg.norm(met - latest))
+    best = int(np.argmin(errors))
+    degree = best + 1 if best == len(errors) - 1 else max(best, 1)
+    return _extrapolated(places[: degree + 1], states[: degree + 1], 1.0)
+
+
+def _extrapolated(places: list[float], states: list[FloatArray], to: float) -> FloatArray:
+    """Lagrange's polynomial through the states, at a place."""
+    found = np.zeros_like(states[0])
+    for i, u in enumerate(states):
+        others = [x for j, x in enumerate(places) if j != i]
+        found += u * float(np.prod([(to - x) / (places[i] - x) for x in others]))
+    return found

@@ -1,7 +1,9 @@
 """What every test can use: the `shared` folder, the `--slow` option, and `from order import ...`."""
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -48,3 +50,22 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip("no folder 'shared' beside the repository: its data and references are not shipped")
     return SHARED
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _documented_json() -> Iterator[None]:
+    """Hold what commands print with `--json`, wherever a test calls one, against docs/howto/json.md."""
+    from json_rows import compare
+    from typer.testing import CliRunner
+
+    plain = CliRunner.invoke
+
+    def invoke(self: CliRunner, app: Any, args: Any = None, **options: Any) -> Any:
+        result = plain(self, app, args, **options)
+        if args and not isinstance(args, str) and "--json" in args and result.exit_code == 0:
+            compare([str(word) for word in args], result.stdout)
+        return result
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(CliRunner, "invoke", invoke)
+        yield

@@ -1,12 +1,12 @@
 """Covariance of the rows of a strip across an edge, and what the scatter of its columns says of the edge."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
-from scipy.linalg import toeplitz
 from scipy.special import ndtr
 
-from dic.arrays import FloatArray
+from dic.arrays import FloatArray, IntArray
 
 CELL = 0.5
 """Distance of the places of paint that a pixel is summed over [px]."""
@@ -71,7 +71,7 @@ def with_slopes(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> 
     edge, (blur, first, other, contrast, second, noise, shape) = p[0], np.exp(p[1:8])
     band = float(width[0] + (p[8] * width[1] if free else 0.0))
     v = np.arange(u[0] - BEYOND, u[-1] + BEYOND + CELL, CELL)
-    lag = CELL * np.arange(v.size, dtype=np.float64)
+    lag, apart = CELL * np.arange(v.size, dtype=np.float64), _apart(v.size)
     slopes = np.zeros((9, u.size, u.size))
     C = noise**2 * np.eye(u.size)
     slopes[6] = 2.0 * C
@@ -80,15 +80,15 @@ def with_slopes(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> 
         (body, first, contrast, 2, 4),
         (beyond, other, second, 3, 5),
     ):
-        K = size**2 * toeplitz(paint(lag, length, shape))
+        K = size**2 * paint(lag, length, shape)[apart]
         near = side.seen @ K
         part = near @ side.seen.T
         C += part
         slopes[by_size] = 2.0 * part
         slopes[1] += _both(near @ side.by_blur.T)
         lengths, shapes = paint_slopes(lag, length, shape)
-        slopes[by_length] = size**2 * side.seen @ toeplitz(lengths) @ side.seen.T
-        slopes[7] += size**2 * side.seen @ toeplitz(shapes) @ side.seen.T
+        slopes[by_length] = size**2 * side.seen @ lengths[apart] @ side.seen.T
+        slopes[7] += size**2 * side.seen @ shapes[apart] @ side.seen.T
         if side.end is not None:
             cell, by_end = side.end
             moved = _both(np.outer(near[:, cell], by_end))
@@ -96,6 +96,13 @@ def with_slopes(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> 
             if free and side is beyond:
                 slopes[8] = width[1] * moved
     return C, slopes
+
+
+@cache
+def _apart(n: int) -> IntArray:
+    """Distance of two of n places in a row, in steps, shape [n, n]."""
+    places = np.arange(n)
+    return np.abs(places[:, None] - places)
 
 
 def _both(a: FloatArray) -> FloatArray:

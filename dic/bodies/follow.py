@@ -1,29 +1,29 @@
-"""Tracking of one body by two cameras: points matched between them, tracked, reconstructed."""
+"""Tracking of bodies by two cameras: points matched between them, tracked, reconstructed."""
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from dic.arrays import BoolArray, FloatArray, IntArray
-from dic.bodies.region import Region, grid_points, polygon_mask
+from dic.bodies.matched import MatchedBody, match_body, track_body
+from dic.bodies.region import Region
 from dic.camera import StereoRig
 from dic.correlation import Correlation, Noise
 from dic.correlation.warp import identity
+from dic.forks import beside
 from dic.images import Pictures
-from dic.outcome import FrameOutcome, PointOutcome
-from dic.stereo import Reconstruction, StereoMatch, match_stereo, reconstruct
-from dic.tracking import Track, Tracking, track
+from dic.stereo import Reconstruction, StereoMatch, reconstruct
+from dic.tracking import Track, Tracking
 from dic.tracking.matcher import in_material, shares
-from dic.tracking.rigid import track_rigid
 
 Progress = Callable[[str, int, int], None]
 """Called as ``progress(stage, done, total)``."""
 
-EXACT = 1e-8
-"""Variance of a point in the picture it was chosen in [px²]: none but that of its rounding."""
+MOST_SENT = 400_000
+"""Points times frames, of all bodies, whose tracks a fork sends back: some 70 MB. The tracks of more points
+are worked out in threads, which wait for one another less the more points a match has."""
 
 
 @dataclass(frozen=True)
@@ -105,71 +105,63 @@ def follow_body(
     ValueError
         A region outside the picture, or no frame that both cameras saw.
     """
-    material = material_frame(health, region.frame)
-    if mask is None:
-        mask = polygon_mask(region.corners, pictures[0].shape)
-    points, cell = grid_points(mask, step, margin=margin)
-    first, second = (series.frame(material) for series in pictures)
-    match = match_stereo(first, second, points, rig, stereo, noise=noise, mask=mask, device=device)
-
-    def one(camera: int) -> Track:
-        known = np.ones(len(points), dtype=bool) if camera == 0 else match.valid
-        if not known.any():
-            return _empty_track(points, match, health[camera])
-        found = _followed(
-            pictures[camera],
-            points[known],
-            tracking,
-            rigid=rigid,
-            noise=noise[camera],
-            mask=mask,
-            start=None if camera == 0 else match.warp[known],
-            start_covariance=None if camera == 0 else match.covariance[known],
-            first=material,
-            frame_outcome=health[camera],
-            device=device,
-            progress=None if progress is None else _named(progress, f"{name}, camera {camera}"),
-        )
-        return replace(found, covariance=found.covariance + EXACT * np.eye(2))
-
-    with ThreadPoolExecutor(2) as pool:  # the match releases the interpreter
-        tracks = list(pool.map(one, (0, 1)))
-    tracks[1] = _all_points(tracks[1], points, match)
-    common = None
-    if not rigid:
-        lower = tracks[0].root if tracking.correlation.shape <= stereo.shape else None
-        common = _common(match, lower, len(health[0]))
-    return TrackedBody(
-        points=points,
-        cell=cell,
-        mask=mask,
-        material=material,
-        stereo=match,
-        tracks=(tracks[0], tracks[1]),
-        reconstruction=reconstruct(rig, tracks[0], tracks[1], common=common),
-        common=common,
-    )
+    matched = match_body(
+        pictures, rig, region, step=step, margin=margin, tracking=tracking, stereo=stereo, noise=noise,
+        health=health, mask=mask, rigid=rigid, device=device, name=name,
+    )  # fmt: skip
+    return follow_bodies([matched], rig, stereo, progress=progress)[0]
 
 
-def material_frame(health: tuple[IntArray, IntArray], wanted: int) -> int:
-    """Frame nearest to the wanted one of which both cameras have a usable picture, the earlier of two.
+def follow_bodies(
+    bodies: Sequence[MatchedBody], rig: StereoRig, stereo: Correlation, *, progress: Progress | None = None
+) -> list[TrackedBody]:
+    """Follow bodies that were matched, the two cameras side by side.
 
     Parameters
     ----------
-    health
-        `FrameOutcome` of the pictures of the cameras, each of shape [n_frames].
-    wanted
-        The frame in which the region is declared.
-
-    Raises
-    ------
-    ValueError
-        If no frame has a usable picture of both cameras.
+    bodies
+        The bodies, on one device.
+    rig
+        The cameras, for pictures with their crop.
+    stereo
+        How they were matched between the cameras.
+    progress
+        Told of the frames done; of those of camera 1 when all are.
     """
-    usable = np.flatnonzero((health[0] == FrameOutcome.VALID) & (health[1] == FrameOutcome.VALID))
-    if not usable.size:
-        raise ValueError("no frame has a usable picture of both cameras")
-    return int(usable[np.argmin(np.abs(usable - wanted))])
+    told = progress or (lambda stage, done, total: None)
+
+    def seen_by(camera: int) -> list[Track]:
+        return [
+            track_body(body, camera, partial(told, f"{body.name}, camera 0") if camera == 0 else None)
+            for body in bodies
+        ]
+
+    small = sum(body.size for body in bodies) <= MOST_SENT and all(body.device == "cpu" for body in bodies)
+    with beside(partial(seen_by, 1), fork=None if small else False) as second:
+        tracks = list(zip(seen_by(0), second(), strict=True))
+    for body in bodies:
+        told(f"{body.name}, camera 1", len(body.health[1]), len(body.health[1]))
+    return [_reconstructed(body, rig, stereo, found) for body, found in zip(bodies, tracks, strict=True)]
+
+
+def _reconstructed(
+    body: MatchedBody, rig: StereoRig, stereo: Correlation, tracks: tuple[Track, Track]
+) -> TrackedBody:
+    """The body's points in space."""
+    common = None
+    if not body.rigid:
+        lower = tracks[0].root if body.tracking.correlation.shape <= stereo.shape else None
+        common = _common(body.match, lower, len(body.health[0]))
+    return TrackedBody(
+        points=body.points,
+        cell=body.cell,
+        mask=body.mask,
+        material=body.material,
+        stereo=body.match,
+        tracks=tracks,
+        reconstruction=reconstruct(rig, *tracks, common=common),
+        common=common,
+    )
 
 
 def _common(match: StereoMatch, root: FloatArray | None, n_frames: int) -> FloatArray:
@@ -189,51 +181,3 @@ def _common(match: StereoMatch, root: FloatArray | None, n_frames: int) -> Float
         share = shares(match.warp[valid], identity(int(valid.sum())))[0][:, None, None]
         common[valid] = in_material(share * match.covariance[valid], match.warp[valid])
     return np.broadcast_to(common, (n_frames, *common.shape))
-
-
-def _followed(
-    pictures: Pictures, points: FloatArray, tracking: Tracking, *, rigid: bool, **given: Any
-) -> Track:
-    """One camera's track, of a body that deforms or only translates."""
-    if rigid:
-        return track_rigid(pictures, points, tracking.correlation, **given)
-    return track(pictures, points, tracking, **given)
-
-
-def _named(progress: Progress, stage: str) -> Callable[[int, int], None]:
-    return lambda done, total: progress(stage, done, total)
-
-
-def _empty_track(points: FloatArray, match: StereoMatch, health: IntArray) -> Track:
-    """The track of camera 1 when no point was matched between the cameras."""
-    return Track(
-        points=points[:0],
-        warp=np.empty((len(health), 0, 12)),
-        covariance=np.empty((len(health), 0, 2, 2)),
-        zncc=np.empty((len(health), 0)),
-        outcome=np.empty((len(health), 0), dtype=np.int64),
-        reference=np.empty((len(health), 0), dtype=np.int64),
-        frame_outcome=health,
-    )
-
-
-def _all_points(found: Track, points: FloatArray, match: StereoMatch) -> Track:
-    """A track of the matched points with rows for the others, which keep the outcome of their match."""
-    n_frames, n, known = len(found.warp), len(points), match.valid
-    wide = {
-        name: np.full((n_frames, n, *getattr(found, name).shape[2:]), np.nan)
-        for name in ("warp", "covariance", "zncc")
-    }
-    for name, values in wide.items():
-        values[:, known] = getattr(found, name)
-    outcome = np.array(np.broadcast_to(match.outcome, (n_frames, n)))
-    outcome[:, known] = found.outcome
-    if found.frame_outcome is not None:
-        outcome[found.frame_outcome != FrameOutcome.VALID] = int(PointOutcome.NO_PICTURE)
-    reference = np.full((n_frames, n), -1)
-    reference[:, known] = found.reference
-    excess = None
-    if found.excess is not None:
-        excess = np.full((n_frames, n), np.nan)
-        excess[:, known] = found.excess
-    return replace(found, points=points, outcome=outcome, reference=reference, excess=excess, **wide)

@@ -26,7 +26,10 @@ LARGEST_SPAN = 0.3
 LEAST_ZNCC = 0.85
 """Least correlation of the flyer's rows from frame to frame."""
 RIGID = 1.4
-"""Rows of the flyer, held still, vary by less than so many standard deviations of the noise."""
+"""Rows of the flyer, held still, vary by less than so many standard deviations of the noise,"""
+PLACED = 0.1
+"""beside what they vary by for being held still to so much only: warm air, interpolation, the shift's own
+error [px]. The flanks of sharp speckles turn a twentieth of a pixel into more than the noise."""
 DEPARTS = 2.0
 """The first row that varies so many times what the flyer's rows do is at its edge."""
 EDGE_SHARE = 0.3
@@ -224,6 +227,27 @@ def _consistent_edge(
     raise ValueError(f"the flyer's edge is not clear in the last usable picture: {problem}")
 
 
+def rigid_limit(rows: FloatArray, noise: float) -> float:
+    """Largest standard deviation over the frames of rows that are held still.
+
+    Parameters
+    ----------
+    rows
+        Neighbouring rows of one picture, shape [n, columns].
+    noise
+        Standard deviation of the pictures' noise.
+
+    Returns
+    -------
+    float
+        Root of (`RIGID` times the noise)² and (`PLACED` times the slope across the rows, root mean square)²,
+        the slope without what the noise adds to it.
+    """
+    slope = 0.5 * (rows[2:] - rows[:-2])
+    true = max(float(np.mean(slope**2)) - 0.5 * noise**2, 0.0)
+    return float(np.sqrt((RIGID * noise) ** 2 + PLACED**2 * true))
+
+
 def _last_edge(pictures: FloatArray, travel: FloatArray, noise: float) -> tuple[float, float]:
     """Row of the edge in the last picture, and how clear it is."""
     spread = row_variation(pictures, travel)
@@ -231,9 +255,11 @@ def _last_edge(pictures: FloatArray, travel: FloatArray, noise: float) -> tuple[
     if known.size < 2 * FEWEST_ROWS:
         raise ValueError(f"{len(pictures)} frames show too little of it")
     level = float(np.median(spread[known[:STRIP]]))
-    if level > RIGID * noise:
+    most = rigid_limit(pictures[-1, known[:STRIP]], noise)
+    if level > most:
         raise ValueError(
-            f"the rows at the border vary by {level / noise:.1f} of the noise, at most {RIGID:g} is rigid"
+            f"the rows at the border vary by {level / noise:.1f} of the noise, at most {most / noise:.1f} is "
+            "rigid"
         )
     departs = known[spread[known] > DEPARTS * level]
     if not departs.size or departs[0] < known[0] + FEWEST_ROWS:

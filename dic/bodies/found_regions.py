@@ -3,12 +3,7 @@
 The flyer is what moves rigidly into the picture (`dic.bodies.followed_edge`). Followed back to rest, its
 edge is the specimen's upper end; where its last rows leave the picture before, the end is one of the few
 rows that are left, or out of view. Where so few rows of it come into view that nothing can be followed,
-looks alone must tell:
-
-Speckles are several pixels wide, so a row of pixels across the axis looks like the row but one beside it.
-Where one body ends and another begins it does not: there the correlation of two rows, one between them, falls
-from 0.7 or more to about nothing, even if both bodies carry the same kind of speckles. At rest this gives the
-specimen's ends. The flyer's edge is then followed through all frames as the path of least correlation.
+looks alone must tell (`dic.bodies.row_looks`).
 """
 
 from collections.abc import Sequence
@@ -21,24 +16,15 @@ from dic.arrays import BoolArray, FloatArray
 from dic.bodies.followed_edge import FollowedEdge, follow_edge
 from dic.bodies.region import Region
 from dic.bodies.rim_arc import end_arc
+from dic.bodies.row_looks import CLEAR, EVEN, TURNS, clear_edge, followed_by_looks, row_correlation, turned
 from dic.images import PictureError, Pictures
 
-TURNS = {"up": 0, "right": 1, "down": 2, "left": 3}
-"""Quarter turns that bring the flyer to the top."""
-EVEN = 20.0
-"""Standard deviation of the Gaussian that evens out the light along a row [px]."""
-CLEAR = 0.5
-"""An edge's correlation is less than this share of the median in the bodies."""
-APART = 0.15
-"""And by so much less than anywhere else on the same half of the specimen."""
 BAND = 0.5
 """A row of a platen without speckles has less than this share of the specimen's contrast."""
 FLANK = 0.3
 """A column of the body has at least this share of the contrast of its middle."""
 ARC_CLEAR = 1.5
 """Distance of the specimen's region from the arc of its lower end: its error and the blur [px]."""
-FASTEST = 6
-"""Rows that the flyer's edge may go from frame to frame [px]."""
 MOST_COLUMNS = 64
 """Columns that the flyer is followed by [px]."""
 MOST_STILL = 20
@@ -88,7 +74,7 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
     moving = np.flatnonzero(~static & usable)
     if not rest.size or not moving.size:
         raise ValueError("regions need a usable static picture and one of the motion")
-    mean = _turned(np.mean([pictures.frame(k).astype(np.float64) for k in rest.tolist()], axis=0), toward)
+    mean = turned(np.mean([pictures.frame(k).astype(np.float64) for k in rest.tolist()], axis=0), toward)
     third = len(mean) // 3
     inner = _inner(_columns(mean[third:-third], "specimen"))  # what lies beside a body is alike in all rows
     bottom, edge = _lower_end(mean[:, inner])
@@ -103,7 +89,7 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
     else:
         top = _upper_end(mean[: bottom + 1, inner], followed)
         last, border = frames[-1], int(np.floor(followed.row[0]))
-        picture = _turned(pictures.frame(last).astype(np.float64), toward)
+        picture = turned(pictures.frame(last).astype(np.float64), toward)
         why = (
             f"the flyer's rows were followed back to frame {frames[followed.frames[-1]]}; beyond its edge "
             "the "
@@ -129,16 +115,6 @@ def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, to
     )
 
 
-def row_correlation(picture: FloatArray) -> FloatArray:
-    """Correlation of the rows above and below each row, shape [rows]; 1 in the first and last, which have
-    none."""
-    f = picture - gaussian_filter1d(picture, EVEN, axis=1)
-    above, below = f[:-2], f[2:]
-    scale = np.sqrt(np.sum(above**2, axis=1) * np.sum(below**2, axis=1))
-    found = np.sum(above * below, axis=1) / np.where(scale > 0.0, scale, 1.0)
-    return np.pad(found, 1, constant_values=1.0)
-
-
 def _stack(
     pictures: Pictures, wanted: Sequence[int], toward: str, inner: slice
 ) -> tuple[FloatArray, list[int]]:
@@ -146,7 +122,7 @@ def _stack(
     kept, frames = [], []
     for k in wanted:
         try:
-            kept.append(_even(_turned(pictures.frame(k).astype(np.float64), toward)[:, inner]))
+            kept.append(_even(turned(pictures.frame(k).astype(np.float64), toward)[:, inner]))
         except PictureError:
             continue
         frames.append(k)
@@ -194,8 +170,8 @@ def _by_looks(
     likeness = row_correlation(mean[: bottom + 1, inner])  # a platen without speckles is like nothing
     pairs = 0.5 * (likeness[:-1] + likeness[1:])
     try:
-        top = _dip(pairs[: (bottom + 1) // 2], likeness, "where the flyer meets the specimen") + 2
-        found = _followed(pictures, frames, toward, inner, top - 2, bottom - 2)
+        top = clear_edge(pairs[: (bottom + 1) // 2], likeness, "where the flyer meets the specimen") + 2
+        found = followed_by_looks(pictures, frames, toward, inner, top - 2, bottom - 2)
     except ValueError as error:
         raise ValueError(f"{problem}; and {error}") from error
     if found[2] < 3:
@@ -220,7 +196,7 @@ def _lower_end(mean: FloatArray) -> tuple[int, float]:
         if arc is not None:
             return int(np.floor(arc.min() - ARC_CLEAR)), float(arc[arc.size // 2])
     else:
-        edge = middle + _dip(pairs[middle:], likeness, "where the specimen meets the platen") + 0.5
+        edge = middle + clear_edge(pairs[middle:], likeness, "where the specimen meets the platen") + 0.5
     return int(np.floor(edge - 1.0)), edge
 
 
@@ -230,64 +206,6 @@ def _painted(contrast: FloatArray) -> float:
     An even platen may fill more rows than the specimen.
     """
     return float(np.median(contrast[contrast >= BAND * np.percentile(contrast, 90.0)]))
-
-
-def _dip(pairs: FloatArray, likeness: FloatArray, where: str) -> int:
-    """The row before the one clear edge among rows."""
-    k = int(np.argmin(pairs))
-    median = float(np.median(likeness))
-    others = np.delete(pairs, np.arange(max(k - 3, 0), min(k + 4, pairs.size)))
-    second = float(others.min(initial=1.0))
-    if pairs[k] > CLEAR * median or pairs[k] > second - APART:
-        raise ValueError(
-            f"no clear edge is seen {where}: rows that span it correlate by {pairs[k]:.2f}, others by "
-            f"{second:.2f} and more; declare the regions specimen and flyer, and transmission_edge"
-        )
-    return k
-
-
-def _followed(
-    pictures: Pictures, frames: Sequence[int], toward: str, inner: slice, start: int, farthest: int
-) -> tuple[int, FloatArray, int]:
-    """Track the flyer's edge by the path of least correlation from row `start` of the first frame; it never
-    comes to row `farthest`. Returns the last frame, its picture, and the row before the edge."""
-    cost, back, kept = None, [], []
-    picture = np.empty(0)
-    for k in frames:
-        try:
-            picture = _turned(pictures.frame(k).astype(np.float64), toward)
-        except PictureError:
-            continue
-        likeness = row_correlation(picture[:, inner])
-        here = 0.5 * (likeness[:-1] + likeness[1:])
-        here[farthest:] = np.inf
-        if cost is None:
-            cost = np.full(here.size, np.inf)
-            cost[start] = here[start]
-        else:
-            steps = np.stack([_shifted(cost, step) for step in range(-1, FASTEST + 1)])
-            back.append(np.argmin(steps, axis=0) - 1)
-            cost = here + steps.min(axis=0)
-        kept.append((k, here, float(np.median(likeness[:farthest]))))
-    assert cost is not None  # a usable static frame was there
-    row = int(np.argmin(cost))
-    last, here, median = kept[-1]
-    if here[row] > CLEAR * median:
-        raise ValueError(
-            f"the flyer's edge is lost on the way to frame {last}: rows that span it correlate by "
-            f"{here[row]:.2f}, others by {median:.2f}; declare flyer, in a frame that shows much of it"
-        )
-    return last, picture, row
-
-
-def _shifted(cost: FloatArray, step: int) -> FloatArray:
-    """The cost of having been `step` rows further up."""
-    moved = np.full(cost.size, np.inf)
-    if step >= 0:
-        moved[step:] = cost[: cost.size - step]
-    else:
-        moved[:step] = cost[-step:]
-    return moved
 
 
 def _columns(body: FloatArray, name: str) -> tuple[int, int]:
@@ -307,11 +225,6 @@ def _inner(columns: tuple[int, int]) -> slice:
     """Columns of a body clear of its flanks."""
     room = (columns[1] - columns[0]) // 16
     return slice(columns[0] + room, columns[1] + 1 - room)
-
-
-def _turned(picture: FloatArray, toward: str) -> FloatArray:
-    """The picture with the flyer at the top."""
-    return np.rot90(picture, TURNS[toward])
 
 
 def _back(place: tuple[float, float], shape: tuple[int, ...], toward: str) -> tuple[float, float]:

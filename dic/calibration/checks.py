@@ -2,14 +2,17 @@
 target."""
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import groupby
 
 import numpy as np
 
 from dic.arrays import FloatArray
-from dic.calibration.bundle import HARDLY, Fit, Rig, adjust, residuals
+from dic.calibration.bundle import HARDLY, adjust
 from dic.calibration.projection import SHARED, View, seen
+from dic.calibration.rig_state import Fit, Rig, residuals
 from dic.camera import StereoRig
+from dic.forks import side_by_side
 from dic.stereo import triangulate
 
 ENOUGH = 1e-7
@@ -37,19 +40,27 @@ def held_out(fit: Fit, views: Sequence[View], columns: FloatArray, folds: int) -
     joint = [pair for pair, views in pairs.items() if len(views) == 2]
     if folds < 2 or len(joint) < 4:
         return float("nan")
-    squares, count = 0.0, 0
-    for k in range(min(folds, len(joint))):
+
+    def part(k: int) -> tuple[float, int] | None:
+        """Sum of squares and number of residuals of a part; None if the rest is too little."""
         out = set(joint[k::folds])
         try:
             kept = [s for s in views if s.pair not in out]
-            part = adjust(fit.rig, kept, columns, tolerance=ENOUGH, damping=HARDLY)
+            without = adjust(fit.rig, kept, columns, tolerance=ENOUGH, damping=HARDLY)
         except ValueError:
-            return float("nan")
+            return None
+        squares, count = 0.0, 0
         for pair in out:
-            again = posed(part.rig, pairs[pair], tolerance=ENOUGH)
+            again = posed(without.rig, pairs[pair], tolerance=ENOUGH)
             off = np.concatenate([residuals(again.rig, s) for s in pairs[pair]])
             squares, count = squares + float(np.sum(off**2)), count + len(off)
-    return float(np.sqrt(squares / count))
+        return squares, count
+
+    parts = side_by_side([partial(part, k) for k in range(min(folds, len(joint)))])
+    sums = [found for found in parts if found is not None]
+    if len(sums) < len(parts):
+        return float("nan")
+    return float(np.sqrt(sum(squares for squares, _ in sums) / sum(count for _, count in sums)))
 
 
 def triangulated(rig: Rig, views: Sequence[View]) -> tuple[FloatArray, FloatArray]:

@@ -1,17 +1,14 @@
 """A target in a picture."""
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.calibration.targets.base import Detection, Target, TargetNotFound
+from dic.forks import side_by_side
 from dic.images import PictureError, Pictures
-
-THREADS = os.cpu_count() or 1
-"""Pictures searched side by side."""
 
 
 def detect(picture: NDArray[np.generic], target: Target) -> Detection:
@@ -49,13 +46,13 @@ def detect_series(
     targets
         As each camera is to look for it.
     progress
-        Told of the pictures done and their number.
+        Told of the pictures done and their number, as `dic.forks.side_by_side` does.
 
     Returns
     -------
     tuple
         Of each camera a list, one entry a picture: what was detected, why nothing was, or why the picture
-        cannot be used. It does not depend on the number of threads.
+        cannot be used. It does not depend on the number of threads or processes.
 
     Raises
     ------
@@ -77,9 +74,7 @@ def detect_series(
             return error
 
     found: tuple[list[Detection | TargetNotFound | PictureError], ...] = tuple([] for _ in series)
-    with ThreadPoolExecutor(THREADS) as pool:  # OpenCV and NumPy release the interpreter
-        for done, ((camera, _), view) in enumerate(zip(jobs, pool.map(one, jobs), strict=True)):
-            found[camera].append(view)
-            if progress is not None:
-                progress(done + 1, len(jobs))
+    views = side_by_side([partial(one, job) for job in jobs], progress=progress)
+    for (camera, _), view in zip(jobs, views, strict=True):
+        found[camera].append(view)
     return found

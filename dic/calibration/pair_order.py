@@ -13,8 +13,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from dic.arrays import FloatArray
-from dic.calibration.bundle import Pose
 from dic.calibration.projection import View
+from dic.calibration.rig_state import Pose
 from dic.calibration.start import focal_start, onward, relative, resection
 from dic.calibration.views import all_views
 from dic.camera import Camera

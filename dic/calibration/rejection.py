@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.arrays import FloatArray
-from dic.calibration.bundle import HARDLY, Fit, Rig, Undetermined, adjust, residuals
+from dic.calibration.bundle import HARDLY, adjust
 from dic.calibration.checks import by_pair, posed
 from dic.calibration.projection import View
+from dic.calibration.rig_state import Fit, Rig, Undetermined, residuals
 from dic.calibration.start import rms
 from dic.calibration.views import only
 from dic.robust import MAD

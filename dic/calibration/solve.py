@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from dic.calibration import checks
-from dic.calibration.bundle import Fit, clustering, free_columns
+from dic.calibration.bundle import clustering
 from dic.calibration.projection import View
 from dic.calibration.rejection import Verdicts, solve_without_bad
 from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, PairView
+from dic.calibration.rig_state import Fit, free_columns
 from dic.calibration.start import start
 from dic.calibration.targets.base import Detection, Target, TargetNotFound
 from dic.calibration.views import all_views, finished_view
@@ -75,7 +76,7 @@ def calibrate(
 
     Raises
     ------
-    dic.calibration.bundle.Undetermined
+    dic.calibration.rig_state.Undetermined
         If the pictures cannot determine what is asked for.
     ValueError
         Lengths that do not agree, or an unknown distortion model.

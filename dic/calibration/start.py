@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from dic.calibration.bundle import Pose, Rig, Undetermined, residuals
 from dic.calibration.projection import View, seen
+from dic.calibration.rig_state import Pose, Rig, Undetermined, residuals
 from dic.camera import Camera
 from dic.opencv import cv2
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration.bundle import Rig
 from dic.calibration.projection import View, seen
 from dic.calibration.result import PairView
+from dic.calibration.rig_state import Rig
 from dic.calibration.targets.base import Detection, Target
 
 

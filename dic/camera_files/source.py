@@ -11,7 +11,7 @@ import numpy as np
 
 from dic.arrays import FloatArray
 from dic.camera import Camera
-from dic.files import regular
+from dic.files import one_line, regular
 
 LARGEST = 16 * 2**20
 """Bytes that a camera file may have; a project of ten thousand pictures has one."""
@@ -27,7 +27,7 @@ class CameraFileError(ValueError):
 
     def __init__(self, path: Path | str, what: str, *, line: int | None = None, cure: str = "") -> None:
         where = f"{path}" if line is None else f"{path}, line {line}"
-        super().__init__(f"{where}: {what}" + (f"; {cure}" if cure else ""))
+        super().__init__(one_line(f"{where}: {what}" + (f"; {cure}" if cure else "")))
         self.path, self.line, self.what, self.cure = Path(path), line, what, cure
 
 

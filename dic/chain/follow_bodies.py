@@ -1,9 +1,12 @@
 """Tracking of specimen and flyer through both series; the flyer's displacement and poses."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from dic.bodies.carried_region import carry_region
-from dic.bodies.follow import Progress, TrackedBody, follow_body, material_frame
+from dic.bodies.follow import Progress, TrackedBody, follow_bodies
+from dic.bodies.matched import MatchedBody, match_body, material_frame
 from dic.bodies.region import Region
 from dic.chain.inspect_images import Inputs
 from dic.chain.settings import ChainError
@@ -16,27 +19,28 @@ from dic.rigid_body.rest_from_rim import RestGeometry
 from dic.tracking import Tracking
 
 
-def follow_specimen(inputs: Inputs, region: Region, progress: Progress | None) -> TrackedBody:
-    """The specimen through both series; errors as `dic.bodies.follow.follow_body`."""
-    return _follow(inputs, region, "specimen", inputs.settings.tracking, progress)
+def match_specimen(inputs: Inputs, region: Region) -> MatchedBody:
+    """The specimen's points matched between the cameras; errors as `dic.bodies.follow.follow_body`."""
+    return _matched(inputs, region, "specimen", inputs.settings.tracking)
 
 
-def follow_flyer(inputs: Inputs, region: Region, progress: Progress | None) -> TrackedBody:
-    """The flyer through both series; errors as `dic.bodies.follow.follow_body`."""
-    return _follow(inputs, region, "flyer", inputs.settings.rigid, progress, rigid=True)
+def match_flyer(inputs: Inputs, region: Region) -> MatchedBody:
+    """The flyer's points matched between the cameras; errors as `dic.bodies.follow.follow_body`."""
+    return _matched(inputs, region, "flyer", inputs.settings.rigid, rigid=True)
 
 
-def _follow(
-    inputs: Inputs,
-    region: Region,
-    name: str,
-    tracking: Tracking,
-    progress: Progress | None,
-    *,
-    rigid: bool = False,
-) -> TrackedBody:
+def follow(
+    inputs: Inputs, bodies: Sequence[MatchedBody], progress: Progress | None = None
+) -> list[TrackedBody]:
+    """The bodies through both series."""
+    return follow_bodies(bodies, inputs.rig, inputs.settings.stereo, progress=progress)
+
+
+def _matched(
+    inputs: Inputs, region: Region, name: str, tracking: Tracking, *, rigid: bool = False
+) -> MatchedBody:
     settings = inputs.settings
-    return follow_body(
+    return match_body(
         inputs.pictures,
         inputs.rig,
         usable_region(inputs, region, name),
@@ -49,7 +53,6 @@ def _follow(
         rigid=rigid,
         device=settings.device,
         name=name,
-        progress=progress,
     )
 
 

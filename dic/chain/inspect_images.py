@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dic.arrays import BoolArray, FloatArray, IntArray
-from dic.bodies.follow import material_frame
+from dic.bodies.matched import material_frame
 from dic.bodies.region import Region, grid_points, polygon_mask
 from dic.camera import StereoRig
 from dic.chain.settings import ChainError, ChainSettings

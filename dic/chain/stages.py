@@ -1,25 +1,26 @@
-"""Stages of the measurement in order, with their wall time. The flyer's run beside the specimen's, on a
-thread of their own."""
+"""Stages of the measurement in order, with their wall time. The two cameras are followed side by side, and
+the flyer's motion is found beside the specimen's surface (`dic.forks`)."""
 
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from time import perf_counter
 from typing import Any, TypeVar
 
 from dic.arrays import BoolArray, FloatArray
 from dic.bodies.follow import Progress
+from dic.bodies.matched import MatchedBody
 from dic.bodies.region import Region
 from dic.camera import StereoRig
 from dic.chain import remarks
 from dic.chain.facts import facts_of, speckles_of
-from dic.chain.follow_bodies import displacement_of, follow_flyer, follow_specimen, poses_of
-from dic.chain.inspect_images import check_cameras, inspect_images
+from dic.chain.follow_bodies import displacement_of, follow, match_flyer, match_specimen, poses_of
+from dic.chain.inspect_images import Inputs, check_cameras, inspect_images
 from dic.chain.outliers import gate_ends, gate_epipolar, gate_residual, gate_surface
 from dic.chain.reduce import outline_of, strains_of, surface_of, surface_of_flyer
 from dic.chain.settings import ChainError, ChainSettings
 from dic.chain.test_frame import fit_test_frame
 from dic.chain.travel_checks import of_travel
+from dic.forks import beside
 from dic.images import Pictures
 from dic.result import StereoResult
 from dic.stereo.setup_check import check_setup
@@ -37,15 +38,28 @@ class Clock:
 
     def __call__(self, stage: str, work: Callable[[], Result]) -> Result:
         """Do the work of a stage; what it raises, it raises, and has no time."""
-        started = perf_counter()
-        result = work()
-        self.seconds[stage] = perf_counter() - started
+        return self.of(stage, timed(work))
+
+    def of(self, stage: str, done: tuple[Result, float]) -> Result:
+        """Result of a stage that `timed` did."""
+        result, self.seconds[stage] = done
         return result
 
 
-VERSION = 17
+def timed(work: Callable[..., Result], *given: Any) -> tuple[Result, float]:
+    """Result of work, and its wall time [s]."""
+    started = perf_counter()
+    return work(*given), perf_counter() - started
+
+
+VERSION = 18
 """Raised when the same pictures and settings give other numbers: results kept from before are made
 anew."""
+
+
+def _matched(inputs: Inputs, specimen: Region, flyer: Region | None) -> list[MatchedBody]:
+    """The bodies that are to be followed, the specimen first."""
+    return [match_specimen(inputs, specimen), *([] if flyer is None else [match_flyer(inputs, flyer)])]
 
 
 def measure(
@@ -99,30 +113,23 @@ def measure(
         "inspection of the pictures", lambda: inspect_images(pictures, rig, settings, t=t, static=static)
     )
     findings = clock("cameras", lambda: check_cameras(inputs, specimen))
-    with ThreadPoolExecutor(1) as worker:  # the flyer's work waits for the specimen in two places only
-        flyer_later = None
-        if flyer is not None:
-            flyer_later = worker.submit(clock, "flyer", partial(follow_flyer, inputs, flyer, progress))
-        try:
-            body = clock("specimen", lambda: follow_specimen(inputs, specimen, progress))
-            tracked_flyer = None if flyer_later is None else flyer_later.result()
-            rest_state = clock("test frame", partial(fit_test_frame, inputs, body, tracked_flyer))
-        except ChainError as error:
-            said = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]
-            raise ChainError("; ".join(said)) from error
-        placement, rest = rest_state.placement, rest_state.rest
-        axial_later = worker.submit(
-            clock, "flyer's displacement", lambda: displacement_of(inputs, tracked_flyer, placement)
-        )
+    try:
+        matched = clock("match between the cameras", lambda: _matched(inputs, specimen, flyer))
+        body, *others = clock("tracking", lambda: follow(inputs, matched, progress))
+        tracked_flyer = others[0] if others else None
+        rest_state = clock("test frame", partial(fit_test_frame, inputs, body, tracked_flyer))
+    except ChainError as error:
+        said = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]
+        raise ChainError("; ".join(said)) from error
+    placement, rest = rest_state.placement, rest_state.rest
+    with beside(partial(timed, displacement_of, inputs, tracked_flyer, placement)) as axial_later:
         in_time = clock(
             "synchronisation of the cameras", partial(check_setup, rig, *body.reconstruction.pixels)
         )
-        body = gate_epipolar(inputs, body, rest_state)
+        body = clock("gates", partial(gate_epipolar, inputs, body, rest_state))
         flyer_surface = surface_of_flyer(inputs, tracked_flyer, placement)
-        axial = axial_later.result()
-        motion_later = worker.submit(
-            clock, "flyer's poses", lambda: poses_of(inputs, tracked_flyer, placement, axial)
-        )
+        axial = clock.of("flyer's displacement", axial_later())
+    with beside(partial(timed, poses_of, inputs, tracked_flyer, placement, axial)) as motion_later:
         body = gate_ends(inputs, body, rest_state, axial)
         body = gate_residual(body)  # one by one: each holds the places of all points anew
         body = gate_surface(body, rest_state)
@@ -131,7 +138,8 @@ def measure(
         del body  # its tracks are as large as all that follows
         centre, uncertain = outline_of(surface, settings)
         strain = clock("strains", lambda: strains_of(surface, settings))
-        motion, unposed = motion_later.result()
+        speckle = clock("speckles", lambda: speckles_of(inputs, surface, rest))
+        motion, unposed = clock.of("flyer's poses", motion_later())
     found = {finding.fault: finding for finding in (*in_time, *findings)}
     return StereoResult(
         t=t,
@@ -160,7 +168,7 @@ def measure(
         facts={
             **(facts or {}),
             **facts_of(inputs),
-            "speckle": clock("speckles", lambda: speckles_of(inputs, surface, rest)),
+            "speckle": speckle,
         },
         seconds=clock.seconds,
         motion=motion,

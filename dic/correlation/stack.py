@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,8 @@ class PictureStack:
     """Of the quintic B-splines, fp32, with mirrored margins; arrays of the device."""
     addresses: Any
     """Start of each picture's on the device, an array of it."""
+    noise_on_device: Any
+    """Variance in the dark and gain of each picture, side by side, an array of the device."""
 
     @property
     def memory(self) -> int:
@@ -113,14 +116,16 @@ class PictureStack:
         if len(given) != len(planes):
             raise ValueError(f"noise must be one value or {len(planes)}, one a picture; got {len(given)}")
         coefficients = tuple(planes)
+        greys = tuple(value if isinstance(value, Noise) else Noise(float(value)) for value in given)  # type: ignore[arg-type]
         return cls(
             n_pictures=len(planes),
             shape=shape,
-            noise=tuple(value if isinstance(value, Noise) else Noise(float(value)) for value in given),  # type: ignore[arg-type]
+            noise=greys,
             prefilter=prefilter,
             device=device,
             coefficients=coefficients,
             addresses=device_pictures.addresses(coefficients),
+            noise_on_device=_on_device(greys, device),
         )
 
     @classmethod
@@ -139,12 +144,20 @@ class PictureStack:
             return stacks[0]
         shape, prefilter, device = kinds.pop()
         coefficients = tuple(part for stack in stacks for part in stack.coefficients)
+        greys = tuple(noise for stack in stacks for noise in stack.noise)
         return cls(
             n_pictures=sum(stack.n_pictures for stack in stacks),
             shape=shape,
-            noise=tuple(noise for stack in stacks for noise in stack.noise),
+            noise=greys,
             prefilter=prefilter,
             device=device,
             coefficients=coefficients,
             addresses=device_pictures.addresses(coefficients),
+            noise_on_device=_on_device(greys, device),
         )
+
+
+@lru_cache(maxsize=64)
+def _on_device(noise: tuple[Noise, ...], device: str) -> Any:
+    values = np.array([(grey.floor**2, grey.gain) for grey in noise]).reshape(-1)
+    return device_pictures.uploaded(values, device)

@@ -2,11 +2,14 @@
 before anything is allocated."""
 
 import operator
+from functools import partial
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
+
+from dic.files import one_line
 
 
 class PictureError(ValueError):
@@ -17,8 +20,11 @@ class PictureError(ValueError):
 
     def __init__(self, path: Path | str, what: str, *, frame: int | None = None, cure: str = "") -> None:
         where = f"{path}" if frame is None else f"{path}, frame {frame}"
-        super().__init__(f"{where}: {what}" + (f"; {cure}" if cure else ""))
+        super().__init__(one_line(f"{where}: {what}" + (f"; {cure}" if cure else "")))
         self.path, self.frame, self.what, self.cure = Path(path), frame, what, cure
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(type(self), frame=self.frame, cure=self.cure), (self.path, self.what)
 
 
 class PictureSizeError(PictureError):

@@ -85,7 +85,8 @@ def consistent_frames(
 
     As a body comes into view a few of its points may agree on a wrong place. From the frame with most points
     back to rest, a frame farther than `distance` [m], or half a step, from the line through the next is left
-    out.
+    out. The body came to speed after it rested: a static frame is left out where it is farther than
+    `distance` beyond the line, or on the other side of the frame next to it.
     """
     fine = [True] * len(rows)
     if not rows:
@@ -94,14 +95,33 @@ def consistent_frames(
     kept = [best]
     for i in range(best - 1, -1, -1):
         after = kept[-6:]
-        if len(after) >= 3 and not static[rows[i]]:
+        if len(after) >= 3:
             at, y = np.array([rows[k] for k in after]), np.array([found[k] for k in after])
             speed = float(np.median(np.diff(y) / np.diff(at)))
-            off = found[i] - float(np.median(y + speed * (rows[i] - at)))
-            fine[i] = abs(off) <= max(distance, 0.5 * abs(speed))
+            if static[rows[i]]:
+                fine[i] = at_rest_before(found[i] - y[-1], speed * (rows[i] - at[-1]), distance)
+            else:
+                off = found[i] - float(np.median(y + speed * (rows[i] - at)))
+                fine[i] = abs(off) <= max(distance, 0.5 * abs(speed))
         if fine[i]:
             kept.append(i)
     return fine
+
+
+def at_rest_before(change: float, most: float, distance: float) -> bool:
+    """Whether a body can have rested where a static frame shows it.
+
+    Parameters
+    ----------
+    change
+        From its place in the next frame that shows it to that in the static frame [m].
+    most
+        The same if it had its later speed all the way [m].
+    distance
+        What either may be off by [m].
+    """
+    low, high = min(most, 0.0), max(most, 0.0)
+    return low - distance <= change <= high + distance
 
 
 def _in_view(

@@ -21,8 +21,10 @@ FEWEST = 5
 BORDER = 1
 """Outermost pixels that are not matched: what filtered a picture did it there from one side only. A first row
 that is off by a tenth of a pixel moves a subset of which five rows are in view by a fiftieth."""
-SEARCHED = (0.0, 1.5, -1.5, 3.0, -3.0, 5.0, -5.0)
-"""Steps along the last motion, or along each axis, that are tried when the prediction finds too few [px]."""
+SEARCHED = (1.5, -1.5, 3.0, -3.0, 5.0, -5.0)
+"""Steps along each axis that are tried when the prediction finds too few [px]."""
+MOST_TOGETHER = 4096
+"""Points that are matched in one launch from several of these places."""
 
 
 def track_rigid(
@@ -144,21 +146,12 @@ def _step(
     predicted: FloatArray,
 ) -> FloatArray | None:
     """Find the points in one frame; the body's motion since the reference, None if they agree on none."""
-    best = None
-    for off in SEARCHED:
-        for axis in (1, 0) if off else (0,):
-            guess = root.copy()
-            guess[:, :2] += predicted + off * np.eye(2)[axis]
-            match = _nothing(guess)
-            # in most frames of a body that is still to come, no point is in view
-            rows = np.flatnonzero(_in_view(points, guess, here.shape, settings))
-            if rows.size:
-                part = correlate(
-                    stack, here, points[rows], guess[rows], settings, reference_warp=root[rows], mask=mask,
-                    templates=templates, template_rows=rows,
-                )  # fmt: skip
-                for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
-                    getattr(match, name)[rows] = getattr(part, name)
+    beside = [predicted + off * np.eye(2)[axis] for off in SEARCHED for axis in (1, 0)]
+    best, matches = None, _matches(stack, here, points, root, [predicted], settings, mask, templates)
+    for k in range(1 + len(SEARCHED)):
+        if k == 1:  # the prediction failed: all other places at once
+            matches = _matches(stack, here, points, root, beside, settings, mask, templates)
+        for match in matches[2 * k - 2 : 2 * k] if k else matches:
             fine = match.outcome == PointOutcome.VALID
             move = match.warp[:, :2] - root[:, :2]
             if fine.any():
@@ -178,6 +171,43 @@ def _step(
     found.warp[frame], found.zncc[frame], found.outcome[frame] = match.warp, match.zncc, outcome
     found.covariance[frame] = match.covariance + common
     return np.asarray(middle) if agree.any() else None
+
+
+def _matches(
+    stack: PictureStack,
+    here: PictureStack,
+    points: FloatArray,
+    root: FloatArray,
+    moves: list[FloatArray],
+    settings: Correlation,
+    mask: BoolArray | None,
+    templates: Templates | None,
+) -> list[Match]:
+    """The match that begins with each of some motions of the body [px], in as few launches as may be."""
+    guesses, rows = [], []
+    for move in moves:
+        guess = root.copy()
+        guess[:, :2] += move
+        guesses.append(guess)
+        # in most frames of a body that is still to come, no point is in view
+        rows.append(np.flatnonzero(_in_view(points, guess, here.shape, settings)))
+    found = [_nothing(guess) for guess in guesses]
+    each = max(1, MOST_TOGETHER // len(points))
+    for first in range(0, len(moves), each):
+        some = range(first, min(first + each, len(moves)))
+        of = np.concatenate([rows[k] for k in some])
+        if not of.size:
+            continue
+        part = correlate(
+            stack, here, points[of], np.concatenate([guesses[k][rows[k]] for k in some]), settings,
+            reference_warp=root[of], mask=mask, templates=templates, template_rows=of,
+            threads=None if len(some) == 1 else 1,  # two that fill the template of one point would collide
+        )  # fmt: skip
+        ends = np.cumsum([0, *(rows[k].size for k in some)])
+        for k, begin, end in zip(some, ends[:-1], ends[1:], strict=True):
+            for name in ("warp", "covariance", "zncc", "iterations", "outcome"):
+                getattr(found[k], name)[rows[k]] = getattr(part, name)[begin:end]
+    return found
 
 
 def _in_view(

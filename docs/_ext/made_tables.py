@@ -9,9 +9,10 @@ registry of the solver, ``<!-- causes kolsky -->`` the inputs that are tried as 
 ``<!-- wrong NAME -->`` the table of a study of wrong inputs, ``<!-- budget NAME -->`` that of an error
 budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` and ``<!--
 changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->`` shots and their mean,
-``<!-- coverage NAME -->`` a study of coverage, ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and
-``<!-- fuzzed NAME -->`` what damage and kills have done: benchmarks/results/NAME.json. Anywhere in a line,
-``<!-- names laws -->`` becomes their names.
+``<!-- coverage NAME -->`` a study of coverage, ``<!-- equilibria NAME -->`` times of equilibria,
+``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` what damage and kills have
+done: benchmarks/results/NAME.json, ``<!-- named inputs -->`` inputs that were once answered wrongly
+(tests/fuzz/named.py). Anywhere in a line, ``<!-- names laws -->`` becomes their names.
 """
 
 import ast
@@ -271,6 +272,14 @@ def coverage(name: str) -> str:
     return _not_yet(name) if made is None else table(made)
 
 
+def equilibria(name: str) -> str:
+    """Times of equilibria, as `benchmarks.implicit` measured them."""
+    from benchmarks.implicit_table import table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else table(made)
+
+
 def killed(name: str) -> str:
     """Killed commands, as `benchmarks.kills` prints them."""
     from benchmarks.kills import table
@@ -300,7 +309,17 @@ def fuzzed(name: str) -> str:
     return "\n".join(lines)
 
 
+def named(what: str) -> str:
+    """Inputs that were once answered wrongly, each with what tries it."""
+    from tests.fuzz.named import table
+
+    if what != "inputs":
+        raise KeyError(what)
+    return table()
+
+
 TABLES = {
+    "named": named,
     "killed": killed,
     "soaked": soaked,
     "fuzzed": fuzzed,
@@ -308,6 +327,7 @@ TABLES = {
     "changes": changes,
     "pooled": pooled,
     "coverage": coverage,
+    "equilibria": equilibria,
     "budget": budget,
     "drawn": drawn,
     "causes": causes,

@@ -63,7 +63,7 @@ class Relaxing:
         added = np.matmul(self._deformation(state.u), self._known())
         m, g = geometry.volumes.shape
         weighted = added.reshape(m, g, 9) * geometry.volumes[..., None]
-        known = element_forces(geometry.E, weighted).reshape(m, -1)
+        known = element_forces(geometry.T, weighted).reshape(m, -1)
         return np.asarray(self.gain.sum() * state.points.forces + known)
 
     def stiffness(self, elastic: FloatArray) -> FloatArray:

@@ -68,7 +68,13 @@ class Body:
             pressure, curvature = self.field.pressures(state.points.J)
         thickness = state.points.thickness
         points = self.points.evaluate(
-            at, self.rows, tangent=True, single=single, pressure=pressure, thickness=thickness
+            at,
+            self.rows,
+            tangent=True,
+            forces=False,
+            single=single,
+            pressure=pressure,
+            thickness=thickness,
         )
         stiffness = points.stiffness
         assert stiffness is not None
@@ -102,7 +108,7 @@ class Body:
 
     def element_forces_by_parameters(self, state: BodyState) -> FloatArray:
         """The same of each element, by the constants of its region, shape [m, n_parameters, k d]."""
-        points, E, volumes = self.points, self.points.geometry.E, self.points.geometry.volumes
+        points, T, volumes = self.points, self.points.geometry.T, self.points.geometry.volumes
         at = state.u.reshape(-1, self.model.dimension)
         by_row = points.stress_by_row(at, self.rows, state.points.thickness)
         by_row = _kept(by_row, state, self.model.kinematics)
@@ -110,10 +116,10 @@ class Body:
         if self.field is not None:
             by_parameter = by_parameter + self.field.stress_by_parameters(state.points)
         weighted = np.moveaxis(by_parameter * volumes[..., None, None], 3, 2)
-        m, _g, k, _columns = E.shape
+        m, _g, _columns, k = T.shape
         count, d = weighted.shape[2], self.model.dimension
         # the constants stand beside the components: one product of matrices for all
-        found = element_forces(E, weighted.reshape(*weighted.shape[:2], -1)).reshape(m, k, count, d)
+        found = element_forces(T, weighted.reshape(*weighted.shape[:2], -1)).reshape(m, k, count, d)
         return np.moveaxis(found, 2, 1).reshape(m, count, k * d)
 
     def _row_jacobians(self) -> FloatArray:

@@ -8,37 +8,38 @@ CHUNK = 60_000
 """Numbers of an intermediate array held at once, so that it stays in a core's cache."""
 
 
-def element_forces(E: FloatArray, weighted: FloatArray) -> FloatArray:
+def element_forces(T: FloatArray, weighted: FloatArray) -> FloatArray:
     """Sum over the points of E and P dV: forces of each element [N], shape [m, k, d].
 
     Parameters
     ----------
-    E
-        Gradients [1/m], shape [m, g, k, D].
+    T
+        Gradients [1/m] as `implicit.integration.geometry.Geometry.T`, shape [m, g, D, k].
     weighted
         P times the point's volume [N m], shape [m, g, d D].
     """
-    m, g, columns = E.shape[0], E.shape[1], E.shape[3]
-    values = np.moveaxis(weighted.reshape(m, g, -1, columns), 2, 3)  # [m, g, D, d]
-    return np.matmul(E, values).sum(axis=1)
+    m, g, columns, k = T.shape
+    values = np.swapaxes(weighted.reshape(m, g, -1, columns), 2, 3)  # [m, g, D, d]
+    of_points = np.ascontiguousarray(values).reshape(m, g * columns, -1)
+    return np.matmul(np.swapaxes(T.reshape(m, g * columns, k), 1, 2), of_points)
 
 
-def element_stiffness(E: FloatArray, weighted: FloatArray) -> FloatArray:
+def element_stiffness(T: FloatArray, weighted: FloatArray) -> FloatArray:
     """Sum over the points of E A dV E: stiffness of each element [N/m], shape [m, k d, k d].
 
     A is symmetric, so blocks (i, j) with i > j are transposes. `weighted` is A times the point's volume,
-    shape [m, g, d D, d D]; the result has the precision of E.
+    shape [m, g, d D, d D]; the result has the precision of T, shape [m, g, D, k].
     """
-    m, g, k, columns = E.shape
+    m, g, columns, k = T.shape
     d = weighted.shape[-1] // columns
-    K = np.empty((m, k, d, k, d), dtype=E.dtype)
+    K = np.empty((m, k, d, k, d), dtype=T.dtype)
     size = max(1, CHUNK // (g * k * columns))
     for start in range(0, m, size):
         part = slice(start, start + size)
-        of_points = np.ascontiguousarray(np.swapaxes(E[part], 2, 3))  # [., g, D, k]
+        of_points = T[part]
         n = len(of_points)
         left = np.swapaxes(of_points.reshape(n, g * columns, k), 1, 2)
-        A = weighted[part].astype(E.dtype, copy=False).reshape(n, g, d * columns, d, columns)
+        A = weighted[part].astype(T.dtype, copy=False).reshape(n, g, d * columns, d, columns)
         for j in range(d):
             right = np.matmul(A[:, :, : (j + 1) * columns, j], of_points)  # [., g, (i, J), k]
             for i in range(j + 1):

@@ -1,6 +1,7 @@
 """Gradients and volumes of the Gauss points in the undeformed mesh."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -20,6 +21,11 @@ class Geometry:
     """Shape functions at the Gauss points [-], shape [g, k]."""
     points: FloatArray
     """The Gauss points in the element's coordinates [-], shape [g, d]."""
+
+    @cached_property
+    def T(self) -> FloatArray:
+        """The gradients with the points of the element last [1/m], shape [m, g, D, k]."""
+        return np.ascontiguousarray(np.swapaxes(self.E, 2, 3))
 
     @property
     def places(self) -> int:

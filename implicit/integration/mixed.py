@@ -63,10 +63,10 @@ class MixedField:
 
     def stiffness(self, H: FloatArray, curvature: FloatArray) -> FloatArray:
         """The part of the element stiffness that the volume ratio adds [N/m], shape [m, k d, k d]."""
-        E, m = self.geometry.E, len(H)
+        T, m = self.geometry.T, len(H)
         C = np.stack(
             [
-                element_forces(E, H * self.weighted[..., n, None]).reshape(m, -1)
+                element_forces(T, H * self.weighted[..., n, None]).reshape(m, -1)
                 for n in range(self.phi.shape[1])
             ],
             axis=1,

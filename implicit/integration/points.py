@@ -23,7 +23,7 @@ class PointState:
     P: FloatArray
     """First Piola-Kirchhoff stress, the pairs (i, J) in rows [Pa], shape [m, g, d D]."""
     forces: FloatArray
-    """Forces of each element [N], shape [m, k d]."""
+    """Forces of each element [N], shape [m, k d], or [0, 0] if they were not asked for."""
     stiffness: FloatArray | None
     """Its stiffness at fixed pressures [N/m], shape [m, k d, k d], if a tangent was asked for."""
     H: FloatArray
@@ -34,6 +34,10 @@ class PointState:
     """Strain energy density without the volumetric part of a mixed model [Pa], shape [m, g]."""
     thickness: FloatArray
     """Thickness stretch of plane stress [-], else 1, shape [m, g]."""
+
+
+Sums = tuple[FloatArray, FloatArray | None]
+"""Forces and stiffness of each element."""
 
 
 class Points:
@@ -62,7 +66,7 @@ class Points:
 
     @cached_property
     def _none(self) -> tuple[Any, ...]:
-        return tuple(self._zeros((0,) * n) for n in (2, 3, 4))
+        return tuple(self._zeros((0,) * n) for n in (2, 3))
 
     def _zeros(self, shape: tuple[int, ...]) -> Any:
         return wp.zeros(shape, dtype=wp.float64, device=self.device)
@@ -90,6 +94,7 @@ class Points:
         rows: FloatArray,
         *,
         tangent: bool,
+        forces: bool = True,
         single: bool = False,
         pressure: FloatArray | None = None,
         thickness: FloatArray | None = None,
@@ -104,6 +109,8 @@ class Points:
             What `rows` gave.
         tangent : bool
             Whether the stiffness is wanted.
+        forces : bool
+            Whether the forces are.
         single : bool
             Whether the stiffness is summed in single precision.
         pressure : array, shape [m, g], optional
@@ -112,47 +119,52 @@ class Points:
             Thickness stretch to start from in plane stress [-].
         """
         (m, g), n = self.shape, self.d * self.columns
-        kernel = point_kernel(self.functions, self.model.kinematics, mixed=self.mixed)
-        two, three, four = self._none
+        short = single and not self.device.is_cuda
+        kernel = point_kernel(self.functions, self.model.kinematics, mixed=self.mixed, single=short)
+        two, three = self._none
         stretch = self._put(np.ones((m, g)) if thickness is None else thickness)
         P, J, W = self._zeros((m, g, n)), self._zeros((m, g)), self._zeros((m, g))
-        A = self._zeros((m, g, n, n)) if tangent else four
+        kind = wp.float32 if short else wp.float64
+        A: Any = wp.empty((m, g, n, n) if tangent else (0,) * 4, dtype=kind, device=self.device)
         H = self._zeros((m, g, n)) if self.mixed or self.model.kinematics == "plane_stress" else three
         p = self._put(pressure) if pressure is not None else two
+        given = [self._put(u), self.cells, self.E]
         wp.launch(
             kernel,
             (m, g),
-            inputs=[self._put(u), self.cells, self.E, self._put(rows), p, stretch, int(tangent)],
+            inputs=[*given, self._put(rows), p, self._volumes, stretch, int(tangent)],
             outputs=[P, A, H, J, W],
             device=self.device,
         )
-        forces, stiffness = (self._on_device if self.device.is_cuda else self._by_blas)(P, A, tangent, single)
-        return PointState(P.numpy(), forces, stiffness, H.numpy(), J.numpy(), W.numpy(), stretch.numpy())
+        sums = self._on_device if self.device.is_cuda else self._by_blas
+        summed, stiffness = sums(P, A, forces=forces, tangent=tangent, single=single)
+        return PointState(P.numpy(), summed, stiffness, H.numpy(), J.numpy(), W.numpy(), stretch.numpy())
 
     @cached_property
     def _single(self) -> FloatArray:
-        return self.geometry.E.astype(np.float32)
+        return self.geometry.T.astype(np.float32)
 
-    def _by_blas(self, P: Any, A: Any, tangent: bool, single: bool) -> tuple[FloatArray, FloatArray | None]:
-        E, volumes = self.geometry.E, self.geometry.volumes
-        forces = element_forces(E, P.numpy() * volumes[..., None]).reshape(len(E), -1)
-        if not tangent:
-            return forces, None
-        E = self._single if single else E
-        return forces, element_stiffness(E, A.numpy() * volumes[..., None, None])
+    def _by_blas(self, P: Any, A: Any, *, forces: bool, tangent: bool, single: bool) -> Sums:
+        T, volumes = self.geometry.T, self.geometry.volumes
+        summed, stiffness = np.zeros((0, 0)), None
+        if forces:
+            summed = element_forces(T, P.numpy() * volumes[..., None]).reshape(len(T), -1)
+        if tangent:
+            stiffness = element_stiffness(self._single if single else T, A.numpy())
+        return summed, stiffness
 
-    def _on_device(self, P: Any, A: Any, tangent: bool, single: bool) -> tuple[FloatArray, FloatArray | None]:
+    def _on_device(self, P: Any, A: Any, *, forces: bool, tangent: bool, single: bool) -> Sums:
         m, k = self.model.mesh.cells.shape
-        forces = self._zeros((m, k * self.d))
-        kernel = force_kernel(self.d, self.columns)
-        given = [self.E, self._volumes]
-        wp.launch(kernel, (m, k), inputs=[*given, P], outputs=[forces], device=self.device)
-        if not tangent:
-            return forces.numpy(), None
-        stiffness = self._zeros((m, k * self.d, k * self.d))
-        kernel = stiffness_kernel(self.d, self.columns)
-        wp.launch(kernel, (m, k, k), inputs=[*given, A], outputs=[stiffness], device=self.device)
-        return forces.numpy(), stiffness.numpy().astype(np.float32 if single else np.float64, copy=False)
+        summed, stiffness = self._zeros((m, k * self.d) if forces else (0, 0)), None
+        if forces:
+            kernel, given = force_kernel(self.d, self.columns), [self.E, self._volumes, P]
+            wp.launch(kernel, (m, k), inputs=given, outputs=[summed], device=self.device)
+        if tangent:
+            whole = self._zeros((m, k * self.d, k * self.d))
+            kernel = stiffness_kernel(self.d, self.columns)
+            wp.launch(kernel, (m, k, k), inputs=[self.E, A], outputs=[whole], device=self.device)
+            stiffness = whole.numpy().astype(np.float32 if single else np.float64, copy=False)
+        return summed.numpy(), stiffness
 
     def stress_by_row(self, u: FloatArray, rows: FloatArray, thickness: FloatArray) -> FloatArray:
         """Derivatives of the full 3 x 3 P by the numbers of the kernels' row at fixed deformation, by the

@@ -24,6 +24,9 @@ class Factors(Protocol):
 class LinearSolver(Protocol):
     """Factorises sums of element matrices of one mesh."""
 
+    worth: int
+    """Solutions that take about the time of a factorisation."""
+
     def factors(self, elements: FloatArray, *, symmetric: bool) -> Factors:
         """Factorise the sum of element matrices [N/m] of shape [m, k d, k d].
 

@@ -8,7 +8,6 @@ boundary, which belong to its ancestors (Duff and Reid 1983; George 1973).
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -25,17 +24,15 @@ class Front:
     cells: IntArray
     """Cells that are assembled here (of a leaf; none of others)."""
     local: IntArray
-    """Place in the front of each component of those cells, the last for held ones, shape [., k d]."""
+    """Place in the front of each component of those cells, beyond the last for held ones, shape [., k d]."""
     unknowns: IntArray
     """Unknowns of the front, the eliminated ones first, then the boundary in the order of elimination."""
     eliminated: int
     """How many are eliminated here."""
     children: tuple[int, ...]
     """Fronts that are added here."""
-    runs: tuple[list[tuple[int, int, int]], ...]
-    """Of the boundary of each child, runs of unknowns that are neighbours here too, all eliminated or none:
-    where a run starts there, where here, and its length."""
-
+    places: tuple[IntArray, ...]
+    """Places here of the boundary of each child, in rising order."""
     start: int
     """Where the eliminated ones begin in the order of elimination."""
     outside: IntArray
@@ -97,19 +94,11 @@ def dissect(centres: FloatArray, components: IntArray, count: int) -> list[Front
         place[unknowns] = np.arange(len(unknowns))
         place[-1] = len(unknowns)
         local = place[components[cells]]
-        runs = tuple(_runs(place[boundaries[c]], len(own)) for c in below)
+        places = tuple(place[boundaries[c]] for c in below)
         boundaries.append(outside)
         starts_at = int(starts[number])
-        fronts.append(Front(cells, local, unknowns, len(own), below, runs, starts_at, rank[outside]))
+        fronts.append(Front(cells, local, unknowns, len(own), below, places, starts_at, rank[outside]))
     return fronts
-
-
-def _runs(places: IntArray, eliminated: int) -> list[tuple[int, int, int]]:
-    if len(places) == 0:
-        return []
-    ends = (np.diff(places) != 1) | (places[1:] == eliminated)
-    starts = np.concatenate([[0], np.flatnonzero(ends) + 1, [len(places)]])
-    return [(int(a), int(places[a]), int(b - a)) for a, b in pairwise(starts)]
 
 
 def _bisect(

@@ -16,9 +16,10 @@ import numpy as np
 from scipy.linalg import get_blas_funcs, get_lapack_funcs
 
 from explicit.arrays import FloatArray, IntArray
+from implicit.linear.assembly import Assembled, Assembly, Blocks
 from implicit.linear.base import SingularError
 from implicit.linear.dissection import Front
-from implicit.linear.leaves import Blocks, leaves
+from implicit.linear.substitution import Substitution
 
 SMALLEST_PIVOT = {"d": 1e-13, "f": 1e-6}
 """Least pivot as a share of the diagonal's largest entry of the front, in double and single precision; below
@@ -39,7 +40,15 @@ class _IndefiniteError(ValueError):
 class Multifrontal:
     """A factorised matrix; see `implicit.linear.base.Factors`."""
 
-    def __init__(self, fronts: list[Front], elements: FloatArray, count: int, *, symmetric: bool) -> None:
+    def __init__(
+        self,
+        fronts: list[Front],
+        assembly: Assembly,
+        elements: FloatArray,
+        count: int,
+        *,
+        symmetric: bool,
+    ) -> None:
         """Factorise the sum of element matrices of shape [m, k d, k d], in their precision.
 
         Raises
@@ -52,11 +61,12 @@ class Multifrontal:
         self._kind = elements.dtype
         if symmetric:
             try:
-                self._blocks = _factorised(fronts, elements, _cholesky, lower=True)
+                self._blocks, assembled = _factorised(assembly, elements, _cholesky, lower=True)
+                self._substitution = Substitution(assembly, assembled)
                 return
             except _IndefiniteError:
                 self.positive = False
-        self._blocks = _factorised(fronts, elements, _lu, lower=False)
+        self._blocks, _ = _factorised(assembly, elements, _lu, lower=False)
 
     def solve(self, right: FloatArray) -> FloatArray:
         """See `implicit.linear.base.Factors`."""
@@ -67,6 +77,8 @@ class Multifrontal:
         return self._solve(right, transposed=not self.positive)
 
     def _solve(self, right: FloatArray, *, transposed: bool) -> FloatArray:
+        if self.positive and right.ndim == 1:
+            return self._solve_one(right)
         x = np.asarray(right, dtype=self._kind).reshape(self.count, -1)[self._order]
         forward, backward = (_forward, _backward) if self.positive else (_lu_forward, _lu_backward)
         if transposed:
@@ -81,46 +93,24 @@ class Multifrontal:
         found[self._order] = x
         return found.reshape(np.shape(right))
 
+    def _solve_one(self, right: FloatArray) -> FloatArray:
+        x = np.asarray(right, dtype=self._kind)[self._order]
+        self._substitution.solve(x)
+        found = np.empty(self.count)
+        found[self._order] = x
+        return found
+
 
 Eliminate = Callable[[Blocks], tuple[FloatArray, ...]]
 """Eliminates a front in place: what is kept of it. F22 becomes what is left for the parent."""
 
 
 def _factorised(
-    fronts: list[Front], elements: FloatArray, eliminate: Eliminate, *, lower: bool
-) -> list[tuple[FloatArray, ...]]:
-    """Factors of every front; `lower`: only lower triangles are filled in."""
-    kept: list[tuple[FloatArray, ...]] = []
-    updates: dict[int, FloatArray] = {}
-    assembled = leaves(fronts, elements, lower=lower)
-    for number, front in enumerate(fronts):
-        if front.children:
-            p, q = front.eliminated, front.left
-            shapes = ((p, p), (q, p), (p, 0 if lower else q), (q, q))
-            blocks: Any = tuple(np.zeros(shape, elements.dtype, order="F") for shape in shapes)
-            for child, runs in zip(front.children, front.runs, strict=True):
-                _add(blocks, updates.pop(child), runs, p, lower=lower)
-        else:
-            blocks = next(assembled)
-        kept.append(eliminate(blocks))
-        updates[number] = blocks[3]
-    return kept
-
-
-def _add(
-    blocks: Blocks, update: FloatArray, runs: list[tuple[int, int, int]], p: int, *, lower: bool
-) -> None:
-    """Add a child's matrix, run by run of neighbours in both; p unknowns are eliminated."""
-    F11, F21, F12, F22 = blocks
-    for k, (column, j, columns) in enumerate(runs):
-        for row, i, rows in runs[k:] if lower else runs:
-            part = update[row : row + rows, column : column + columns]
-            if j < p:
-                into = F11[i : i + rows] if i < p else F21[i - p : i - p + rows]
-                into[:, j : j + columns] += part
-            else:
-                into = F12[i : i + rows] if i < p else F22[i - p : i - p + rows]
-                into[:, j - p : j - p + columns] += part
+    assembly: Assembly, elements: FloatArray, eliminate: Eliminate, *, lower: bool
+) -> tuple[list[tuple[FloatArray, ...]], Assembled]:
+    """Factors of every front, and where they stand; `lower`: only lower triangles are filled in."""
+    assembled = assembly.start(elements, lower=lower)
+    return [eliminate(assembled.front(number)) for number in range(len(assembly.shapes))], assembled
 
 
 def _cholesky(blocks: Blocks) -> tuple[FloatArray, ...]:

@@ -15,6 +15,7 @@ from scipy.sparse.linalg import splu
 from explicit.arrays import FloatArray, IntArray
 from implicit.integration.pattern import Pattern
 from implicit.linear.amg import amg_factors
+from implicit.linear.assembly import Assembly
 from implicit.linear.base import Factors, LinearSolver, SingularError
 from implicit.linear.dissection import dissect
 from implicit.linear.multifrontal import Multifrontal
@@ -24,13 +25,18 @@ MANY = 300_000
 LARGEST = 8e9
 """Largest factors that "auto" keeps beyond them [bytes in double precision]; larger ones: "amg"."""
 
+DIRECT = 8
+"""Iterations with a kept tangent that take about the time of a factorisation; a multigrid's hierarchy takes
+less than a solution with it."""
+
 
 class MultifrontalSolver:
     """Fronts found once, factorised often."""
 
     def __init__(self, pattern: Pattern, centres: FloatArray) -> None:
         self.fronts = dissect(centres, pattern.index[pattern.dofs], pattern.count)
-        self.count = pattern.count
+        self.assembly = Assembly(self.fronts)
+        self.count, self.worth = pattern.count, DIRECT
 
     @property
     def bytes(self) -> float:
@@ -39,14 +45,21 @@ class MultifrontalSolver:
 
     def factors(self, elements: FloatArray, *, symmetric: bool) -> Factors:
         """See `implicit.linear.base.LinearSolver`."""
-        return Multifrontal(self.fronts, _finite(elements), self.count, symmetric=symmetric)
+        values = _finite(elements)
+        return Multifrontal(self.fronts, self.assembly, values, self.count, symmetric=symmetric)
 
 
 class SparseSolver:
     """A solver of matrices in CSR."""
 
-    def __init__(self, pattern: Pattern, factorise: Callable[[csr_array, bool, bool], Factors]) -> None:
-        self.pattern, self._factorise = pattern, factorise
+    def __init__(
+        self,
+        pattern: Pattern,
+        factorise: Callable[[csr_array, bool, bool], Factors],
+        *,
+        worth: int,
+    ) -> None:
+        self.pattern, self._factorise, self.worth = pattern, factorise, worth
 
     def factors(self, elements: FloatArray, *, symmetric: bool) -> Factors:
         """See `implicit.linear.base.LinearSolver`."""
@@ -109,11 +122,11 @@ def linear_solver(name: str, pattern: Pattern, points: FloatArray, cells: IntArr
             return direct
         name = "amg"
     if name == "superlu":
-        return SparseSolver(pattern, _SuperLU)
+        return SparseSolver(pattern, _SuperLU, worth=DIRECT)
     if name == "pardiso":
-        return SparseSolver(pattern, _Pardiso)
+        return SparseSolver(pattern, _Pardiso, worth=DIRECT)
     if name == "amg":
-        return SparseSolver(pattern, amg_factors(pattern, points))
+        return SparseSolver(pattern, amg_factors(pattern, points), worth=1)
     raise ValueError(f"linear must be one of auto, multifrontal, superlu, pardiso, amg, got {name!r}")
 
 

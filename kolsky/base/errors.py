@@ -4,6 +4,8 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
+from dic.files import one_line
+
 _LONGEST_VALUE = 80
 
 
@@ -103,11 +105,6 @@ def refuse(problems: list[InputError]) -> None:
         raise problems[0]
     if problems:
         raise InputErrors(problems)
-
-
-def one_line(text: str) -> str:
-    """The text with line breaks and other unprintable characters written as escapes."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def _shown(value: object) -> str:

@@ -3,17 +3,22 @@
 import gc
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from importlib.util import find_spec
 from multiprocessing import get_context, parent_process
+from pathlib import Path
 from threading import Thread
 from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-__all__ = ["infrequent_gc", "process_pool", "single_threaded_libraries"]
+from dic import following
+
+__all__ = ["infrequent_gc", "process_pool", "run_program", "single_threaded_libraries"]
 
 
 WORKER = "WORKER_NUMBER"
@@ -78,6 +83,33 @@ def process_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
         pool.shutdown(wait=True, cancel_futures=True)
         raise
     pool.shutdown(wait=True)
+
+
+def run_program(program: Path, *words: str, timeout: float) -> subprocess.CompletedProcess[str]:
+    """Run a Python file in a process of its own, which on Linux ends with this one however that ends.
+
+    Parameters
+    ----------
+    program
+        The file; it is run as `__main__`, and what stands beside it is not found by its imports.
+    words
+        What it finds in `sys.argv` behind its name.
+    timeout
+        Longest time that it may take [s].
+
+    Raises
+    ------
+    subprocess.TimeoutExpired
+        If it takes longer; it has been ended.
+    """
+    return subprocess.run(
+        [sys.executable, "-P", following.__file__, str(os.getpid()), str(program), *words],
+        capture_output=True,
+        timeout=timeout,
+        check=False,
+        encoding="utf-8",
+        env={**os.environ, "PYTHONIOENCODING": "utf-8"},
+    )
 
 
 def _start_worker(started: Any) -> None:

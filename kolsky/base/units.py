@@ -31,6 +31,9 @@ DIMENSIONS = {
 }
 """What this package measures: SI unit -> (dimension in words, an example)."""
 
+LARGEST = 1e30
+"""Largest size of a number that is read, in any unit, and the inverse of the smallest but zero: nothing that
+is measured is beyond, and squares and products of such numbers are finite."""
 LONGEST = 200
 """Longest text that is read as a quantity or a unit [characters]."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
@@ -110,7 +113,8 @@ def quantity(text: str, unit: str) -> float:
     Raises
     ------
     UnitError
-        If the text is not a number with a unit of that dimension, or is not finite.
+        If the text is not a number with a unit of that dimension, is not finite, or is larger than `LARGEST`
+        or closer to zero than its inverse and not zero.
     """
     if not isinstance(text, str):
         raise UnitError(text, "has no unit", unit)
@@ -128,6 +132,8 @@ def quantity(text: str, unit: str) -> float:
         raise UnitError(text, problem, unit) from None
     if not math.isfinite(value):
         raise UnitError(text, "is not a finite number", unit)
+    if value and not 1.0 / LARGEST <= abs(value) <= LARGEST:
+        raise UnitError(text, "has a size that nothing measured has", unit)
     return value
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from kolsky.base.errors import one_line
+from dic.files import one_line
 from kolsky.cli import texts
 from kolsky.cli.options import AsJson, HeaderLine
 

@@ -1,11 +1,13 @@
 """The commands of `kolsky` in the order of `--help`, and what the program does before any of them."""
 
 import errno
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from io import TextIOWrapper
+from threading import Timer
 from types import FrameType
 from typing import Annotated
 
@@ -113,6 +115,9 @@ LONGEST_PLACE = 300
 TOLD = 128
 """Exit code of a command that a signal ended, less the signal's number, as shells give it."""
 
+SOON = 0.05
+"""Time after which a signal is repeated whose exception was ignored [s]."""
+
 
 def _ending(told: list[int]) -> Callable[[int, FrameType | None], None]:
     """What a signal that ends the command does: an exception, so that every block removes what it left."""
@@ -126,6 +131,21 @@ def _ending(told: list[int]) -> Callable[[int, FrameType | None], None]:
     return end
 
 
+def _insist(told: list[int]) -> None:
+    """Repeat a signal whose exception Python ignored, as it does in a finaliser, and say nothing of that."""
+    ordinary = sys.unraisablehook
+
+    def ignored(what: "sys.UnraisableHookArgs") -> None:
+        if told and isinstance(what.exc_value, KeyboardInterrupt | SystemExit):
+            again = Timer(SOON, os.kill, (os.getpid(), told[0]))
+            again.daemon = True
+            again.start()
+        else:
+            ordinary(what)
+
+    sys.unraisablehook = ignored
+
+
 def main() -> None:
     """Entry point of the `kolsky` command."""
     for stream in (sys.stdout, sys.stderr):
@@ -133,6 +153,7 @@ def main() -> None:
             # A terminal without a character (± in an old code page) gets its escape, not a traceback.
             stream.reconfigure(errors="backslashreplace")
     told: list[int] = []
+    _insist(told)
     signal.signal(signal.SIGTERM, _ending(told))
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # a background job ignores it
         signal.signal(signal.SIGINT, _ending(told))

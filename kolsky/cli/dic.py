@@ -55,6 +55,7 @@ def dic(
     if (alone := measurement_file(shot)) is not None:
         _measure_alone(alone, out, device, started, formats, csv=csv, vtu=vtp, as_json=as_json)
         return
+    from dic.forks import forking
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import print_result, progress_bars, since
     from kolsky.shot.load import load_pictures
@@ -62,7 +63,7 @@ def dic(
 
     loaded = load_pictures(shot)
     folder = usable_folder(out or loaded.folder / "results")
-    with progress_bars() as progress:
+    with progress_bars() as progress, forking():
         began = perf_counter()
         found = surfaces(loaded.pictures, folder, device=device, again=again, progress=progress)
     result, now = found.result, perf_counter()
@@ -98,13 +99,14 @@ def _measure_alone(
     as_json: bool,
 ) -> None:
     """The measurement that a dic.toml describes."""
+    from dic.forks import forking
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import print_result, progress_bars, since
     from kolsky.shot.measurement import measure_file, read_measurement
 
     measurement = read_measurement(path)
     folder = usable_folder(out or path.parent / "results")
-    with progress_bars() as progress:
+    with progress_bars() as progress, forking():
         result = measure_file(measurement, device=device, progress=progress)
     from kolsky.report.pages.full_field import printed, summary, warnings
     from kolsky.report.result_folder import write_full_field_results

@@ -37,9 +37,10 @@ def load(shot: Path, out: Path | None, *inside: str) -> "tuple[Shot, Path]":
     place = out or folder_of(shot) / "results"
 
     def measure(pictures: "PictureSet") -> "OpticalData":
+        from dic.forks import forking
         from kolsky.shot.optical_data import measured
 
-        with progress_bars() as progress:
+        with progress_bars() as progress, forking():
             return measured(pictures, usable_folder(place), progress=progress)
 
     loaded = load_shot(shot, measure=measure)

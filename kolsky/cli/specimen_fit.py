@@ -42,6 +42,9 @@ def specimen_fit(
         typer.Option("--map", metavar="NXxNY", help="Of a sheet, also map its stiffness by so many blocks."),
     ] = "",
     vtu: Annotated[bool, typer.Option("--vtu", help="Also write the last sample for ParaView.")] = False,
+    stills: Annotated[
+        bool, typer.Option("--stills", help="Also draw the last sample in 3-D by PyVista (extra: scene).")
+    ] = False,
     device: Device = "cpu",
     figures: Figures = "",
     as_json: AsJson = False,
@@ -60,13 +63,16 @@ def specimen_fit(
     from kolsky.cli.terminal import print_result, since
     from kolsky.specimen.reading import read_specification
 
+    if stills:
+        _require_drawing()
     read = read_specification(spec, device=device)
     folder = usable_folder(out or read.toml.path.with_suffix("") / "results")
     if read.declared.field is not None:
         if factors or sigmas:
             option = "--resolution" if factors else "--noise"
             raise InputError(texts.COMMAND_LINE, "is for force curves", key=option, cure="remove it")
-        _fit_sheet(read, folder, started, formats, alone=steps_alone, blocks=blocks, vtu=vtu, as_json=as_json)
+        shown = {"vtu": vtu, "stills": stills, "as_json": as_json}
+        _fit_sheet(read, folder, started, formats, alone=steps_alone, blocks=blocks, **shown)
         return
     if steps_alone or blocks:
         option = "--steps-alone" if steps_alone else "--map"
@@ -99,7 +105,9 @@ def specimen_fit(
             raise read.toml.error(f"fit.together.{name}", f"cannot be fitted: {error}") from None
     view = view_of(read.name, fits)
     studies = _studies(read, factors, sigmas, draws)
-    write_specimen_results(folder, view, read.inputs, formats=formats, vtu=vtu, studies=studies)
+    write_specimen_results(
+        folder, view, read.inputs, formats=formats, vtu=vtu, stills=stills, studies=studies
+    )
     rows = {
         f"{row['fit']}: {row['name']}": f"{row['value']}, {row['interval']}, {row['verdict']}"
         for row in constant_rows(view)
@@ -110,6 +118,17 @@ def specimen_fit(
         rest={"page": folder / "specimen.html", "wall time": since(started)},
         warnings=view.warnings,
     )
+
+
+def _require_drawing() -> None:
+    """Refuse --stills before a fit is begun where they cannot be drawn."""
+    from kolsky.report.scene.drawing import CannotRender, offscreen_pyvista
+
+    try:
+        offscreen_pyvista()
+    except CannotRender as error:
+        cure = "leave --stills out, or install what it needs; --vtu is for ParaView"
+        raise InputError(texts.COMMAND_LINE, str(error), key="--stills", cure=cure) from None
 
 
 def _studies(
@@ -137,6 +156,7 @@ def _fit_sheet(
     alone: bool,
     blocks: tuple[int, int] | None,
     vtu: bool,
+    stills: bool,
     as_json: bool,
 ) -> None:
     from kolsky.cli.terminal import print_result, since
@@ -157,7 +177,7 @@ def _fit_sheet(
     mapped = stiffness_map_of(found.problem, blocks) if blocks else None
     view = sheet_view_of(read.name, measured, found, steps, mapped)
     inputs = {**read.inputs, **measured.inputs}
-    write_sheet_results(folder, view, inputs, formats=formats, vtu=vtu)
+    write_sheet_results(folder, view, inputs, formats=formats, vtu=vtu, stills=stills)
     rows = {row["name"]: f"{row['value']}, {row['interval']}, {row['verdict']}" for row in sheet_rows(view)}
     print_result(
         rows | printed(view),

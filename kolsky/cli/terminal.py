@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from kolsky.base.errors import one_line
+from dic.files import one_line
 from kolsky.cli.quiet import is_quiet
 from kolsky.report import printed
 from kolsky.report.nomenclature import STAGES

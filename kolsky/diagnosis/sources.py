@@ -3,13 +3,16 @@
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.fit_results import MESH
 from kolsky.uncertainty.input_directions import in_quadrature
-from kolsky.uncertainty.numerical import BETWEEN, ELEMENT_ORDER, MeshChange
+from kolsky.uncertainty.numerical import ELEMENT_ORDER, MeshChange
 from kolsky.uncertainty.route_budgets import Sources
 
 DECLARED = "declared inputs"
 """Everything that [uncertainty] of the shot file declares."""
 ORDER = 2.0
 """Order of the mesh error in the data vector: what rings comes in more slowly than the parameters do."""
+BETWEEN = 3.0**0.5
+"""Distance of the two elements' data over the standard uncertainty of one's: the truth may lie anywhere
+between them, the root mean square of its distance from one end is a root of three less."""
 
 
 def residual_sources(sources: Sources) -> dict[str, FloatArray]:

@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from kolsky.base.arrays import FloatArray
+from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
 from kolsky.joint.weights import Stack
-from kolsky.uncertainty.numerical import ELEMENT_ORDER, ORDER, MeshChange
+from kolsky.uncertainty.numerical import ELEMENT_ORDER, ORDER, WINDOWS, MeshChange, windows_of
 
 
 def mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
@@ -36,13 +36,22 @@ def mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
         coarser=coarse - found.vector,
         element=None if np.isnan(element).any() else element - coarse,
         ratio=problem.settings.refined_mesh[0] / numerics.mesh[0],
+        windows=_windows(problem.stack),
     )
+
+
+def _windows(stack: Stack) -> IntArray:
+    """Windows of every shot; slow tests and prior knowledge, which no mesh moves, stand in the first, [k]."""
+    each = [WINDOWS * i + windows_of(shot.objective.times) for i, shot in enumerate(stack.shots)]
+    found = np.zeros(len(stack.data), int)
+    found[: stack.ends[-1]] = np.concatenate(each)
+    return found
 
 
 def mesh_patterns(stack: Stack, change: MeshChange) -> FloatArray:
     """Error of the refined mesh as patterns of each shot: by Richardson and by the element, shape [n, k].
 
-    Rows of one standard deviation: what is extrapolated, Δ / (q^2.5 - 1) with the change Δ between meshes of
+    Rows of one standard deviation: what is extrapolated, Δ / (q^3.2 - 1) with the change Δ between meshes of
     the ratio q, may be missing altogether or be there twice; the two elements come together as q^-1.5.
 
     Parameters

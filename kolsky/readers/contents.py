@@ -11,6 +11,7 @@ import numpy as np
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import regular
+from kolsky.base.units import LARGEST
 
 ColumnId = str | int
 """A column by its name in the file, or by its number, counted from 1."""
@@ -85,9 +86,8 @@ BINARY_LIMIT = 1_000_000_000
 SAMPLES_LIMIT = 20_000_000
 """Most samples of one channel that are read; a compressed file may promise more than fits in memory."""
 
-LARGEST_SAMPLE = 1e30
-"""Largest size of a sample that is read, in any unit: nothing that is measured is beyond it, and squares and
-products of such samples are finite."""
+LARGEST_SAMPLE = LARGEST
+"""Largest size of a sample that is read, in any unit."""
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,11 @@
 """Old Excel workbook (.xls, Excel 97 to 2003): the stored values of one sheet, never its formulas."""
 
 import json
-import os
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
+from kolsky.base.process import run_program
 from kolsky.readers.contents import Contents, Layout, file_hash, head_of
 from kolsky.readers.excel import COMPRESSED_LIMIT, chosen_sheet, damaged, sheet_contents
 
@@ -44,14 +43,7 @@ def _sheets(path: Path) -> list[dict[str, Any]]:
     """Titles and rows of all sheets, from a process of its own."""
     program = Path(__file__).with_name("xls_cells.py")
     try:
-        done = subprocess.run(
-            [sys.executable, "-P", str(program), str(path)],
-            capture_output=True,
-            timeout=LONGEST,
-            check=False,
-            encoding="utf-8",
-            env={**os.environ, "PYTHONIOENCODING": "utf-8"},
-        )
+        done = run_program(program, str(path), timeout=LONGEST)
     except subprocess.TimeoutExpired:
         raise damaged(path, f"no cells after {LONGEST:g} s") from None
     if done.returncode != 0:

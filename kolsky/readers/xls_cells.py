@@ -6,19 +6,25 @@ is not the process that reads a shot: `kolsky.readers.excel_97` starts this one.
 """
 
 import json
+import signal
 import sys
 
 MEMORY = 1_300_000_000
 """Most memory of this process, where the system can limit it [bytes]."""
 
 
-def limit_memory() -> None:
-    """Have an allocation beyond `MEMORY` fail instead of taking the machine's memory."""
+LONGEST = 10
+"""Time after which it ends, where the system has alarms, also when nobody waits for it any more [s]."""
+
+
+def limit() -> None:
+    """Have an allocation beyond `MEMORY` fail instead of taking the machine's memory, and end in time."""
     try:
         import resource
     except ImportError:  # Windows
         return
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    signal.alarm(LONGEST)
 
 
 def main(path: str) -> None:
@@ -34,5 +40,5 @@ def main(path: str) -> None:
 
 
 if __name__ == "__main__":
-    limit_memory()
+    limit()
     main(sys.argv[1])

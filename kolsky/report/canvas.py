@@ -17,6 +17,7 @@ from kolsky.report.display_units import in_display_units
 from kolsky.report.figure_data import write_data
 from kolsky.report.figures import FigureKind, figures_of
 from kolsky.report.formats import FIGURE_FORMATS
+from kolsky.report.free_labels import free_legends
 
 STYLE = Path(__file__).with_name("kolsky.mplstyle")
 FORMATS = FIGURE_FORMATS
@@ -54,6 +55,8 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
         layout = figure.get_layout_engine()
         assert layout is not None
         layout.execute(figure)  # once: every saving would draw twice for it
+        if free_legends(figure):
+            layout.execute(figure)
         figure.set_layout_engine(None)
     return figure
 
@@ -107,11 +110,12 @@ def save_figures(
     return written
 
 
-def inline_svg(kind: FigureKind[Any], shown: Any) -> str:
+def inline_svg(kind: FigureKind[Any], shown: Any, name: str | None = None) -> str:
     """One figure as SVG to stand inside an HTML page.
 
-    Ids carry the figure's name, so that several figures of a page cannot clash. Namespaces, metadata and
-    the document head are left out: HTML needs none, and nothing in the page then names another address.
+    Ids carry the figure's name, or the given one, so that several figures of a page cannot clash. Namespaces,
+    metadata and the document head are left out: HTML needs none, and nothing in the page then names another
+    address.
     """
     buffer = io.StringIO()
     _save(build(kind, shown), buffer, "svg", dpi=ON_PAGE)
@@ -125,7 +129,7 @@ def inline_svg(kind: FigureKind[Any], shown: Any) -> str:
         "stroke-linejoin": "round",
         "stroke-linecap": "butt",
     }
-    prefix = f"{kind.name}-"
+    prefix = f"{name or kind.name}-"
     for element in root.iter():
         element.tag = element.tag.removeprefix(_SVG)
         _plain_style(element)

@@ -13,6 +13,7 @@ from dic.output.notebook import html_table, pandas, xarray
 from dic.surfaces.surface_history import SurfaceHistory
 from kolsky.inverse.result import Identification
 from kolsky.report.printed import answer, details
+from kolsky.report.table_views import dataset_of, table_of, writer_of
 from kolsky.results.tables import tables
 from kolsky.shot.records import ShotBase
 from kolsky.shot.summary import summarise
@@ -34,7 +35,7 @@ def html(data: object) -> str:
 
 @singledispatch
 def to_dataframe(data: object, table: str = "") -> Any:
-    """Return a shot, a measured surface or an identification as a pandas table (SI, units in the headers).
+    """Return a shot, a measured surface or any result as a pandas table (SI, units in the headers).
 
     Parameters
     ----------
@@ -43,7 +44,9 @@ def to_dataframe(data: object, table: str = "") -> Any:
         the `table` of that name.
     table
         Of an identification: "estimates" (the default), "routes", "force", "profile", "design" or "energy";
-        the last four are the CSV files of the same names.
+        the last four are the CSV files of the same names. Of any other result (waves, rates, several shots,
+        a prediction, a plan, a sweep, a budget, constants, a reference curve, a displacement field) the name
+        of one of its CSV files, without ".csv"; the main one if left out.
 
     Returns
     -------
@@ -58,16 +61,26 @@ def to_dataframe(data: object, table: str = "") -> Any:
     ImportError
         If pandas is not installed.
     """
-    raise TypeError(_no_view(data, "pandas"))
+    if writer_of(data) is None:
+        raise TypeError(_no_view(data, "pandas"))
+    return table_of(data, table)
 
 
 @singledispatch
-def to_xarray(data: object) -> Any:
-    """Return a measured surface or an identification as an xarray dataset, SI.
+def to_xarray(data: object, table: str = "") -> Any:
+    """Return a measured surface, an identification or a table of any other result as an xarray dataset, SI.
 
     An identification has measured and simulated force over "force_time" [s], outline over "point", and the
     energies of the simulation over "surface_time" [s]; its attributes are the estimates. A surface has
-    "frame", "point" and "component"; lost points are NaN, with the cause in `outcome`.
+    "frame", "point" and "component"; lost points are NaN, with the cause in `outcome`. Of any other result
+    the `table` of `to_dataframe` is over "row".
+
+    Parameters
+    ----------
+    data
+        As of `to_dataframe`.
+    table
+        Which of its tables, as of `to_dataframe`; the main one if left out.
 
     Returns
     -------
@@ -80,7 +93,9 @@ def to_xarray(data: object) -> Any:
     ImportError
         If xarray is not installed.
     """
-    raise TypeError(_no_view(data, "xarray"))
+    if writer_of(data) is None:
+        raise TypeError(_no_view(data, "xarray"))
+    return dataset_of(data, table)
 
 
 @html.register
@@ -121,12 +136,12 @@ def _(data: Identification, table: str = "estimates") -> Any:
 
 
 @to_xarray.register
-def _(data: SurfaceHistory) -> Any:
+def _(data: SurfaceHistory, table: str = "") -> Any:
     return surface_views.to_xarray(data)
 
 
 @to_xarray.register
-def _(data: Identification) -> Any:
+def _(data: Identification, table: str = "") -> Any:
     c, ledger = data.comparison, data.response.energy
     newton, metre = {"units": "N"}, {"units": "m"}
     energies = {
@@ -182,4 +197,4 @@ def _summaries(found: Identification) -> dict[str, dict[str, Any]]:
 
 
 def _no_view(data: object, where: str) -> str:
-    return f"{type(data).__name__} has no view for {where}; shots, surfaces and identifications have one"
+    return f"{type(data).__name__} has no view for {where}; shots, surfaces and results have one"

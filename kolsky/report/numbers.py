@@ -27,7 +27,7 @@ def measured(value: float, uncertainty: float) -> tuple[str, str]:
     largest = _exponent(max(abs(value), uncertainty), digits=1)
     if last >= -7 and -3 <= largest <= 5:
         return rounded(value, last), rounded(uncertainty, last)
-    power = f" × 10{str(largest).translate(_RAISED)}"
+    power = f" × 10{str(largest).translate(_RAISED)}" if largest else ""
     scale = 10.0**largest
     return (
         rounded(value / scale, last - largest) + power,

@@ -103,7 +103,7 @@ def write_identify_page(
     formats
         Any of `kolsky.report.formats.FIGURE_FORMATS`.
     processes
-        Processes that draw, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
+        Processes that draw, 1 or 2; see `dic.forks.side_by_side`.
     """
     from kolsky.report.pages.identification import write_report
 
@@ -137,7 +137,7 @@ def write_dic_results(
     csv, vtp
         Also write every frame's points as CSV, and as VTP for ParaView.
     processes
-        How many draw the page, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
+        How many draw the page, 1 or 2; see `dic.forks.side_by_side`.
 
     Raises
     ------

@@ -24,6 +24,7 @@ def write_specimen_results(
     *,
     formats: Sequence[str] = (),
     vtu: bool = False,
+    stills: bool = False,
     studies: Mapping[str, Sequence[StudyRow]] | None = None,
 ) -> None:
     """Write specimen.html, .json, .h5, tables, curves for `identify` and, if asked for, figures and VTU.
@@ -38,6 +39,8 @@ def write_specimen_results(
         SHA-256 of the files that were read.
     vtu
         Also write the last sample of each test for ParaView.
+    stills
+        Also draw it in three dimensions by PyVista.
     studies
         Further tables by name.
 
@@ -57,6 +60,8 @@ def write_specimen_results(
         if vtu:
             for name, solution in view.solutions.items():
                 write_solution_vtu(partial / f"{name}.vtu", solution)
+        if stills:
+            _write_stills(partial, view.solutions)
         save_figures_alone(partial, view, formats)
 
 
@@ -67,6 +72,7 @@ def write_sheet_results(
     *,
     formats: Sequence[str] = (),
     vtu: bool = False,
+    stills: bool = False,
 ) -> None:
     """Write the results of a sheet, as `write_specimen_results` those of force curves."""
     from kolsky.report.pages.specimen import write_page
@@ -88,7 +94,17 @@ def write_sheet_results(
             for k, field in enumerate(view.before.field):
                 fields[f"before test {k + 1} (1/m3)"] = field.reshape(2, n).T
             write_solution_vtu(partial / "sheet.vtu", view.fit.cost.state.solution, fields)
+        if stills:
+            _write_stills(partial, {"sheet": view.fit.cost.state.solution})
         save_figures_alone(partial, view, formats)
+
+
+def _write_stills(folder: Path, solutions: Mapping[str, Solution]) -> None:
+    from kolsky.report.specimen_stills import write_still
+
+    (folder / "stills").mkdir()
+    for name, solution in solutions.items():
+        write_still(folder / "stills" / f"{name}.png", solution)
 
 
 def write_solution_vtu(

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from dic.files import one_line
 from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.records import CentreLine, FlyerMotion
 from kolsky.readers.found_layout import layout_in_words
@@ -310,7 +311,7 @@ def print_table(shot: ShotBase | CheckedBars) -> None:
     from rich.text import Text
 
     # Text() keeps column names such as "[V]" from being read as markup.
-    table = Table(title=Text(f"shot {shot.name}"), show_edge=False)
+    table = Table(title=Text(one_line(f"shot {shot.name}")), show_edge=False)
     for heading in ("", "what", "value"):
         table.add_column(heading, overflow="fold")
     section = ""
@@ -319,8 +320,10 @@ def print_table(shot: ShotBase | CheckedBars) -> None:
             table.add_section()
         shown = entry.section if entry.section != section else ""
         section = entry.section
-        table.add_row(Text(shown), Text(entry.name), Text(entry.written()))
+        table.add_row(Text(shown), Text(one_line(entry.name)), Text(one_line(entry.written())))
     table.add_section()
     for number, (name, digest) in enumerate(shot.inputs.items()):
-        table.add_row(Text("inputs" if number == 0 else ""), Text(name), Text(f"sha256 {digest[:16]}…"))
+        table.add_row(
+            Text("inputs" if number == 0 else ""), Text(one_line(name)), Text(f"sha256 {digest[:16]}…")
+        )
     Console().print(table)

@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
@@ -19,6 +20,8 @@ REFUSALS = (InputError, PictureError, CameraFileError, LedgerError)
 """The errors by which a file is refused; each is one line a problem."""
 LONGEST = 10.0
 """Longest time that an answer may take [s]."""
+HELPFUL = re.compile(r"Cure: \S|\bmust (be|have) |\ballowed are |; \w")
+"""What a refusal says besides what is wrong: "is not allowed" alone helps nobody."""
 LARGEST = 1.5e9
 """Most memory that a refused file may take [bytes]."""
 
@@ -77,7 +80,7 @@ def of_refusal(error: Exception, path: Path) -> tuple[Verdict, str]:
         return Verdict.UNHELPFUL, f"names no file: {said}"
     for problem in problems:
         text = str(problem)
-        if not any(word in text for word in ("Cure: ", "must be", "allowed", "; ")):
+        if not HELPFUL.search(text):
             return Verdict.UNHELPFUL, f"names no cure: {text}"
     return Verdict.REFUSED, said
 

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
+from dic.camera_files.source import CameraFileError
 from dic.images.series import PictureError
+from doe.ledger import LedgerError
 from kolsky.base.errors import InputError, InputErrors
 from tests.fuzz.cases import KINDS, Case, any_case, make
 from tests.fuzz.judge import LARGEST, Verdict, of_content, of_refusal
@@ -35,11 +37,16 @@ def _judged(content: Any, sound: Any, **more: bool) -> str:
 
 def test_a_refusal_needs_a_name_a_cure_and_one_line() -> None:
     assert of_refusal(InputError(PATH, "is odd", cure="mend it"), PATH)[0] is Verdict.REFUSED
+    assert of_refusal(InputError(PATH, "is odd", cure="`kolsky new` writes one"), PATH)[0] is Verdict.REFUSED
     assert of_refusal(InputError(PATH, "is odd", allowed="> 0"), PATH)[0] is Verdict.REFUSED
     assert of_refusal(InputError(PATH, "is odd"), PATH)[0] is Verdict.UNHELPFUL
+    assert of_refusal(InputError(PATH, "is not allowed (odd)"), PATH)[0] is Verdict.UNHELPFUL
+    assert of_refusal(PictureError(PATH, "is odd", cure="mend it"), PATH)[0] is Verdict.REFUSED
+    assert of_refusal(LedgerError(f"{PATH}: is\x1bodd; mend it"), PATH)[0] is Verdict.UNHELPFUL
     assert of_refusal(InputError("else", "is odd", cure="mend it"), PATH)[0] is Verdict.UNHELPFUL
-    assert of_refusal(PictureError(PATH, "is\nodd", cure="mend it"), PATH)[0] is Verdict.UNHELPFUL
-    assert of_refusal(PictureError(PATH, "is \x1b[31m", cure="mend it"), PATH)[0] is Verdict.UNHELPFUL
+    assert of_refusal(LedgerError(f"{PATH}: is\nodd; mend it"), PATH)[0] is Verdict.UNHELPFUL
+    for refusal in (PictureError, CameraFileError):  # what a library says is quoted: its escapes are not
+        assert str(refusal(PATH, "\x1b[31m\n", cure="x")) == f"{PATH}: \\x1b[31m\\n; x"
     two = InputErrors([InputError(PATH, "a", cure="b"), InputError(PATH, "c")])
     assert of_refusal(two, PATH)[0] is Verdict.UNHELPFUL
 

@@ -12,6 +12,8 @@ BY_EDGE = ("tests/unit/dic/test_dic_seen_by_edge.py",)
 TRAVEL = ("tests/unit/dic/test_dic_travel_checks.py",)
 SIGMAS = ("tests/unit/dic/test_dic_sigmas.py",)
 NOISE = ("tests/unit/dic/test_dic_noise_floor.py",)
+FORKS = ("tests/unit/dic/test_dic_forks.py",)
+TOGETHER = ("tests/unit/dic/test_dic_side_by_side.py",)
 
 FAULTS = (
     Fault(
@@ -189,14 +191,14 @@ FAULTS = (
     ),
     Fault(
         name="material frame: the farthest",
-        file="dic/bodies/follow.py",
+        file="dic/bodies/matched.py",
         right="np.argmin(np.abs(usable - wanted))",
         wrong="np.argmax(np.abs(usable - wanted))",
         tests=GATES,
     ),
     Fault(
         name="material frame: one camera is enough",
-        file="dic/bodies/follow.py",
+        file="dic/bodies/matched.py",
         right="(health[0] == FrameOutcome.VALID) & (health[1] == FrameOutcome.VALID)",
         wrong="(health[0] == FrameOutcome.VALID) | (health[1] == FrameOutcome.VALID)",
         tests=GATES,
@@ -341,8 +343,8 @@ FAULTS = (
     Fault(
         name="edge: paint adds by its standard deviation",
         file="dic/bodies/edge_model.py",
-        right="K = size**2 * toeplitz(",
-        wrong="K = size * toeplitz(",
+        right="K = size**2 * paint(",
+        wrong="K = size * paint(",
         tests=(f"{EDGE}::test_covariance_of_paint_that_ends",),
     ),
     Fault(
@@ -496,11 +498,44 @@ FAULTS = (
         ),
     ),
     Fault(
+        name="frames before: a static frame may be anywhere",
+        file="dic/rigid_body/frames_before.py",
+        right="fine[i] = at_rest_before(",
+        wrong="fine[i] = True or at_rest_before(",
+        tests=(
+            "tests/unit/dic/test_dic_edge_registration.py"
+            "::test_a_static_frame_far_from_where_the_body_came_from_is_left_out",
+        ),
+    ),
+    Fault(
+        name="frames before: a body may have rested beyond where it is later",
+        file="dic/rigid_body/frames_before.py",
+        right="return low - distance <= change <= high + distance",
+        wrong="return abs(change) <= high - low + distance",
+        tests=(
+            "tests/unit/dic/test_dic_edge_registration.py::test_a_body_rested_no_farther_than_its_speed_says",
+        ),
+    ),
+    Fault(
         name="followed edge: what is not rigid is a flyer",
         file="dic/bodies/followed_edge.py",
-        right="if level > RIGID * noise:",
-        wrong="if level > 1e9 * noise:",
+        right="if level > most:",
+        wrong="if level > 1e9 * most:",
         tests=(f"{REGIONS}::test_rows_that_vary_by_more_than_the_noise_are_not_rigid",),
+    ),
+    Fault(
+        name="followed edge: rows are held still without an error",
+        file="dic/bodies/followed_edge.py",
+        right="(RIGID * noise) ** 2 + PLACED**2 * true",
+        wrong="(RIGID * noise) ** 2 + 0.0 * true",
+        tests=(f"{REGIONS}::test_rows_are_held_still_to_so_many_pixels",),
+    ),
+    Fault(
+        name="followed edge: the noise of a slope is not taken off",
+        file="dic/bodies/followed_edge.py",
+        right="float(np.mean(slope**2)) - 0.5 * noise**2",
+        wrong="float(np.mean(slope**2)) - 0.0 * noise**2",
+        tests=(f"{REGIONS}::test_rows_are_held_still_to_so_many_pixels",),
     ),
     Fault(
         name="followed edge: the strip may hold specimen",
@@ -606,5 +641,68 @@ FAULTS = (
         right="half = 0.5 * float",
         wrong="half = 0.25 * float",
         tests=(EDGE,),
+    ),
+    Fault(
+        name="forks: what a fork does not deliver is nothing",
+        file="dic/forks.py",
+        right="        return work()  # raises here",
+        wrong="        return None  # raises here",
+        tests=FORKS,
+    ),
+    Fault(
+        name="forks: made by any thread of any program",
+        file="dic/forks.py",
+        right='ContextVar("forking", default=False)',
+        wrong='ContextVar("forking", default=True)',
+        tests=FORKS,
+    ),
+    Fault(
+        name="forks: what one of several did not deliver is left out",
+        file="dic/forks.py",
+        right="found[number] if number in found else work() for number",
+        wrong="found.get(number) for number",
+        tests=FORKS,
+    ),
+    Fault(
+        name="rigid body: the places tried together share the first one's match",
+        file="dic/tracking/rigid.py",
+        right="getattr(part, name)[begin:end]",
+        wrong="getattr(part, name)[: end - begin]",
+        tests=TOGETHER,
+    ),
+    Fault(
+        name="rigid body: of a pair of places the first alone is looked at",
+        file="dic/tracking/rigid.py",
+        right="matches[2 * k - 2 : 2 * k]",
+        wrong="matches[2 * k - 2 : 2 * k - 1]",
+        tests=TOGETHER,
+    ),
+    Fault(
+        name="rigid body: a quarter of the points in view is enough",
+        file="dic/tracking/rigid.py",
+        right="0.5 * inside.sum()",
+        wrong="0.25 * inside.sum()",
+        tests=TOGETHER,
+    ),
+    Fault(
+        name="match: a mask that has changed is still used",
+        file="dic/correlation/kernels/launch.py",
+        right="kept.shape == mask.shape and np.array_equal(kept, mask)",
+        wrong="kept.shape == mask.shape",
+        tests=TOGETHER,
+    ),
+    Fault(
+        name="calibration: parts that cannot be solved are left out of what is predicted",
+        file="dic/calibration/checks.py",
+        right="if len(sums) < len(parts):",
+        wrong="if not sums:",
+        tests=TOGETHER,
+    ),
+    Fault(
+        name="tracks of any size are sent by a fork",
+        file="dic/bodies/follow.py",
+        right="<= MOST_SENT and all(",
+        wrong="> 0 and all(",
+        tests=TOGETHER,
     ),
 )

@@ -5,7 +5,65 @@ from tests.mutants.fault import Fault
 _LIMITS = "tests/unit/readers/test_unpacking_limits.py"
 _FILES = "tests/unit/base/test_files.py"
 
+_CHILDREN = "tests/unit/base/test_children.py"
+
 FAULTS = (
+    Fault(
+        "a quantity of any size is read",
+        "kolsky/base/units.py",
+        "    if value and not 1.0 / LARGEST <= abs(value) <= LARGEST:",
+        "    if value and not 0.0 <= abs(value) <= LARGEST:",
+        ("tests/unit/base/test_units.py::test_sizes_that_nothing_measured_has",),
+    ),
+    Fault(
+        "a plain number of any size is read",
+        "kolsky/shot/schema/fields.py",
+        "    if abs(value) > LARGEST:",
+        "    if abs(value) > 1e308:",
+        ("tests/unit/base/test_units.py::test_plain_numbers_have_the_same_limit",),
+    ),
+    Fault(
+        "a shot's name steers the terminal",
+        "kolsky/shot/summary.py",
+        'Text(one_line(f"shot {shot.name}"))',
+        'Text(f"shot {shot.name}")',
+        ("tests/fuzz/test_named_inputs.py::test_a_name_of_control_characters_does_not_reach_the_terminal",),
+    ),
+    Fault(
+        "a signal whose exception is ignored is lost",
+        "kolsky/cli/commandline.py",
+        "            again.start()\n",
+        "            pass\n",
+        ("tests/unit/cli/test_ends.py::test_a_signal_whose_exception_is_ignored_is_repeated",),
+    ),
+    Fault(
+        "a program that was started outlives a killed command",
+        "dic/following.py",
+        "    end_with(int(sys.argv[1]))\n",
+        "",
+        (f"{_CHILDREN}::test_children_end_within_a_second[program]",),
+    ),
+    Fault(
+        "a fork outlives a killed command",
+        "dic/forks.py",
+        "        end_with(parent)  # nobody wants the result then\n",
+        "",
+        (f"{_CHILDREN}::test_children_end_within_a_second[fork]",),
+    ),
+    Fault(
+        "workers outlive a killed command",
+        "kolsky/base/process.py",
+        "    _follow_parent()\n\n",
+        "\n",
+        (f"{_CHILDREN}::test_children_end_within_a_second[worker]",),
+    ),
+    Fault(
+        "one that has ended counts as running until its exit code is taken",
+        "benchmarks/kill_watch.py",
+        "process.status() != psutil.STATUS_ZOMBIE",
+        "process.is_running()",
+        ("tests/unit/base/test_kill_watch.py",),
+    ),
     Fault(
         "variables of a MATLAB file do not share a limit",
         "kolsky/readers/matlab.py",
@@ -88,7 +146,10 @@ FAULTS = (
         "kolsky/base/files.py",
         "            with alone_in(folder):\n",
         "            if True:\n",
-        (f"{_FILES}::test_results_are_put_in_their_places_alone",),
+        (
+            f"{_FILES}::test_results_are_put_in_their_places_alone",
+            f"{_FILES}::test_of_two_commands_in_one_folder_the_second_waits",
+        ),
     ),
     Fault(
         "a full disk has another cure",

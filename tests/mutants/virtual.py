@@ -163,9 +163,9 @@ FAULTS = (
     ),
     Fault(
         name="a region of the flyer on the specimen's side of the edge",
-        file="benchmarks/forty_shots.py",
-        right='place - CLEAR if side in ("up", "left") else place + CLEAR',
-        wrong='place + CLEAR if side in ("up", "left") else place - CLEAR',
+        file="benchmarks/forty_cures.py",
+        right="+ way * CLEAR",
+        wrong="- way * CLEAR",
         tests=("tests/unit/virtual/test_forty.py",),
     ),
 )

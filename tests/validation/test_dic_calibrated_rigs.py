@@ -13,9 +13,9 @@ from scipy.stats import chi2
 
 from dic import Camera, StereoRig
 from dic.calibration import Calibration, PairOutcome, calibrate, detect
-from dic.calibration.bundle import Rig
 from dic.calibration.checks import triangulated
 from dic.calibration.projection import View
+from dic.calibration.rig_state import Rig
 from dic.calibration.targets import Chessboard, DottedCylinder, FiducialDots
 from dic.camera_files import read_rig
 

@@ -15,7 +15,7 @@ import tifffile
 from dic import Camera, FrameOutcome, PointOutcome, StereoRig
 from dic.bodies.region import Region
 from dic.chain import ChainError, ChainSettings, measure
-from dic.chain.follow_bodies import displacement_of, follow_flyer, follow_specimen
+from dic.chain.follow_bodies import displacement_of, follow, match_flyer, match_specimen
 from dic.chain.inspect_images import inspect_images
 from dic.chain.test_frame import fit_test_frame
 from dic.correlation import Correlation, Shape
@@ -268,10 +268,10 @@ def test_the_travel_with_camera_1_cut_off_is_right_or_refused(shared, case):
         t=times[:12], static=np.ones(12, dtype=bool),
     )  # fmt: skip
     try:
-        body = follow_flyer(inputs, flyer, None)
+        body = follow(inputs, [match_flyer(inputs, flyer)])[0]
     except ChainError:
         return  # refused; what an error says has tests of its own (`test_dic_travel_checks.py`)
-    rest = fit_test_frame(still, follow_specimen(still, SPECIMEN, None), body)
+    rest = fit_test_frame(still, follow(still, [match_specimen(still, SPECIMEN)])[0], body)
     axial = displacement_of(inputs, body, rest.placement)
     assert axial is not None
     off = axial.displacement - np.interp(axial.t, case.truth["t"], case.truth["d"])

@@ -81,7 +81,10 @@ def test_three_parameters_in_a_narrow_valley(answer: Callable[[str], Answer]) ->
         assert abs(method.distances[name]) < AGREEMENT, (name, method.name)
     for name, e in found.estimates.items():
         assert e.outcome.identified, name
-        assert e.interval[0] <= right[name] <= e.interval[1], name
+        # Three k = 2 intervals hold three truths in 86 % of tests; 2.4 standard uncertainties do in 95 %.
+        assert abs(e.value - right[name]) < 2.4 * e.sigma, name
+    low, high = found.estimates["stiffness_factor"].interval
+    assert low <= right["stiffness_factor"] <= high
     # An interval that contains everything would prove nothing; bounds are 67 %, 0.3 % and 100 us apart.
     assert found.estimates["stiffness_factor"].sigma < 0.01
     assert found.estimates["poisson"].sigma < 1e-5

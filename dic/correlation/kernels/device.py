@@ -86,3 +86,8 @@ def addresses(parts: Sequence[Any]) -> Any:
     """Start of each picture's coefficients in the memory of their device, shape [n]."""
     begin = [part.ptr + k * part.strides[0] for part in parts for k in range(part.shape[0])]
     return wp.array(np.array(begin, dtype=np.uint64), dtype=wp.uint64, device=parts[0].device)
+
+
+def uploaded(values: NDArray[np.float64], device: str) -> Any:
+    """Numbers on a device, shape [n]."""
+    return wp.array(values, dtype=wp.float64, device=select_device(device))

@@ -2,7 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from dic.correlation.kernels.pixel_noise import between_pixels, gradient_noise
 from dic.correlation.kernels.search import ARRAYS, FOUND, search_source
 from dic.correlation.kernels.spline import PAD
 from dic.correlation.settings import Correlation, Match, Templates
-from dic.correlation.stack import Noise, PictureStack
+from dic.correlation.stack import PictureStack
 
 FLAGS = "-march=native -ffp-contract=fast -mprefer-vector-width=512 -mstackrealign"
 SHARE = 512
@@ -65,6 +65,7 @@ class Job:
     has_mask: int
     mask_rows: int
     mask_cols: int
+    points: int
     given: wp.array(dtype=wp.float64)
     has_kept: int
     known: wp.array(dtype=wp.int32)
@@ -112,11 +113,21 @@ def offsets(subset: int, device: str) -> tuple[Any, int]:
     return wp.array(table.reshape(-1), dtype=wp.float32, device=select_device(device)), room
 
 
-@lru_cache(maxsize=64)
-def grey_noise(noise: tuple[Noise, ...], device: str) -> Any:
-    """Variance in the dark and gain of each picture, side by side, on a device."""
-    values = np.array([(grey.floor**2, grey.gain) for grey in noise]).reshape(-1)
-    return wp.array(values, dtype=wp.float64, device=select_device(device))
+_masks: list[tuple[NDArray[np.uint8], Any, Any]] = []
+MOST_MASKS = 4
+"""Masks that are kept on a device: a body's is the same in every launch of its track."""
+
+
+def mask_on_device(mask: NDArray[np.uint8], device: Any) -> Any:
+    """A mask on a device, sent there once as long as its pixels stay what they are, shape [n]."""
+    for kept, where, found in _masks:
+        if where == device and kept.shape == mask.shape and np.array_equal(kept, mask):
+            return found
+    kept = mask.copy()  # the caller's may change; a CPU reads this one where it is
+    found = wp.array(kept.reshape(-1), dtype=wp.uint8, device=device, copy=False)
+    _masks.insert(0, (kept, device, found))
+    del _masks[MOST_MASKS:]
+    return found
 
 
 @cache
@@ -171,25 +182,22 @@ def prepare(reference: PictureStack, deformed: PictureStack, batch: Batch, setti
         setattr(job, f"{name}_rows", stack.shape[0])
         setattr(job, f"{name}_cols", stack.shape[1])
         setattr(job, f"{name}_stride", stride)
-        setattr(job, f"{name}_noise", grey_noise(stack.noise, stack.device))
-    which = (batch.reference_picture, batch.deformed_picture, batch.place)
-    columns = [*(column[:, None] for column in which), batch.points, batch.guess]
+        setattr(job, f"{name}_noise", stack.noise_on_device)
+    columns = [batch.reference_picture, batch.deformed_picture, batch.place, batch.points, batch.guess]
     if batch.reference is not None:
         columns.append(batch.reference)
         job.has_reference = 1
-    given = np.concatenate(columns, axis=1, dtype=np.float64).reshape(-1)
+    given = np.concatenate([column.reshape(-1) for column in columns], dtype=np.float64)
     # a CPU reads an array where it is; the job keeps it
     job.given = wp.array(given, dtype=wp.float64, device=device, copy=False)
     if batch.mask is not None:
-        job.mask, job.has_mask = (
-            wp.array(batch.mask.reshape(-1), dtype=wp.uint8, device=device, copy=False),
-            1,
-        )
+        job.mask, job.has_mask = mask_on_device(batch.mask, device), 1
         job.mask_rows, job.mask_cols = batch.mask.shape
     if batch.templates is not None and not device.is_cuda:
         job.has_kept = 1
         for name, array in _kept(batch.templates, device).items():
             setattr(job, name, array)
+    job.points = n
     job.subset, job.max_iterations = settings.subset, settings.max_iterations
     job.tolerance, job.least_zncc = settings.tolerance, settings.least_zncc
     job.least_pixels = settings.least_pixels
@@ -217,11 +225,13 @@ def search(
     job, n = prepare(reference, deformed, batch, settings), len(batch.points)
     if n:
         launch(job, int(settings.shape), n, select_device(reference.device), threads)
-    found = job.found.numpy().reshape(n, FOUND)
+    warp, covariance, zncc, iterations, outcome = np.split(
+        job.found.numpy(), [12 * n, 16 * n, 17 * n, 18 * n]
+    )
     return Match(
-        warp=found[:, :12].copy(),
-        covariance=found[:, 12:16].reshape(n, 2, 2),
-        zncc=found[:, 16].copy(),
-        iterations=found[:, 17].astype(np.int64),
-        outcome=found[:, 18].astype(np.int64),
+        warp=warp.reshape(n, 12),
+        covariance=covariance.reshape(n, 2, 2),
+        zncc=zncc,
+        iterations=iterations.astype(np.int64),
+        outcome=outcome.astype(np.int64),
     )

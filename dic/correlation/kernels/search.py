@@ -10,12 +10,14 @@ from dic.outcome import PointOutcome
 ARRAYS = 5
 """Arrays of a subset's pixels that a search keeps in its scratch."""
 FOUND = 19
-"""Numbers that are written for a point: warp, covariance, correlation, updates, outcome."""
+"""Numbers that are written for a point: warp, covariance, correlation, updates, outcome. As in what is read,
+each for all points in a row: what a caller gets is then a piece of that memory, and no copy of it."""
 PACE = 6
 """Updates over which the pace of a search is judged: one that cannot end in time is not continued."""
 
 _SEARCH = """
     const double h = 0.5 * (job.subset - 1);
+    const long long all = job.points;
     const int square = job.subset * job.subset, room = job.room;
     float* W = job.scratch.data + (long long)slot * ARRAYS * room;
     const float* X = job.offsets.data;
@@ -25,16 +27,16 @@ _SEARCH = """
     SHARED(normal, N);
 
     for (int i = first + slot; i < first + count; i += slots) {
-        const double* given = job.given.data + (long long)i * (job.has_reference ? 29 : 17);
-        const double cx = given[3], cy = given[4];
+        const double* given = job.given.data;  // a column after the other
+        const double cx = given[3 * all + 2LL * i], cy = given[3 * all + 2LL * i + 1];
         double w[12], reference[12];
         for (int k = 0; k < 12; ++k) {
-            w[k] = given[5 + k];
-            reference[k] = job.has_reference ? given[17 + k] : 0.0;
+            w[k] = given[5 * all + 12LL * i + k];
+            reference[k] = job.has_reference ? given[17 * all + 12LL * i + k] : 0.0;
         }
-        const long long a = (long long)given[0], b = (long long)given[1];  // which pictures
+        const long long a = (long long)given[i], b = (long long)given[all + i];  // which pictures
         // The template, in memory that lasts if its point has some: B is W where the whole subset is in view.
-        const long long place = job.has_kept ? (long long)given[2] : -1;
+        const long long place = job.has_kept ? (long long)given[2 * all + i] : -1;
         const bool ready = place >= 0 && job.known.data[place];
         float* T = place >= 0 ? job.kept_pixels.data + place * 4 * room : W + room;
         float* GX = T + room; float* GY = GX + room; float* B = GY + room;
@@ -248,12 +250,12 @@ _SEARCH = """
             }
         }
         if (start == 0) {
-            double* found = job.found.data + (long long)i * FOUND;
-            for (int k = 0; k < 12; ++k) found[k] = w[k];
-            for (int k = 0; k < 4; ++k) found[12 + k] = covariance[(k + 1) / 2];
-            found[16] = zncc;
-            found[17] = iterations;
-            found[18] = outcome;
+            double* found = job.found.data;
+            for (int k = 0; k < 12; ++k) found[12LL * i + k] = w[k];
+            for (int k = 0; k < 4; ++k) found[12 * all + 4LL * i + k] = covariance[(k + 1) / 2];
+            found[16 * all + i] = zncc;
+            found[17 * all + i] = iterations;
+            found[18 * all + i] = outcome;
         }
     }
 """
@@ -261,7 +263,7 @@ _SEARCH = """
 
 def search_source(parameters: int) -> str:
     """The body of the native function for a shape function of so many parameters."""
-    text = f"    constexpr int WARPS = {BLOCK // 32}, ARRAYS = {ARRAYS}, PACE = {PACE}, FOUND = {FOUND};\n"
+    text = f"    constexpr int WARPS = {BLOCK // 32}, ARRAYS = {ARRAYS}, PACE = {PACE};\n"
     text += f"    constexpr int ORDER = {parameters // 2};  // monomials of a displacement component\n"
     for outcome in PointOutcome:
         text += f"    constexpr int {outcome.name} = {outcome.value};\n"

@@ -38,13 +38,12 @@ def force_kernel(d: int, columns: int) -> Any:
 
 @cache
 def stiffness_kernel(d: int, columns: int) -> Any:
-    """``K[m, k d, k d]`` from A of the points; launched over (cells, nodes, nodes)."""
+    """``K[m, k d, k d]`` from A dV of the points; launched over (cells, nodes, nodes)."""
     components, D = int(d), int(columns)
 
     @wp.kernel(module="unique", enable_backward=False)
     def stiffness(
         E: wp.array4d(dtype=f64),
-        volumes: wp.array2d(dtype=f64),
         A: wp.array4d(dtype=f64),
         out: wp.array3d(dtype=f64),
     ):
@@ -52,14 +51,12 @@ def stiffness_kernel(d: int, columns: int) -> Any:
         for i in range(components):
             for k in range(components):
                 total = f64(0.0)
-                for g in range(volumes.shape[1]):
-                    at_point = f64(0.0)
+                for g in range(E.shape[1]):
                     for j in range(D):
                         row = f64(0.0)
                         for l in range(D):
                             row += A[c, g, i * D + j, k * D + l] * E[c, g, b, l]
-                        at_point += E[c, g, a, j] * row
-                    total += volumes[c, g] * at_point
+                        total += E[c, g, a, j] * row
                 out[c, a * components + i, b * components + k] = total
 
     return stiffness

@@ -67,17 +67,19 @@ def place_function(kinematics: str) -> Any:
 
 
 @cache
-def point_kernel(functions: tuple[Any, Any, Any], kinematics: str, *, mixed: bool) -> Any:
-    """P, A, dJ/dF, J and the energy density at every Gauss point; launched over (cells, points).
+def point_kernel(functions: tuple[Any, Any, Any], kinematics: str, *, mixed: bool, single: bool) -> Any:
+    """P, A dV, dJ/dF, J and the energy density at every Gauss point; launched over (cells, points).
 
-    In a mixed model `pressure` [Pa] enters P and A as that of the volumetric part; otherwise it is not read.
-    In plane stress H holds A_iJ33 / A_3333, by which the thickness follows, in place of dJ/dF.
+    A is written in single precision if that is wanted. In a mixed model `pressure` [Pa] enters P and A as
+    that of the volumetric part; otherwise it is not read. In plane stress H holds A_iJ33 / A_3333, by which
+    the thickness follows, in place of dJ/dF.
     """
     energy_of, stress_of, tangent_of = functions
     deformation, place = deformation_function(kinematics), place_function(kinematics)
     d, columns = KINEMATICS[kinematics]
     size = int(d * columns)
     plane_stress = kinematics == "plane_stress"
+    kind = wp.float32 if single else wp.float64
     zero, half, tiny = f64(0.0), f64(0.5), f64(1e-14)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -87,10 +89,11 @@ def point_kernel(functions: tuple[Any, Any, Any], kinematics: str, *, mixed: boo
         E: wp.array4d(dtype=f64),
         rows: wp.array2d(dtype=f64),
         pressure: wp.array2d(dtype=f64),
+        volumes: wp.array2d(dtype=f64),
         thickness: wp.array2d(dtype=f64),
         want_tangent: int,
         P: wp.array3d(dtype=f64),
-        A: wp.array4d(dtype=f64),
+        A: wp.array4d(dtype=kind),
         H: wp.array3d(dtype=f64),
         J: wp.array2d(dtype=f64),
         W: wp.array2d(dtype=f64),
@@ -139,7 +142,7 @@ def point_kernel(functions: tuple[Any, Any, Any], kinematics: str, *, mixed: boo
                         value = whole[at, to]
                         if wp.static(plane_stress):  # P_33 = 0 holds the thickness
                             value -= whole[at, 8] * whole[8, to] / whole[8, 8]
-                    A[c, g, m, n] = value
+                    A[c, g, m, n] = kind(value * volumes[c, g])
 
     return points
 

@@ -7,11 +7,13 @@ Components are taken as independent of each other.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
+from dic.forks import side_by_side
 from dic.outcome import FrameOutcome
 from dic.rigid_body.body_motion import BodyMotion
 from kolsky.bars.flyer.fit import FEWEST_STATIC, fit_flyer
@@ -134,11 +136,16 @@ def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float, toward: FlyerMot
         motion = FlyerMotion(time[at][order], value[order], noise[order])
         return fit_flyer(motion, start=start, covariance=C[np.ix_(order, order)])
 
-    return Flight(
-        toward=path(-u[:, 1], 4, UNSEEN) if toward is None else fit_flyer(toward, start=start),
-        lateral=(path(u[:, 0], 3, UNSEEN), path(u[:, 2], 5, UNSEEN)),
-        turn=(path(r[:, 0], 0, UNTURNED), path(r[:, 2], 2, UNTURNED)),
+    ahead, x, z, about_x, about_z = side_by_side(
+        [
+            partial(path, -u[:, 1], 4, UNSEEN) if toward is None else partial(fit_flyer, toward, start=start),
+            partial(path, u[:, 0], 3, UNSEEN),
+            partial(path, u[:, 2], 5, UNSEEN),
+            partial(path, r[:, 0], 0, UNTURNED),
+            partial(path, r[:, 2], 2, UNTURNED),
+        ]
     )
+    return Flight(toward=ahead, lateral=(x, z), turn=(about_x, about_z))
 
 
 def _own_noise(covariance: FloatArray) -> FloatArray:

@@ -127,7 +127,8 @@ def _limits(ax: Axes, found: Prediction, signal: np.ndarray) -> None:
     flight = signal[(times > events.separation + 2.0 * RINGING) & (times < last - 2.0 * RINGING)]
     if flight.size:
         low, high = float(flight.min()), float(flight.max())
-        room = 0.3 * max(high - low, 1e-9)
+        least = 0.01 * float(np.ptp(signal))  # of a flyer that carries no wave in flight
+        room = 0.3 * max(high - low, least)
         ax.set_ylim(low - room, high + room)
 
 

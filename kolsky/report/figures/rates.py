@@ -15,7 +15,6 @@ from kolsky.report.figures.base import (
     Panels,
     label_panel,
     label_text,
-    note_empty,
     plain_log_ticks,
 )
 from kolsky.report.nomenclature import route_label
@@ -113,11 +112,13 @@ def _shots(ax: Axes, group: GroupRates) -> None:
 
 
 def _lever(ax: Axes, group: GroupRates) -> None:
-    """Mark the range of rates of the shots, above the axis."""
+    """Mark the range of rates of the shots, above the axis and below the data."""
     rates = [shot.history.nominal_rate for shot in group.counted]
     if len(rates) < 2:
         return
     place = ax.get_xaxis_transform()
+    bottom, top = ax.get_ylim()
+    ax.set_ylim(bottom - 0.25 * (top - bottom), top)  # room below all data
     ax.plot([min(rates), max(rates)], [0.04, 0.04], "|-", color=FORCE, ms=4, lw=1.2, transform=place)
     span = np.log10(max(rates) / min(rates))
     ax.annotate(
@@ -138,19 +139,26 @@ STEP = 0.22
 
 def caption_forest(group: GroupRates) -> str:
     """Return the caption."""
+    without = " Right: the mean and its 95 % interval without each shot in turn." if _left_out(group) else ""
     return (
-        "Left: stiffness factor of each shot, slowest first, by force and outline together with ±2u of the"
-        " whole budget, and by each alone with ±2 of the standard uncertainty of its residuals; the diamond"
-        " is the mean, as wide as its 95 % interval. Right: the mean and its 95 % interval without each shot"
-        " in turn. Open circles do not count."
+        f"{'Left: s' if without else 'S'}tiffness factor of each shot, slowest first, by force and outline"
+        " together with ±2u of the whole budget, and by each alone with ±2 of the standard uncertainty of its"
+        f" residuals; the diamond is the mean, as wide as its 95 % interval.{without}"
+        " Open circles do not count."
     )
+
+
+def _left_out(group: GroupRates) -> bool:
+    """True if the mean is known without one of the shots; it takes three."""
+    return group.pooled is not None and any(fit is not None for fit in group.pooled.leave_one_out)
 
 
 def draw_forest(group: GroupRates, panels: Panels) -> None:
     """Draw the forest and the leave-one-out."""
-    left, right = panels["shots"], panels["without"]
-    label_panel(left, "a")
-    label_panel(right, "b")
+    left, right = panels["shots"], panels.get("without")
+    if right is not None:
+        label_panel(left, "a")
+        label_panel(right, "b")
     count = len(group.shots)
     rows = np.arange(count, 0, -1)
     for row, shot in zip(rows, group.shots, strict=True):
@@ -174,27 +182,25 @@ def draw_forest(group: GroupRates, panels: Panels) -> None:
                 )
     names = [label_text(shot.name, 24) for shot in group.shots]
     left.set_yticks([*rows, 0], [*names, "mean"])
-    for ax in (left, right):
+    for ax in panels.values():
         ax.set_ylim(-0.6, count + 0.7)
         ax.tick_params(axis="y", which="both", left=False, right=False)
         ax.set_xlabel("Stiffness factor $m$ (–)")
-    right.set_yticks([])
     if group.pooled is not None:
         p = group.pooled
         low, high = p.interval
-        for ax in (left, right):
+        for ax in panels.values():
             ax.axvspan(low, high, color=BAND, alpha=0.25, lw=0.0)
-        left.fill([low, p.mean, high, p.mean], [0, 0.25, 0, -0.25], color=MEASURED, lw=0.0)
-        right.fill([low, p.mean, high, p.mean], [0, 0.25, 0, -0.25], color=MEASURED, lw=0.0)
-        if all(fit is None for fit in p.leave_one_out):
-            note_empty(right, "needs three shots")
+            ax.fill([low, p.mean, high, p.mean], [0, 0.25, 0, -0.25], color=MEASURED, lw=0.0)
         place = {shot.name: row for shot, row in zip(group.shots, rows, strict=True)}
         for shot, fit in zip(group.counted, p.leave_one_out, strict=True):
-            if fit is None:
+            if fit is None or right is None:
                 continue
             mean, (start, end) = float(fit.coefficients[0]), fit.interval(0)
             right.plot([start, end], [place[shot.name]] * 2, color=MEASURED, lw=0.8)
             right.plot(mean, place[shot.name], "D", color=MEASURED, ms=3)
+    if right is not None:
+        right.set_yticks([])
     left.legend(loc="lower left", ncols=3, bbox_to_anchor=(0.1, 1.0), borderaxespad=0.1)
 
 
@@ -213,9 +219,8 @@ FIGURES: tuple[FigureKind[GroupRates], ...] = (
         width=PAGE,
         height=lambda group: 32.0 + 7.5 * len(group.shots),
         caption=caption_forest,
-        panels=lambda group: [["shots", "without"]],
+        panels=lambda group: [["shots", "shots", "without", "without"]] if _left_out(group) else [["shots"]],
         draw=draw_forest,
-        mosaic={"width_ratios": [1.2, 1.0]},
         applies=lambda group: any(np.isfinite(shot.m) for shot in group.shots),
     ),
 )

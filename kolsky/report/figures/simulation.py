@@ -68,7 +68,8 @@ def draw_energy(result: Identification, panels: Panels) -> None:
     top.plot(time, MJ * ledger.external[0], color=MEASURED, lw=0.8, label="work of the platens")
     top.set_ylabel("Energy $W$ (mJ)")
     top.tick_params(labelbottom=False)
-    top.legend(loc="upper left", reverse=True)
+    if ended.any():
+        top.legend(loc="upper left", reverse=True)
     low.axhline(0.0, color=GREY, lw=0.5)
     low.plot(time, 100.0 * ledger.residual[0] / scale, color=MEASURED, lw=0.8)
     low.set_xlabel("Time $t$ (ms)")

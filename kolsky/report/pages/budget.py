@@ -30,9 +30,7 @@ def render(results: Sequence[Budget], campaign: Campaign | None) -> str:
     first = results[0]
     figures: list[dict[str, Any]] = []
     for result in results:
-        figures += draw_figures(BUDGETS.values(), result, first=len(figures) + 1)
-    for number, figure in enumerate(figures, start=1):
-        figure["id"] = f"{figure['id']}-{number}"
+        figures += draw_figures(BUDGETS.values(), result, first=len(figures) + 1, mark=result.parameter)
     return render_page(
         "budget.html",
         kind="Error budget of one impact test",

@@ -55,7 +55,7 @@ def write_report(
     recordings : Recorded, optional
         Recordings of the shot's own files; without them their sections are left out.
     processes : int
-        Processes that draw, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
+        Processes that draw, 1 or 2; see `dic.forks.side_by_side`.
 
     Raises
     ------

@@ -36,7 +36,7 @@ def render(report: RateReport) -> str:
     return render_page(
         "rates.html",
         kind="Stiffness against strain rate",
-        heading=f"{total} shots{several}",
+        heading=f"{total} shot{'' if total == 1 else 's'}{several}",
         subject="stiffness against strain rate",
         report=report,
         groups=groups,

@@ -12,10 +12,10 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from dic.files import replacing
+from dic.forks import side_by_side
 from kolsky.base.process import infrequent_gc
 from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import FigureKind
-from kolsky.report.pages.parallel import draw_in_processes
 from kolsky.report.typography import typeset, upper_first, with_subscripts
 
 _HERE = Path(__file__).parent
@@ -64,6 +64,7 @@ def draw_figures(
     captioned: Any = None,
     first: int = 1,
     processes: int = 1,
+    mark: str = "",
 ) -> list[dict[str, Any]]:
     """Draw the figures that apply and return them numbered, as the templates take them.
 
@@ -78,21 +79,25 @@ def draw_figures(
     first
         Number of the first figure.
     processes
-        Processes that draw, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
+        Processes that draw, 1 or 2; see `dic.forks.side_by_side`.
+    mark
+        Beside the names of the figures in their ids, where a page has a figure of one name several times.
     """
     kinds, about = list(kinds), shown if captioned is None else captioned
     kinds = [kind for kind in kinds if kind.applies(about)]
+    names = [f"{kind.name}-{mark}" if mark else kind.name for kind in kinds]
     with infrequent_gc():
-        pictures = draw_in_processes(processes, [partial(inline_svg, kind, shown) for kind in kinds])
+        drawn = [partial(inline_svg, kind, shown, name) for kind, name in zip(kinds, names, strict=True)]
+        pictures = side_by_side(drawn, processes=processes)
     return [
         {
-            "id": kind.name,
+            "id": name,
             "number": number,
             "svg": Markup(picture),  # serialised as XML: every text is escaped
             "caption": with_subscripts(kind.caption(about)),
             "width": kind.width,
         }
-        for number, (kind, picture) in enumerate(zip(kinds, pictures, strict=True), start=first)
+        for number, (name, kind, picture) in enumerate(zip(names, kinds, pictures, strict=True), start=first)
     ]
 
 

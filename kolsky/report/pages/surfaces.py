@@ -26,7 +26,7 @@ def write_page(path: Path, shown: SurfaceView, inputs: Mapping[str, str], *, pro
     inputs : mapping
         SHA-256 of every file that was read, by name.
     processes : int
-        Processes that draw, 1 or 2; see `kolsky.report.pages.parallel.draw_in_processes`.
+        Processes that draw, 1 or 2; see `dic.forks.side_by_side`.
 
     Raises
     ------

@@ -5,14 +5,14 @@ For the stills and films of `kolsky film`; the report draws the same scene witho
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kolsky.base.process import run_program
 from kolsky.report.scene.fields import FIELDS
 from kolsky.report.scene.geometry import (
     ASIDE,
@@ -33,6 +33,8 @@ MARGIN = 0.18
 """Share of the half-width left for the colour bar."""
 PAPER, STEEL, MEASURED = "#FFFFFF", "#9AA0A6", "#D9D9D9"
 POINT = "#D55E00"
+LONGEST_TRIAL = 120.0
+"""Time that VTK has to show that it can render [s]."""
 
 
 def picture(scene: Scene, k: int, *, size: tuple[int, int] = SIZE, bar: bool = True) -> NDArray[np.uint8]:
@@ -122,11 +124,8 @@ def silent_pyvista() -> Any:
 @cache
 def renders() -> bool:
     """Return True if this machine can render; tried in a separate process, because VTK may crash."""
-    trial = (
-        "import pyvista; p = pyvista.Plotter(off_screen=True); p.add_mesh(pyvista.Sphere()); p.screenshot()"
-    )
-    ended = subprocess.run([sys.executable, "-c", trial], capture_output=True, timeout=120)
-    return ended.returncode == 0
+    trial = Path(__file__).with_name("render_trial.py")
+    return run_program(trial, timeout=LONGEST_TRIAL).returncode == 0
 
 
 def _fill(plotter: Any, pyvista: Any, scene: Scene, k: int, bar: bool) -> None:

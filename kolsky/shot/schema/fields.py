@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import BeforeValidator
 from pydantic_core import PydanticCustomError
 
-from kolsky.base.units import DIMENSIONS, UnitError, quantity, unit_factor
+from kolsky.base.units import DIMENSIONS, LARGEST, UnitError, quantity, unit_factor
 
 LARGEST_POISSON = 0.4999
 
@@ -17,10 +17,12 @@ def problem(message: str, **context: str) -> PydanticCustomError:
     return PydanticCustomError("shot", "{message}", {"message": message, **context})
 
 
-def _physical(unit: str, rule: str = "finite", what: str | None = None) -> Callable[[object], float]:
+def _physical(
+    unit: str, rule: str = "finite", what: str | None = None, example: str | None = None
+) -> Callable[[object], float]:
     """A validator for a written-out quantity: SI unit, "> 0", ">= 0" or "finite", and what it is in words."""
-    words, example = DIMENSIONS[unit]
-    hint = f'write {what or words}, e.g. "{example}"'
+    words, usual = DIMENSIONS[unit]
+    hint = f'write {what or words}, e.g. "{example or usual}"'
 
     def validate(text: object) -> float:
         try:
@@ -71,10 +73,9 @@ def _number(value: object) -> float:
     """A plain number; bool is not one."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise problem("is not a number", cure="write a number without quotes or unit")
-    try:
-        return float(value)
-    except OverflowError:
-        raise problem("is too large") from None
+    if abs(value) > LARGEST:  # a NaN is no larger; the range of the key refuses it
+        raise problem("is too large", allowed=f"a size of at most {LARGEST:g}")
+    return float(value)
 
 
 number = _number
@@ -125,6 +126,15 @@ def _contact_law(name: object) -> str:
     return name
 
 
+def _target(name: object) -> str:
+    """The name of a calibration target; an unknown one is refused where the pictures are opened."""
+    from dic.calibration.targets import TARGETS
+
+    if not isinstance(name, str) or not name.strip():
+        raise problem("is not a name", allowed=alternatives(TARGETS))
+    return name.strip()
+
+
 def alternatives(names: Iterable[str]) -> str:
     """Names in quotes, the last behind "or"."""
     quoted = [f'"{name}"' for name in names]
@@ -139,7 +149,7 @@ def _share(text: object) -> float:
 
 
 def _interval(pair: object) -> tuple[float, float]:
-    if not isinstance(pair, list | tuple) or len(pair) != 2:
+    if not isinstance(pair, list | tuple) or len(pair) != 2 or "" in pair:
         raise problem("is not a pair of times", cure='write start and end, e.g. ["-200 us", "0 us"]')
     start, end = (_physical("s")(text) for text in pair)
     if end <= start:
@@ -169,6 +179,8 @@ def _pixels(values: object, count: int, example: str) -> tuple[float, ...]:
     """So many finite numbers of size below 1e6."""
     if not isinstance(values, list | tuple) or len(values) != count:
         raise problem(f"is not a list of {count} numbers", cure=f"write pixels, e.g. {example}")
+    if any(isinstance(value, str) for value in values):
+        raise problem("is not a list of numbers", cure=f"write pixels without quotes, e.g. {example}")
     numbers = tuple(_number(value) for value in values)
     if not all(abs(number) < 1e6 for number in numbers):
         raise problem("is not allowed", allowed="finite and below a million pixels")
@@ -271,8 +283,12 @@ Uncertainty = Annotated[
 ]
 Ratio = Annotated[float, BeforeValidator(_physical("1", "> 0", "a ratio"))]
 LeadResistance = Annotated[float, BeforeValidator(_physical("ohm", ">= 0"))]
-TimeDeviation = Annotated[float, BeforeValidator(_physical("s", ">= 0", "a standard uncertainty (k = 1)"))]
-LengthDeviation = Annotated[float, BeforeValidator(_physical("m", ">= 0", "a standard uncertainty (k = 1)"))]
+TimeDeviation = Annotated[
+    float, BeforeValidator(_physical("s", ">= 0", "a standard uncertainty (k = 1)", "0.5 us"))
+]
+LengthDeviation = Annotated[
+    float, BeforeValidator(_physical("m", ">= 0", "a standard uncertainty (k = 1)", "5 um"))
+]
 Deviation = Annotated[float, BeforeValidator(_deviation)]
 Number = Annotated[float, BeforeValidator(_number)]
 Share = Annotated[float, BeforeValidator(_share)]
@@ -295,6 +311,7 @@ Subset = Annotated[int, BeforeValidator(_odd(5, 101, "px"))]
 StrainWindow = Annotated[int, BeforeValidator(_odd(3, 51, "points"))]
 Prefilter = Annotated[float, BeforeValidator(_prefilter)]
 Name = Annotated[str, BeforeValidator(_text)]
+TargetName = Annotated[str, BeforeValidator(_target)]
 ContactStiffness = Annotated[
     float, BeforeValidator(_physical("Pa/m", "> 0", "the stiffness of the springs of contact"))
 ]

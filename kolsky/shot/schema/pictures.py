@@ -47,7 +47,7 @@ class PicturesSection(Section):
 class TargetSection(Section):
     """[calibration.target]: what the calibration pictures show; which keys it needs depends on its kind."""
 
-    kind: f.Name
+    kind: f.TargetName
     columns: Annotated[int, Field(ge=2, le=1000)]
     rows: Annotated[int, Field(ge=2, le=1000)]
     pitch: f.Length | None = None

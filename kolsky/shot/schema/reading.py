@@ -233,9 +233,15 @@ def _syntax_error(path: Path, text: str, message: str) -> InputError:
     )
 
 
+SHOULD_BE = "Input should be "
+"""How pydantic says what is allowed."""
+CHOICE = re.compile(r"(list|dict|tuple|literal|nullable|function-\w+|lax-or-strict)\[")
+"""Parts of pydantic's place of an error that are no keys: the alternatives of a value of several kinds."""
+
+
 def _translate(file: TomlFile, model: type[BaseModel], details: Any, empty: set[str]) -> InputError:
     """One pydantic error as an `InputError`; `empty` are the keys that are not filled in."""
-    location = [str(part) for part in details["loc"]]
+    location = [str(part) for part in details["loc"] if not CHOICE.match(str(part))]
     context = details.get("ctx", {})
     kind, value = details["type"], details["input"]
     if "key" in context:
@@ -292,7 +298,9 @@ def _words(
         return "is not a whole number", None, "write a whole number without quotes"
     if kind in ("model_type", "model_attributes_type"):
         return "is not a table", None, "its keys are " + ", ".join(_keys_of(model, location))
-    return f"is not allowed ({fallback})", None, None
+    if fallback.startswith(SHOULD_BE):
+        return "is not allowed", fallback.removeprefix(SHOULD_BE).replace("dictionary", "table"), None
+    return f"is not allowed ({fallback})", None, "write it as the page of this file's format shows it"
 
 
 def _keys_of(model: type[BaseModel], location: list[str]) -> list[str]:

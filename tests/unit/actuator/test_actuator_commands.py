@@ -50,7 +50,7 @@ def _run(*words: object) -> str:
 def test_simulate_invert_and_control(tmp_path: Path) -> None:
     spec = tmp_path / "small.toml"
     spec.write_text(SPEC)
-    _run("actuator", "simulate", spec, "--out", tmp_path / "s", "--vtu", "--film", "gif")
+    _run("actuator", "simulate", spec, "--out", tmp_path / "s", "--vtu", "--film", "gif", "--json")
     for name in ("actuator.html", "bend.csv", "line.csv", "motion.csv", "downward.vtu", "downward.gif"):
         assert (tmp_path / "s" / name).stat().st_size > 0, name
     bends = json.loads((tmp_path / "s" / "actuator.json").read_text())["bends"]["downward"]
@@ -60,7 +60,7 @@ def test_simulate_invert_and_control(tmp_path: Path) -> None:
     assert "beyond the largest pressure" in said
     found = json.loads((tmp_path / "i" / "actuator.json").read_text())["found"]["downward"]
     assert [one["ended"] for one in found] == ["reached", "beyond the largest pressure"]
-    _run("actuator", "control", spec, "--out", tmp_path / "c")
+    _run("actuator", "control", spec, "--out", tmp_path / "c", "--json")
     run = json.loads((tmp_path / "c" / "actuator.json").read_text())["runs"]["downward"]
     assert run["ticks"] == 80
     assert max(run["settled_error_rad"]) < 1e-3

@@ -132,3 +132,40 @@ def test_results_are_put_in_their_places_alone(tmp_path: Path, monkeypatch: pyte
         (folder / "a.csv").write_text("1")
         (folder / "b.csv").write_text("2")
     assert held == [True, True]
+
+
+FILLING = """
+import os, sys, time
+from pathlib import Path
+from kolsky.base.files import filling
+
+replace, word, pause = os.replace, sys.argv[2], float(sys.argv[3])
+
+def slowly(old, new):
+    replace(old, new)
+    print("put", flush=True)
+    time.sleep(pause)
+
+os.replace = slowly
+with filling(Path(sys.argv[1])) as folder:
+    for name in ("a.csv", "b.csv", "c.csv"):
+        (folder / name).write_text(word)
+"""
+
+
+def test_of_two_commands_in_one_folder_the_second_waits(tmp_path: Path) -> None:
+    """The first is half-way through its files when the second comes: at the end all are the second's."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+
+    def filled(word: str, pause: float) -> subprocess.Popen[bytes]:
+        words = [sys.executable, "-c", FILLING, str(tmp_path), word, str(pause)]
+        return subprocess.Popen(words, stdout=subprocess.PIPE, env=environment)
+
+    with filled("first", 0.7) as first:
+        assert first.stdout is not None
+        assert first.stdout.readline() == b"put\n"
+        with filled("second", 0.0) as second:
+            assert second.wait(timeout=60) == 0
+        assert first.wait(timeout=60) == 0
+    found = {path.name: path.read_text() for path in tmp_path.iterdir()}
+    assert found == {"a.csv": "second", "b.csv": "second", "c.csv": "second"}

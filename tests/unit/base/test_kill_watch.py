@@ -7,8 +7,8 @@ import time
 import psutil
 import pytest
 
-from benchmarks.kill_watch import end_of, end_of_children, own_time
-from benchmarks.kills import Trial, recorded
+from benchmarks.kill_watch import end_of, end_of_children, own_time, runs
+from benchmarks.kills import Killed, Trial, _begun, recorded
 from benchmarks.soak import judged
 from benchmarks.soak import recorded as soak_recorded
 
@@ -31,6 +31,45 @@ def test_a_process_that_sleeps_gets_nothing_taken_off() -> None:
     assert alive == 0
     assert gone > 0.0
     assert end_of_children([]) == (0.0, 0)
+
+
+DEAD_CHILD = """
+import subprocess, sys, time
+child = subprocess.Popen([sys.executable, "-c", ""])
+time.sleep(0.3)
+print(child.pid, flush=True)
+time.sleep(60)
+"""
+
+
+def test_a_process_that_has_ended_counts_as_ended_though_nobody_took_its_exit_code() -> None:
+    with subprocess.Popen([sys.executable, "-c", DEAD_CHILD], stdout=subprocess.PIPE, text=True) as run:
+        assert run.stdout is not None
+        child = psutil.Process(int(run.stdout.readline()))
+        assert psutil.pid_exists(child.pid)
+        gone, alive = end_of_children([child])
+        assert runs(psutil.Process(run.pid))
+        run.kill()
+    assert alive == 0
+    assert gone < 0.3
+
+
+def test_a_process_that_does_not_end_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("benchmarks.kill_watch.GIVEN_UP", 0.2)
+    with subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"]) as run:
+        gone, alive = end_of_children([psutil.Process(run.pid)])
+        run.kill()
+    assert alive == 1
+    assert 0.0 < gone <= 0.5
+
+
+def test_an_interrupt_before_the_command_line_is_pythons_to_answer() -> None:
+    def said(code: int, text: str) -> bool:
+        return _begun(Killed(0.1, code, text, 0.0, 0.0, 0))
+
+    assert not said(-2, "Traceback\n  File x/runpy.py, line 1, in _run\nKeyboardInterrupt")
+    assert said(-2, "Traceback\n  File x/cli/commandline.py, line 9, in main\nKeyboardInterrupt")
+    assert said(130, "")
 
 
 def test_the_record_of_kills() -> None:
@@ -65,6 +104,7 @@ def test_growth_is_from_the_second_tenth_on() -> None:
     assert found["growth"] == pytest.approx(0.03)
     assert found["handles"] == [5, 6]
     assert found["done"] == {"sweep": 10_000}
+    assert found["seconds"] == 9
 
 
 def test_what_grew_and_what_differed_is_named() -> None:

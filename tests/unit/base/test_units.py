@@ -110,3 +110,25 @@ def test_any_unit_like_text_is_a_finite_number_or_a_unit_error(text: str, unit: 
     except UnitError:
         return
     assert math.isfinite(value)
+
+
+@pytest.mark.parametrize("text", ["1e30 m", "-1e30 m", "1e-30 m", "0 m", "1e33 mm"])
+def test_sizes_that_are_read(text: str) -> None:
+    assert abs(quantity(text, "m")) in (0.0, pytest.approx(1e30, rel=1e-12), pytest.approx(1e-30, rel=1e-12))
+
+
+@pytest.mark.parametrize("text", ["1.01e30 m", "-1e300 m", "0.99e-30 m", "1e-320 m", "1.01e33 mm"])
+def test_sizes_that_nothing_measured_has(text: str) -> None:
+    with pytest.raises(UnitError, match="has a size that nothing measured has; expected a length"):
+        quantity(text, "m")
+
+
+def test_plain_numbers_have_the_same_limit() -> None:
+    from pydantic_core import PydanticCustomError
+
+    from kolsky.shot.schema.fields import number
+
+    assert number(-1e30) == -1e30
+    for value in (1.01e30, -1e300, float("inf"), 10**400):
+        with pytest.raises(PydanticCustomError, match="is too large"):
+            number(value)

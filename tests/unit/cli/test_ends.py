@@ -83,6 +83,36 @@ def test_a_signal_that_a_library_makes_an_error_of_its_own(how: str, code: int) 
     assert ("Traceback" in done.stderr) == (code == 1)  # without a signal it is a fault of the program
 
 
+IGNORING = """
+import os, signal, sys, time
+from kolsky.cli import commandline
+
+class Finalised:
+    def __del__(self):
+        os.kill(os.getpid(), getattr(signal, sys.argv[1]))
+        time.sleep(0.01)  # here the signal becomes an exception, which Python ignores
+
+def app():
+    Finalised()
+    time.sleep(20)
+
+commandline.app = app
+signal.signal(signal.SIGINT, signal.default_int_handler)
+commandline.main()
+"""
+
+
+@pytest.mark.parametrize(("how", "code"), [("SIGINT", (130, -2)), ("SIGTERM", (143,))])
+def test_a_signal_whose_exception_is_ignored_is_repeated(how: str, code: tuple[int, ...]) -> None:
+    started = time.monotonic()
+    done = subprocess.run(
+        [sys.executable, "-c", IGNORING, how], capture_output=True, text=True, env=ENVIRONMENT, check=False
+    )
+    assert done.returncode in code
+    assert time.monotonic() - started < 15.0
+    assert "Exception ignored" not in done.stderr
+
+
 CLOSED = """
 import sys
 from pathlib import Path

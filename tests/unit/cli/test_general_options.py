@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from json_rows import compare, row_of, rows
 from shot_folders import shot_in
 from typer.testing import CliRunner
 
@@ -14,7 +15,6 @@ from kolsky.cli.commandline import COMMANDS
 from kolsky.cli.quiet import is_quiet, quietly
 from kolsky.cli.terminal import print_result, progress_bars, sweep_progress
 
-DOCS = Path(__file__).resolve().parents[3] / "docs"
 runner = CliRunner()
 
 
@@ -68,7 +68,19 @@ def test_a_new_shot_says_what_it_found_as_one_object(tmp_path: Path) -> None:
     assert Path(made["file"]).is_file()
 
 
-def test_the_page_names_every_command() -> None:
-    page = (DOCS / "howto" / "json.md").read_text(encoding="utf-8")
-    missing = [name for name in COMMANDS if f"`{name}`" not in page]
-    assert missing == []
+def test_the_page_has_a_row_for_every_command_and_no_other() -> None:
+    assert set(rows()) == set(COMMANDS)
+
+
+def test_a_row_fits_its_object_and_no_other() -> None:
+    row = row_of("of a shot: `shot`, `found` (part, `not_a_key`); at times `figures`")
+    assert row.fits({"shot", "found"})
+    assert row.fits({"shot", "found", "figures"})
+    assert not row.fits({"shot"})
+    assert not row.fits({"shot", "found", "not_a_key"})
+    assert row_of("`shot`, and a key for each table").fits({"shot", "specimen"})
+
+
+def test_a_command_that_says_something_else_is_noticed() -> None:
+    with pytest.raises(AssertionError, match="virtual new prints the keys path"):
+        compare(["virtual", "new", "lab", "--json"], '{"path": "lab"}')

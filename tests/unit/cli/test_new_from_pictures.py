@@ -84,3 +84,17 @@ def test_three_series_of_the_tests_length_are_left_open(tmp_path: Path) -> None:
 def test_an_empty_folder_gives_the_template(tmp_path: Path) -> None:
     assert runner.invoke(app, ["new", "--pictures", str(tmp_path)]).exit_code == 0
     assert (tmp_path / "shot.toml").read_text("utf-8") == template(pictures=True)
+
+
+def test_what_is_blank_is_asked_for_with_examples_of_its_own(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path / "shot")
+    assert runner.invoke(app, ["new", "--pictures", str(folder)]).exit_code == 0
+    said = runner.invoke(app, ["check", str(folder)]).stderr
+    asked = {line.partition(": ")[2].partition(" is not")[0]: line for line in said.splitlines()}
+    assert '"fiducial_dots"' in asked["calibration.target.kind"]
+    assert '["-200 us", "0 us"]' in asked["force.baseline"]
+    assert 'e.g. "5 um"' in asked["uncertainty.Z_offset"]
+    assert 'e.g. "0.5 us"' in asked["uncertainty.clock_offset"]
+    # A side that bulges is read too near to the axis by subsets that do not bend.
+    written = tomllib.loads((folder / "shot.toml").read_text("utf-8"))["dic"]
+    assert (written["subset"], written["step"], written["shape"]) == (25, 6, "quadratic")

@@ -60,7 +60,7 @@ def test_the_page_again_without_a_simulation(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr("kolsky.inverse.forward.Forward.run", never)
     folder = shot_in(tmp_path / "shot")
     identified(folder)
-    result = runner.invoke(app, ["report", str(folder), "--figures", "csv"])
+    result = runner.invoke(app, ["report", str(folder), "--figures", "csv", "--json"])
     assert result.exit_code == 0, result.stderr
     written = {str(path.relative_to(folder / "results")) for path in (folder / "results").rglob("*.*")}
     assert {"report.html", "figures/raw-signals.csv", "figures/flyer-path.csv"} <= written

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 import typer
-from shot_folders import ROOT, shot_in, state
+from shot_folders import ROOT, state
 from typer.testing import CliRunner
 
+from benchmarks.small_cases import small_shot
 from kolsky.cli import app
 from kolsky.cli.commandline import LONGEST_PLACE, of_system, refusing_bad_input
 
@@ -83,6 +84,19 @@ main()
 WRITING = {
     "waves": ["waves", "SHOT"],
     "sweep": ["sweep", "SHOT", "--mesh", "8x11", "--design", "lhs", "--runs", "4"],
+    "identify": [
+        "identify",
+        "SHOT",
+        "--mesh",
+        "4x6",
+        "--free",
+        "stiffness_factor",
+        "--refined-mesh",
+        "6x8",
+        "--replicates",
+        "2",
+    ],
+    "plan": ["plan", "SHOT", "--mesh", "4x6", "--free", "stiffness_factor"],
     "virtual make": ["virtual", "make", "SPEC", "--only", "1", "--out", "FOLDER/made"],
 }
 
@@ -98,7 +112,7 @@ def test_a_disk_that_is_full(command: str, tmp_path: Path) -> None:
     if command == "waves":
         shutil.copytree(ROOT / "runs" / "bar-01", shot)
     else:
-        shot_in(shot)
+        small_shot(shot)
     (shot / "results").mkdir()
     (shot / "results" / "kept.csv").write_text("earlier\n")
     before = state(tmp_path)

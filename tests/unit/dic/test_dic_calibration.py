@@ -15,8 +15,9 @@ from dic.calibration import (
     Undetermined,
     calibrate,
 )
-from dic.calibration.bundle import Rig, adjust, free_columns, residuals
+from dic.calibration.bundle import adjust
 from dic.calibration.projection import SHARED, View, derivatives, exponential, seen
+from dic.calibration.rig_state import Rig, free_columns, residuals
 from dic.calibration.targets import Chessboard, DottedCylinder, FiducialDots
 
 SIZE = ((512, 512), (512, 512))

@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 
 from dic.rigid_body.edge_registration import LARGEST_EDGE, EdgeRegistration
-from dic.rigid_body.frames_before import consistent_frames
+from dic.rigid_body.frames_before import at_rest_before, consistent_frames
 from dic.surfaces import SpecimenFrame
 from dic.synthetic.cylinder import Speckles
 
@@ -124,6 +124,29 @@ def test_a_wrong_place_agreed_on_by_few_points_is_left_out():
     assert consistent_frames(rows, found, counts, static, 50e-6) == [True] * len(rows)
     assert consistent_frames(rows, wrong, counts, static, 50e-6) == [False] * 6 + [True] * (len(rows) - 6)
     assert consistent_frames([], [], [], static, 50e-6) == []
+
+
+def test_a_static_frame_far_from_where_the_body_came_from_is_left_out():
+    """Twelve static frames, two of them seen; the body comes to 19 um a frame from rest. Printed dots repeat
+    themselves: a few points agree on a place 220 um off, either way."""
+    rows, static = [10, 11, *range(18, 40)], np.arange(40) < 12
+    moving = [-19e-6 * k for k in rows[2:]]
+    counts = [8, 8, *range(30, 52)]
+    for rest in (
+        moving[0],
+        moving[0] + 6.5 * 19e-6,
+    ):  # it stood still until then, or moved
+        for off in (-220e-6, 360e-6):
+            found = [rest, rest + off, *moving]
+            assert consistent_frames(rows, found, counts, static, 50e-6) == [True, False] + [True] * 22
+        assert consistent_frames(rows, [rest, rest, *moving], counts, static, 50e-6) == [True] * 24
+
+
+def test_a_body_rested_no_farther_than_its_speed_says():
+    """It went 3 um of at most 10, give or take 1."""
+    for way in (1.0, -1.0):
+        told = [at_rest_before(way * change, way * 10.0, 1.0) for change in (-1.1, -0.9, 3.0, 10.9, 11.1)]
+        assert told == [False, True, True, True, False]
 
 
 @pytest.mark.parametrize("scale", [0.1, 10.0])

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dic.bodies.followed_edge import _last_edge, follow_edge
-from dic.bodies.found_regions import _painted, find_regions, row_correlation
+from dic.bodies.followed_edge import _last_edge, follow_edge, rigid_limit
+from dic.bodies.found_regions import _painted, find_regions
+from dic.bodies.row_looks import row_correlation
 from dic.images import PictureError
 from dic.synthetic.speckles import render, speckle_pattern
 
@@ -181,6 +182,41 @@ def test_rows_that_vary_by_more_than_the_noise_are_not_rigid():
     assert edge == pytest.approx(40.0, abs=1.0)  # the rows say it to a row
     with pytest.raises(ValueError, match=r"vary by 2\.0 of the noise, at most 1\.4 is rigid"):
         _last_edge(pictures, np.zeros(8), 1.0)
+
+
+WAVE, SLOPE = 0.5, 100.0  # rad/px across the rows, and their largest slope [1/px]
+
+
+def waves(at: np.ndarray, noise: float, rng: np.random.Generator) -> np.ndarray:
+    """Rows at such places of a wave across them, whose phase goes round once along a row."""
+    phase = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    return SLOPE / WAVE * np.sin(WAVE * at[:, None] + phase) + rng.normal(0.0, noise, (at.size, 60))
+
+
+def test_rows_are_held_still_to_so_many_pixels():
+    """A slope of 100/px has a root mean square of 70.7 over all phases, as differences 0.959 of it."""
+    slope = SLOPE / WAVE * np.sin(WAVE) / 2.0**0.5
+    rows = waves(np.arange(8.0), 0.0, np.random.default_rng(3))
+    assert rigid_limit(rows, 0.0) == pytest.approx(0.1 * slope)
+    assert rigid_limit(rows, 10.0) == pytest.approx((14.0**2 + 0.01 * (slope**2 - 50.0)) ** 0.5)
+    assert rigid_limit(np.zeros((8, 60)), 2.0) == pytest.approx(2.8)
+
+
+@pytest.mark.parametrize(("stretch", "problem"), [(0.0, None), (0.15, r"at most 7\.\d is rigid")])
+def test_warm_air_moves_a_rigid_row_and_a_specimen_stretches(stretch, problem):
+    """Forty rows that the air moves by 0.03 px: 2.3 of the noise. Stretched they vary by much more."""
+    rng = np.random.default_rng(4)
+
+    def picture():
+        at = np.arange(40.0) * (1.0 + stretch * rng.normal()) + 0.03 * rng.normal()
+        return np.concatenate([waves(at, 1.0, rng), rng.normal(0.0, 150.0, (40, 60))])
+
+    pictures = np.array([picture() for _ in range(20)])
+    if problem is None:
+        assert _last_edge(pictures, np.zeros(20), 1.0)[0] == pytest.approx(40.0, abs=1.0)
+        return
+    with pytest.raises(ValueError, match=problem):
+        _last_edge(pictures, np.zeros(20), 1.0)
 
 
 def test_a_missing_last_picture_is_passed_over(plain):

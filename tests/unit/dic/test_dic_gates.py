@@ -8,7 +8,8 @@ import pytest
 from scipy.stats import norm, rayleigh
 from test_dic_reconstruct import RIG, followed
 
-from dic.bodies.follow import TrackedBody, material_frame
+from dic.bodies.follow import TrackedBody
+from dic.bodies.matched import material_frame
 from dic.chain.outliers import gate_epipolar, gate_residual
 from dic.chain.remarks import of_radius
 from dic.outcome import FrameOutcome, PointOutcome

@@ -102,6 +102,15 @@ def test_every_file_beside_the_modules_is_shipped() -> None:
     assert missing == []
 
 
+def test_the_readme_and_ci_run_the_same_tests() -> None:
+    readme = (ROOT / "README.md").read_text("utf-8")
+    ci = (ROOT / ".ci" / "run").read_text("utf-8")
+    assert "\n.venv/bin/pip install -q '.[test]' && .venv/bin/pytest -n auto\n" in readme
+    assert ci.rstrip().endswith('"$bin/pytest" --slow -n auto')  # the slow ones, too
+    assert '"$bin/kolsky" identify runs/open-01\n' in ci
+    assert ".venv/bin/kolsky identify runs/open-01\n" in readme
+
+
 def test_classifiers_name_the_pythons_and_the_field() -> None:
     said = PROJECT["project"]["classifiers"]
     assert "Programming Language :: Python :: 3.11" in said

@@ -1,5 +1,6 @@
 """The tables that pages make of a study's results."""
 
+import json
 import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks import answers, scatter
+from benchmarks import answers, implicit_table, scatter
 
 TABLES = Path(__file__).parents[3] / "docs" / "_ext" / "made_tables.py"
 
@@ -37,7 +38,7 @@ def test_budget_of_the_paper(tables: ModuleType) -> None:
 
 def test_a_study_that_was_not_run_says_so(tables: ModuleType) -> None:
     assert "not made yet" in tables.budget("no_such_study")
-    for table in (tables.drawn, tables.answers, tables.changes, tables.pooled):
+    for table in (tables.drawn, tables.answers, tables.changes, tables.pooled, tables.equilibria):
         assert "not run yet" in table("no_such_study")
 
 
@@ -107,3 +108,39 @@ def test_scatter_of_errors_over_their_uncertainties() -> None:
     drawn = [answer(1.12 + z * 0.004, 0.004) for z in (1.0, -1.0, 3.0, -3.0)]
     (row,) = scatter.table(drawn).splitlines()[2:]
     assert [cell.strip() for cell in row.split("|")[2:-1]] == ["4", "+0.00", "2.24", "3.00", "2"]
+
+
+def test_times_of_equilibria_are_merged(tmp_path: Path) -> None:
+    settings = {
+        "kind": "hex27",
+        "steps": 1,
+        "strain": 0.1,
+        "linear": "auto",
+        "device": "cpu",
+        "where": "here",
+    }
+    measured = {"outcome": "COMPLETED", "processor seconds": 2.0, "factorisations": 3, "iterations": 4}
+    small, large = (
+        {
+            **settings,
+            **measured,
+            "threads": 1,
+            "cells": [n, 1, 1],
+            "displacements": 1000 * n,
+            "seconds": float(n),
+        }
+        for n in (1, 2)
+    )
+    path = tmp_path / "growth.json"
+    path.write_text(json.dumps([large, {**small, "seconds": 9.0}]), "utf-8")
+    again = implicit_table.merged(path, [small])
+    assert again == [small, large]  # the older one of the same thing is gone
+    assert implicit_table.merged(path, [{**small, "threads": 2}])[1]["seconds"] == 1.0
+    row = implicit_table.table([{**large, "outcome": "SINGULAR"}]).splitlines()[-1]
+    assert (
+        row
+        == "| 2 000 | 2 x 1 x 1 hex27 | 1 to 10 % | auto | cpu | here, 1 thread | 2 | 2 | 3, 4: SINGULAR |"
+    )
+    peer = {"dolfinx": {"processor seconds": 50.0}, "largest difference": 2e-10}
+    said = implicit_table.table([{**large, **peer}]).splitlines()[-1]
+    assert "50 s of the processor, 25.0 times as long" in said

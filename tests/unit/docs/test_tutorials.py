@@ -18,7 +18,7 @@ PAGES = sorted((DOCS / "tutorials").glob("*.md"))
 def extensions(monkeypatch: pytest.MonkeyPatch) -> None:
     """The folder of the documentation's extensions, to import from."""
     monkeypatch.syspath_prepend(str(DOCS / "_ext"))
-    for name in ("laboratory", "module_pages"):
+    for name in ("laboratory", "module_pages", "notebooks_ahead"):
         monkeypatch.delitem(sys.modules, name, raising=False)
 
 
@@ -102,3 +102,41 @@ def test_there_is_a_page_for_every_public_module_and_no_other(extensions, tmp_pa
         (folder / f"{n}.md").write_text(f"see {said}.", encoding="utf-8")
     assert {"dic.files", "dic.robust", "dic.arrays"} < public(modules, folder)
     assert "kolsky.report.scene.scene_data" not in public(modules, folder)
+
+
+HEAD = "---\njupytext:\n  text_representation:\n    format_name: myst\nkernelspec:\n  name: python3\n---\n\n"
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of the kernel's own libraries
+def test_notebooks_are_run_ahead_once_and_a_failing_one_is_named(extensions, tmp_path):
+    pytest.importorskip("myst_nb")
+    from myst_nb.core.config import NbParserConfig
+    from myst_parser.config.main import MdParserConfig
+    from notebooks_ahead import run_all
+    from sphinx.errors import ExtensionError
+
+    class Env:
+        myst_config = MdParserConfig()
+        mystnb_config = NbParserConfig(
+            execution_mode="cache",
+            execution_cache_path=str(tmp_path / "cache"),
+            execution_in_temp=True,
+            execution_raise_on_error=True,
+        )
+
+        def doc2path(self, name):
+            return str(tmp_path / f"{name}.md")
+
+    ran = tmp_path / "ran"
+    cell = f"```{{code-cell}} ipython3\nwith open({str(ran)!r}, 'a') as f: f.write('NAME')\n```\n"
+    (tmp_path / "plain.md").write_text("# No notebook\n", encoding="utf-8")
+    for name in "ab":
+        (tmp_path / f"{name}.md").write_text(HEAD + cell.replace("NAME", name), encoding="utf-8")
+    run_all(None, Env(), ["a", "plain", "b"])
+    assert sorted(ran.read_text("utf-8")) == ["a", "b"]
+    run_all(None, Env(), ["a", "plain", "b"])
+    assert sorted(ran.read_text("utf-8")) == ["a", "b"]  # from the cache
+    (tmp_path / "c.md").write_text(HEAD + "```{code-cell} ipython3\n1 / 0\n```\n", encoding="utf-8")
+    with pytest.raises(ExtensionError, match=r"c\.md: (.|\n)*ZeroDivisionError"):
+        run_all(None, Env(), ["c"])

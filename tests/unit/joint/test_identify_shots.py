@@ -113,7 +113,7 @@ def test_report_makes_the_page_again(found: tuple[JointResult, Path], tmp_path: 
     page = (tmp_path / "out" / "joint.html").read_text("utf-8")
     for name in ("joint.html", "joint.json", "joint_shots.csv"):
         (tmp_path / "out" / name).unlink()
-    done = CliRunner().invoke(app, ["report", str(tmp_path / "out")])
+    done = CliRunner().invoke(app, ["report", str(tmp_path / "out"), "--json"])
     assert done.exit_code == 0, done.output
     assert (tmp_path / "out" / "joint.html").read_text("utf-8") == page
     assert (tmp_path / "out" / "joint.json").exists()

@@ -1,5 +1,6 @@
 """Page and figure of an error budget."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -40,3 +41,8 @@ def test_every_parameter_has_its_own_table_and_figure(tmp_path: Path) -> None:
     for place in (tmp_path, tmp_path / "figures"):
         found = sorted(path.name for path in place.glob("*.csv"))
         assert found == ["budget-damping.csv", "budget.csv"]
+    page = (tmp_path / "budget.html").read_text("utf-8")
+    assert page.count("<svg") == 2
+    ids = re.findall(r'\bid="([^"]+)"', page)
+    assert len(set(ids)) == len(ids)
+    assert set(re.findall(r'aria-labelledby="([^"]+)"', page)) < set(ids)

@@ -2,19 +2,26 @@
 
 import importlib
 import sys
+from collections.abc import Callable
 from html.parser import HTMLParser
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from shot_folders import OPEN_01
 from synthetic import synthetic
+from test_rates_report import five
+from wavesmaker import made_result
 
 from dic import PointOutcome, SurfaceHistory
+from kolsky.prediction.predict import predict, read_test
 from kolsky.report.ipython import SHOWN, register_with
 from kolsky.report.notebook import html, to_dataframe, to_xarray
+from kolsky.report.table_views import WRITERS
 from kolsky.results.tables import tables
 from kolsky.shot.load import load_shot
+from kolsky.studies.rates.comparison import compare
 
 pytest.importorskip("pandas")
 pytest.importorskip("xarray")
@@ -146,7 +153,36 @@ def test_ipython_is_told_of_every_type_that_has_a_view() -> None:
 
 @pytest.mark.parametrize("view", [html, to_dataframe, to_xarray])
 def test_what_has_no_view_is_named(view: Any) -> None:
-    with pytest.raises(
-        TypeError, match=r"dict has no view for .*; shots, surfaces and identifications have one"
-    ):
+    with pytest.raises(TypeError, match=r"dict has no view for .*; shots, surfaces and results have one"):
         view({})
+
+
+PLANNED = Path(__file__).parents[3] / "runs" / "predict" / "paper.toml"
+RESULTS_WITH_TABLES: dict[str, tuple[Callable[[], Any], str, str]] = {
+    "waves": (made_result, "time (s)", "time"),
+    "rates": (lambda: compare(five()), "shot", "shot"),
+    "prediction": (lambda: predict(read_test(PLANNED), quick=True), "time (s)", "time"),
+}
+"""Results beside an identification: how one is made, a heading of its main table, the variable it becomes."""
+
+
+@pytest.mark.parametrize("which", RESULTS_WITH_TABLES)
+def test_any_result_has_its_tables(which: str, tmp_path: Path) -> None:
+    make, heading, variable = RESULTS_WITH_TABLES[which]
+    found = make()
+    frame = to_dataframe(found)
+    assert heading in frame.columns
+    dataset = to_xarray(found)
+    assert dataset[variable].sizes == {"row": len(frame)}
+    if heading.endswith("(s)"):
+        assert dataset[variable].attrs == {"units": "s"}
+        assert np.all(np.diff(dataset[variable].to_numpy()) > 0.0)
+    with pytest.raises(ValueError, match="there is no table 'none'; choose from "):
+        to_dataframe(found, "none")
+
+
+def test_the_types_that_have_tables_are_there() -> None:
+    for name, writer in WRITERS.items():
+        module, _, kind = name.rpartition(".")
+        assert isinstance(getattr(importlib.import_module(module), kind), type)
+        assert writer.main

@@ -23,6 +23,7 @@ from kolsky.report.canvas import build, inline_svg, save_figures
 from kolsky.report.display_units import in_display_units
 from kolsky.report.figures import REGISTRY
 from kolsky.report.figures.comparison import cells, chosen_frames
+from kolsky.report.free_labels import overlaps
 from kolsky.report.nomenclature import QUALITY, label, name_of
 from kolsky.report.pages.identification import flattened, render, write_report
 from kolsky.report.paraview import write_vtu
@@ -51,6 +52,7 @@ def test_figure_has_labelled_axes_with_units(name: str, which: str) -> None:
             if _shows_numbers(axis):
                 assert re.fullmatch(r".+ \([^()]+\)", axis.get_label_text()), axis.get_label_text()
         assert ax.get_title() == ""
+    assert overlaps(figure) == []
     assert kind.width in (85.0, 170.0)  # a journal's column and page, mm
     assert kind.caption(result).endswith(".")
     assert re.fullmatch(r"[a-z][a-z-]*", kind.name)

@@ -261,7 +261,7 @@ def test_a_command_without_pyvista_says_what_to_install(
     assert done.exit_code == 2
     assert "--format png" in done.output
     assert "pip install 'kolsky[scene]'" in done.output
-    done = CliRunner().invoke(app, ["film", str(shot), "--format", "vtu", "--out", str(tmp_path)])
+    done = CliRunner().invoke(app, ["film", str(shot), "--format", "vtu", "--out", str(tmp_path), "--json"])
     assert "identification.h5" in done.output  # what it needs, and not PyVista
 
 

@@ -2,11 +2,13 @@
 
 import re
 from pathlib import Path
+from typing import Annotated, Literal
 
 import pytest
+from pydantic import BaseModel, Field
 
 from kolsky.base.errors import InputError, InputErrors
-from kolsky.shot.schema.reading import key_lines, line_of, shot_toml
+from kolsky.shot.schema.reading import key_lines, line_of, parse_toml, shot_toml
 
 FILLED = Path(__file__).parents[2] / "data" / "filled_shot.toml"
 """A shot file with every key, optional ones as remarks."""
@@ -302,3 +304,25 @@ def test_lines_of_keys() -> None:
     assert line_of(lines, "t.b.x") == 4
     assert line_of(lines, "t.unknown") == 3
     assert line_of(lines, "unknown") is None
+
+
+class OfSeveralKinds(BaseModel):
+    """A table whose value is one word or two, and one whose value is a table."""
+
+    sign: Literal["up", "down"] | Annotated[list[Literal["up", "down"]], Field(min_length=2)]
+    named: dict[str, float] = {}
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "allowed"),
+    [
+        ('sign = "upp"', "sign", '"up" or "down"'),
+        ('sign = "up"\nnamed = "x"', "named", "a valid table"),
+    ],
+)
+def test_a_value_of_several_kinds_is_one_problem_with_its_own_key(written, text, key, allowed) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_toml(written(text + "\n")).validated(OfSeveralKinds)
+    (problem,) = caught.value.problems
+    assert (problem.key, problem.allowed) == (key, allowed)
+    assert "is not allowed; it must be" in str(problem)

@@ -49,12 +49,13 @@ def _run(*words: object) -> str:
 def test_simulate_fit_and_plan(tmp_path: Path) -> None:
     truth = tmp_path / "truth.toml"
     truth.write_text(SPEC.format(mu="24 kPa", data='stroke = "20 mm"\nsamples = 8'))
-    _run("specimen", "simulate", truth, "--seed", 3, "--out", tmp_path, "--vtu")
+    _run("specimen", "simulate", truth, "--seed", 3, "--out", tmp_path, "--vtu", "--json")
     assert (tmp_path / "pull.vtu").stat().st_size > 0
     assert (tmp_path / "pull_strains.csv").read_text().startswith("strain from (1),")
     spec = tmp_path / "spec.toml"
     spec.write_text(SPEC.format(mu="10 kPa", data=FILE))
-    _run("specimen", "fit", spec, "--out", tmp_path / "fit")
+    _run("specimen", "fit", spec, "--out", tmp_path / "fit", "--json", "--stills")
+    assert (tmp_path / "fit" / "stills" / "pull.png").stat().st_size > 10_000
     said = json.loads((tmp_path / "fit" / "specimen.json").read_text())
     own = said["fits"]["pull"]["estimates"]["mu"]
     assert own["interval_95"][0] < 24e3 < own["interval_95"][1]
@@ -65,7 +66,7 @@ def test_simulate_fit_and_plan(tmp_path: Path) -> None:
     assert "Correlations" not in page  # one constant has none
     names = {path.name for path in (tmp_path / "fit").rglob("*") if path.is_file()}
     assert {"forces.csv", "constants.csv", "specimen.h5", "pull_tension.csv", "pull_shot.toml"} <= names
-    _run("specimen", "plan", truth, "--out", tmp_path / "plan")
+    _run("specimen", "plan", truth, "--out", tmp_path / "plan", "--json")
     told = json.loads((tmp_path / "plan" / "plan.json").read_text())
     sigmas = {tuple(one["tests"]): one["relative_sigma"]["mu"] for one in told["choices"]}
     # The deviation of the fit is the planned one, widened by what its own residuals show (8 samples).
@@ -86,6 +87,7 @@ def test_sheet(tmp_path: Path) -> None:
         "--map",
         "2x2",
         "--vtu",
+        "--json",
     )
     said = json.loads((tmp_path / "fit" / "specimen.json").read_text())
     assert said["kinematics"] == "plane_stress"

@@ -9,7 +9,8 @@ import pytest
 
 from benchmarks import forty_shots
 from benchmarks.forty import SPEC, series_of, spread
-from benchmarks.forty_shots import Answer, Study, cured_copy, flyer_region, one, said_on_purpose, with_subset
+from benchmarks.forty_cures import all_regions, flyer_region, with_subset
+from benchmarks.forty_shots import Answer, Study, cured_copy, one, said_on_purpose
 from kolsky.base.errors import InputError
 
 RIGHT = Answer("a", 1.2, 1.2 * 1.009, 0.005, "identified", True, "", 1.0, 2.0)
@@ -67,7 +68,21 @@ def test_cures_change_the_shot_file_alone(tmp_path: Path) -> None:
     camera["crop_offset"] = [10, 0]
     (shot / "truth.json").write_text(json.dumps(answer), encoding="utf-8")
     text = flyer_region("[dic]\nsubset = 21\n", shot)
-    assert text == "[dic]\nflyer = { x = [4.0, 123.0], y = [4.0, 25.0], frame = 2 }\nsubset = 21\n"
+    flyer = "flyer = { x = [4.0, 123.0], y = [4.0, 25.0], frame = 2 }"
+    assert text == f"[dic]\n{flyer}\nsubset = 21\n"
+    # The specimen's ends: -1 and 64; its lower end in front, 5 mm nearer: 100 mm becomes 95.
+    specimen = "specimen = { x = [4.0, 123.0], y = [4.0, 60.0], frame = 0 }"
+    edge = "transmission_edge = [54.0, 64.0]"
+    text = all_regions("[dic]\nsubset = 21\n", shot)
+    assert text == f"[dic]\n{specimen}\n{flyer}\n{edge}\nsubset = 21\n"
+    assert all_regions(text, shot) is None
+    camera["K"][1][1] = -1000.0  # the other way up: flyer below row 99, specimen between 64 and 129
+    answer["specification"]["cameras"]["flyer_side"] = "down"
+    (shot / "truth.json").write_text(json.dumps(answer), encoding="utf-8")
+    text = all_regions("[dic]\nsubset = 21\n", shot)
+    assert text is not None
+    assert "specimen = { x = [4.0, 123.0], y = [68.0, 123.0], frame = 0 }" in text
+    assert "flyer = { x = [4.0, 123.0], y = [103.0, 123.0], frame = 2 }" in text
     assert cured_copy(shot, tmp_path / "copy", with_subset(1.4))
     assert "subset = 29" in (tmp_path / "copy" / "shot.toml").read_text("utf-8")
     assert "subset = 21" in (shot / "shot.toml").read_text("utf-8")

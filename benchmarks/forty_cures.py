@@ -1,0 +1,129 @@
+"""What is tried on a drawn shot that was refused: what its refusal asks for, as a person would do it."""
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+from kolsky.virtual.schema import Specification
+from kolsky.virtual.shot_folder import SURFACE, TRUTH
+
+CLEAR = 4.0
+"""How far a region that a cure declares stays clear of its edge and the picture's [px]."""
+LEAST = 8.0
+"""Least height of such a region [px]."""
+
+
+@dataclass(frozen=True)
+class View:
+    """What camera 0 of a made shot shows."""
+
+    specification: Specification
+    camera: dict[str, list[list[float]]]
+    """Its matrix K, its place R and t, and its crop."""
+    last_face: float
+    """Height of the flyer's face over the transmission platen in the last frame [m]."""
+
+    @classmethod
+    def of(cls, folder: Path) -> "View | None":
+        """None for a shot without pictures."""
+        answer = json.loads((folder / TRUTH).read_text("utf-8"))
+        if "cameras" not in answer:
+            return None
+        q = Specification.model_validate(answer["specification"])
+        with np.load(folder / SURFACE) as kept:
+            return cls(q, answer["cameras"][0], q.specimen.length - float(kept["d"][-1]))
+
+    def pixel(self, y: float, z: float = 0.0) -> FloatArray:
+        """Pixel (x, y) of a place on the axis, or beside it toward the cameras."""
+        R, t, K = (np.array(self.camera[name]) for name in ("R", "t", "K"))
+        ahead = R @ [0.0, y, z] + t
+        return np.asarray((K @ (ahead / ahead[2]))[:2] - np.array(self.camera["crop_offset"]))
+
+    def rectangle(self, low: float | None, high: float | None) -> tuple[list[float], list[float]] | None:
+        """A rectangle clear of the picture's edge, and of heights `low` and `high` over the transmission
+        platen [m], None: as far as the picture goes; as ranges of x and y [px]. None if it is too flat."""
+        columns, rows = self.specification.cameras.picture
+        side = self.specification.cameras.flyer_side
+        x, y = [CLEAR, columns - 1 - CLEAR], [CLEAR, rows - 1 - CLEAR]
+        along, axis = (y, 1) if side in ("up", "down") else (x, 0)
+        up = side in ("up", "left")  # the flyer is where the pixels begin
+        for height, inward in ((low, -1.0), (high, 1.0)):
+            if height is None:
+                continue
+            way = inward if up else -inward
+            place = float(self.pixel(height)[axis]) + way * CLEAR
+            k = 0 if way > 0.0 else 1
+            along[k] = max(along[k], place) if k == 0 else min(along[k], place)
+        return None if along[1] - along[0] < LEAST else (x, y)
+
+
+def flyer_region(text: str, folder: Path) -> str | None:
+    """Declare a region of the flyer in the last frame, as a person would who looks at the picture."""
+    view = View.of(folder)
+    if view is None or "flyer = {" in text:
+        return None
+    region = view.rectangle(view.last_face, None)
+    return None if region is None else _declared(text, [_line("flyer", region, _last_frame(folder))])
+
+
+def all_regions(text: str, folder: Path) -> str | None:
+    """Declare flyer, specimen and the specimen's lower end, as `kolsky dic --regions` asks for them."""
+    view = View.of(folder)
+    if view is None or "specimen = {" in text:
+        return None
+    q = view.specification.specimen
+    flyer = view.rectangle(view.last_face, None)
+    specimen = view.rectangle(0.0, q.length)
+    if flyer is None or specimen is None:
+        return None
+    x, y = view.pixel(0.0, 0.5 * q.diameter)
+    return _declared(
+        text,
+        [
+            _line("specimen", specimen, 0),
+            _line("flyer", flyer, _last_frame(folder)),
+            f"transmission_edge = [{x:.1f}, {y:.1f}]",
+        ],
+    )
+
+
+def _line(key: str, region: tuple[list[float], list[float]], frame: int) -> str:
+    ranges = [", ".join(f"{value:.1f}" for value in pair) for pair in region]
+    return f"{key} = {{ x = [{ranges[0]}], y = [{ranges[1]}], frame = {frame} }}"
+
+
+def _declared(text: str, lines: list[str]) -> str:
+    """The shot file with lines in its table [dic]."""
+    whole = "\n".join(["[dic]", *lines])
+    return re.sub(r"^\[dic\]$", whole, text, count=1, flags=re.MULTILINE)
+
+
+def _last_frame(folder: Path) -> int:
+    return len((folder / "frames.csv").read_text("utf-8").splitlines()) - 2
+
+
+def with_subset(share: float) -> Callable[[str, Path], str | None]:
+    """Correlate with subsets of another size, odd and within what a shot file may say."""
+
+    def changed(text: str, folder: Path) -> str | None:
+        found = re.search(r"^subset = (\d+)$", text, re.MULTILINE)
+        if found is None:
+            return None
+        size = int(np.clip(2 * round(0.5 * (share * int(found[1]) - 1.0)) + 1, 11, 51))
+        return text.replace(found[0], f"subset = {size}", 1)
+
+    return changed
+
+
+CURES: dict[str, Callable[[str, Path], str | None]] = {
+    "a region of the flyer": flyer_region,
+    "all regions by hand": all_regions,
+    "larger subsets": with_subset(1.4),
+    "smaller subsets": with_subset(0.7),
+}
+"""What is tried on a refused shot, in this order, each alone."""

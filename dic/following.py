@@ -1,0 +1,38 @@
+"""A program that ends with the process that started it: `python following.py PARENT PROGRAM [WORDS]`.
+
+It imports nothing but the standard library, for it stands before every other import of that program.
+"""
+
+import ctypes
+import os
+import runpy
+import signal
+import sys
+
+_SET_SIGNAL = 1
+"""PR_SET_PDEATHSIG of Linux's prctl: the signal that the system sends when the parent ends."""
+
+
+def end_with(parent: int) -> None:
+    """Have the system end this process when its parent does; on Linux, elsewhere nothing.
+
+    A thread that waits for the parent would be late where a library works for long without giving others
+    their turn. The system takes the thread that started this process for its parent: it must wait for it.
+
+    Parameters
+    ----------
+    parent
+        Number of the process that started this one; if that has ended already this one ends at once.
+    """
+    if sys.platform != "linux":
+        return
+    if ctypes.CDLL(None, use_errno=True).prctl(_SET_SIGNAL, int(signal.SIGKILL), 0, 0, 0) != 0:
+        raise OSError(ctypes.get_errno(), "prctl")
+    if os.getppid() != parent:
+        os._exit(1)
+
+
+if __name__ == "__main__":
+    end_with(int(sys.argv[1]))
+    del sys.argv[:2]
+    runpy.run_path(sys.argv[0], run_name="__main__")

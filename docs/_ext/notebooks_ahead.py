@@ -1,0 +1,72 @@
+"""Notebooks side by side before any page is read; the pages then find their output in the cache.
+
+Sphinx reads pages that follow each other in one process, and the tutorials do: most of a build was waiting
+for them, one after the other.
+"""
+
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+from logging import LoggerAdapter, NullHandler, getLogger
+from multiprocessing import get_context
+from pathlib import Path
+
+from jupyter_cache import get_cache
+from myst_nb.core.execute import create_client
+from myst_nb.core.read import create_nb_reader
+from sphinx.errors import ExtensionError
+from sphinx.util import logging
+
+_SILENT = getLogger(f"{__name__}.runs")
+"""Of what a run says; a failure is told once, by `run_all`."""
+_SILENT.addHandler(NullHandler())
+_SILENT.propagate = False
+LONGEST = ("tutorials/rate_study", "tutorials/pictures", "tutorials/first_shot")
+"""Begun first, so that no process waits for one of them in the end."""
+
+
+class _Quiet(LoggerAdapter):
+    """Takes the keyword of the notebook's own logger."""
+
+    def process(self, msg, kwargs):
+        kwargs.pop("subtype", None)
+        return msg, kwargs
+
+
+def run(path, md_config, nb_config) -> str:
+    """Run a notebook unless the cache has it; say how long it took, or why it failed."""
+    began = time.monotonic()
+    text = Path(path).read_text("utf-8")
+    reader = create_nb_reader(path, md_config, nb_config, text)
+    if reader is None:
+        return ""
+    try:
+        with create_client(reader.read(text), path, nb_config, _Quiet(_SILENT, {}), reader.read_fmt):
+            pass
+    except Exception as error:
+        return f"FAILED {path}: {error.__cause__ or error}"
+    return f"{Path(path).stem}: {time.monotonic() - began:.0f} s"
+
+
+def run_all(app, env, docnames) -> None:
+    """Run the notebooks among the pages that will be read."""
+    if env.mystnb_config.execution_mode != "cache":
+        return
+    paths = {name: env.doc2path(name) for name in docnames}
+    notebooks = [
+        name for name, path in paths.items() if "\nkernelspec:" in Path(path).read_text("utf-8")[:500]
+    ]
+    notebooks.sort(key=lambda name: LONGEST.index(name) if name in LONGEST else len(LONGEST))
+    get_cache(env.mystnb_config.execution_cache_path).db.dispose()  # two processes would both make its tables
+    with ProcessPoolExecutor(min(2, os.cpu_count() or 1), mp_context=get_context("fork")) as pool:
+        waiting = [pool.submit(run, paths[name], env.myst_config, env.mystnb_config) for name in notebooks]
+        said = [done.result() for done in waiting]
+    if failed := [line for line in said if line.startswith("FAILED")]:
+        raise ExtensionError("\n".join(failed))
+    logging.getLogger(__name__).info("notebooks: %s", "; ".join(said))
+
+
+def setup(app):
+    """Before the first page is read."""
+    app.connect("env-before-read-docs", run_all)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,98 @@
+"""One page of every type, or several where a page has several faces."""
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "helpers"), str(ROOT / "tests" / "unit" / "report")]
+
+COMMANDS = {
+    "specimen": ("specimen/test_specimen_commands.py::test_simulate_fit_and_plan", "fit/specimen.html"),
+    "sheet": ("specimen/test_specimen_commands.py::test_sheet", "fit/specimen.html"),
+    "actuator": ("actuator/test_actuator_commands.py::test_simulate_invert_and_control", "s/actuator.html"),
+    "actuator-invert": ("", "i/actuator.html"),
+    "actuator-control": ("", "c/actuator.html"),
+    "joint": ("joint/test_identify_shots.py::test_files_and_page_say_the_same", "out/joint.html"),
+    "relaxation": ("joint/test_slow_dynamics.py::test_from_files_to_the_constants", "out/relaxation.html"),
+    "material": ("cli/test_material_command.py::test_from_files_to_a_report", "out/material.html"),
+    "dic-alone": ("cli/test_dic_alone_command.py::test_files_tables_and_page_are_there", "results0/dic.html"),
+    "calibration": ("cli/test_calibrate_command.py::test_the_files_say_the_same", "calibration.html"),
+    "prediction": ("prediction/test_predict.py::test_the_command", "p/prediction.html"),
+    "check": ("cli/test_cli_new_check.py", "shot/results/check.html"),
+    "waves": ("cli/test_bar_results.py", "results/waves.html"),
+}
+"""Name of a page: the test (in tests/unit) whose command writes it, and the end of the file's path."""
+
+
+def by_commands(folder: Path) -> None:
+    """Run the tests whose commands write pages, and take the pages; a failing test ends it."""
+    tests = sorted({str(ROOT / "tests" / "unit" / test) for test, _ in COMMANDS.values() if test})
+    with tempfile.TemporaryDirectory() as scratch:
+        words = ["-q", "--slow", "-p", "no:cacheprovider", f"--basetemp={scratch}/t", *tests]
+        subprocess.run([sys.executable, "-m", "pytest", *words], cwd=ROOT, check=True)
+        for name, (test, end) in COMMANDS.items():
+            case = test.partition("::")[2][:30]
+            found = [path for path in sorted(Path(scratch).rglob("*.html")) if str(path).endswith(end)]
+            known = [path for path in found if case and case in str(path)]
+            shutil.copy((known or found)[0], folder / f"{name}.html")
+
+
+def _budget() -> str:
+    from kolsky.report.pages.budget import write_page
+    from kolsky.studies.budget.campaign import plan_campaign
+    from kolsky.studies.budget.factors import Factor
+    from kolsky.studies.budget.records import Budget, Source
+
+    sources = (
+        Source(Factor("noise", 1.0), np.nan, 0.002, np.nan, ()),
+        Source(Factor("imperfections.length", 0.005), 0.001, 0.01, 2.0, ()),
+        Source(Factor("imperfections.curve", 0.01), np.nan, np.nan, np.nan, ("it was refused",)),
+    )
+    spread = 1.0 + 0.1 * np.array([-1.0, 1.0, -2.0, 2.0, 0.5, -0.5])
+    made = Budget("a test", "stiffness_factor", 1.0, 1.01, sources, spread, ("no answer",))
+    with tempfile.TemporaryDirectory() as scratch:
+        page = Path(scratch) / "budget.html"
+        write_page(page, [made], plan_campaign(100.0, 1000.0, 0.05, 0.04))
+        return page.read_text("utf-8")
+
+
+def _rates(count: int) -> str:
+    from test_rates_report import five
+
+    from kolsky.report.pages.rates import render
+    from kolsky.studies.rates.comparison import compare
+
+    return render(compare(five(curve=0.004)[:count]))
+
+
+def _sweep() -> str:
+    from test_sweep_report import analysed
+
+    from kolsky.report.pages.sweep import render
+
+    return render(analysed(n=512, lost=(5,)))
+
+
+def _report(which: str) -> str:
+    from synthetic import RESULTS
+
+    from kolsky.report.pages.identification import render
+
+    return render(RESULTS[which])
+
+
+RENDERED: dict[str, Callable[[], str]] = {
+    "budget": _budget,
+    "rates": lambda: _rates(5),
+    "rates-one": lambda: _rates(1),
+    "sweep": _sweep,
+    "report": lambda: _report("one"),
+    "report-two": lambda: _report("two"),
+}
+"""Name of a page made from results that are made up, and what renders it."""
