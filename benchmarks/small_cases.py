@@ -14,8 +14,8 @@ FRAMES = 8
 
 
 def small_shot(folder: Path) -> Path:
-    """A folder with the shot open-01, shorter and with fewer points."""
-    shutil.copytree(ROOT / "runs" / "open-01", folder)
+    """A folder with the shot open-01, shorter and with fewer points, without any results."""
+    shutil.copytree(ROOT / "runs" / "open-01", folder, ignore=shutil.ignore_patterns("results"))
     declared = folder / "shot.toml"
     declared.write_text(declared.read_text().replace('# end = "1.4 ms"', f'end = "{END}"'))
     outline = folder / "centreline.csv"
