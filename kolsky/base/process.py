@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from dic import following
 
-__all__ = ["infrequent_gc", "process_pool", "run_program", "single_threaded_libraries"]
+__all__ = ["infrequent_gc", "one_blas_thread", "process_pool", "run_program", "single_threaded_libraries"]
 
 
 WORKER = "WORKER_NUMBER"
@@ -42,10 +42,18 @@ def infrequent_gc() -> Iterator[None]:
 
 
 @contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """One thread for each call of BLAS: several of them wait for work by spinning, and products of some ten
+    rows give them none. On busy cores each call took a hundred times as long by them."""
+    with threadpool_limits(limits=1, user_api="blas"):
+        yield
+
+
+@contextmanager
 def single_threaded_libraries() -> Iterator[None]:
     """One thread for each call of OpenCV and of BLAS: their own ones wait for work by spinning, on cores that
     have some."""
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         if find_spec("cv2") is None:  # an extra, see `dic.opencv`
             yield
             return
