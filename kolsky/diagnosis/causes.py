@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from math import nan
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from explicit import Response
 from kolsky.base.arrays import BoolArray, FloatArray
@@ -81,8 +80,7 @@ def find_causes(
     """
     started = time.perf_counter()
     try:
-        with threadpool_limits(limits=1, user_api="blas"):
-            return _analysed(stages, x, refined, other)
+        return _analysed(stages, x, refined, other)
     except (ValueError, ArithmeticError) as error:
         return CauseAnalysis((), np.full(2, nan), str(error))
     finally:
