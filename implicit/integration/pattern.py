@@ -7,6 +7,9 @@ from scipy.sparse import csr_array
 
 from explicit.arrays import FloatArray, IntArray
 
+ENTRIES = 20_000_000
+"""Entries of element matrices that are sorted at once: the rest would need much memory [-]."""
+
 
 class Pattern:
     """Where each entry of an element's array goes."""
@@ -35,20 +38,45 @@ class Pattern:
         return padded[..., self.index]
 
     @cached_property
-    def _structure(self) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+    def _structure(self) -> tuple[list[IntArray], IntArray, IntArray]:
+        """For each group of cells the place of each of its entries (-1: none); columns and row starts."""
         local = self.index[self.dofs]
-        rows = np.repeat(local, local.shape[1], axis=1).ravel()
-        columns = np.tile(local, (1, local.shape[1])).ravel()
-        kept = np.flatnonzero((rows >= 0) & (columns >= 0))
-        keys, inverse = np.unique(rows[kept] * self.count + columns[kept], return_inverse=True)
-        starts = np.searchsorted(keys // self.count, np.arange(self.count + 1))
-        return kept, inverse, keys % self.count, starts
+        entries = max(local.shape[1] ** 2, 1)
+        groups = np.array_split(local, max(1, len(local) * entries // ENTRIES))
+        found: IntArray = np.empty(0, dtype=np.int64)
+        for group in groups:
+            found = np.sort(np.concatenate([found, _distinct(np.sort(self._keys(group)))]))
+            found = _distinct(found)
+        places = []
+        for group in groups:
+            keys = self._keys(group)
+            place = np.searchsorted(found, keys).astype(np.int32 if len(found) < 2**31 else np.int64)
+            places.append(np.where(keys >= 0, place, place.dtype.type(-1)))
+        return places, found % self.count, np.searchsorted(found // self.count, np.arange(self.count + 1))
+
+    def _keys(self, local: IntArray) -> IntArray:
+        """Row and column of each entry of the cells' matrices as one number, -1 where either is none."""
+        rows, columns = local[:, :, None], local[:, None, :]
+        return np.where((rows >= 0) & (columns >= 0), rows * self.count + columns, -1).ravel()
 
     def matrix(self, elements: FloatArray) -> csr_array:
         """Sum of element matrices [m, k d, k d] over the unknowns."""
-        kept, inverse, columns, starts = self._structure
-        data = _summed(inverse, elements.ravel()[kept], len(columns))
+        places, columns, starts = self._structure
+        data = np.zeros(len(columns))
+        first = 0
+        for place in places:
+            kept = place >= 0
+            values = elements.reshape(-1)[first : first + len(place)]
+            np.add.at(data, place[kept], values[kept])
+            first += len(place)
         return csr_array((data, columns, starts), shape=(self.count, self.count))
+
+
+def _distinct(ordered: IntArray) -> IntArray:
+    """The different ones, not negative, of numbers in rising order."""
+    first = np.ones(len(ordered), dtype=bool)
+    first[1:] = ordered[1:] != ordered[:-1]
+    return ordered[first & (ordered >= 0)]
 
 
 def _summed(places: IntArray, values: FloatArray, size: int) -> FloatArray:

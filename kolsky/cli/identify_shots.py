@@ -171,7 +171,7 @@ def answers(found: "JointResult") -> list[str]:
     from kolsky.inverse.result import Verdict
     from kolsky.report import numbers
     from kolsky.report.nomenclature import name_of
-    from kolsky.report.printed import plain
+    from kolsky.report.plain_text import plain
 
     said = []
     for name, e in found.estimates.items():

@@ -103,7 +103,7 @@ def _identified(progress: Any) -> "Identify":
 def _rows(group: "GroupRates", *, several: bool) -> dict[str, str]:
     """The lines that a terminal gets of one group."""
     from kolsky.report import numbers
-    from kolsky.report.printed import plain
+    from kolsky.report.plain_text import plain
 
     prefix = f"{group.name}: " if several else ""
     rows = {f"{prefix}shots": f"{len(group.counted)} of {len(group.shots)} counted"}

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from dic.files import one_line
 from kolsky.cli.quiet import is_quiet
-from kolsky.report import printed
 from kolsky.report.nomenclature import STAGES
+from kolsky.report.plain_text import columns
 
 if TYPE_CHECKING:
     from doe.executors import Pace
@@ -49,11 +49,11 @@ def print_result(
     if is_quiet():
         rest = {}
     if said is None:
-        print("\n".join(map(one_line, [*answers, *printed.columns({**rows, **rest})])))
+        print("\n".join(map(one_line, [*answers, *columns({**rows, **rest})])))
     else:
         print(json.dumps(said, indent=2, allow_nan=False))
         if rest:
-            print("\n".join(map(one_line, printed.columns(rest))), file=sys.stderr)
+            print("\n".join(map(one_line, columns(rest))), file=sys.stderr)
     for warning in warnings:
         print(one_line(f"warning: {warning}"), file=sys.stderr)
 

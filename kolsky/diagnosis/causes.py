@@ -11,6 +11,7 @@ import numpy as np
 
 from explicit import Response
 from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.base.process import one_blas_thread
 from kolsky.diagnosis.candidate_input import DENSITY, SENSITIVITY, CandidateInput
 from kolsky.diagnosis.cause_fit import ExpectedResidual
 from kolsky.diagnosis.cause_inputs import CANDIDATES
@@ -80,7 +81,8 @@ def find_causes(
     """
     started = time.perf_counter()
     try:
-        return _analysed(stages, x, refined, other)
+        with one_blas_thread():
+            return _analysed(stages, x, refined, other)
     except (ValueError, ArithmeticError) as error:
         return CauseAnalysis((), np.full(2, nan), str(error))
     finally:

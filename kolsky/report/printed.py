@@ -1,9 +1,5 @@
 """Results as lines of plain text for a terminal of 80 columns."""
 
-import re
-from collections.abc import Mapping
-from typing import Any
-
 from kolsky.diagnosis.cause_words import percent, sentence
 from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.parameters import PARAMETERS
@@ -14,10 +10,8 @@ from kolsky.report.display_units import estimate_in_display_units, in_display_un
 from kolsky.report.fit_table import printed_fit
 from kolsky.report.held_line import held_line
 from kolsky.report.nomenclature import factor_of
+from kolsky.report.plain_text import plain
 from kolsky.report.sensitivity_table import printed_sensitivities
-
-_POWER = re.compile(" × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
-_LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 ROUTES = {"force only": "force only", "shape only": "outline only", "paper": "cost Phi, Eq. (M.5)"}
 
@@ -79,12 +73,6 @@ def _causes(found: Identification) -> dict[str, str]:
     return rows
 
 
-def columns(rows: Mapping[str, Any]) -> list[str]:
-    """Return names and values in two columns; numbers with six digits."""
-    width = max(map(len, rows), default=0)
-    return [f"  {name:<{width}}  {_shown(value)}" for name, value in rows.items()]
-
-
 def _distant(method: Method, name: str, U: float) -> str:
     value, distance = numbers.like(method.values[name], U), numbers.plain(method.distances[name], 2)
     return f"{plain(value)}, {plain(distance)} U from the answer" + (
@@ -102,17 +90,3 @@ def _route(route: Route, name: str, U: float) -> str:
 
 def _symbol(name: str) -> str:
     return PARAMETERS[name].symbol if name in PARAMETERS else name
-
-
-def plain(text: str) -> str:
-    """Return a number of `kolsky.report.numbers` in ASCII where possible, e.g. "2.5e-5"."""
-    text = _POWER.sub(lambda power: "e" + power[1].translate(_LOWERED), text)
-    return text.replace("µ", "u").replace(numbers.MINUS, "-").replace(numbers.NOTHING, "unknown")
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, Mapping):
-        return ", ".join(f"{key} = {_shown(item)}" for key, item in value.items())
-    return "none" if value is None else str(value)

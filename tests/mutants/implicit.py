@@ -80,6 +80,27 @@ FAULTS = (
         (f"{_UNIT}/test_linear.py::test_against_a_dense_solver",),
     ),
     Fault(
+        "linear: a multigrid of another matrix kept for ever",
+        "implicit/linear/amg.py",
+        "if iterations > AGED * ",
+        "if iterations > 1e9 * ",
+        (f"{_UNIT}/test_linear.py::test_a_hierarchy_serves_later_matrices_until_it_has_aged",),
+    ),
+    Fault(
+        "linear: a multigrid that misleads is not made again",
+        "implicit/linear/amg.py",
+        "for old in (hierarchy.made, False):",
+        "for old in (True, True):",
+        (f"{_UNIT}/test_linear.py::test_a_hierarchy_that_misleads_is_made_again",),
+    ),
+    Fault(
+        "linear: the second group of cells takes the entries of the first",
+        "implicit/integration/pattern.py",
+        "first += len(place)",
+        "first += 0",
+        (f"{_UNIT}/test_linear.py::test_a_matrix_in_groups_of_cells_is_the_sum_of_all",),
+    ),
+    Fault(
         "du/dp with the wrong sign",
         "implicit/sensitivity.py",
         "factors(elements, state).solve(-right.T).T",

@@ -1,37 +1,9 @@
 """Figures of every page by file; a new one is its file and its entry in one of the registries below."""
 
 from collections.abc import Iterable, Mapping
+from importlib import import_module
 from typing import Any
 
-from kolsky.report.figures import (
-    actuator,
-    budget,
-    calibration,
-    checked,
-    comparison,
-    flyer_test,
-    full_field,
-    joint,
-    material,
-    misfit,
-    plan,
-    prediction,
-    rate_curves,
-    rates,
-    recordings,
-    relaxation,
-    sensitivity,
-    sheet,
-    simulation,
-    specimen,
-    speckles,
-    surface_motion,
-    surface_points,
-    sweep,
-    trends,
-    uncertainty,
-    waves,
-)
 from kolsky.report.figures.base import FigureKind
 
 __all__ = [
@@ -89,96 +61,115 @@ def by_name(*files: Iterable[FigureKind[Any]]) -> Registry:
     return found
 
 
-JOINT = by_name(joint.FIGURES)
-"""Several shots identified together."""
-RECORDINGS = by_name(recordings.FIGURES)
-"""Recordings behind an identification; shown before those of `REGISTRY`."""
-REGISTRY = by_name(comparison.FIGURES, misfit.FIGURES, uncertainty.FIGURES, simulation.FIGURES)
-"""Identification."""
-SURFACES = by_name(surface_points.FIGURES, surface_motion.FIGURES, speckles.FIGURES)
-"""Surfaces measured by image correlation."""
-CALIBRATION = by_name(calibration.FIGURES)
-"""Stereo calibration."""
-CHECKS = by_name(checked.FIGURES)
-"""Shot before anything is run."""
-PICTURE_CHECKS = by_name(checked.OF_PICTURES)
-"""Shot whose pictures are not correlated yet."""
-BAR_CHECKS = by_name([waves.CHECKED_BARS])
-"""Test between bars before it is reduced."""
-SPECKLES = by_name([speckles.SPECKLE_FLOOR])
-"""Speckle pattern of one camera."""
-WAVES = by_name(waves.FIGURES)
-"""Reduction of a test between bars."""
-FLYER_TESTS = by_name(flyer_test.FIGURES)
-"""Classical reduction of a flyer test."""
-FULL_FIELDS = by_name(full_field.FIGURES)
-"""Measurement by image correlation alone."""
-BARS_TOGETHER = by_name([waves.BARS_TOGETHER])
-"""Shot with the bars together."""
-REPEATS = by_name([waves.REPEATED_TESTS])
-"""Repeated tests."""
-PLANS = by_name(plan.FIGURES)
-"""Plan of an experiment."""
-PREDICTIONS = by_name(prediction.FIGURES)
-"""Planned test."""
-SCANS = by_name(prediction.SCAN_FIGURES)
-"""Scan of a planned test."""
-RATES = by_name(rates.FIGURES, rate_curves.FIGURES)
-"""Group of shots compared over their strain rates."""
-TRENDS = by_name(trends.FIGURES)
-"""Trends of a shot, Figs. 7 to 10 of Mates et al. (2012)."""
-BASELINES = by_name([material.REFERENCE_CURVE])
-"""Reference curve from quasi-static tests."""
-MATERIALS = by_name(material.FIGURES)
-"""Laws fitted to homogeneous tests."""
-SENSITIVITY = by_name(sensitivity.FIGURES)
-"""Global sensitivity of a shot."""
-SWEEPS = by_name(sweep.FIGURES)
-"""Design of experiments over a shot's parameters."""
-BUDGETS = by_name(budget.FIGURES)
-"""Error budget."""
-MODULI = by_name([rate_curves.MODULI])
-"""Moduli of tests of every kind over their time scales."""
-RELAXATIONS = by_name(relaxation.FIGURES)
-"""Slow tests and shots on one axis of time."""
-SPECIMENS = by_name(specimen.FIGURES)
-"""Whole specimens fitted to forces."""
-SHEETS = by_name(sheet.FIGURES)
-"""Sheet fitted to a displacement field."""
+PLACES: dict[str, tuple[str, ...]] = {
+    # Several shots identified together
+    "JOINT": ("joint.FIGURES",),
+    # Recordings behind an identification; shown before those of `REGISTRY`
+    "RECORDINGS": ("recordings.FIGURES",),
+    # Identification
+    "REGISTRY": ("comparison.FIGURES", "misfit.FIGURES", "uncertainty.FIGURES", "simulation.FIGURES"),
+    # Surfaces measured by image correlation
+    "SURFACES": ("surface_points.FIGURES", "surface_motion.FIGURES", "speckles.FIGURES"),
+    # Stereo calibration
+    "CALIBRATION": ("calibration.FIGURES",),
+    # Shot before anything is run
+    "CHECKS": ("checked.FIGURES",),
+    # Shot whose pictures are not correlated yet
+    "PICTURE_CHECKS": ("checked.OF_PICTURES",),
+    # Test between bars before it is reduced
+    "BAR_CHECKS": ("waves.CHECKED_BARS",),
+    # Speckle pattern of one camera
+    "SPECKLES": ("speckles.SPECKLE_FLOOR",),
+    # Reduction of a test between bars
+    "WAVES": ("waves.FIGURES",),
+    # Classical reduction of a flyer test
+    "FLYER_TESTS": ("flyer_test.FIGURES",),
+    # Measurement by image correlation alone
+    "FULL_FIELDS": ("full_field.FIGURES",),
+    # Shot with the bars together
+    "BARS_TOGETHER": ("waves.BARS_TOGETHER",),
+    # Repeated tests
+    "REPEATS": ("waves.REPEATED_TESTS",),
+    # Plan of an experiment
+    "PLANS": ("plan.FIGURES",),
+    # Planned test
+    "PREDICTIONS": ("prediction.FIGURES",),
+    # Scan of a planned test
+    "SCANS": ("prediction.SCAN_FIGURES",),
+    # Group of shots compared over their strain rates
+    "RATES": ("rates.FIGURES", "rate_curves.FIGURES"),
+    # Trends of a shot, Figs. 7 to 10 of Mates et al. (2012)
+    "TRENDS": ("trends.FIGURES",),
+    # Reference curve from quasi-static tests
+    "BASELINES": ("material.REFERENCE_CURVE",),
+    # Laws fitted to homogeneous tests
+    "MATERIALS": ("material.FIGURES",),
+    # Global sensitivity of a shot
+    "SENSITIVITY": ("sensitivity.FIGURES",),
+    # Design of experiments over a shot's parameters
+    "SWEEPS": ("sweep.FIGURES",),
+    # Error budget
+    "BUDGETS": ("budget.FIGURES",),
+    # Moduli of tests of every kind over their time scales
+    "MODULI": ("rate_curves.MODULI",),
+    # Slow tests and shots on one axis of time
+    "RELAXATIONS": ("relaxation.FIGURES",),
+    # Whole specimens fitted to forces
+    "SPECIMENS": ("specimen.FIGURES",),
+    # Sheet fitted to a displacement field
+    "SHEETS": ("sheet.FIGURES",),
+    # Pressurised actuator
+    "ACTUATORS": ("actuator.FIGURES",),
+}
+"""Files and names of the figures of each registry; a file is loaded when one of its registries is asked
+for, since a command shows one page."""
 
-ACTUATORS = by_name(actuator.FIGURES)
-"""Pressurised actuator."""
-
-SHOWN_BY: dict[str, Registry] = {
-    "dic.calibration.result.Calibration": CALIBRATION,
-    "dic.chain.speckle_report.Speckles": SPECKLES,
-    "kolsky.bars.guides.bars_together.BarsTogether": BARS_TOGETHER,
-    "kolsky.bars.reduction.repeated_tests.RepeatedTests": REPEATS,
-    "kolsky.bars.result.FlyerResult": FLYER_TESTS,
-    "kolsky.bars.result.WavesResult": WAVES,
-    "kolsky.inverse.result.Identification": REGISTRY,
-    "kolsky.joint.records.JointResult": JOINT,
-    "kolsky.joint.slow_dynamics.SlowDynamics": RELAXATIONS,
-    "kolsky.material.fits.compare.Comparison": MATERIALS,
-    "kolsky.material.reference_curve.ReferenceCurve": BASELINES,
-    "kolsky.report.actuator_view.ActuatorView": ACTUATORS,
-    "kolsky.report.full_field_view.FullFieldView": FULL_FIELDS,
-    "kolsky.report.specimen_view.SheetView": SHEETS,
-    "kolsky.report.specimen_view.SpecimenView": SPECIMENS,
-    "kolsky.report.surface_view.SurfaceView": SURFACES,
-    "kolsky.prediction.predict.Prediction": PREDICTIONS,
-    "kolsky.shot.recorded.Recorded": RECORDINGS,
-    "kolsky.shot.bar_check.CheckedBars": BAR_CHECKS,
-    "kolsky.shot.records.PicturedShot": PICTURE_CHECKS,
-    "kolsky.shot.records.Shot": CHECKS,
-    "kolsky.studies.budget.records.Budget": BUDGETS,
-    "kolsky.studies.global_sensitivity.GlobalSensitivity": SENSITIVITY,
-    "kolsky.studies.planning.plan.Plan": PLANS,
-    "kolsky.studies.rates.records.GroupRates": RATES,
-    "kolsky.studies.sweep_analysis.SweepAnalysis": SWEEPS,
-    "kolsky.studies.trends.Trends": TRENDS,
+SHOWN_BY: dict[str, str] = {
+    "dic.calibration.result.Calibration": "CALIBRATION",
+    "dic.chain.speckle_report.Speckles": "SPECKLES",
+    "kolsky.bars.guides.bars_together.BarsTogether": "BARS_TOGETHER",
+    "kolsky.bars.reduction.repeated_tests.RepeatedTests": "REPEATS",
+    "kolsky.bars.result.FlyerResult": "FLYER_TESTS",
+    "kolsky.bars.result.WavesResult": "WAVES",
+    "kolsky.inverse.result.Identification": "REGISTRY",
+    "kolsky.joint.records.JointResult": "JOINT",
+    "kolsky.joint.slow_dynamics.SlowDynamics": "RELAXATIONS",
+    "kolsky.material.fits.compare.Comparison": "MATERIALS",
+    "kolsky.material.reference_curve.ReferenceCurve": "BASELINES",
+    "kolsky.report.actuator_view.ActuatorView": "ACTUATORS",
+    "kolsky.report.full_field_view.FullFieldView": "FULL_FIELDS",
+    "kolsky.report.specimen_view.SheetView": "SHEETS",
+    "kolsky.report.specimen_view.SpecimenView": "SPECIMENS",
+    "kolsky.report.surface_view.SurfaceView": "SURFACES",
+    "kolsky.prediction.predict.Prediction": "PREDICTIONS",
+    "kolsky.shot.recorded.Recorded": "RECORDINGS",
+    "kolsky.shot.bar_check.CheckedBars": "BAR_CHECKS",
+    "kolsky.shot.records.PicturedShot": "PICTURE_CHECKS",
+    "kolsky.shot.records.Shot": "CHECKS",
+    "kolsky.studies.budget.records.Budget": "BUDGETS",
+    "kolsky.studies.global_sensitivity.GlobalSensitivity": "SENSITIVITY",
+    "kolsky.studies.planning.plan.Plan": "PLANS",
+    "kolsky.studies.rates.records.GroupRates": "RATES",
+    "kolsky.studies.sweep_analysis.SweepAnalysis": "SWEEPS",
+    "kolsky.studies.trends.Trends": "TRENDS",
 }
 """Registries by the class of what their figures show."""
+
+
+def __getattr__(name: str) -> Registry:
+    """Load a registry of `PLACES` when it is first asked for."""
+    if name not in PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = by_name(*map(_figures, PLACES[name]))
+    globals()[name] = found
+    return found
+
+
+def _figures(place: str) -> Iterable[FigureKind[Any]]:
+    """Figures of one file, "file.NAME": those of a list, or the one."""
+    file, _, name = place.partition(".")
+    found = getattr(import_module(f"{__name__}.{file}"), name)
+    return (found,) if isinstance(found, FigureKind) else found
 
 
 def figures_of(shown: Any) -> Registry:
@@ -203,4 +194,6 @@ def figures_of(shown: Any) -> Registry:
     if name not in SHOWN_BY:
         known = ", ".join(sorted(known.rpartition(".")[2] for known in SHOWN_BY))
         raise TypeError(f"no figure shows a {type(shown).__name__}; there are figures of {known}")
-    return SHOWN_BY[name]
+    registry = SHOWN_BY[name]
+    found: Registry = globals()[registry] if registry in globals() else __getattr__(registry)
+    return found

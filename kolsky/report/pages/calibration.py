@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from dic.calibration import Calibration
-from kolsky.report import numbers, printed
+from kolsky.report import numbers, plain_text
 from kolsky.report.figures import CALIBRATION
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
 
@@ -109,4 +109,4 @@ def warnings(found: Calibration) -> list[str]:
 
 def _measured(value: float, sigma: float, unit: str) -> str:
     best, uncertainty = numbers.measured(float(value), 2.0 * sigma) if sigma > 0.0 else (f"{value:.6g}", "0")
-    return printed.plain(f"{best} ± {uncertainty} {unit}".strip()) + " (k = 2)"
+    return plain_text.plain(f"{best} ± {uncertainty} {unit}".strip()) + " (k = 2)"

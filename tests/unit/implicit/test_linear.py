@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 import scipy.linalg
+from scipy.sparse import coo_array
+from scipy.sparse.linalg import LinearOperator
 
 from implicit.integration.pattern import Pattern
+from implicit.linear.amg import AGED, Hierarchy
 from implicit.linear.base import SingularError
 from implicit.linear.solvers import MultifrontalSolver, SparseSolver, linear_solver
 from implicit.meshes import box
@@ -119,3 +122,64 @@ def test_what_only_guides_is_solved_loosely():
         rough = solver.factors(K.astype(np.float32), symmetric=True).solve(right)
         apart = np.abs(rough - exact).max() / np.abs(exact).max()
         assert 0.0 < apart < allowed
+
+
+def test_a_hierarchy_serves_later_matrices_until_it_has_aged():
+    """By hand: dropped beyond AGED times the iterations of its first solution to the same tolerance."""
+    pytest.importorskip("pyamg")
+    hierarchy = Hierarchy(np.ones((4, 1)))
+    hierarchy._levels = object()
+    for tolerance, first in ((1e-3, 7), (1e-10, 20)):
+        hierarchy.served(first, tolerance)
+        hierarchy.served(int(AGED * first), tolerance)
+        assert hierarchy.made
+    hierarchy.served(int(AGED * 7) + 1, 1e-10)
+    assert hierarchy.made
+    hierarchy.served(int(AGED * 7) + 1, 1e-3)
+    assert not hierarchy.made
+
+    places, K = pattern(), elements("definite")
+    solver = linear_solver("amg", places, MESH.points, MESH.cells)
+    right = np.random.default_rng(1).normal(size=places.count)
+    first = solver.factors(K, symmetric=True)
+    first.solve(right)
+    stiffer = solver.factors(3.0 * K, symmetric=True)
+    assert stiffer._hierarchy is first._hierarchy
+    assert stiffer._hierarchy.made
+    np.testing.assert_allclose(3.0 * stiffer.solve(right), first.solve(right), rtol=1e-6, atol=1e-12)
+
+
+def test_a_hierarchy_that_misleads_is_made_again(monkeypatch):
+    """A preconditioner of another body does not converge; a new one of the matrix does."""
+    pytest.importorskip("pyamg")
+    places, K = pattern(), elements("definite")
+    right = np.random.default_rng(1).normal(size=places.count)
+    solver = linear_solver("amg", places, MESH.points, MESH.cells)
+    factors = solver.factors(K, symmetric=True)
+    expected = factors.solve(right)
+
+    class Misleading:
+        def aspreconditioner(self):
+            sign = np.where(np.arange(places.count) % 2, 1.0, -1.0)
+            return LinearOperator((places.count, places.count), matvec=lambda x: sign * x.ravel())
+
+    factors._hierarchy._levels = Misleading()
+    monkeypatch.setattr("implicit.linear.amg.ITERATIONS", 60)
+    np.testing.assert_allclose(factors.solve(right), expected, rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize("entries", [20_000_000, 500])
+def test_a_matrix_in_groups_of_cells_is_the_sum_of_all(monkeypatch, entries):
+    """SciPy's sum of the same triples; two components may share an unknown."""
+    monkeypatch.setattr("implicit.integration.pattern.ENTRIES", entries)
+    draw = np.random.default_rng(2)
+    index = np.concatenate([np.arange(50), [3, 4, 4], np.full(17, -1)])
+    dofs = draw.integers(0, len(index), size=(40, 12))
+    K = draw.normal(size=(40, 12, 12))
+    local = index[dofs]
+    rows, columns = np.repeat(local, 12, axis=1).ravel(), np.tile(local, (1, 12)).ravel()
+    kept = (rows >= 0) & (columns >= 0)
+    expected = coo_array((K.ravel()[kept], (rows[kept], columns[kept])), shape=(50, 50)).toarray()
+    found = Pattern(dofs, index, 50).matrix(K)
+    assert found.has_sorted_indices
+    np.testing.assert_allclose(found.toarray(), expected, rtol=0, atol=1e-13)

@@ -2,6 +2,8 @@
 
 import csv
 import importlib.util
+import subprocess
+import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
@@ -10,6 +12,7 @@ import pytest
 import test_report as battery
 from synthetic import RESULTS
 
+from kolsky.report import figures
 from kolsky.report.figures import RECORDINGS, REGISTRY, by_name
 from kolsky.report.pages.identification import render
 from kolsky.report.result_folder import PAGE, write_identify_page
@@ -126,3 +129,29 @@ def test_two_figures_of_one_name_are_refused(made_up: Path) -> None:
     figures = loaded("peak_force", made_up).FIGURES
     with pytest.raises(ValueError, match="two figures of one page are called 'peak-force'"):
         by_name(figures, figures)
+
+
+def test_every_registry_has_figures_and_another_name_has_none() -> None:
+    for name in figures.PLACES:
+        registry = getattr(figures, name)
+        assert registry
+        assert registry is getattr(figures, name)  # loaded once
+        assert all(kind.name == key for key, kind in registry.items())
+    assert set(figures.PLACES) == set(figures.__all__) - {"SHOWN_BY", "FigureKind", "figures_of"}
+    assert set(figures.SHOWN_BY.values()) <= set(figures.PLACES)
+    with pytest.raises(AttributeError, match="has no attribute 'PAINTINGS'"):
+        _ = figures.PAINTINGS
+
+
+def test_a_page_loads_its_own_figures_and_a_terminal_no_identification() -> None:
+    code = (
+        "import sys, kolsky.cli.terminal; "
+        "print([n for n in sys.modules if n.startswith(('kolsky.diagnosis', 'kolsky.uncertainty'))]); "
+        "import kolsky.report.pages.surfaces; "
+        "print(*sorted(name[22:] for name in sys.modules if name.startswith('kolsky.report.figures.')))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    terminal, page = run.stdout.splitlines()
+    assert terminal == "[]"
+    assert {"base", "surface_points", "surface_motion", "speckles"} <= set(page.split())
+    assert not {"budget", "sweep", "prediction", "uncertainty"} & set(page.split())
