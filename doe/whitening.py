@@ -2,11 +2,12 @@
 
 The covariance is C = D + M' M: a diagonal of variances, and rows M that move many data together by one
 standard deviation each. Least squares with it are those with C^(-1/2) applied to residuals and slopes. With
-M D^(-1/2) = U S V',
+B = M D^(-1/2), its products B B' = U L U', A = U' B and R = (1 + L)^(1/2),
 
-    C^(-1/2) = (1 + V ((1 + S^2)^(-1/2) - 1) V') D^(-1/2),    ln det C = ln det D + sum ln(1 + S^2),
+    C^(-1/2) = (1 - A' (R (1 + R))^-1 A) D^(-1/2),    ln det C = ln det D + sum ln(1 + L),
 
-so that nothing larger than the patterns is decomposed.
+so that nothing larger than the patterns' products is decomposed. No small L is divided by: what rounding
+leaves of patterns that depend on each other does no harm.
 """
 
 from __future__ import annotations
@@ -43,27 +44,27 @@ class Whitening:
 
     @cached_property
     def _common(self) -> tuple[FloatArray, FloatArray]:
-        """Sizes S and directions V' of the patterns in units of sigma, shapes [n] and [n, k]."""
-        patterns = np.zeros((0, len(self.sigma))) if self.patterns is None else self.patterns
-        _, size, directions = np.linalg.svd(patterns / self.sigma, full_matrices=False)
-        return size, directions
+        """1 + L and rows A of the patterns in units of sigma, shapes [n] and [n, k]."""
+        if self.patterns is None:
+            return np.ones(0), np.zeros((0, len(self.sigma)))
+        scaled = self.patterns / self.sigma
+        squares, turned = np.linalg.eigh(scaled @ scaled.T)
+        return 1.0 + np.maximum(squares, 0.0), np.asarray(turned.T @ scaled)
 
     def apply(self, rows: FloatArray) -> FloatArray:
         """C^(-1/2) applied to rows of shape [..., k]: of residuals, their squares sum up to chi-square."""
-        size, directions = self._common
-        scaled = rows / self.sigma
-        shrunk = (scaled @ directions.T) * (1.0 / np.sqrt(1.0 + size**2) - 1.0)
-        return np.asarray(scaled + shrunk @ directions)
+        total, common = self._common
+        root, scaled = np.sqrt(total), rows / self.sigma
+        return np.asarray(scaled - ((scaled @ common.T) / (root * (1.0 + root))) @ common)
 
     def precision(self, rows: FloatArray) -> FloatArray:
         """C^-1 applied to rows of shape [..., k]."""
-        size, directions = self._common
+        total, common = self._common
         scaled = rows / self.sigma
-        shrunk = (scaled @ directions.T) * (size**2 / (1.0 + size**2))
-        return np.asarray((scaled - shrunk @ directions) / self.sigma)
+        return np.asarray((scaled - ((scaled @ common.T) / total) @ common) / self.sigma)
 
     @property
     def log_determinant(self) -> float:
         """ln det C [-]."""
-        size, _ = self._common
-        return float(2.0 * np.log(self.sigma).sum() + np.log1p(size**2).sum())
+        total, _ = self._common
+        return float(2.0 * np.log(self.sigma).sum() + np.log(total).sum())

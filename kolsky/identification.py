@@ -16,6 +16,7 @@
 
 from dataclasses import replace
 
+from kolsky.base.process import one_blas_thread
 from kolsky.base.records import FlyerMotion
 from kolsky.diagnosis.cause_words import cause_warnings
 from kolsky.diagnosis.causes import OtherStart, find_causes
@@ -54,6 +55,7 @@ from kolsky.uncertainty.route_budgets import Sources, budgeted, noise_parts, rou
 from kolsky.uncertainty.warnings.collect import collect_warnings
 
 
+@one_blas_thread()
 def identify(
     shot: Shot, settings: Settings | None = None, *, progress: Progress | None = None
 ) -> Identification:
@@ -67,6 +69,10 @@ def identify(
         What is free, what is held, numerical choices.
     progress : callable, optional
         Called as ``progress(stage, runs done, runs in the stage)``.
+
+    Notes
+    -----
+    BLAS works on one thread meanwhile, see `kolsky.base.process.set_blas_threads`.
 
     Returns
     -------

@@ -171,7 +171,7 @@ def identify(
         found = identification.identify(loaded, settings, progress=progress)
         if diagnose:
             found = identification.diagnose(found, loaded, settings, progress=progress)
-    write_identify_results(folder, found, loaded, formats=formats)
+    write_identify_results(folder, found, loaded, formats=formats, processes=2)
     beside, said, doubts = _paper_method(loaded, settings, folder) if method == "paper" else ({}, {}, [])
     print_result(
         {**printed.details(found), **beside},

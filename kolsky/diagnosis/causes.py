@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from math import nan
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from explicit import Response
 from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.base.process import one_blas_thread
 from kolsky.diagnosis.candidate_input import DENSITY, SENSITIVITY, CandidateInput
 from kolsky.diagnosis.cause_fit import ExpectedResidual
 from kolsky.diagnosis.cause_inputs import CANDIDATES
@@ -81,7 +81,7 @@ def find_causes(
     """
     started = time.perf_counter()
     try:
-        with threadpool_limits(limits=1, user_api="blas"):
+        with one_blas_thread():
             return _analysed(stages, x, refined, other)
     except (ValueError, ArithmeticError) as error:
         return CauseAnalysis((), np.full(2, nan), str(error))

@@ -34,6 +34,7 @@ def write_identify_results(
     shot: Shot,
     *,
     formats: Sequence[str] = (),
+    processes: int = 1,
 ) -> None:
     """Write the results of `kolsky identify`: result file, tables, report and figures; all of them or none.
 
@@ -47,6 +48,8 @@ def write_identify_results(
         The shot, as `kolsky.shot.load.load_shot` gives it.
     formats
         Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+    processes
+        Processes that draw, 1 or 2; see `dic.forks.side_by_side`.
 
     Raises
     ------
@@ -58,7 +61,7 @@ def write_identify_results(
         whole = replace(found, image_correlation=recordings.numbers)
         write_identification(partial / RESULT_FILE, whole)
         write_csv(partial, found)
-        write_identify_page(partial, found, recordings, formats)
+        write_identify_page(partial, found, recordings, formats, processes=processes)
 
 
 def read_identify_results(folder: Path, shot: Shot) -> Identification:

@@ -26,6 +26,21 @@ def test_precision_and_determinant_are_the_dense_ones() -> None:
     assert one.log_determinant == pytest.approx(np.linalg.slogdet(DENSE)[1], rel=1e-13)
 
 
+def test_patterns_that_depend_on_each_other_and_large_ones() -> None:
+    # One pattern as two of 3/5 and 4/5 of it is the same covariance; 1e4 standard deviations project it out.
+    twice = np.vstack([0.6 * PATTERNS[:1], 0.8 * PATTERNS[:1], PATTERNS[1:]])
+    np.testing.assert_allclose(
+        Whitening(SIGMA, twice).apply(ROWS), Whitening(SIGMA, PATTERNS).apply(ROWS), rtol=1e-11
+    )
+    white = Whitening(SIGMA, 1e4 * PATTERNS)
+    np.testing.assert_allclose(
+        white.precision(ROWS) @ PATTERNS.T, 0.0, atol=1e-6
+    )  # 1e-8 by the covariance, and the round-off of 1e8
+    inner = np.eye(3) + 1e8 * (PATTERNS / SIGMA**2) @ PATTERNS.T
+    expected = 2.0 * np.log(SIGMA).sum() + np.linalg.slogdet(inner)[1]
+    assert white.log_determinant == pytest.approx(expected, rel=1e-12)  # round-off
+
+
 def test_without_patterns_it_is_division_by_sigma() -> None:
     for one in (Whitening(SIGMA), Whitening(SIGMA, np.zeros((0, 9)))):
         np.testing.assert_array_equal(one.apply(ROWS), ROWS / SIGMA)
