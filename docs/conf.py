@@ -46,6 +46,9 @@ nb_execution_excludepatterns = [] if PICTURES.is_dir() else ["tutorials/pictures
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
 os.environ["PYTHONPATH"] = os.pathsep.join(sys.path[:2])
 os.environ["COLUMNS"] = "100"  # of the tables that are printed
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # notebooks run side by side
+if os.environ.pop("PYTHONDONTWRITEBYTECODE", ""):  # a tutorial starts Python twenty times: compile it once
+    os.environ.setdefault("PYTHONPYCACHEPREFIX", str(ROOT / "docs" / "_build" / "pycache"))
 
 html_theme = "furo"
 html_theme_options = {"top_of_page_buttons": []}

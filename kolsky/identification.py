@@ -70,6 +70,10 @@ def identify(
     progress : callable, optional
         Called as ``progress(stage, runs done, runs in the stage)``.
 
+    Notes
+    -----
+    BLAS works on one thread meanwhile, see `kolsky.base.process.set_blas_threads`.
+
     Returns
     -------
     Identification

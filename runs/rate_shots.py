@@ -1,8 +1,9 @@
-"""Shots of one material at other flyer velocities: `python runs/rate_shots.py FOLDER [SPEED[:M] ...]`.
+"""Shots of one material at other flyer velocities: `python runs/rate_shots.py FOLDER [MESH] [SPEED[:M] ...]`.
 
 Each is a simulation with a known stiffness factor and noise like that of open-01 (1 um, 4 um, 0.3 N, 12
 bits), written as the files of open-01. They show what a comparison of rates finds, not that the model is
-right: it is the same solver, with another element and a mesh 1.5 times as fine as the answers'.
+right: it is the same solver, with another element and, unless MESH (as 48x64) says otherwise, a mesh 1.5
+times as fine as the answers'.
 """
 
 import json
@@ -90,8 +91,12 @@ def shot_file(name: str) -> str:
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit("give a folder for the shots")
-    for number, word in enumerate(sys.argv[2:] or ["0.7", "0.8", "1.4", "2.6", "4.5"], start=1):
+    words, numerics = sys.argv[2:], NUMERICS
+    if words and "x" in words[0]:
+        across, along = map(int, words.pop(0).split("x"))
+        numerics = kolsky.Numerics(mesh=(across, along), element="fbar")
+    for number, word in enumerate(words or ["0.7", "0.8", "1.4", "2.6", "4.5"], start=1):
         speed, _, m = word.partition(":")
         folder = Path(sys.argv[1]) / f"rate-{number:02d}"
-        make(folder, float(speed), float(m or 1.12), seed=number)
+        make(folder, float(speed), float(m or 1.12), seed=number, numerics=numerics)
         print(f"{folder}: flyer {float(speed):g} m/s, m = {float(m or 1.12):g}")

@@ -18,7 +18,14 @@ from threadpoolctl import threadpool_limits
 
 from dic import following
 
-__all__ = ["infrequent_gc", "one_blas_thread", "process_pool", "run_program", "single_threaded_libraries"]
+__all__ = [
+    "infrequent_gc",
+    "one_blas_thread",
+    "process_pool",
+    "run_program",
+    "set_blas_threads",
+    "single_threaded_libraries",
+]
 
 
 WORKER = "WORKER_NUMBER"
@@ -41,10 +48,23 @@ def infrequent_gc() -> Iterator[None]:
         gc.set_threshold(*before)
 
 
+BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""Variables of the environment that a BLAS reads when it is loaded."""
+
+
+def set_blas_threads() -> None:
+    """One thread for each call of BLAS from here on, unless the environment says otherwise.
+
+    Of use before NumPy is loaded. The matrices of an identification are small: several threads take longer
+    for them than one, and wait for each other by spinning on cores that have other work.
+    """
+    for name in BLAS_THREADS:
+        os.environ.setdefault(name, "1")
+
+
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """One thread for each call of BLAS: several of them wait for work by spinning, and products of some ten
-    rows give them none. On busy cores each call took a hundred times as long by them."""
+    """One thread for each call of BLAS, see `set_blas_threads`; also in a process that has loaded it."""
     with threadpool_limits(limits=1, user_api="blas"):
         yield
 

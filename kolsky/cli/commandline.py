@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 
 from kolsky.base.errors import InputError
+from kolsky.base.process import set_blas_threads
 from kolsky.cli.actuator_control import actuator_control
 from kolsky.cli.actuator_invert import actuator_invert
 from kolsky.cli.actuator_simulate import actuator_simulate
@@ -152,6 +153,7 @@ def main() -> None:
         if isinstance(stream, TextIOWrapper):
             # A terminal without a character (± in an old code page) gets its escape, not a traceback.
             stream.reconfigure(errors="backslashreplace")
+    set_blas_threads()
     told: list[int] = []
     _insist(told)
     signal.signal(signal.SIGTERM, _ending(told))

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
+from kolsky.base.process import one_blas_thread
 from kolsky.inverse.free_parameters import Freed, choose
 from kolsky.inverse.parameters import MOVED, PARAMETERS, checked_value, require_declared
 from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
@@ -46,6 +47,7 @@ WORSE = 1.0
 """Rise of the deviance beyond which a step was too long."""
 
 
+@one_blas_thread()
 def identify_shots(
     shots: Sequence[Shot],
     settings: JointSettings | None = None,

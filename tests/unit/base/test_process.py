@@ -1,13 +1,16 @@
 """Workers of this machine: each has a number, by which they share out its GPUs."""
 
 import os
+import subprocess
+import sys
 import time
 
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import explicit.device
 from dic.correlation.kernels import device as dic_device
-from kolsky.base.process import WORKER, process_pool
+from kolsky.base.process import BLAS_THREADS, WORKER, one_blas_thread, process_pool
 
 
 def number(pause: float) -> tuple[int, str]:
@@ -32,3 +35,48 @@ def test_processes_take_gpus_one_after_the_other(rooms, monkeypatch: pytest.Monk
     monkeypatch.delenv(WORKER)
     assert rooms.own_gpu(4) == 0
     assert rooms.own_gpu(0) == 0  # no GPU at all: "cuda:0" is refused by its name
+
+
+def blas_threads() -> list[int]:
+    import numpy as np
+
+    np.linalg.svd(np.eye(2))
+    return [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
+
+
+def test_blas_has_one_thread_inside_and_the_old_number_afterwards() -> None:
+    before = blas_threads()
+    with one_blas_thread():
+        assert set(blas_threads()) == {1}
+    assert blas_threads() == before
+
+
+def test_an_identification_works_on_one_blas_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    from kolsky import identification
+
+    seen: list[int] = []
+
+    def prepare(shot: object) -> None:
+        seen.extend(blas_threads())
+        raise ValueError("enough")
+
+    monkeypatch.setattr(identification, "prepare_shot", prepare)
+    monkeypatch.setattr(identification, "with_pull", lambda shot, pull: shot)
+    with threadpool_limits(limits=2, user_api="blas"), pytest.raises(ValueError, match="enough"):
+        identification.identify(None)  # type: ignore[arg-type]
+    assert set(seen) == {1}
+
+
+def test_commands_start_before_blas_with_one_thread_unless_told_otherwise() -> None:
+    program = (
+        "import os, sys\nsys.argv = ['kolsky', '--version']\nfrom kolsky.cli import commandline\n"
+        "assert 'numpy' not in sys.modules\n"
+        "try:\n    commandline.main()\nexcept SystemExit:\n    pass\n"
+        "print(*(os.environ[name] for name in ('OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS')))\n"
+    )
+    plain = {name: value for name, value in os.environ.items() if name not in BLAS_THREADS}
+    for told, wanted in (({}, "1 1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3 1")):
+        said = subprocess.run(
+            [sys.executable, "-c", program], env={**plain, **told}, capture_output=True, text=True, check=True
+        )
+        assert said.stdout.splitlines()[-1] == wanted
