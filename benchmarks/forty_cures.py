@@ -44,9 +44,23 @@ class View:
         ahead = R @ [0.0, y, z] + t
         return np.asarray((K @ (ahead / ahead[2]))[:2] - np.array(self.camera["crop_offset"]))
 
+    @property
+    def radii(self) -> tuple[float, float]:
+        """Radii of specimen and platens [m]."""
+        q = self.specification
+        return 0.5 * q.specimen.diameter, 0.5 * q.motion.flyer_diameter
+
+    def lower_edge(self) -> FloatArray:
+        """Pixel (x, y) of the specimen's lower end, or of the platen's rim where that hides it."""
+        places = [self.pixel(0.0, z) for z in self.radii]
+        side = self.specification.cameras.flyer_side
+        axis, way = int(side in ("up", "down")), -1.0 if side in ("up", "left") else 1.0
+        return max(places, key=lambda place: way * float(place[axis]))
+
     def rectangle(self, low: float | None, high: float | None) -> tuple[list[float], list[float]] | None:
-        """A rectangle clear of the picture's edge, and of heights `low` and `high` over the transmission
-        platen [m], None: as far as the picture goes; as ranges of x and y [px]. None if it is too flat."""
+        """A rectangle clear of the picture's edge, and of what is seen of heights `low` and `high` over the
+        transmission platen [m], None: as far as the picture goes; as ranges of x and y [px]. None if it is
+        too flat."""
         columns, rows = self.specification.cameras.picture
         side = self.specification.cameras.flyer_side
         x, y = [CLEAR, columns - 1 - CLEAR], [CLEAR, rows - 1 - CLEAR]
@@ -56,7 +70,8 @@ class View:
             if height is None:
                 continue
             way = inward if up else -inward
-            place = float(self.pixel(height)[axis]) + way * CLEAR
+            seen = [way * float(self.pixel(height, z)[axis]) for z in (0.0, *self.radii)]
+            place = way * max(seen) + way * CLEAR
             k = 0 if way > 0.0 else 1
             along[k] = max(along[k], place) if k == 0 else min(along[k], place)
         return None if along[1] - along[0] < LEAST else (x, y)
@@ -81,7 +96,7 @@ def all_regions(text: str, folder: Path) -> str | None:
     specimen = view.rectangle(0.0, q.length)
     if flyer is None or specimen is None:
         return None
-    x, y = view.pixel(0.0, 0.5 * q.diameter)
+    x, y = view.lower_edge()
     return _declared(
         text,
         [

@@ -7,6 +7,7 @@ from math import isfinite, nan
 
 import numpy as np
 
+from kolsky.diagnosis.candidate_input import DAMPING, POISSON
 from kolsky.diagnosis.cause_fit import chance, evidence, explained_share, holm
 from kolsky.diagnosis.cause_search import CauseSearch
 from kolsky.diagnosis.cause_trial import Trial
@@ -22,13 +23,22 @@ ASSUMED = "model."
 """Where keys of assumptions begin: values that are taken from elsewhere, not from the specimen."""
 LEAST_SHARE = 0.25
 """Least share of the misfit that a cause explains that is named."""
+FREED_TOGETHER = (POISSON, DAMPING)
+"""Assumptions that an identification frees together by default: where one is refuted, so is the pair."""
 
 
-def ranked(search: CauseSearch, trials: Sequence[Trial]) -> tuple[CauseFinding, ...]:
+def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -> tuple[CauseFinding, ...]:
     """The findings in order, with probabilities for all tests together and what cannot be told apart.
 
     An input whose preferred value lies within k = 2 of its declared uncertainty is never a likely cause: it
     is listed with what it explains alone.
+
+    Parameters
+    ----------
+    search, trials
+        The data, and the best value of every input.
+    refuted
+        Key of a likely cause that is free beside the parameters; empty if there is none.
     """
     adjusted = holm([_chance(search, t) for t in trials])
     entries = np.array([(search.expected.channel == c).sum() for c in range(2)])
@@ -47,11 +57,27 @@ def ranked(search: CauseSearch, trials: Sequence[Trial]) -> tuple[CauseFinding, 
     likely.sort(key=lambda row: order.index(row[0].candidate.key))
     rest = [row for row in rows if not row[-1]]
     rest = [rest[i] for i in by_evidence([row[0].candidate.key for row in rest], [row[2] for row in rest])]
-    groups = [row[0] for row in likely]
+    if not likely and rest and _closes(rest[0], refuted) and not _within(search, rest[0][0]):
+        likely, rest = [(*rest[0][:-1], True)], rest[1:]
+        groups = [row[0] for row in (*likely, *rest) if not row[0].lost]
+    else:
+        groups = [row[0] for row in likely]
     return tuple(
         _finding(search, *row, alike=_alike(search, row[0], groups) if row[-1] else ())
         for row in (*likely, *rest)
     )
+
+
+def _closes(row: tuple[Trial, float, float, float, bool], refuted: str) -> bool:
+    """True if the leading input beside a refuted one belongs to its pair and is significant by itself.
+
+    A closed test: that both values are right has been refuted with the evidence and the share of the first,
+    which are those of the pair at least; that this one is right is refuted by its own probability, the first
+    one free, where the likelihoods can be told apart at all.
+    """
+    t, probability, gain, _, _ = row
+    pair = refuted in FREED_TOGETHER and t.candidate.key in FREED_TOGETHER
+    return pair and not t.lost and gain > ALIKE and probability < LEVEL
 
 
 def by_evidence(keys: Sequence[str], evidences: Sequence[float]) -> list[int]:

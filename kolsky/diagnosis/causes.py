@@ -189,7 +189,7 @@ def beside(
         value=c.value(float(x[-1])),
         parameters=dict(zip(names, x[: len(names)].tolist(), strict=True)),
     )
-    more = tuple(replace(f, beside=c.key) for f in ranked(second, best_trials(second, rest)))
+    more = tuple(replace(f, beside=c.key) for f in ranked(second, best_trials(second, rest), refuted=c.key))
     return (renewed, *listed_beside(more, findings[1:]))
 
 

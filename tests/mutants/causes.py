@@ -12,6 +12,20 @@ ORDER = ("tests/unit/diagnosis/test_cause_order.py",)
 
 FAULTS = (
     Fault(
+        name="the second of a pair named on a likelihood ratio that tells nothing",
+        file="kolsky/diagnosis/cause_ranking.py",
+        right="gain > ALIKE and probability < LEVEL",
+        wrong="gain > 0.5 * ALIKE and probability < LEVEL",
+        tests=DECLARED,
+    ),
+    Fault(
+        name="any second cause named with less evidence",
+        file="kolsky/diagnosis/cause_ranking.py",
+        right="pair = refuted in FREED_TOGETHER and t.candidate.key in FREED_TOGETHER",
+        wrong="pair = refuted in FREED_TOGETHER",
+        tests=DECLARED,
+    ),
+    Fault(
         name="measurements before assumptions",
         file="kolsky/diagnosis/cause_ranking.py",
         right="key=lambda i: not keys[i].startswith(ASSUMED)",

@@ -168,4 +168,18 @@ FAULTS = (
         wrong="- way * CLEAR",
         tests=("tests/unit/virtual/test_forty.py",),
     ),
+    Fault(
+        name="regions by hand reach to the end that the platen's rim hides",
+        file="benchmarks/forty_cures.py",
+        right="way * max(seen)",
+        wrong="seen[0] * way",
+        tests=("tests/unit/virtual/test_forty.py",),
+    ),
+    Fault(
+        name="an edge by hand is the one that the platen's rim hides",
+        file="benchmarks/forty_cures.py",
+        right="return max(places,",
+        wrong="return min(places,",
+        tests=("tests/unit/virtual/test_forty.py",),
+    ),
 )

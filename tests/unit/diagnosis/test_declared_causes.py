@@ -10,8 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 from kolsky.diagnosis.candidate_input import (
+    DAMPING,
     DIAMETER,
     FORCE_CLOCK,
+    LENGTH,
+    POISSON,
     SENSITIVITY,
     SPREAD,
     CandidateInput,
@@ -19,7 +22,7 @@ from kolsky.diagnosis.candidate_input import (
 )
 from kolsky.diagnosis.cause_fit import Allowances, ExpectedResidual, fit_linear
 from kolsky.diagnosis.cause_inputs import CANDIDATES
-from kolsky.diagnosis.cause_ranking import EVIDENCE, ranked
+from kolsky.diagnosis.cause_ranking import ALIKE, EVIDENCE, ranked
 from kolsky.diagnosis.cause_search import CauseSearch
 from kolsky.diagnosis.causes import best_trials
 from kolsky.inverse.cause_results import CauseFinding
@@ -186,3 +189,56 @@ def test_an_error_beyond_what_is_declared_is_named_by_what_k_2_leaves() -> None:
     assert off.sigma < 0.2  # 1 / 12, and what correlation adds: its own allowance takes no part
     assert alike.key == "alike"
     assert alike.evidence < off.evidence
+
+
+def beside(
+    planted: dict[str, float], refuted: str, declared: float | None = None, *, left: float = 1.0
+) -> list[CauseFinding]:
+    """Findings for inputs at right angles, each off by so many standard deviations of its own estimate.
+
+    `left` is the mean square of what no input explains.
+    """
+    directions = np.linalg.qr(np.random.default_rng(11).standard_normal((K, 1 + len(planted))))[0].T
+    columns = {"m": 300.0 * directions[0]}
+    columns |= {key: 10.0 * d for key, d in zip(planted, directions[1:], strict=True)}
+    noise = np.random.default_rng(12).standard_normal(K)
+    noise -= directions.T @ (directions @ noise)  # the estimates are exact, the mean square is one
+    data = noise * np.sqrt(left * K / (noise @ noise))
+    data += sum(0.1 * off * columns[key] for key, off in planted.items())
+    model: Any = LinearModel(columns, data)
+    tried = [candidate(key, "specimen_diameter" if key == DAMPING and declared else "") for key in planted]
+    known = {} if declared is None else {"specimen_diameter": declared}
+    one = CauseSearch(stages(**known), model, expected(), np.ones(K, dtype=bool), tried)
+    return list(ranked(one, best_trials(one, tried), refuted=refuted))
+
+
+def test_beside_a_refuted_value_its_pair_is_named_when_it_leads_and_is_significant() -> None:
+    """The evidence is K ln(1 + off^2 / K)."""
+    off = np.sqrt(K * np.expm1(0.6 * EVIDENCE / K))
+    found = beside({DAMPING: off, LENGTH: 0.0}, POISSON)
+    assert (found[0].key, found[0].named, found[0].alike) == (DAMPING, True, ())
+    assert found[0].evidence == pytest.approx(0.6 * EVIDENCE, rel=1e-9)  # round-off
+    assert [f.named for f in found[1:]] == [False]
+    # With nothing refuted, or what is no member of the pair, the evidence is too little.
+    for refuted in ("", LENGTH):
+        assert not any(f.named for f in beside({DAMPING: off, "other": 0.0}, refuted))
+    # Another input that the pair does not have is not named, nor is a member behind it.
+    assert not any(f.named for f in beside({DAMPING: 0.5 * off, LENGTH: off}, POISSON))
+    # Where most is left by something else, it explains little of that: the pair has explained enough.
+    off = np.sqrt(3.0 * K * np.expm1(0.3 * EVIDENCE / K))
+    (little, _) = beside({DAMPING: off, LENGTH: 0.0}, POISSON, left=3.0)
+    assert little.explained == pytest.approx(off**2 / (2.0 * K + off**2), rel=1e-9)
+    assert little.explained < 0.2
+    assert little.named
+    # A likelihood ratio of less than exp(5) tells nothing apart, however small the probability.
+    small = np.sqrt(K * np.expm1(0.99 * ALIKE / K))
+    assert not any(f.named for f in beside({DAMPING: small, LENGTH: 0.0}, POISSON))
+    # What the noise brings is not significant.
+    assert not any(f.named for f in beside({DAMPING: 1.0, LENGTH: 0.0}, POISSON))
+
+
+def test_a_value_within_its_declared_uncertainty_is_not_named_with_its_pair() -> None:
+    found = beside({DAMPING: 12.0, LENGTH: 0.0}, POISSON, declared=1.0)  # 1.2 of k = 2
+    assert not any(f.named for f in found)
+    assert found[0].key == DAMPING
+    assert found[0].within

@@ -9,6 +9,7 @@ import pytest
 
 import kolsky
 from explicit.adjoint import forward_run
+from kolsky.report.figures import PLACES
 from tests.test_imports import MODULES, ROOT, imports_of
 
 PAGE = (ROOT / "docs" / "python_only.md").read_text("utf-8")
@@ -30,11 +31,14 @@ def enclosing(name: str) -> list[str]:
 
 
 def entry_points() -> set[str]:
-    """The commands, what `python -m` runs, what the scripts of `runs/` import, the names of `kolsky`."""
+    """The commands, what `python -m` runs, what the scripts of `runs/` import, the names of `kolsky`, and the
+    figures that a page loads by their registry's name."""
     found = {name for name in MODULES if "kolsky.cli" in enclosing(name)} | {"kolsky"}
     found |= {n for n, path in MODULES.items() if 'if __name__ == "__main__":' in path.read_text("utf-8")}
     for script in (ROOT / "runs").rglob("*.py"):
         found |= imported(script.stem, script)
+    figures = {place.partition(".")[0] for places in PLACES.values() for place in places}
+    found |= {f"kolsky.report.figures.{name}" for name in figures}
     assert {kolsky._HOME[name] for name in kolsky.__all__} <= imported("kolsky", MODULES["kolsky"])
     return found
 

@@ -8,7 +8,8 @@ import pytest
 from pydantic import BaseModel, Field
 
 from kolsky.base.errors import InputError, InputErrors
-from kolsky.shot.schema.reading import key_lines, line_of, parse_toml, shot_toml
+from kolsky.shot.schema.reading import key_lines, parse_toml, shot_toml
+from kolsky.shot.schema.refusals import line_of
 
 FILLED = Path(__file__).parents[2] / "data" / "filled_shot.toml"
 """A shot file with every key, optional ones as remarks."""

@@ -48,7 +48,8 @@ def test_an_answer_is_kept_and_read_back(tmp_path: Path) -> None:
 
 
 def test_cures_change_the_shot_file_alone(tmp_path: Path) -> None:
-    """A flyer that comes from above ends 3 mm under the specimen's face at rest, seen head-on at 10 px/mm."""
+    """A flyer that comes from above ends 3 mm under the specimen's face at rest, seen head-on at 10 px/mm on
+    the axis and 10.8 px/mm on its front, 7.5 mm nearer."""
     shot = tmp_path / "shot"
     (shot / "results").mkdir(parents=True)
     (shot / "shot.toml").write_text("[dic]\nsubset = 21\n", encoding="utf-8")
@@ -63,26 +64,34 @@ def test_cures_change_the_shot_file_alone(tmp_path: Path) -> None:
     (shot / "truth.json").write_text(json.dumps(answer), encoding="utf-8")
     np.savez(shot / "truth_surface.npz", d=[0.0, 3e-3])
     text = flyer_region("[dic]\nsubset = 21\n", shot)
-    # Face at y = 3.5 mm: row 64 - 35 - 20 = 9, and 4 px clear of it; 1 px is less than 8 px of height.
+    # Face at y = 3.5 mm: row 64 - 37.8 - 20 = 6.2 in front, and 4 px clear of it: no 8 px of height.
     assert text is None
     camera["crop_offset"] = [10, 0]
     (shot / "truth.json").write_text(json.dumps(answer), encoding="utf-8")
     text = flyer_region("[dic]\nsubset = 21\n", shot)
-    flyer = "flyer = { x = [4.0, 123.0], y = [4.0, 25.0], frame = 2 }"
+    flyer = "flyer = { x = [4.0, 123.0], y = [4.0, 22.2], frame = 2 }"
     assert text == f"[dic]\n{flyer}\nsubset = 21\n"
-    # The specimen's ends: -1 and 64; its lower end in front, 5 mm nearer: 100 mm becomes 95.
+    # The specimen's ends: -1 and 64, on the axis of the camera, where nearer places are in the same row.
     specimen = "specimen = { x = [4.0, 123.0], y = [4.0, 60.0], frame = 0 }"
     edge = "transmission_edge = [54.0, 64.0]"
     text = all_regions("[dic]\nsubset = 21\n", shot)
     assert text == f"[dic]\n{specimen}\n{flyer}\n{edge}\nsubset = 21\n"
     assert all_regions(text, shot) is None
-    camera["K"][1][1] = -1000.0  # the other way up: flyer below row 99, specimen between 64 and 129
+    camera["K"][1][1] = -1000.0  # the other way up: flyer below row 101.8, specimen between 64 and 129
     answer["specification"]["cameras"]["flyer_side"] = "down"
     (shot / "truth.json").write_text(json.dumps(answer), encoding="utf-8")
     text = all_regions("[dic]\nsubset = 21\n", shot)
     assert text is not None
     assert "specimen = { x = [4.0, 123.0], y = [68.0, 123.0], frame = 0 }" in text
-    assert "flyer = { x = [4.0, 123.0], y = [103.0, 123.0], frame = 2 }" in text
+    assert "flyer = { x = [4.0, 123.0], y = [105.8, 123.0], frame = 2 }" in text
+    camera["K"][1][1], camera["t"][1], camera["crop_offset"] = 1000.0, -0.01, [10, -100]
+    answer["specification"]["cameras"]["flyer_side"] = "up"
+    (shot / "truth.json").write_text(json.dumps(answer), encoding="utf-8")
+    text = all_regions("[dic]\nsubset = 21\n", shot)
+    # From 10 mm below, the platen's rim in row 164 - 10 / 0.0925 hides the end in row 164 - 10 / 0.09525.
+    assert text is not None
+    assert "transmission_edge = [54.0, 55.9]" in text
+    assert "specimen = { x = [4.0, 123.0], y = [4.0, 51.9], frame = 0 }" in text
     assert cured_copy(shot, tmp_path / "copy", with_subset(1.4))
     assert "subset = 29" in (tmp_path / "copy" / "shot.toml").read_text("utf-8")
     assert "subset = 21" in (shot / "shot.toml").read_text("utf-8")
