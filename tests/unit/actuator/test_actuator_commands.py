@@ -56,7 +56,7 @@ def test_simulate_invert_and_control(tmp_path: Path) -> None:
     bends = json.loads((tmp_path / "s" / "actuator.json").read_text())["bends"]["downward"]
     # softer by 214 / 218 alone: it bends more, by less than twice that
     assert 0.0 < bends["healed_over_pristine_less_1"][0] < 0.04
-    said = _run("actuator", "invert", spec, "--out", tmp_path / "i")
+    said = _run("actuator", "invert", spec, "--out", tmp_path / "i", "--json")
     assert "beyond the largest pressure" in said
     found = json.loads((tmp_path / "i" / "actuator.json").read_text())["found"]["downward"]
     assert [one["ended"] for one in found] == ["reached", "beyond the largest pressure"]

@@ -1,12 +1,15 @@
 """The error budget: its rule, its design, its shares, and the plan of a campaign."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import t as student
+from typer.testing import CliRunner
 
 from doe.ledger import Run
+from kolsky.cli import app
 from kolsky.inverse.settings import Settings
 from kolsky.studies.budget.budget import analysed
 from kolsky.studies.budget.campaign import plan_campaign, shot_sigma, slope_half_width
@@ -247,3 +250,31 @@ def test_campaign_is_the_smallest_that_serves() -> None:
     assert plan_campaign(100.0, 1000.0, 0.05, 0.04, layout="even").shots > n
     with pytest.raises(ValueError, match="do not reach"):
         plan_campaign(100.0, 110.0, 1e-4, 0.04)
+
+
+@pytest.mark.slow
+def test_the_command_says_sources_and_shares_as_one_object(tmp_path: Path) -> None:
+    path = tmp_path / "SPEC.toml"
+    path.write_text('format = 1\n[motion]\ncompression = "12 %"\n[truth]\nmesh = [8, 11]\n')
+    words = [
+        "budget",
+        str(path),
+        "--mesh",
+        "6x8",
+        "--refined-mesh",
+        "8x11",
+        "--draws",
+        "4",
+        "--together",
+        "4",
+    ]
+    words += ["--size", "imperfections.length=0.5 %", "--free", "stiffness_factor", "--json"]
+    done = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    (answer,) = json.loads(done.stdout)["budgets"]
+    sources = answer["sources"]
+    assert {key: source["sigma"] for key, source in sources.items()} == {
+        "noise": 1.0,
+        "imperfections.length": 0.005,
+    }
+    assert sum(source["share"] for source in sources.values()) == pytest.approx(1.0, rel=1e-9)
