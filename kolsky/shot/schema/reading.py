@@ -22,6 +22,8 @@ LONGEST_LINE = 20_000
 """Most characters of a line: a key of a hundred thousand parts would take a minute to take apart."""
 DEEPEST = 30
 """Most tables and lists inside each other."""
+END = " (at end of document)"
+"""How `tomllib` says that a file ends inside a value."""
 LINE_SHOWN = 60
 """Most characters of a line that a message shows."""
 
@@ -208,11 +210,14 @@ def _plain(dotted: str) -> str:
 
 def _syntax_error(path: Path, text: str, message: str) -> InputError:
     place = re.search(r"\s*\(at line (\d+), column (\d+)\)", message)
-    message = message[: place.start()] if place else message.removesuffix(" (at end of document)")
+    ended = message.endswith(END)
+    message = message[: place.start()] if place else message.removesuffix(END)
     column, line, shown = "", None, ""
     if place:
         column, line = f" (column {place.group(2)})", int(place.group(1))
         shown = f": {text.splitlines()[line - 1].strip()[:LINE_SHOWN]!r}"
+    elif ended:
+        line = len(text.splitlines()) or None
     return InputError(
         path,
         f"is not valid TOML: {message}{column}{shown}",

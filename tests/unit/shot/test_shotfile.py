@@ -327,3 +327,12 @@ def test_a_value_of_several_kinds_is_one_problem_with_its_own_key(written, text,
     (problem,) = caught.value.problems
     assert (problem.key, problem.allowed) == (key, allowed)
     assert "is not allowed; it must be" in str(problem)
+
+
+def test_a_file_that_ends_inside_a_value_names_its_last_line(tmp_path):
+    place = tmp_path / "shot.toml"
+    place.write_text('material = "gel"\ncurve = [\n')
+    with pytest.raises(InputError, match="is not valid TOML: Invalid value") as refused:
+        parse_toml(place)
+    assert refused.value.line == 2
+    assert "end of document" not in str(refused.value)
