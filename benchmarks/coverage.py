@@ -184,8 +184,12 @@ def answer(study: Study, folder: Path, number: int) -> str:
     return f"experiment {number}: {said}; {found.outcome}; {found.seconds:.0f} s"
 
 
-def run(study: Study, folder: Path, numbers: list[int], *, workers: int) -> list[dict[str, Any]]:
+def run(
+    study: Study, folder: Path, numbers: list[int], *, workers: int, truths_only: bool = False
+) -> list[dict[str, Any]]:
     """Answers of the experiments, in their order; those that the folder holds are read.
+
+    With `truths_only` what is missing of the truths is made, and there are no answers.
 
     Raises
     ------
@@ -196,6 +200,8 @@ def run(study: Study, folder: Path, numbers: list[int], *, workers: int) -> list
     missing = [n for n in numbers if not _answer_file(folder, n).exists()]
     without = [n for n in missing if not _truth_file(study, folder, n).exists()]
     groups = [[n for n in without if n // GROUP == group] for group in sorted({n // GROUP for n in without})]
+    if truths_only:
+        missing = []
     if workers == 1:
         for group in groups:
             print(make_truths(study, folder, group), flush=True)
@@ -210,6 +216,8 @@ def run(study: Study, folder: Path, numbers: list[int], *, workers: int) -> list
                 print(done.result(), flush=True)
             for done in as_completed([pool.submit(answer, study, folder, n) for n in missing]):
                 print(done.result(), flush=True)
+    if truths_only:
+        return []
     return [json.loads(_answer_file(folder, n).read_text()) for n in numbers]
 
 
@@ -225,6 +233,7 @@ def main() -> None:
     parser.add_argument("--truth-device", help="of the truths; that of the identifications if left out")
     parser.add_argument("--workers", type=int, default=1, help="processes that identify")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--truths", action="store_true", help="make the truths, identify nothing")
     parser.add_argument("--rows", help="FIRST:STOP, a part of the experiments")
     parser.add_argument("--out", type=Path, required=True, help="folder; a study that it holds is continued")
     given = parser.parse_args()
@@ -239,7 +248,11 @@ def main() -> None:
     )
     first, stop = map(int, (given.rows or f"0:{given.experiments}").split(":"))
     started = time.perf_counter()
-    each = run(study, given.out, list(range(first, stop)), workers=given.workers)
+    each = run(
+        study, given.out, list(range(first, stop)), workers=given.workers, truths_only=given.truths
+    )
+    if given.truths:
+        return
     machine = {"device": given.device, "processor": platform.machine(), "cores": os.cpu_count() or 1}
     seconds = {
         "this call": time.perf_counter() - started,
