@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from dic.forks import beside
 from dic.full_field.result import FullField
 from dic.output.csv import write_frames
 from dic.output.full_field import write_full_field_frames, write_full_field_history
@@ -49,7 +50,8 @@ def write_identify_results(
     formats
         Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
     processes
-        Processes that draw, 1 or 2; see `dic.forks.side_by_side`.
+        Processes that draw, 1 or 2; see `dic.forks.side_by_side`. With 2 the result file is written in
+        another process meanwhile.
 
     Raises
     ------
@@ -59,9 +61,11 @@ def write_identify_results(
     recordings = recorded(shot, folder)
     with filling(folder) as partial:
         whole = replace(found, image_correlation=recordings.numbers)
-        write_identification(partial / RESULT_FILE, whole)
-        write_csv(partial, found)
-        write_identify_page(partial, found, recordings, formats, processes=processes)
+        result = partial / RESULT_FILE
+        with beside(lambda: write_identification(result, whole), fork=processes > 1) as written:
+            write_csv(partial, found)
+            write_identify_page(partial, found, recordings, formats, processes=processes)
+            written()
 
 
 def read_identify_results(folder: Path, shot: Shot) -> Identification:
