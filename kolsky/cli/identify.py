@@ -148,11 +148,12 @@ def identify(
 
         loaded = with_relaxation(loaded, *texts.relaxation("--relaxation", relaxation))
     numerics = solver.numerics(coarse)
+    from dic.forks import beside
     from kolsky import identification
     from kolsky.inverse.settings import Settings
     from kolsky.report import printed
     from kolsky.report.fit_table import fit_line
-    from kolsky.report.result_folder import PAGE, write_identify_results
+    from kolsky.report.result_folder import PAGE, load_identify_page, write_identify_results
     from kolsky.results.summary import to_json
 
     settings = Settings(
@@ -167,10 +168,11 @@ def identify(
         pull="conditioned" if pull == "conditioned" else "first",
         seed=seed,
     )
-    with usable(loaded), progress_bars() as progress:
+    with usable(loaded), progress_bars() as progress, beside(load_identify_page, fork=False) as page:
         found = identification.identify(loaded, settings, progress=progress)
         if diagnose:
             found = identification.diagnose(found, loaded, settings, progress=progress)
+        page()
     write_identify_results(folder, found, loaded, formats=formats, processes=2)
     beside, said, doubts = _paper_method(loaded, settings, folder) if method == "paper" else ({}, {}, [])
     print_result(

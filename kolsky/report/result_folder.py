@@ -68,6 +68,16 @@ def write_identify_results(
             written()
 
 
+def load_identify_page() -> None:
+    """Import what the page of an identification is drawn with, Matplotlib above all.
+
+    Of use in a thread while simulations run, which need no interpreter, see `dic.forks.beside`.
+    """
+    import matplotlib.backends.backend_svg  # noqa: F401
+
+    import kolsky.report.pages.identification  # noqa: F401
+
+
 def read_identify_results(folder: Path, shot: Shot) -> Identification:
     """Read the identification of a shot back from its folder.
 
