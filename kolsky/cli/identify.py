@@ -148,7 +148,7 @@ def identify(
 
         loaded = with_relaxation(loaded, *texts.relaxation("--relaxation", relaxation))
     numerics = solver.numerics(coarse)
-    from dic.forks import beside
+    from dic import forks
     from kolsky import identification
     from kolsky.inverse.settings import Settings
     from kolsky.report import printed
@@ -168,7 +168,7 @@ def identify(
         pull="conditioned" if pull == "conditioned" else "first",
         seed=seed,
     )
-    with usable(loaded), progress_bars() as progress, beside(load_identify_page, fork=False) as page:
+    with usable(loaded), progress_bars() as progress, forks.beside(load_identify_page, fork=False) as page:
         found = identification.identify(loaded, settings, progress=progress)
         if diagnose:
             found = identification.diagnose(found, loaded, settings, progress=progress)

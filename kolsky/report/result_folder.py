@@ -1,29 +1,27 @@
 """Result folders of the commands on one shot: result, tables, page and figures, all written or none."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dic.forks import beside
-from dic.full_field.result import FullField
-from dic.output.csv import write_frames
-from dic.output.full_field import write_full_field_frames, write_full_field_history
-from kolsky.bars.reduction import output as waves_output
-from kolsky.bars.reduction.database import write_database
-from kolsky.bars.result import ReducedTest, WavesResult
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.inverse.result import Identification
 from kolsky.report.figures_alone import save_figures_alone
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.tables import write_csv
-from kolsky.shot.dic_output import write_tables
-from kolsky.shot.measurement import Measurement
-from kolsky.shot.measurement_file import write_full_field
-from kolsky.shot.optical_data import Surfaces
 from kolsky.shot.recorded import Recorded, recorded
-from kolsky.shot.records import PicturedShot, Shot
+
+if TYPE_CHECKING:
+    from dic.full_field.result import FullField
+    from kolsky.bars.result import ReducedTest
+    from kolsky.shot.measurement import Measurement
+    from kolsky.shot.optical_data import Surfaces
+    from kolsky.shot.records import PicturedShot, Shot
 
 RESULT_FILE = "identification.h5"
 PAGE = "report.html"
@@ -161,9 +159,11 @@ def write_dic_results(
     InputError
         If the results cannot be written.
     """
+    from dic.output.csv import write_frames
     from kolsky.report.pages.surfaces import write_page
     from kolsky.report.paraview import write_vtp
     from kolsky.report.surface_view import read_surface_view
+    from kolsky.shot.dic_output import write_tables
 
     result = found.result
     shown = read_surface_view(shot.name, result, shot.pictures.series, found.flight)
@@ -206,10 +206,12 @@ def write_full_field_results(
     InputError
         If the results cannot be written.
     """
+    from dic.output.full_field import write_full_field_frames, write_full_field_history
     from kolsky.report.canvas import save_figures
     from kolsky.report.full_field_view import read_full_field_view
     from kolsky.report.pages.full_field import write_page
     from kolsky.report.paraview import write_full_field_vtu
+    from kolsky.shot.measurement_file import write_full_field
 
     shown = read_full_field_view(measurement.name, result, measurement.series[0])
     with filling(folder) as partial:
@@ -239,6 +241,9 @@ def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[
     InputError
         If the results cannot be written.
     """
+    from kolsky.bars.reduction import output as waves_output
+    from kolsky.bars.reduction.database import write_database
+    from kolsky.bars.result import WavesResult
     from kolsky.report.pages.waves import write_page
 
     with filling(folder) as partial:

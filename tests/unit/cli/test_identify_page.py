@@ -1,4 +1,4 @@
-"""What the page is drawn with is loaded while `kolsky identify` simulates; what fails there is not lost."""
+"""What `kolsky identify` loads and when: the page while it simulates, other libraries where they serve."""
 
 import subprocess
 import sys
@@ -70,3 +70,13 @@ def test_all_that_a_page_needs_is_loaded() -> None:
     )
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert run.stdout.split() == ["False", "[]"]
+
+
+def test_libraries_that_most_shots_do_not_need_are_not_loaded() -> None:
+    code = (
+        "import sys; from pathlib import Path; from kolsky.shot.load import load_shot; "
+        "load_shot(Path('runs/open-01')); import kolsky.identification, kolsky.report.result_folder; "
+        "print([n for n in ('pint', 'scipy.stats', 'scipy.signal', 'matplotlib') if n in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["[]"]
