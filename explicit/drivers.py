@@ -10,6 +10,7 @@ import warp as wp
 
 from explicit.arguments import state_of
 from explicit.arrays import FloatArray
+from explicit.device import GENERATING
 from explicit.host_transfer import HISTORIES, HostTransfer, streams
 from explicit.mesh_arguments import body_of
 from explicit.model import Model
@@ -159,9 +160,10 @@ def lane_jobs(batch: PreparedBatch, threads: int = 1) -> list[Callable[[], int]]
     lanes = PACK_BYTES // numbers.dtype().itemsize
     jobs = packs(batch.n_samples, lanes, model.mesh.n_elements, threads)
     body, kernels = body_of(kernel, model, numbers, batch.where, False), {}
-    for mapping in {job[0] for job in jobs}:
-        kernels[mapping] = lane_kernel(kernel.kernel, kernel.structs, numbers, mapping, lanes).kernel
-        wp.load_module(kernels[mapping].module, device=batch.where, block_dim=1)
+    with GENERATING:
+        for mapping in {job[0] for job in jobs}:
+            kernels[mapping] = lane_kernel(kernel.kernel, kernel.structs, numbers, mapping, lanes).kernel
+            wp.load_module(kernels[mapping].module, device=batch.where, block_dim=1)
 
     def one(mapping: Mapping, first: int, count: int) -> int:
         width = lanes if mapping == "simulation" else 1

@@ -148,7 +148,6 @@ def identify(
 
         loaded = with_relaxation(loaded, *texts.relaxation("--relaxation", relaxation))
     numerics = solver.numerics(coarse)
-    from dic import forks
     from kolsky import identification
     from kolsky.inverse.settings import Settings
     from kolsky.report import printed
@@ -168,11 +167,10 @@ def identify(
         pull="conditioned" if pull == "conditioned" else "first",
         seed=seed,
     )
-    with usable(loaded), progress_bars() as progress, forks.beside(load_identify_page, fork=False) as page:
-        found = identification.identify(loaded, settings, progress=progress)
+    with usable(loaded), progress_bars() as progress:
+        found = identification.identify(loaded, settings, progress=progress, meanwhile=[load_identify_page])
         if diagnose:
             found = identification.diagnose(found, loaded, settings, progress=progress)
-        page()
     write_identify_results(folder, found, loaded, formats=formats, processes=2)
     beside, said, doubts = _paper_method(loaded, settings, folder) if method == "paper" else ({}, {}, [])
     print_result(

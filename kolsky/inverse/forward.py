@@ -63,6 +63,10 @@ class Numerics:
         """The same choices on another mesh."""
         return replace(self, mesh=mesh)
 
+    def with_other_element(self) -> "Numerics":
+        """The same choices with the other element, by which the mesh's error is told."""
+        return replace(self, element="fbar" if self.element == "one_point" else "one_point")
+
     def coarser(self) -> tuple["Numerics", "Numerics"]:
         """The meshes that correct for Poisson's ratio: half as fine, and three quarters of that.
 

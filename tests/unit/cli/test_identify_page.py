@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import threading
 from pathlib import Path
 from typing import Any
 
@@ -17,48 +16,25 @@ from kolsky.report import result_folder
 ROOT = Path(__file__).parents[3]
 
 
-@pytest.fixture
-def written(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """The results that a command has written; nothing is simulated, nothing is put into a file."""
-    found: list[Any] = []
-    monkeypatch.setattr(identification, "identify", lambda *given, **options: RESULTS["one"])
+def test_the_page_is_loaded_while_the_command_simulates(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[Any] = []
+    written: list[Path] = []
+
+    def identify(*of: Any, **options: Any) -> Any:
+        given.extend(options["meanwhile"])
+        return RESULTS["one"]
+
+    monkeypatch.setattr(identification, "identify", identify)
     monkeypatch.setattr(
-        result_folder, "write_identify_results", lambda folder, *given, **options: found.append(folder)
+        result_folder, "write_identify_results", lambda folder, *of, **options: written.append(folder)
     )
-    return found
-
-
-def identify(folder: Path) -> Any:
-    words = ["identify", str(ROOT / "runs" / "open-01"), "--out", str(folder)]
-    return CliRunner().invoke(app, words)
-
-
-def test_loading_ends_before_anything_is_written(
-    written: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    begun: list[tuple[bool, int]] = []
-
-    def load() -> None:
-        begun.append((threading.current_thread() is threading.main_thread(), len(written)))
-
-    monkeypatch.setattr(result_folder, "load_identify_page", load)
-    ended = identify(tmp_path)
+    words = ["identify", str(ROOT / "runs" / "open-01"), "--out", str(tmp_path)]
+    ended = CliRunner().invoke(app, words)
     assert ended.exit_code == 0, ended.output
-    assert begun == [(False, 0)]
+    assert given == [result_folder.load_identify_page]
     assert written == [tmp_path]
-
-
-def test_what_fails_in_the_thread_is_raised(
-    written: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail() -> None:
-        raise ImportError("no figures here")
-
-    monkeypatch.setattr(result_folder, "load_identify_page", fail)
-    ended = identify(tmp_path)
-    assert isinstance(ended.exception, ImportError)
-    assert "no figures here" in str(ended.exception)
-    assert written == []
 
 
 def test_all_that_a_page_needs_is_loaded() -> None:
