@@ -6,7 +6,7 @@ small differences tell apart follow with it. A quadratic through more runs than 
 out. What it leaves over is the response's roughness: a part of the answer's uncertainty.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
