@@ -134,7 +134,8 @@ def scene_of(
     mesh, whole = _simulated(result)
     assert response.nodes is not None  # checked by `_simulated`
     nodes = response.nodes[0][whole]
-    elements = kind.values(deformation_gradient(mesh, nodes), solid)
+    # Picture by picture: the gradients of all of them would outgrow the caches.
+    elements = np.array([kind.values(deformation_gradient(mesh, x), solid) for x in nodes])
     low, high = np.percentile(elements, RANGE)
     return Scene(
         mesh=Mesh(mesh.quads, mesh.lower_face, mesh.side, mesh.upper_face),
