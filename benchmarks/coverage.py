@@ -248,9 +248,7 @@ def main() -> None:
     )
     first, stop = map(int, (given.rows or f"0:{given.experiments}").split(":"))
     started = time.perf_counter()
-    each = run(
-        study, given.out, list(range(first, stop)), workers=given.workers, truths_only=given.truths
-    )
+    each = run(study, given.out, list(range(first, stop)), workers=given.workers, truths_only=given.truths)
     if given.truths:
         return
     machine = {"device": given.device, "processor": platform.machine(), "cores": os.cpu_count() or 1}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.stats import norm, qmc
+import scipy  # statistics load when they are named, see `doe.designs`
 
 from doe.arrays import FloatArray
 from doe.box import Box
@@ -59,7 +59,7 @@ def choose(
     """
     unit = np.concatenate([region.unit(best)[None], _candidates(region, best, rng)])
     x = region.scale(unit)
-    draws = norm.ppf(qmc.Sobol(surrogate.n_components, rng=rng).random(DRAWS))
+    draws = scipy.stats.norm.ppf(scipy.stats.qmc.Sobol(surrogate.n_components, rng=rng).random(DRAWS))
     means = surrogate.scores(x)
     chosen = [0]
     while len(chosen) < size:
@@ -75,7 +75,7 @@ def choose(
 def _candidates(region: Box, best: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Points of the unit region: half evenly spread, half about the optimum."""
     d, half = region.dimension, CANDIDATES // 2
-    even = qmc.Sobol(d, rng=rng).random(2 ** int(np.ceil(np.log2(half))))
+    even = scipy.stats.qmc.Sobol(d, rng=rng).random(2 ** int(np.ceil(np.log2(half))))
     about = region.unit(best) + 0.2 * rng.standard_normal((half, d))
     return np.concatenate([even, about[np.all((about >= 0.0) & (about <= 1.0), axis=1)]])
 

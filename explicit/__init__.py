@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from explicit.motion import PlatenMotion
     from explicit.outcome import Ending, Outcome
     from explicit.response import Response
-    from explicit.run_batch import Problem, run, run_side_by_side
+    from explicit.run_batch import Problem, load_time_loop, run, run_side_by_side
     from explicit.support import RIGID, CharacteristicBar, MovingSupport
 
 _HOME = {
@@ -41,6 +41,7 @@ _HOME = {
     "Stepping": "explicit.model",
     "ahead_of_time": "explicit.modules",
     "cylinder": "explicit.mesh",
+    "load_time_loop": "explicit.run_batch",
     "run": "explicit.run_batch",
     "run_nearly_incompressible": "explicit.incompressible",
     "run_side_by_side": "explicit.run_batch",

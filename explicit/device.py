@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
 import warp as wp
@@ -14,6 +15,9 @@ import warp as wp
 WORKER = "WORKER_NUMBER"
 """Variable of the environment that numbers the processes which share the GPUs of a machine, from 0."""
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
+
+GENERATING = RLock()
+"""Held while kernels are generated and loaded: Warp keeps them in tables of the process."""
 
 
 def select_device(name: str) -> Any:

@@ -10,6 +10,7 @@ import warp as wp
 
 from explicit.arguments import state_of
 from explicit.arrays import FloatArray
+from explicit.device import GENERATING
 from explicit.host_transfer import HISTORIES, HostTransfer, streams
 from explicit.mesh_arguments import body_of
 from explicit.model import Model
@@ -106,15 +107,26 @@ def collect_from_gpu(launched: Launched, progress: Progress | None) -> dict[str,
     return transfer.collect()
 
 
-def packs(n_samples: int, lanes: int, n_elements: int) -> list[tuple[Mapping, int, int]]:
+def packs(n_samples: int, lanes: int, n_elements: int, threads: int = 1) -> list[tuple[Mapping, int, int]]:
     """Divide a batch: (mapping, first simulation, how many) of every launch.
 
-    It depends on the batch and the mesh alone, never on the threads.
+    What is left when every thread has had the same number of packs is run one by one if the threads are done
+    with it sooner than one of them with a pack. Of the threads only the time depends: a simulation has the
+    same bits in a pack and alone.
+
+    Parameters
+    ----------
+    n_samples, lanes, n_elements
+        Simulations, lanes of a pack, elements of the mesh.
+    threads
+        Threads that have nothing else to do.
     """
     jobs: list[tuple[Mapping, int, int]] = []
     first = 0
     if n_elements <= LARGE_MESH:
-        while n_samples - first >= WORTH_A_PACK * lanes:
+        rest = n_samples % (threads * lanes)
+        packed = n_samples - rest if -(-rest // threads) < WORTH_A_PACK * lanes else n_samples
+        while packed - first >= WORTH_A_PACK * lanes:
             count = min(lanes, n_samples - first)
             jobs.append(("simulation", first, count))
             first += count
@@ -123,7 +135,7 @@ def packs(n_samples: int, lanes: int, n_elements: int) -> list[tuple[Mapping, in
 
 def run_in_lanes(batch: PreparedBatch, threads: int, progress: Progress | None) -> dict[str, FloatArray]:
     """Packs of simulations, or simulations of packs of elements, shared out over threads."""
-    _work(lane_jobs(batch), threads, progress)
+    _work(lane_jobs(batch, threads), threads, progress)
     return histories_of(batch)
 
 
@@ -138,18 +150,20 @@ def histories_of(batch: PreparedBatch) -> dict[str, FloatArray]:
     return {name: getattr(batch.output, name).numpy().copy() for name in HISTORIES}
 
 
-def lane_jobs(batch: PreparedBatch) -> list[Callable[[], int]]:
+def lane_jobs(batch: PreparedBatch, threads: int = 1) -> list[Callable[[], int]]:
     """The launches of a batch on a CPU, in any order; each returns how many simulations it has run.
 
-    Kernels are generated and loaded here: a launch compiles nothing.
+    Kernels are generated and loaded here: a launch compiles nothing. `threads` are those that have nothing
+    else to do, see `packs`.
     """
     kernel, model, numbers = batch.kernel, batch.model, batch.numbers
     lanes = PACK_BYTES // numbers.dtype().itemsize
-    jobs = packs(batch.n_samples, lanes, model.mesh.n_elements)
+    jobs = packs(batch.n_samples, lanes, model.mesh.n_elements, threads)
     body, kernels = body_of(kernel, model, numbers, batch.where, False), {}
-    for mapping in {job[0] for job in jobs}:
-        kernels[mapping] = lane_kernel(kernel.kernel, kernel.structs, numbers, mapping, lanes).kernel
-        wp.load_module(kernels[mapping].module, device=batch.where, block_dim=1)
+    with GENERATING:
+        for mapping in {job[0] for job in jobs}:
+            kernels[mapping] = lane_kernel(kernel.kernel, kernel.structs, numbers, mapping, lanes).kernel
+            wp.load_module(kernels[mapping].module, device=batch.where, block_dim=1)
 
     def one(mapping: Mapping, first: int, count: int) -> int:
         width = lanes if mapping == "simulation" else 1

@@ -11,10 +11,11 @@ import warp as wp
 
 from explicit.arguments import batch_of, output_of
 from explicit.arrays import FloatArray
-from explicit.device import select_device
+from explicit.device import GENERATING, select_device
 from explicit.drivers import (
     PreparedBatch,
     collect_from_gpu,
+    lane_jobs,
     launch_on_gpu,
     run_all_in_lanes,
     run_in_lanes,
@@ -100,6 +101,21 @@ def run(
     return _response(model, sampling, prepared.output, histories, nodes)
 
 
+def load_time_loop(problem: Problem, *, device: str = "cpu") -> None:
+    """Generate and load what a CPU runs a batch with, so that `run` begins with it at once.
+
+    Of use in a thread, while simulations run. A GPU loads nothing while it works: there it does nothing.
+
+    Parameters
+    ----------
+    problem, device
+        As of `run_side_by_side`.
+    """
+    where = select_device(device)
+    if not where.is_cuda:
+        lane_jobs(_prepared(problem, where, None)[0])
+
+
 def run_side_by_side(
     problems: Sequence[Problem],
     *,
@@ -151,10 +167,11 @@ def _prepared(problem: Problem, where: Any, modules: Path | str | None) -> tuple
     numbers = precision(stepping.precision)
     nodes = np.arange(model.mesh.n_nodes) if sampling.all_nodes else model.mesh.side
     on_chip = where.is_cuda and fits_on_chip(model.mesh, numbers)
-    kernel = time_loop_kernel(
-        type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
-        block_for(len(samples), where, on_chip), stepping.bound, model.volumetric, model.relaxation_kind,
-    )  # fmt: skip
+    with GENERATING:
+        kernel = time_loop_kernel(
+            type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
+            block_for(len(samples), where, on_chip), stepping.bound, model.volumetric, model.relaxation_kind,
+        )  # fmt: skip
     output = output_of(kernel, model.mesh, len(samples), sampling, nodes, where)
     batch = batch_of(kernel, model, samples, sampling, stepping, numbers, where)
     if where.is_cuda:

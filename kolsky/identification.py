@@ -14,6 +14,7 @@
 5. The result, what other methods find, and the warnings it deserves.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from kolsky.base.process import one_blas_thread
@@ -57,7 +58,11 @@ from kolsky.uncertainty.warnings.collect import collect_warnings
 
 @one_blas_thread()
 def identify(
-    shot: Shot, settings: Settings | None = None, *, progress: Progress | None = None
+    shot: Shot,
+    settings: Settings | None = None,
+    *,
+    progress: Progress | None = None,
+    meanwhile: Sequence[Callable[[], object]] = (),
 ) -> Identification:
     """Identify the free parameters of a shot.
 
@@ -69,6 +74,10 @@ def identify(
         What is free, what is held, numerical choices.
     progress : callable, optional
         Called as ``progress(stage, runs done, runs in the stage)``.
+    meanwhile
+        What to load in a thread while a lone run leaves a core idle, e.g.
+        `kolsky.report.result_folder.load_identify_page`; not called where no run is alone. An error of it
+        ends the identification.
 
     Notes
     -----
@@ -88,7 +97,8 @@ def identify(
     settings = settings or Settings()
     shot = with_pull(shot, settings.pull)
     prepared = prepare_shot(shot)
-    found = search_shot(prepared, settings, progress or (lambda stage, done, total: None))
+    told = progress or (lambda stage, done, total: None)
+    found = search_shot(prepared, settings, told, meanwhile=meanwhile)
     settings, stages, coarse, fine = found.freed.settings, found.stages, found.coarse, found.fine
     box, observations, prediction = stages.box, stages.observations, fine.check.prediction
     fixed, sliding = held_values(shot, box, settings.held), any_slides([*box.names, *settings.held])

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # statistics load when they are named, see `doe.designs`
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular, toeplitz
+from scipy.special import chdtrc
 
 from doe.arrays import FloatArray
 
@@ -190,4 +190,4 @@ def _ljung_box(white: FloatArray, order: int) -> float:
     r = np.array([(white[:, lag:] * white[:, :-lag]).sum() / power for lag in range(1, lags + 1)])
     total = white.size
     statistic = total * (total + 2) * float((r**2 / (total - len(white) * np.arange(1, lags + 1))).sum())
-    return float(scipy.stats.chi2.sf(statistic, lags - order))
+    return float(chdtrc(lags - order, statistic))

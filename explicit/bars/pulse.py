@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import fftconvolve
 
 from explicit.arrays import FloatArray
 from explicit.bars.elastic import elastic_bar
@@ -59,6 +58,8 @@ class PulseResponse:
         table = getattr(self, kind)
         if n > len(table):
             raise ValueError(f"{n} steps are asked for, the pulse's response has {len(table)}")
+        from scipy.signal import fftconvolve  # of use with bars only
+
         return np.asarray(fftconvolve(mean_about(impulse, self.step), table[None, :], axes=1)[:, 1 : n + 1])
 
 

@@ -31,6 +31,21 @@ DIMENSIONS = {
 }
 """What this package measures: SI unit -> (dimension in words, an example)."""
 
+USUAL = {
+    "m": {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6},
+    "V": {"V": 1.0, "mV": 1e-3},
+    "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
+    "kg/m^3": {"kg/m^3": 1.0},
+    "V/N": {"V/N": 1.0},
+    "1/s": {"1/s": 1.0},
+    "m/s": {"m/s": 1.0},
+    "kg": {"kg": 1.0, "g": 1e-3},
+    "N": {"N": 1.0},
+    "1": {"": 1.0, "1": 1.0, "%": 1e-2},
+}
+"""SI unit -> units that most shots are written in, with Pint's factors. It takes half a second to load Pint
+and to begin with it: it reads all other units."""
 LARGEST = 1e30
 """Largest size of a number that is read, in any unit, and the inverse of the smallest but zero: nothing that
 is measured is beyond, and squares and products of such numbers are finite."""
@@ -77,6 +92,8 @@ def unit_factor(text: str, unit: str) -> float:
     UnitError
         If the text is no unit, or is one of another dimension.
     """
+    if text in USUAL.get(unit, {}):
+        return USUAL[unit][text]
     import pint
 
     if len(text) > LONGEST or not _UNIT.fullmatch(text):

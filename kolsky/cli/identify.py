@@ -152,7 +152,7 @@ def identify(
     from kolsky.inverse.settings import Settings
     from kolsky.report import printed
     from kolsky.report.fit_table import fit_line
-    from kolsky.report.result_folder import PAGE, write_identify_results
+    from kolsky.report.result_folder import PAGE, load_identify_page, write_identify_results
     from kolsky.results.summary import to_json
 
     settings = Settings(
@@ -168,7 +168,7 @@ def identify(
         seed=seed,
     )
     with usable(loaded), progress_bars() as progress:
-        found = identification.identify(loaded, settings, progress=progress)
+        found = identification.identify(loaded, settings, progress=progress, meanwhile=[load_identify_page])
         if diagnose:
             found = identification.diagnose(found, loaded, settings, progress=progress)
     write_identify_results(folder, found, loaded, formats=formats, processes=2)

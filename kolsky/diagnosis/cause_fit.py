@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import lsq_linear
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from kolsky.base.arrays import FloatArray, IntArray
 
@@ -241,7 +241,7 @@ def chance(change: float, sigma: float, *, degrees: float) -> float:
         return 1.0
     if not np.isfinite(sigma):
         return 1.0
-    return float(f_distribution.sf((change / sigma) ** 2, 1, max(degrees, 1.0)))
+    return float(fdtrc(1.0, max(degrees, 1.0), (change / sigma) ** 2))
 
 
 def holm(probabilities: Sequence[float]) -> list[float]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -26,6 +27,8 @@ from kolsky.shot.records import Shot
 
 MOTION_KNOTS = 2049
 """Knots of the flyer's motion in the solver: 0.7 us apart on a 1.5 ms test, far below a camera frame."""
+MESHES = 16
+"""Most meshes that are kept, with what is computed from them: those of an identification."""
 LEAST_ACROSS = 10
 """Fewest elements across the radius of a mesh that corrects for Poisson's ratio."""
 LEDGER_EVERY = 16
@@ -62,6 +65,10 @@ class Numerics:
     def with_mesh(self, mesh: tuple[int, int]) -> "Numerics":
         """The same choices on another mesh."""
         return replace(self, mesh=mesh)
+
+    def with_other_element(self) -> "Numerics":
+        """The same choices with the other element, by which the mesh's error is told."""
+        return replace(self, element="fbar" if self.element == "one_point" else "one_point")
 
     def coarser(self) -> tuple["Numerics", "Numerics"]:
         """The meshes that correct for Poisson's ratio: half as fine, and three quarters of that.
@@ -234,15 +241,14 @@ class Forward:
         )
 
     def mesh(self, numerics: Numerics) -> explicit.Mesh:
-        """The specimen's mesh."""
-        n_radial, n_axial = numerics.mesh
-        return explicit.cylinder(
-            self.shot.specimen.radius,
-            self.shot.specimen.length,
-            n_radial=n_radial,
-            n_axial=n_axial,
-            grading=numerics.grading,
-        )
+        """The specimen's mesh, the same one when it is asked for again: its constants are made once."""
+        specimen = self.shot.specimen
+        return _cylinder(specimen.radius, specimen.length, *numerics.mesh, numerics.grading)
+
+
+@lru_cache(maxsize=MESHES)
+def _cylinder(radius: float, length: float, n_radial: int, n_axial: int, grading: float) -> explicit.Mesh:
+    return explicit.cylinder(radius, length, n_radial=n_radial, n_axial=n_axial, grading=grading)
 
 
 def material_law(curve: MaterialCurve) -> MaterialLaw:

@@ -6,7 +6,7 @@ small differences tell apart follow with it. A quadratic through more runs than 
 out. What it leaves over is the response's roughness: a part of the answer's uncertainty.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -102,7 +102,6 @@ def search_by_quadratic(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOpt
     move = np.abs(found.gain @ missed)
     inside = not at_inner_face(x, found.surrogate.box, stages.box)
     on_coarse = _moved_by(stages, found, stages.settings.numerics)
-    element = "fbar" if stages.settings.numerics.element == "one_point" else "one_point"
     return RefinedOptimum(
         x=x,
         box=found.surrogate.box,
@@ -118,7 +117,7 @@ def search_by_quadratic(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOpt
         missed=missed,
         mesh_shift=x - coarse.x if on_coarse is None else -on_coarse,
         roughness=found.roughness,
-        element_shift=_moved_by(stages, found, replace(refined_numerics(stages), element=element)),
+        element_shift=_moved_by(stages, found, refined_numerics(stages).with_other_element()),
     )
 
 

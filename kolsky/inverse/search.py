@@ -7,11 +7,13 @@ a quadratic through many runs averages its jumps (`kolsky.inverse.quadratic_fit`
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+import explicit
 from doe import Box
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum, search_coarse
@@ -19,6 +21,7 @@ from kolsky.inverse.estimates import paper_route
 from kolsky.inverse.free_parameters import Freed, choose, rough
 from kolsky.inverse.front_noise import weigh_front_noise
 from kolsky.inverse.gauss_newton import Beside, search_by_gauss_newton
+from kolsky.inverse.idle_core import IdleCore
 from kolsky.inverse.optimum import on_edge
 from kolsky.inverse.parameters import MOVED, PARAMETERS, design_box
 from kolsky.inverse.prepared_shot import PreparedShot
@@ -70,7 +73,13 @@ class Search:
         return paper_route(self.held.stages.box, self.held.stages.table, self.held.values)
 
 
-def search_shot(prepared: PreparedShot, settings: Settings, progress: Progress) -> Search:
+def search_shot(
+    prepared: PreparedShot,
+    settings: Settings,
+    progress: Progress,
+    *,
+    meanwhile: Sequence[Callable[[], object]] = (),
+) -> Search:
     """Find the optimum on the refined mesh; hold by default what the data turn out not to tell.
 
     Parameters
@@ -81,6 +90,8 @@ def search_shot(prepared: PreparedShot, settings: Settings, progress: Progress) 
         As the user gave them.
     progress
         Called with stage, runs done, runs in the stage.
+    meanwhile
+        What to load while a lone run leaves a core idle, see `kolsky.inverse.idle_core.IdleCore`.
 
     Raises
     ------
@@ -93,6 +104,7 @@ def search_shot(prepared: PreparedShot, settings: Settings, progress: Progress) 
         stages = StagedRuns(
             prepared, freed.settings, design_box(freed.free), progress, prior=freed.prior(shot)
         )
+        stages.idle_core = IdleCore([*meanwhile, partial(_load_other_element, stages)])
         if stages.box.dimension == 1 or rough(shot, [*freed.free, *freed.settings.held]):
             coarse = search_coarse(stages)
             replicates = stages.replicate(coarse.x) if settings.replicates else None
@@ -104,6 +116,14 @@ def search_shot(prepared: PreparedShot, settings: Settings, progress: Progress) 
         if isinstance(found, Search):
             return found
         freed = freed.holding(found)
+
+
+def _load_other_element(stages: StagedRuns) -> None:
+    """Load the time loop of the other element, which the mesh's error is told by."""
+    named = stages.box.as_dict(np.array(stages.box.lower))
+    numerics = stages.settings.numerics.with_other_element()
+    problem = stages.prepared.forward.problem({**stages.settings.held, **named}, numerics)
+    explicit.load_time_loop(problem, device=numerics.device)
 
 
 def _several(freed: Freed, stages: StagedRuns) -> Search | dict[str, str]:

@@ -12,6 +12,7 @@ from explicit import Response
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
+from kolsky.inverse.idle_core import IdleCore
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Observations, Prediction, predict
 from kolsky.inverse.parameters import PARAMETERS
@@ -77,6 +78,7 @@ class StagedRuns:
     ) -> None:
         self.prepared, self.settings, self.box, self.progress = prepared, settings, box, progress
         self.prior = prior
+        self.idle_core = IdleCore()
         self.offsets: dict[tuple[int, int], FloatArray] = {}
         self.replicates: Replicates | None = None
         self.front_moved = 0.0
@@ -179,9 +181,10 @@ class StagedRuns:
         values = self.solver_values(points, numerics.mesh)
         named = {name: values[:, i] for i, name in enumerate(self.box.names)}
         started, report = time.perf_counter(), self._counter(stage, len(points))
-        response = self.prepared.forward.run(
-            {**self.settings.held, **named}, numerics, all_nodes=all_nodes, progress=report
-        )
+        with self.idle_core.used(idle=all_nodes and len(points) == 1):
+            response = self.prepared.forward.run(
+                {**self.settings.held, **named}, numerics, all_nodes=all_nodes, progress=report
+            )
         self._clock(stage, started)
         rows = np.flatnonzero(response.completed)
         prediction = predict(response.select(rows), self.observations) if len(rows) else None

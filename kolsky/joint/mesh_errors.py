@@ -7,8 +7,6 @@ looks like; its size differs from shot to shot, since a faster one bends more.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
@@ -30,7 +28,7 @@ def mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
     coarse = problem.predict("check", found.x[None], numerics)[0]
     if np.isnan(coarse).any():
         raise ValueError("the run at the answer on the mesh of the search did not complete: refine --mesh")
-    other = replace(numerics, element="fbar" if numerics.element == "one_point" else "one_point")
+    other = numerics.with_other_element()
     element = problem.predict("check", found.x[None], other)[0]
     return MeshChange(
         coarser=coarse - found.vector,

@@ -1,28 +1,27 @@
 """Result folders of the commands on one shot: result, tables, page and figures, all written or none."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from dic.full_field.result import FullField
-from dic.output.csv import write_frames
-from dic.output.full_field import write_full_field_frames, write_full_field_history
-from kolsky.bars.reduction import output as waves_output
-from kolsky.bars.reduction.database import write_database
-from kolsky.bars.result import ReducedTest, WavesResult
+from dic.forks import beside
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.inverse.result import Identification
 from kolsky.report.figures_alone import save_figures_alone
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.tables import write_csv
-from kolsky.shot.dic_output import write_tables
-from kolsky.shot.measurement import Measurement
-from kolsky.shot.measurement_file import write_full_field
-from kolsky.shot.optical_data import Surfaces
 from kolsky.shot.recorded import Recorded, recorded
-from kolsky.shot.records import PicturedShot, Shot
+
+if TYPE_CHECKING:
+    from dic.full_field.result import FullField
+    from kolsky.bars.result import ReducedTest
+    from kolsky.shot.measurement import Measurement
+    from kolsky.shot.optical_data import Surfaces
+    from kolsky.shot.records import PicturedShot, Shot
 
 RESULT_FILE = "identification.h5"
 PAGE = "report.html"
@@ -49,7 +48,8 @@ def write_identify_results(
     formats
         Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
     processes
-        Processes that draw, 1 or 2; see `dic.forks.side_by_side`.
+        Processes that draw, 1 or 2; see `dic.forks.side_by_side`. With 2 the result file is written in
+        another process meanwhile.
 
     Raises
     ------
@@ -59,9 +59,21 @@ def write_identify_results(
     recordings = recorded(shot, folder)
     with filling(folder) as partial:
         whole = replace(found, image_correlation=recordings.numbers)
-        write_identification(partial / RESULT_FILE, whole)
-        write_csv(partial, found)
-        write_identify_page(partial, found, recordings, formats, processes=processes)
+        result = partial / RESULT_FILE
+        with beside(lambda: write_identification(result, whole), fork=processes > 1) as written:
+            write_csv(partial, found)
+            write_identify_page(partial, found, recordings, formats, processes=processes)
+            written()
+
+
+def load_identify_page() -> None:
+    """Import what the page of an identification is drawn with, Matplotlib above all.
+
+    Of use in a thread while simulations run, which need no interpreter, see `dic.forks.beside`.
+    """
+    import matplotlib.backends.backend_svg  # noqa: F401
+
+    import kolsky.report.pages.identification  # noqa: F401
 
 
 def read_identify_results(folder: Path, shot: Shot) -> Identification:
@@ -147,9 +159,11 @@ def write_dic_results(
     InputError
         If the results cannot be written.
     """
+    from dic.output.csv import write_frames
     from kolsky.report.pages.surfaces import write_page
     from kolsky.report.paraview import write_vtp
     from kolsky.report.surface_view import read_surface_view
+    from kolsky.shot.dic_output import write_tables
 
     result = found.result
     shown = read_surface_view(shot.name, result, shot.pictures.series, found.flight)
@@ -192,10 +206,12 @@ def write_full_field_results(
     InputError
         If the results cannot be written.
     """
+    from dic.output.full_field import write_full_field_frames, write_full_field_history
     from kolsky.report.canvas import save_figures
     from kolsky.report.full_field_view import read_full_field_view
     from kolsky.report.pages.full_field import write_page
     from kolsky.report.paraview import write_full_field_vtu
+    from kolsky.shot.measurement_file import write_full_field
 
     shown = read_full_field_view(measurement.name, result, measurement.series[0])
     with filling(folder) as partial:
@@ -225,6 +241,9 @@ def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[
     InputError
         If the results cannot be written.
     """
+    from kolsky.bars.reduction import output as waves_output
+    from kolsky.bars.reduction.database import write_database
+    from kolsky.bars.result import WavesResult
     from kolsky.report.pages.waves import write_page
 
     with filling(folder) as partial:

@@ -6,7 +6,7 @@ search of its own on another mesh would weigh the data anew, and what that moves
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -106,7 +106,6 @@ def mesh_change(stages: StagedRuns, fine: RefinedOptimum) -> MeshChange:
         If the run with the element of the identification does not complete there.
     """
     numerics = stages.settings.numerics
-    other = replace(numerics, element="fbar" if numerics.element == "one_point" else "one_point")
     coarse = _vector(stages, fine, numerics)
     if coarse is None:
         across, along = numerics.mesh
@@ -114,7 +113,7 @@ def mesh_change(stages: StagedRuns, fine: RefinedOptimum) -> MeshChange:
             f"the run at the answer on the surrogate's mesh of {across} x {along} elements did not complete, "
             "so that the error of the refined one cannot be told: refine the surrogate's mesh"
         )
-    element = _vector(stages, fine, other)
+    element = _vector(stages, fine, numerics.with_other_element())
     # Where the mesh is run at shifted points, in step with the refined one, the shift is taken back along the
     # slopes, which are right there; a run that is out of step with the data has other ones.
     offset = stages.offsets.get(numerics.mesh, np.zeros(len(fine.x)))

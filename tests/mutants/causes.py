@@ -91,8 +91,8 @@ FAULTS = (
     Fault(
         name="the F-test with the change over sigma not squared",
         file="kolsky/diagnosis/cause_fit.py",
-        right="(change / sigma) ** 2, 1, max(degrees, 1.0)",
-        wrong="abs(change / sigma), 1, max(degrees, 1.0)",
+        right="max(degrees, 1.0), (change / sigma) ** 2)",
+        wrong="max(degrees, 1.0), abs(change / sigma))",
         tests=FIT,
     ),
     Fault(

@@ -7,6 +7,7 @@ ONE_ELEMENT = (f"{FORMS}::test_forces_are_the_gradient_of_the_energies",)
 LEDGER = (f"{FORMS}::test_every_term_of_the_ledger_is_there",)
 STEP = (f"{FORMS}::test_the_step_bound_is_just_above_the_largest_frequency",)
 CONTACT = ("tests/unit/explicit/test_contact_laws.py",)
+PACKS = ("tests/unit/explicit/test_simd_solver.py",)
 
 FAULTS = (
     Fault(
@@ -115,5 +116,19 @@ FAULTS = (
         right="eta = two * solid.shear_viscosity * jacobian",
         wrong="eta = solid.shear_viscosity * jacobian",
         tests=(f"{FORMS}::test_deviatoric_damping_takes_two_eta_d_d",),
+    ),
+    Fault(
+        name="what is left of a batch is counted for one thread",
+        file="explicit/drivers.py",
+        right="rest = n_samples % (threads * lanes)",
+        wrong="rest = n_samples % lanes",
+        tests=PACKS,
+    ),
+    Fault(
+        name="idle threads take one by one what packs do sooner",
+        file="explicit/drivers.py",
+        right="if -(-rest // threads) < WORTH_A_PACK * lanes else n_samples",
+        wrong="if rest // threads < lanes else n_samples",
+        tests=PACKS,
     ),
 )

@@ -9,6 +9,7 @@ CONFIRMS = (
     "test_a_run_confirms_within_a_fifth_of_sigma_or_three_times_the_roughness",
 )
 MISFIT = ("tests/unit/inverse/test_misfit.py",)
+IDLE = ("tests/unit/inverse/test_idle_core.py",)
 
 FAULTS = (
     Fault(
@@ -171,5 +172,19 @@ FAULTS = (
         right="ROUGH = 3.0",
         wrong="ROUGH = 30.0",
         tests=CONFIRMS,
+    ),
+    Fault(
+        name="an error beside a lone run is lost",
+        file="kolsky/inverse/idle_core.py",
+        right="                done()\n",
+        wrong="",
+        tests=IDLE,
+    ),
+    Fault(
+        name="what waits for an idle core is done beside every run",
+        file="kolsky/inverse/idle_core.py",
+        right="(self._waiting, ()) if idle else ((), self._waiting)",
+        wrong="(self._waiting, ())",
+        tests=IDLE,
     ),
 )

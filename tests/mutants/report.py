@@ -8,6 +8,7 @@ TABLES = ("tests/unit/report/test_interval_tables.py",)
 ROUNDING = "kolsky/report/numbers.py"
 IDENTIFICATION = "kolsky/report/pages/identification_tables.py"
 UNCERTAINTY = "kolsky/report/pages/uncertainty.py"
+SPEED = ("tests/unit/report/test_page_speed.py",)
 
 FAULTS = (
     Fault(
@@ -158,5 +159,19 @@ FAULTS = (
         "noise**2 / (noise**2 + tau**2)",
         "noise**2 / (noise + tau) ** 2",
         TABLES,
+    ),
+    Fault(
+        name="a result file that could not be written is not missed",
+        file="kolsky/report/result_folder.py",
+        right="            written()\n",
+        wrong="",
+        tests=SPEED,
+    ),
+    Fault(
+        name="figures stand in the order in which they are drawn",
+        file="kolsky/report/pages/rendering.py",
+        right="side_by_side(drawn[::-1], processes=processes)[::-1]",
+        wrong="side_by_side(drawn[::-1], processes=processes)",
+        tests=SPEED,
     ),
 )

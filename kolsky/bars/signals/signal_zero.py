@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit  # scipy.stats takes a quarter of a second to load
 
 from kolsky.base.arrays import FloatArray, IntArray
 
@@ -151,7 +151,7 @@ class SignalZero:
     @property
     def drifts(self) -> bool:
         """True if the slope is significant by Student's t at the level of 1 %."""
-        limit = float(student.ppf(1.0 - 0.5 * SIGNIFICANCE, self.freedom))
+        limit = float(stdtrit(self.freedom, 1.0 - 0.5 * SIGNIFICANCE))
         return abs(self.slope) > limit * self.slope_sigma
 
     def line(self, time: FloatArray) -> FloatArray:

@@ -98,11 +98,9 @@ def draw_outline_residual(result: Identification, panels: Panels) -> None:
     left_over = UM * (c.Z_model - line.Z)
     seen = c.inside & np.isfinite(left_over)
     limit = float(np.percentile(np.abs(left_over[seen]), 99.0)) if seen.any() else 1.0
-    corners = cells(MS * line.time, line.frame, MM * line.y)[seen]
+    corners: Any = cells(MS * line.time, line.frame, MM * line.y)[seen]
     # Edges in the colour of the face: without them viewers show white seams between the cells.
-    mapped = PolyCollection(
-        list(corners), array=left_over[seen], cmap="RdBu_r", edgecolors="face", linewidths=0.1
-    )
+    mapped = PolyCollection(corners, array=left_over[seen], cmap="RdBu_r", edgecolors="face", linewidths=0.1)
     mapped.set_clim(-limit, limit)
     ax.add_collection(mapped)
     if not seen.any():

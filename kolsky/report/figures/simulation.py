@@ -23,6 +23,7 @@ from kolsky.report.figures.base import (
 )
 from kolsky.report.numbers import percent
 from kolsky.report.scene.fields import FIELDS
+from kolsky.report.scene.scene_data import has_scene
 from kolsky.report.scene.stills import COUNT as STILLS
 from kolsky.report.scene.stills import draw_still, scene_of_stills
 
@@ -172,13 +173,12 @@ def caption_scene(result: Identification) -> str:
 
 def can_show_stills(result: Identification) -> bool:
     """Return True if the result holds the scene."""
-    return scene_of_stills(result) is not None
+    return has_scene(result)
 
 
 def draw_scene(result: Identification, panels: Panels) -> None:
     """Set the pictures side by side."""
     stage = scene_of_stills(result)
-    assert stage is not None  # checked by `applies`
     axes = [panels[f"scene {column}"] for column in range(STILLS)]
     for ax in axes:
         ax.set_axis_off()

@@ -25,7 +25,14 @@ from kolsky.report.pages.identification_tables import (
     shown_unit,
 )
 from kolsky.report.pages.instrument import instrument
-from kolsky.report.pages.rendering import draw_figures, environment, render_page, script, write_html
+from kolsky.report.pages.rendering import (
+    FigureGroup,
+    draw_groups,
+    environment,
+    render_page,
+    script,
+    write_html,
+)
 from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables
 from kolsky.shot.recorded import Recorded
 
@@ -111,12 +118,10 @@ def _figures(
 
     The template removes each figure that it places; the others follow under "Further figures".
     """
-    drawn = []
+    groups = [FigureGroup(REGISTRY.values(), identification, captioned=result)]
     if recordings is not None:
-        drawn += draw_figures(RECORDINGS.values(), recordings, processes=processes)
-    drawn += draw_figures(
-        REGISTRY.values(), identification, captioned=result, first=1 + len(drawn), processes=processes
-    )
+        groups.insert(0, FigureGroup(RECORDINGS.values(), recordings))
+    drawn = draw_groups(groups, processes=processes)
     return {figure["id"].replace("-", "_"): figure for figure in drawn}
 
 

@@ -2,7 +2,8 @@
 
 import base64
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -57,6 +58,23 @@ def shortened(text: str, most: int) -> str:
     return text if len(text) <= most else f"{text[: most - most // 2 - 1]}…{text[-(most // 2) :]}"
 
 
+@dataclass(frozen=True)
+class FigureGroup:
+    """Figures of a page that show the same result."""
+
+    kinds: Iterable[FigureKind[Any]]
+    """Their kinds in the order of the page."""
+    shown: Any
+    """Result to draw."""
+    captioned: Any = None
+    """Result for the captions and for `applies`; `shown` if left out."""
+
+    @property
+    def about(self) -> Any:
+        """What the captions are about."""
+        return self.shown if self.captioned is None else self.captioned
+
+
 def draw_figures(
     kinds: Iterable[FigureKind[Any]],
     shown: Any,
@@ -66,16 +84,31 @@ def draw_figures(
     processes: int = 1,
     mark: str = "",
 ) -> list[dict[str, Any]]:
-    """Draw the figures that apply and return them numbered, as the templates take them.
+    """Draw the figures of one group, see `draw_groups`.
 
     Parameters
     ----------
-    kinds
-        Kinds of figures in the order of the page.
-    shown
-        Result to draw.
-    captioned
-        Result for the captions and for `applies`; `shown` if left out.
+    kinds, shown, captioned
+        As of `FigureGroup`.
+    first, processes, mark
+        As of `draw_groups`.
+    """
+    group = FigureGroup(kinds, shown, captioned)
+    return draw_groups([group], first=first, processes=processes, mark=mark)
+
+
+def draw_groups(
+    groups: Sequence[FigureGroup], *, first: int = 1, processes: int = 1, mark: str = ""
+) -> list[dict[str, Any]]:
+    """Draw the figures that apply and return them numbered, as the templates take them.
+
+    The last is begun first: pages end with pictures of the mesh, which take longest, and processes that draw
+    side by side end together if what they do last is short.
+
+    Parameters
+    ----------
+    groups
+        Groups of figures in the order of the page.
     first
         Number of the first figure.
     processes
@@ -83,21 +116,25 @@ def draw_figures(
     mark
         Beside the names of the figures in their ids, where a page has a figure of one name several times.
     """
-    kinds, about = list(kinds), shown if captioned is None else captioned
-    kinds = [kind for kind in kinds if kind.applies(about)]
-    names = [f"{kind.name}-{mark}" if mark else kind.name for kind in kinds]
+    figures = [(kind, group) for group in groups for kind in group.kinds if kind.applies(group.about)]
+    names = [f"{kind.name}-{mark}" if mark else kind.name for kind, _ in figures]
     with infrequent_gc():
-        drawn = [partial(inline_svg, kind, shown, name) for kind, name in zip(kinds, names, strict=True)]
-        pictures = side_by_side(drawn, processes=processes)
+        drawn = [
+            partial(inline_svg, kind, group.shown, name)
+            for (kind, group), name in zip(figures, names, strict=True)
+        ]
+        pictures = side_by_side(drawn[::-1], processes=processes)[::-1]
     return [
         {
             "id": name,
             "number": number,
             "svg": Markup(picture),  # serialised as XML: every text is escaped
-            "caption": with_subscripts(kind.caption(about)),
+            "caption": with_subscripts(kind.caption(group.about)),
             "width": kind.width,
         }
-        for number, (name, kind, picture) in enumerate(zip(names, kinds, pictures, strict=True), start=first)
+        for number, (name, (kind, group), picture) in enumerate(
+            zip(names, figures, pictures, strict=True), start=first
+        )
     ]
 
 

@@ -88,6 +88,15 @@ class Scene:
         return self.surface.position[frame, self.surface.valid[frame]]
 
 
+def has_scene(result: Identification) -> bool:
+    """Return True if a result holds the data of a scene."""
+    try:
+        _simulated(result)
+    except SceneDataMissing:
+        return False
+    return True
+
+
 def scene_of(
     result: Identification,
     *,
@@ -122,14 +131,11 @@ def scene_of(
     kind, response = FIELDS[field], result.response
     if kind.needs_solid and solid is None:
         raise ValueError(f"the field {field!r} needs the material")
-    if response.nodes is None:
-        raise SceneDataMissing("the result kept no nodes of its check run")
-    mesh = _mesh(result)
-    whole = np.isfinite(response.nodes[0]).all(axis=(1, 2))
+    mesh, whole = _simulated(result)
+    assert response.nodes is not None  # checked by `_simulated`
     nodes = response.nodes[0][whole]
-    if not len(nodes):
-        raise SceneDataMissing("the check run reached none of its times")
-    elements = kind.values(deformation_gradient(mesh, nodes), solid)
+    # Picture by picture: the gradients of all of them would outgrow the caches.
+    elements = np.array([kind.values(deformation_gradient(mesh, x), solid) for x in nodes])
     low, high = np.percentile(elements, RANGE)
     return Scene(
         mesh=Mesh(mesh.quads, mesh.lower_face, mesh.side, mesh.upper_face),
@@ -141,6 +147,23 @@ def scene_of(
         measured_outline=result.comparison.centre_line,
         surface=surface,
     )
+
+
+def _simulated(result: Identification) -> tuple[explicit.Mesh, NDArray[np.bool_]]:
+    """The mesh of the check run, and which of its times it reached.
+
+    Raises
+    ------
+    SceneDataMissing
+        If the result lacks the nodes or the specimen's size.
+    """
+    if result.response.nodes is None:
+        raise SceneDataMissing("the result kept no nodes of its check run")
+    mesh = _mesh(result)
+    whole = np.isfinite(result.response.nodes[0]).all(axis=(1, 2))
+    if not whole.any():
+        raise SceneDataMissing("the check run reached none of its times")
+    return mesh, whole
 
 
 def _mesh(result: Identification) -> explicit.Mesh:
@@ -155,7 +178,7 @@ def _mesh(result: Identification) -> explicit.Mesh:
         raise SceneDataMissing("the result's provenance does not say how large the specimen was") from None
     n_radial, n_axial = result.refined_mesh
     mesh = explicit.cylinder(radius, length, n_radial=n_radial, n_axial=n_axial, grading=float(grading))
-    assert result.response.nodes is not None  # checked by `scene_of`
+    assert result.response.nodes is not None  # checked by `_simulated`
     if result.response.nodes.shape[2] != mesh.n_nodes:
         raise SceneDataMissing(
             f"the result holds {result.response.nodes.shape[2]} nodes, its mesh has {mesh.n_nodes}"

@@ -28,7 +28,7 @@ from kolsky.report.scene.geometry import (
     platens,
     simulated,
 )
-from kolsky.report.scene.scene_data import Scene, SceneDataMissing, scene_of
+from kolsky.report.scene.scene_data import Scene, scene_of
 
 if TYPE_CHECKING:
     from kolsky.inverse.result import Identification
@@ -52,12 +52,15 @@ LIGHT = (EYE + 0.35 * UP - 0.35 * RIGHT) / np.linalg.norm(EYE + 0.35 * UP - 0.35
 """Unit vector toward the light, from above the left shoulder."""
 
 
-def scene_of_stills(result: Identification) -> Scene | None:
-    """Scene at the times of the stills; None if the result lacks its data."""
-    try:
-        scene = scene_of(result)
-    except SceneDataMissing:
-        return None
+def scene_of_stills(result: Identification) -> Scene:
+    """Scene at the times of the stills.
+
+    Raises
+    ------
+    SceneDataMissing
+        If the result lacks its data, see `kolsky.report.scene.scene_data.has_scene`.
+    """
+    scene = scene_of(result)
     return scene.at(evenly_spaced(len(scene.times), COUNT))
 
 
@@ -130,9 +133,8 @@ def _draw(
     order = np.argsort(toward)
     flat = in_picture(surface.points)[surface.faces]
     shown = (np.broadcast_to(colours, (len(bright), 3)) * bright[:, None])[order]
-    part = PolyCollection(
-        list(flat[order]), facecolors=shown, edgecolors="none", antialiased=False, rasterized=True
-    )
+    faces: Any = flat[order]  # of an array Matplotlib makes all paths at once; its types know lists only
+    part = PolyCollection(faces, facecolors=shown, edgecolors="none", antialiased=False, rasterized=True)
     if opacity < 1.0:  # of faces one by one, those behind would shine through and edges show twice
 
         def seen_through(image: Any, dpi: float) -> Any:

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kolsky.base.units import DIMENSIONS, UnitError, quantity, unit_factor
+from kolsky.base import units
+from kolsky.base.units import DIMENSIONS, USUAL, UnitError, quantity, unit_factor
 
 
 @pytest.mark.parametrize(
@@ -39,6 +40,15 @@ from kolsky.base.units import DIMENSIONS, UnitError, quantity, unit_factor
 )
 def test_quantity_is_converted_to_si(text: str, unit: str, expected: float) -> None:
     assert quantity(text, unit) == pytest.approx(expected, rel=4e-16)  # two roundings of a double
+
+
+def test_usual_units_have_the_factors_of_pint(monkeypatch: pytest.MonkeyPatch) -> None:
+    usual = [(text, unit, factor) for unit, known in USUAL.items() for text, factor in known.items()]
+    assert ("um", "m", 1e-6) in usual
+    assert set(USUAL) <= set(DIMENSIONS)
+    monkeypatch.setattr(units, "USUAL", {})
+    for text, unit, factor in usual:
+        assert unit_factor.__wrapped__(text, unit) == factor, (text, unit)
 
 
 def test_powers_of_ten_round_once() -> None:

@@ -268,6 +268,28 @@ def test_packs_hold_every_simulation_once() -> None:
         assert (not full) == (elements > LARGE_MESH or n < 0.75 * lanes)
 
 
+def lasting(jobs: list[tuple[Mapping, int, int]], threads: int, alone: float) -> float:
+    """How long threads need for jobs that they take in order, one simulation `alone` of a pack's time."""
+    busy = [0.0] * threads
+    for mapping, _, _ in jobs:
+        busy[busy.index(min(busy))] += 1.0 if mapping == "simulation" else alone
+    return max(busy)
+
+
+def test_threads_that_would_be_idle_run_what_is_left_one_by_one() -> None:
+    for n, lanes, threads in product(range(1, 140), (4, 8, 16), (2, 3, 16)):
+        jobs = packs(n, lanes, 24, threads)
+        assert [i for _, first, count in jobs for i in range(first, first + count)] == list(range(n))
+        # As many alone as make a pack worth while take a pack's time.
+        alone = 1.0 / (0.75 * lanes)
+        assert lasting(jobs, threads, alone) <= lasting(packs(n, lanes, 24), threads, alone) + 1e-12
+    assert packs(7, 8, 24, 2) == [("worker", i, 1) for i in range(7)]
+    assert packs(10, 8, 24, 2) == [("worker", i, 1) for i in range(10)]  # five each: 5/6 of a pack's time
+    assert [count for _, _, count in packs(12, 8, 24, 2)] == [8, 1, 1, 1, 1]
+    assert [count for _, _, count in packs(23, 8, 24, 2)] == [8, 8, 1, 1, 1, 1, 1, 1, 1]
+    assert packs(7, 8, LARGE_MESH + 1, 2) == packs(7, 8, LARGE_MESH + 1)
+
+
 @pytest.mark.parametrize("case", [CASES[2], CASES[3]], ids=lambda case: case.name)
 def test_a_run_is_the_same_for_any_threads(case: Case) -> None:
     expected = read(launch(case, "simulation", spoil=False))

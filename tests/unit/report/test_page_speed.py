@@ -1,15 +1,23 @@
-"""Figures that are drawn fast look the same: collection of cycles, layout of spines."""
+"""Figures that are drawn fast look the same: cycles, spines, two processes; files written meanwhile."""
 
 import gc
+from pathlib import Path
+from types import SimpleNamespace
 
 import matplotlib
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from synthetic import RESULTS
 
+from kolsky.base.errors import InputError
 from kolsky.base.process import GC_THRESHOLD, infrequent_gc
+from kolsky.report import result_folder
 from kolsky.report.canvas import STYLE
+from kolsky.report.figures import REGISTRY
+from kolsky.report.pages import rendering
+from kolsky.report.pages.identification import render
 
 
 def test_cycles_are_looked_for_seldom_until_the_end_or_an_error():
@@ -43,3 +51,50 @@ def test_spines_take_no_room_of_their_own():
                 spine.set_in_layout(False)
             # [px]; the same numbers added in another order
             np.testing.assert_allclose(ax.get_tightbbox().extents, whole, atol=1e-9)
+
+
+def test_two_processes_draw_the_same_page():
+    assert render(RESULTS["one"], processes=2) == render(RESULTS["one"], processes=1)
+
+
+def test_groups_share_one_numbering_and_the_last_figure_is_begun_first(monkeypatch):
+    begun = []
+
+    def draw(kind, shown, name):
+        begun.append((name, shown))
+        return f"<svg>{name}</svg>"
+
+    monkeypatch.setattr(rendering, "inline_svg", draw)
+    kinds = {name: REGISTRY[name] for name in ("force", "energy", "misfit")}
+    first = rendering.FigureGroup([kinds["misfit"]], RESULTS["one"])
+    second = rendering.FigureGroup([kinds["force"], kinds["energy"]], "drawn", captioned=RESULTS["one"])
+    drawn = rendering.draw_groups([first, second], first=4, mark="a")
+    assert begun == [("energy-a", "drawn"), ("force-a", "drawn"), ("misfit-a", RESULTS["one"])]
+    assert [(figure["id"], figure["number"]) for figure in drawn] == [
+        ("misfit-a", 4),
+        ("force-a", 5),
+        ("energy-a", 6),
+    ]
+    assert [figure["svg"] for figure in drawn] == [f"<svg>{figure['id']}</svg>" for figure in drawn]
+    assert drawn[2]["caption"] == rendering.with_subscripts(kinds["energy"].caption(RESULTS["one"]))
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_a_result_file_that_cannot_be_written_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, processes: int
+) -> None:
+    def refuse(path: Path, found: object) -> None:
+        path.write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    def page(folder: Path, *given: object, **options: object) -> None:
+        (folder / result_folder.PAGE).write_text("page", encoding="utf-8")
+
+    monkeypatch.setattr(result_folder, "recorded", lambda shot, folder: SimpleNamespace(numbers={}))
+    monkeypatch.setattr(result_folder, "write_identify_page", page)
+    result_folder.write_identify_results(tmp_path / "good", RESULTS["one"], None, processes=processes)
+    assert {"identification.h5", "report.html"} <= {path.name for path in (tmp_path / "good").iterdir()}
+    monkeypatch.setattr(result_folder, "write_identification", refuse)
+    with pytest.raises(InputError, match="No space left"):
+        result_folder.write_identify_results(tmp_path / "bad", RESULTS["one"], None, processes=processes)
+    assert not (tmp_path / "bad").exists()

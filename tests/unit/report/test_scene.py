@@ -25,7 +25,7 @@ from kolsky.report.scene.drawing import CannotRender, picture
 from kolsky.report.scene.fields import FIELDS, Solid, smallest_stretch
 from kolsky.report.scene.film import evenly_spaced, write_film, write_stills
 from kolsky.report.scene.geometry import ELEVATION, Surface, lifted, platens, simulated
-from kolsky.report.scene.scene_data import SceneDataMissing, scene_of
+from kolsky.report.scene.scene_data import SceneDataMissing, has_scene, scene_of
 
 SOLID = Solid(neo_hookean(1e5), VolumetricLaw(1e7), 1.1)
 rendering = pytest.mark.skipif(not drawing.renders(), reason="VTK has nothing to draw with here")
@@ -100,6 +100,8 @@ def test_measured_points_are_those_of_the_nearest_frame() -> None:
     ],
 )
 def test_results_that_cannot_be_shown(change: Any, words: str) -> None:
+    assert has_scene(result())
+    assert not has_scene(change(result()))
     with pytest.raises(SceneDataMissing, match=words):
         scene_of(change(result()))
 
@@ -189,7 +191,6 @@ def test_stills_are_drawn_without_vtk(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("pyvista", "vtk", "vtkmodules"):
         monkeypatch.setitem(sys.modules, name, None)
     scene = stills.scene_of_stills(result((1.25, 0.64)))
-    assert scene is not None
     times = scene_of(result((1.25, 0.64))).times
     np.testing.assert_array_equal(scene.times, times[evenly_spaced(len(times), stills.COUNT)])
     # Uniform fields: yellow at 1, violet at the least stretch; brightness does not change the hue.

@@ -1,0 +1,43 @@
+"""What is made ready while a lone run leaves a core idle: libraries and time loops that are of use later."""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+from dic.forks import beside
+
+SWITCH = 1e-4
+"""Longest wait for the interpreter beside a run [s]. A run begins with a hundred calls that let go of it, and
+would wait Python's 5 ms for it after each."""
+
+
+class IdleCore:
+    """Works that wait for a lone run on the refined mesh, and are then done in a thread beside it.
+
+    Each loads what would otherwise be loaded where it is first used, so that nothing is missing where no run
+    is alone. None of them changes a number.
+
+    Parameters
+    ----------
+    waiting
+        The works, in their order.
+    """
+
+    def __init__(self, waiting: Sequence[Callable[[], object]] = ()) -> None:
+        self._waiting = tuple(waiting)
+
+    @contextmanager
+    def used(self, *, idle: bool) -> Iterator[None]:
+        """Do what is waiting beside the block, if a core is idle in it; what it raises is raised here."""
+        works, self._waiting = (self._waiting, ()) if idle else ((), self._waiting)
+        if not works:
+            yield
+            return
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH)
+        try:
+            with beside(lambda: [work() for work in works], fork=False) as done:
+                yield
+                done()
+        finally:
+            sys.setswitchinterval(before)

@@ -1,0 +1,58 @@
+"""What `kolsky identify` loads and when: the page while it simulates, other libraries where they serve."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from synthetic import RESULTS
+from typer.testing import CliRunner
+
+from kolsky import identification
+from kolsky.cli import app
+from kolsky.report import result_folder
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_the_page_is_loaded_while_the_command_simulates(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[Any] = []
+    written: list[Path] = []
+
+    def identify(*of: Any, **options: Any) -> Any:
+        given.extend(options["meanwhile"])
+        return RESULTS["one"]
+
+    monkeypatch.setattr(identification, "identify", identify)
+    monkeypatch.setattr(
+        result_folder, "write_identify_results", lambda folder, *of, **options: written.append(folder)
+    )
+    words = ["identify", str(ROOT / "runs" / "open-01"), "--out", str(tmp_path)]
+    ended = CliRunner().invoke(app, words)
+    assert ended.exit_code == 0, ended.output
+    assert given == [result_folder.load_identify_page]
+    assert written == [tmp_path]
+
+
+def test_all_that_a_page_needs_is_loaded() -> None:
+    code = (
+        "import sys, kolsky.report.result_folder as made; print('matplotlib' in sys.modules); "
+        "made.load_identify_page(); before = set(sys.modules); "
+        "import matplotlib.backends.backend_svg, kolsky.report.pages.identification as page; "
+        "page.REGISTRY, page.RECORDINGS; print(sorted(set(sys.modules) - before))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["False", "[]"]
+
+
+def test_libraries_that_most_shots_do_not_need_are_not_loaded() -> None:
+    code = (
+        "import sys; from pathlib import Path; from kolsky.shot.load import load_shot; "
+        "load_shot(Path('runs/open-01')); import kolsky.identification, kolsky.report.result_folder; "
+        "print([n for n in ('pint', 'scipy.stats', 'scipy.signal', 'matplotlib') if n in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["[]"]
