@@ -9,9 +9,11 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from logging import LoggerAdapter, NullHandler, getLogger
 from multiprocessing import get_context
+from multiprocessing.synchronize import Lock
 from pathlib import Path
 
 from jupyter_cache import get_cache
+from jupyter_cache.cache.main import JupyterCacheBase
 from myst_nb.core.execute import create_client
 from myst_nb.core.read import create_nb_reader
 from sphinx.errors import ExtensionError
@@ -31,6 +33,21 @@ class _Quiet(LoggerAdapter):
     def process(self, msg, kwargs):
         kwargs.pop("subtype", None)
         return msg, kwargs
+
+
+def write_in_turn(lock: Lock) -> None:
+    """Let a process write to the cache only while it has `lock`; first act of each.
+
+    The cache trims itself after each write, by two questions to its database: a record that another process
+    makes between the two is taken for one too many, and that record's page for lost.
+    """
+    write = JupyterCacheBase.cache_notebook_bundle
+
+    def in_turn(cache, *bundle, **options):
+        with lock:
+            return write(cache, *bundle, **options)
+
+    JupyterCacheBase.cache_notebook_bundle = in_turn
 
 
 def run(path, md_config, nb_config) -> str:
@@ -58,7 +75,8 @@ def run_all(app, env, docnames) -> None:
     ]
     notebooks.sort(key=lambda name: LONGEST.index(name) if name in LONGEST else len(LONGEST))
     get_cache(env.mystnb_config.execution_cache_path).db.dispose()  # two processes would both make its tables
-    with ProcessPoolExecutor(min(2, os.cpu_count() or 1), mp_context=get_context("fork")) as pool:
+    fork = get_context("fork")
+    with ProcessPoolExecutor(min(2, os.cpu_count() or 1), fork, write_in_turn, (fork.Lock(),)) as pool:
         waiting = [pool.submit(run, paths[name], env.myst_config, env.mystnb_config) for name in notebooks]
         said = [done.result() for done in waiting]
     if failed := [line for line in said if line.startswith("FAILED")]:

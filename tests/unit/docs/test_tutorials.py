@@ -140,3 +140,27 @@ def test_notebooks_are_run_ahead_once_and_a_failing_one_is_named(extensions, tmp
     (tmp_path / "c.md").write_text(HEAD + "```{code-cell} ipython3\n1 / 0\n```\n", encoding="utf-8")
     with pytest.raises(ExtensionError, match=r"c\.md: (.|\n)*ZeroDivisionError"):
         run_all(None, Env(), ["c"])
+
+
+def test_a_process_writes_to_the_notebooks_cache_only_in_its_turn(extensions, monkeypatch):
+    pytest.importorskip("jupyter_cache")
+    from jupyter_cache.cache.main import JupyterCacheBase
+    from notebooks_ahead import write_in_turn
+
+    said = []
+
+    class Turn:
+        def __enter__(self):
+            said.append("mine")
+
+        def __exit__(self, *error):
+            said.append("free")
+
+    def write(cache, bundle, overwrite):
+        said.append((cache, bundle, overwrite))
+        return "record"
+
+    monkeypatch.setattr(JupyterCacheBase, "cache_notebook_bundle", write)
+    write_in_turn(Turn())
+    assert JupyterCacheBase.cache_notebook_bundle("cache", "page", overwrite=True) == "record"
+    assert said == ["mine", ("cache", "page", True), "free"]
