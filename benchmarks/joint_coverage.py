@@ -82,7 +82,7 @@ class Study:
     """Mesh of the search."""
     refined_mesh: tuple[int, int] = (64, 86)
     """Mesh of the answer."""
-    truth_mesh: tuple[int, int] = (128, 172)
+    truth_mesh: tuple[int, int] = (96, 129)
     """Mesh of the truth, of F-bar elements."""
     truth_grading: float = 5.0
     """Largest over smallest of its elements, which lie at the faces' edges: as fine elements everywhere leave
@@ -186,7 +186,7 @@ def main() -> None:
     parser.add_argument("--without-slow", action="store_true", help="the shots alone")
     parser.add_argument("--mesh", default="24x32", help="of the search")
     parser.add_argument("--refined-mesh", default="64x86", help="of the answer")
-    parser.add_argument("--truth-mesh", default="128x172", help="of the truth, F-bar")
+    parser.add_argument("--truth-mesh", default="96x129", help="of the truth, F-bar")
     parser.add_argument("--truth-grading", type=float, default=5.0, help="its largest over smallest element")
     parser.add_argument("--device", default="cpu", help="of truths and identifications")
     parser.add_argument("--workers", type=int, default=1, help="processes that share the draws")

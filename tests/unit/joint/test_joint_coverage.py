@@ -70,11 +70,11 @@ def test_a_share_has_the_exact_interval() -> None:
 
 
 def test_the_table_has_a_column_a_parameter_and_the_control_a_sentence() -> None:
-    study = {"seed": 5, "mesh": [24, 32], "refined_mesh": [64, 86], "truth_mesh": [128, 172],
+    study = {"seed": 5, "mesh": [24, 32], "refined_mesh": [64, 86], "truth_mesh": [96, 129],
              "truth_grading": 5.0, "elastic": False}  # fmt: skip
     said = summary(EACH) | {"study": study}
     lines = table(said).splitlines()
-    assert lines[0].startswith("4 draws of seed 5 (meshes 24 × 32 → 64 × 86; truth 128 × 172, F-bar")
+    assert lines[0].startswith("4 draws of seed 5 (meshes 24 × 32 → 64 × 86; truth 96 × 129, F-bar")
     assert "two standard uncertainties: 2 of 4 (7 to 93 %). Called identified: 2." in lines[0]
     assert lines[2] == "| | $m$ | $\\nu$ | $\\beta$ | strength | time |"
     assert lines[4].startswith("| 95 % intervals that hold the truth | 2 of 4 (7 to 93 %) | 3 of 4")
@@ -106,12 +106,13 @@ def test_the_relaxation_test_falls_from_all_to_the_long_term(tmp_path: Path) -> 
     study = Study(seed=77)
     true = truth(study, 3)
     test, elastic = relaxation_test(study, true, 3), relaxation_test(Study(seed=77, elastic=True), true, 3)
-    # 50 Pa of noise on some 10 kPa; at 0.1 ms the branch has hardly relaxed, at 1 s it has.
-    late = np.abs(test.stress[-10:].mean() / elastic.stress[-10:].mean() - 1.0)
-    assert late < 0.01
-    left = np.exp(-1e-4 / true["prony_time_1"])
-    early = test.stress[1] / elastic.stress[1] - 1.0  # before it the specimen is at rest
-    assert 0.5 * left < early / true["prony_strength_1"] < 1.0
+    seen = np.isfinite(test.sigma)
+    assert seen.sum() == 40
+    more = test.stress[seen] / elastic.stress[seen] - 1.0  # the same noise, half a percent
+    assert np.abs(more[-10:].mean()) < 0.005  # all is relaxed
+    # Reached in 50 us and held to 100 us: c exp(-t / tau) with t between 50 and 100 us.
+    first, strength, tau = more[0], true["prony_strength_1"], true["prony_time_1"]
+    assert strength * np.exp(-1e-4 / tau) - 0.01 < first < strength * np.exp(-0.5e-4 / tau) + 0.01
 
 
 def test_a_folder_of_another_study_is_refused(tmp_path: Path) -> None:
