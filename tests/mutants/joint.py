@@ -230,4 +230,32 @@ FAULTS = (
         "np.outer(missed, step * sigma) / float((step * sigma) @ (step * sigma))",
         "joint/test_refined_steps.py",
     ),
+    _fault(
+        "a branch that explains a tenth of what is left advised",
+        "kolsky/diagnosis/branch_search.py",
+        "HALF = 0.5",
+        "HALF = 0.1",
+        "diagnosis/test_rate_advice.py",
+    ),
+    _fault(
+        "a search for a branch that leaves the ringing's pace",
+        "kolsky/diagnosis/branch_search.py",
+        "stiffer = root if MOVED in box.names else root**2",
+        "stiffer = root**2",
+        "diagnosis/test_rate_advice.py",
+    ),
+    _fault(
+        "what is left counted by its size and not its square",
+        "kolsky/diagnosis/branch_search.py",
+        "((size / o.noise) ** 2).sum()",
+        "(size / o.noise).sum()",
+        "diagnosis/test_rate_advice.py",
+    ),
+    _fault(
+        "a branch at a bound of its range advised",
+        "kolsky/diagnosis/branch_search.py",
+        "return self.inside and self.aic < 0.0 and self.share >= HALF",
+        "return self.aic < 0.0 and self.share >= HALF",
+        "diagnosis/test_rate_advice.py",
+    ),
 )

@@ -4,6 +4,7 @@ Small meshes: `python -m benchmarks.joint_coverage` counts on the meshes of an a
 """
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +82,7 @@ def identified(folder: Path, *, elastic: bool) -> dict[str, Any]:
     return dict(json.loads((folder / "joint" / "joint.json").read_text("utf-8")))
 
 
-@pytest.mark.slow  # 80 s of one core
+@pytest.mark.slow  # 95 s of one core
 def test_strength_and_time_are_found_by_the_command(tmp_path: Path) -> None:
     found = identified(tmp_path / "relaxing", elastic=False)
     assert found["model_choice"]["asked_for"]
@@ -98,7 +99,7 @@ def test_strength_and_time_are_found_by_the_command(tmp_path: Path) -> None:
     assert np.isfinite(found["slow_tests"]["held"])
 
 
-@pytest.mark.slow  # 60 s of one core
+@pytest.mark.slow  # 95 s of one core
 def test_an_elastic_material_stays_one(tmp_path: Path) -> None:
     found = identified(tmp_path / "elastic", elastic=True)
     assert not found["model_choice"]["asked_for"]
@@ -106,3 +107,24 @@ def test_an_elastic_material_stays_one(tmp_path: Path) -> None:
     for name in ("prony_strength_1", "prony_time_1"):
         assert found["estimates"][name]["outcome"] == "not seen by the data"
     assert found["model_choice"]["elastic"]["stiffness_factor"] == pytest.approx(1.1, rel=0.01)
+
+
+@pytest.mark.slow  # 50 s of one core
+def test_one_relaxing_shot_identified_as_an_elastic_one_recommends_to_try_it(tmp_path: Path) -> None:
+    """The same shot with and without a branch; the first one's file is made to say nothing of it."""
+    said = []
+    for name, text in (("relaxing", SPEC + RELAXING), ("elastic", SPEC)):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "SPEC.toml").write_text(text)
+        make = ["virtual", "make", str(folder / "SPEC.toml"), "--out", str(folder / "shots")]
+        made = CliRunner().invoke(app, [*make, "--only", "1"])
+        assert made.exit_code == 0, made.output
+        (file,) = (folder / "shots").glob("*/shot.toml")
+        file.write_text(re.sub(r"\[relaxation\]\n([^\[].*\n|\n)*", "", file.read_text("utf-8")))
+        words = ["identify", str(file.parent), *MESHES, "--out", str(folder / "out"), "--json"]
+        done = CliRunner().invoke(app, words)
+        assert done.exit_code == 0, done.output
+        said.append(" ".join(json.loads(done.stdout)["warnings"]))
+    assert "identify again with --relaxation prony" in said[0]
+    assert "--relaxation prony" not in said[1]
