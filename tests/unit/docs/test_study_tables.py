@@ -38,8 +38,8 @@ def test_budget_of_the_paper(tables: ModuleType) -> None:
 
 def test_a_study_that_was_not_run_says_so(tables: ModuleType) -> None:
     assert "not made yet" in tables.budget("no_such_study")
-    for table in (tables.drawn, tables.answers, tables.changes, tables.pooled, tables.equilibria):
-        assert "not run yet" in table("no_such_study")
+    for name in ("drawn", "answers", "changes", "pooled", "equilibria", "planted"):
+        assert "not run yet" in tables.TABLES[name]("no_such_study")
 
 
 def test_what_a_study_was_made_with(tables: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,10 +1,13 @@
 """Slow compressions: the duration that a wanted error takes, by hand, and any law against its closed form."""
 
+import json
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from shot_folders import shot_in
 from typer.testing import CliRunner
 
 from explicit.materials import LAWS
@@ -118,3 +121,30 @@ def test_any_law_without_friction_is_its_closed_form(name: str) -> None:
     # The wanted error, and a compressibility of 1 - 2 nu = 0.002.
     np.testing.assert_allclose(found.stress, exact, rtol=5e-3 + 3e-3)
     assert isinstance(law, InvariantLaw) == (name == "gent")
+
+
+@pytest.mark.slow  # 5 s of one core
+def test_the_command_compresses_a_law_that_the_shot_declares(tmp_path: Path) -> None:
+    """Without friction: the closed form of the law times the factor, over the whole face."""
+    shot = shot_in(tmp_path / "shot")
+    text = (shot / "shot.toml").read_text("utf-8")
+    law = """
+[law]
+name = "gent"
+parameters = { mu = "26 kPa", Jm = 20.0 }
+branch = "compression"
+largest_strain = "60 %"
+relative_sigma = "3 %"
+baseline = true
+"""
+    (shot / "shot.toml").write_text(text.replace('"bonded"', '"frictionless"') + law)
+    words = ["--mesh", "4x6", "--strain", "40 %", "--error", "0.5 %", "-p", "stiffness_factor=1.2"]
+    done = CliRunner().invoke(
+        app, ["simulate", str(shot), "--slow", *words, "--out", str(tmp_path / "o"), "--json"]
+    )
+    assert done.exit_code == 0, done.output
+    said = json.loads(done.stdout)
+    exact = 1.2 * float(-uniaxial_stress(LAWS["gent"](26e3, 20.0), np.array([0.6]))[0]) * np.pi * 4.75e-3**2
+    # The wanted error, and a compressibility of 1 - 2 nu = 0.002 of the shot.
+    assert said["last_force"] == pytest.approx(exact, rel=5e-3 + 3e-3)
+    assert said["error"] <= 5e-3
