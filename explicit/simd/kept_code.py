@@ -33,14 +33,19 @@ def kept(time_loop: Any, choice: str, translate: Callable[[], str]) -> str:
     translate : callable
         Makes the source.
     """
-    name = sha256(time_loop.module.hash_module() + _package() + choice.encode()).hexdigest()
-    file = kernel_cache() / FOLDER / f"{name}.inc"
+    file = file_of(time_loop, choice)
     try:
         return file.read_text(encoding="utf-8")
     except OSError:
         code = translate()
     _put(file, code)
     return code
+
+
+def file_of(time_loop: Any, choice: str) -> Path:
+    """Where the source of a time loop is kept; there is no such file before it was translated."""
+    name = sha256(time_loop.module.hash_module() + _package() + choice.encode()).hexdigest()
+    return kernel_cache() / FOLDER / f"{name}.inc"
 
 
 def _put(file: Path, code: str) -> None:

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import warp as wp
 
 from explicit.precision import Precision
-from explicit.simd.kept_code import kept
+from explicit.simd.kept_code import file_of, kept
 from explicit.simd.mappings import LaneIsSimulation, LaneIsWorker
 from explicit.simd.prelude import prelude
 from explicit.simd.values import Scalar, Struct
@@ -63,7 +63,7 @@ def lane_kernel(
         before = prelude(lanes, "f64" if precision.name == "fp64" else "f32")
         return before + translator.translate(time_loop.func, arguments)
 
-    code = kept(time_loop, f"{mapping} {lanes} {precision.name}", translate)
+    code = kept(time_loop, _choice(precision, mapping, lanes), translate)
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
 
     @wp.func_native(snippet=code)
@@ -74,3 +74,12 @@ def lane_kernel(
         time_loop_lanes(body, batch, state, output, first, count)
 
     return LaneKernel(time_loop_packs, lanes)
+
+
+def is_known(time_loop: Any, precision: Precision, mapping: Mapping, lanes: int) -> bool:
+    """Whether this machine has translated a time loop, and compiled it then unless it was stopped."""
+    return file_of(time_loop, _choice(precision, mapping, lanes)).exists()
+
+
+def _choice(precision: Precision, mapping: Mapping, lanes: int) -> str:
+    return f"{mapping} {lanes} {precision.name}"

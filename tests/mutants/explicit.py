@@ -145,4 +145,18 @@ FAULTS = (
         wrong="kept_{name}[0];",
         tests=("tests/unit/explicit/test_two_passes.py",),
     ),
+    Fault(
+        name="another choice of lanes finds a time loop that is not its own",
+        file="explicit/simd/kept_code.py",
+        right="_package() + choice.encode()",
+        wrong="_package()",
+        tests=("tests/unit/explicit/test_kept_code.py",),
+    ),
+    Fault(
+        name="the other element is looked at on a machine that knows its time loops",
+        file="explicit/compiling.py",
+        right="if wanted:",
+        wrong="if problems:",
+        tests=("tests/unit/explicit/test_compiling.py",),
+    ),
 )
