@@ -17,6 +17,7 @@ import explicit
 from doe import Box
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum, search_coarse
+from kolsky.inverse.compiled import compile_for, other_element
 from kolsky.inverse.estimates import paper_route
 from kolsky.inverse.free_parameters import Freed, choose, rough
 from kolsky.inverse.front_noise import weigh_front_noise
@@ -104,6 +105,7 @@ def search_shot(
         stages = StagedRuns(
             prepared, freed.settings, design_box(freed.free), progress, prior=freed.prior(shot)
         )
+        compile_for(stages)
         stages.idle_core = IdleCore([*meanwhile, partial(_load_other_element, stages)])
         if stages.box.dimension == 1 or rough(shot, [*freed.free, *freed.settings.held]):
             coarse = search_coarse(stages)
@@ -120,10 +122,7 @@ def search_shot(
 
 def _load_other_element(stages: StagedRuns) -> None:
     """Load the time loop of the other element, which the mesh's error is told by."""
-    named = stages.box.as_dict(np.array(stages.box.lower))
-    numerics = stages.settings.numerics.with_other_element()
-    problem = stages.prepared.forward.problem({**stages.settings.held, **named}, numerics)
-    explicit.load_time_loop(problem, device=numerics.device)
+    explicit.load_time_loop(other_element(stages), device=stages.settings.numerics.device)
 
 
 def _several(freed: Freed, stages: StagedRuns) -> Search | dict[str, str]:
