@@ -1,14 +1,17 @@
 """Forty drawn shots, from pictures and volts only to m: `python -m benchmarks.forty --out FOLDER`.
 
 Each shot of a population is made, identified unattended as `kolsky identify` does it, and set beside its
-truth: answered and right, refused with a reason, or confidently wrong. What was refused is tried again with
-the cures of `benchmarks.forty_cures.CURES`, which are counted apart. The folder keeps the shots and an answer
-a file: called again, the study goes on where it stopped. With `--exports` the outline and the flyer come from
-tables instead of pictures.
+truth: answered and right, refused with a reason, or confidently wrong. When all have been tried, what was
+refused is tried again with the cures of `benchmarks.forty_cures.CURES`, which are counted apart. The folder
+keeps the shots and an answer a file, and the table of those that are there: called again, the study goes on
+where it stopped. With `--exports` the outline and the flyer come from tables instead of pictures.
+
+With `--workers` that many processes share the shots, the cores, and with `--device cuda` the GPUs.
 """
 
 import argparse
 import json
+import os
 import statistics
 import time
 from collections.abc import Iterator
@@ -17,7 +20,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.forty_shots import KINDS, Answer, Study, one
+from benchmarks.forty_shots import KINDS, Answer, Study, available, one, shares
 from kolsky.base.errors import InputError
 from kolsky.base.files import write_table
 from kolsky.base.process import process_pool
@@ -76,6 +79,29 @@ def answers_of(study: Study, names: list[str], workers: int) -> Iterator[Answer]
     with process_pool(workers) as pool:
         for future in as_completed([pool.submit(one, study, name) for name in names]):
             yield future.result()
+
+
+def attempts(study: Study, names: list[str], workers: int) -> Iterator[list[Answer]]:
+    """All answers so far, in their order, after each that comes: first of every shot, then with cures."""
+    found: dict[str, Answer] = {}
+    for cures in (False, True) if study.cures else (False,):
+        todo = names if not cures else [name for name in names if found[name].kind == "refused"]
+        for answer in answers_of(replace(study, cures=cures), todo, workers):
+            found[answer.name] = answer
+            error = "" if answer.error is None else f"{100.0 * answer.error:+.3f} %"
+            cure = f"  {answer.end.cure}: {answer.end.kind}" if answer.cured else ""
+            print(f"{answer.name}  {answer.kind}  {error}  {answer.seconds:.0f} s{cure}", flush=True)
+            yield [found[name] for name in sorted(found)]
+
+
+def write(study: Study, answers: list[Answer], missing: str) -> dict[str, Any]:
+    """Write the table and forty.json as they stand; the latter's content."""
+    write_table(Path(study.out) / "forty.csv", table(answers))
+    found = summary(study, answers, missing)
+    partial = Path(study.out) / "forty.partial"
+    partial.write_text(json.dumps(found, indent=1), encoding="utf-8")
+    os.replace(partial, Path(study.out) / "forty.json")
+    return found
 
 
 def table(answers: list[Answer]) -> dict[str, list[Any]]:
@@ -158,22 +184,16 @@ def main() -> None:
         device=given.device,
         threads=given.threads or (1 if given.workers > 1 else None),
         cures=not given.no_cures,
+        cores=shares(available(), given.workers) if given.workers > 1 else (),
     )
     Path(given.out).mkdir(parents=True, exist_ok=True)
     numbers = texts.whole_numbers("--only", given.only) if given.only else list(series_of(study).numbers)
     names, missing = made(study, numbers, given.workers)
     if missing:
         print(missing, flush=True)
-    answers: list[Answer] = []
-    for answer in answers_of(study, names, given.workers):
-        answers.append(answer)
-        error = "" if answer.error is None else f"{100.0 * answer.error:+.3f} %"
-        cure = f"  {answer.end.cure}: {answer.end.kind}" if answer.cured else ""
-        print(f"{answer.name}  {answer.kind}  {error}  {answer.seconds:.0f} s{cure}", flush=True)
-    answers.sort(key=lambda answer: answer.name)
-    write_table(Path(given.out) / "forty.csv", table(answers))
-    found = summary(study, answers, missing)
-    (Path(given.out) / "forty.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
+    found = write(study, [], missing)
+    for answers in attempts(study, names, given.workers):
+        found = write(study, answers, missing)
     print(json.dumps({key: value for key, value in found.items() if key not in ("answers", "making")}))
 
 

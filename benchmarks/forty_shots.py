@@ -4,14 +4,17 @@ import json
 import os
 import re
 import shutil
+import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 from benchmarks.forty_cures import CURES
 from kolsky.base.errors import InputError
+from kolsky.base.process import WORKER
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.settings import Settings
@@ -40,6 +43,8 @@ class Study:
     device: str = "cpu"
     threads: int | None = None
     cures: bool = True
+    cores: tuple[tuple[int, ...], ...] = ()
+    """Cores of each worker; none: all of the machine."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +103,7 @@ def one(study: Study, name: str) -> Answer:
 
     The answer is kept as it comes, and again after each cure: a study that is stopped has lost one attempt.
     """
+    keep_to(study.cores)
     kept = Path(study.out) / f"{name}.json"
     folder = Path(study.out) / "shots" / name
     answer = Answer.read(kept) if kept.exists() else keep(attempt(study, name, folder), kept)
@@ -113,6 +119,32 @@ def one(study: Study, name: str) -> Answer:
         if answer.end.answered:
             break
     return answer
+
+
+def available() -> list[int]:
+    """Numbers of the cores that this process may use."""
+    if sys.platform == "linux":
+        return sorted(os.sched_getaffinity(0))
+    return list(range(os.cpu_count() or 1))
+
+
+def shares(cores: Sequence[int], workers: int) -> tuple[tuple[int, ...], ...]:
+    """Cores shared out among workers, neighbours together; with more workers than cores they take turns.
+
+    What correlates pictures takes all cores that its process may use: of eight workers on sixteen cores
+    each would start sixteen threads.
+    """
+    n = len(cores)
+    if workers >= n:
+        return tuple((cores[i % n],) for i in range(workers))
+    ends = [i * n // workers for i in range(workers + 1)]
+    return tuple(tuple(cores[low:high]) for low, high in pairwise(ends))
+
+
+def keep_to(cores: tuple[tuple[int, ...], ...]) -> None:
+    """Let this worker use its own share of the cores only, where the system can be told so."""
+    if cores and sys.platform == "linux":
+        os.sched_setaffinity(0, cores[int(os.environ.get(WORKER, "0")) % len(cores)])
 
 
 def keep(answer: Answer, place: Path) -> Answer:

@@ -1,6 +1,8 @@
 """The study of drawn shots: what an answer counts as, cures, and answers that are kept."""
 
 import json
+import os
+import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -8,10 +10,12 @@ import numpy as np
 import pytest
 
 from benchmarks import forty_shots
-from benchmarks.forty import SPEC, series_of, spread
+from benchmarks.forty import SPEC, attempts, series_of, spread, write
 from benchmarks.forty_cures import all_regions, flyer_region, with_subset
-from benchmarks.forty_shots import Answer, Study, cured_copy, one, said_on_purpose
+from benchmarks.forty_shots import Answer, Study, cured_copy, keep_to, one, said_on_purpose, shares
+from dic.forks import cores
 from kolsky.base.errors import InputError
+from kolsky.base.process import WORKER
 
 RIGHT = Answer("a", 1.2, 1.2 * 1.009, 0.005, "identified", True, "", 1.0, 2.0)
 
@@ -138,3 +142,55 @@ def test_an_answer_is_kept_before_its_cures(tmp_path: Path, monkeypatch: pytest.
     assert one(study, "a").end.cure == "larger subsets"
     assert one(study, "a").end.answered
     assert asked == ["", "larger subsets", "larger subsets"]
+
+
+def test_every_shot_is_tried_before_a_cure_and_all_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of three shots the first is refused until it is given larger subsets: that comes last."""
+    asked: list[tuple[str, str]] = []
+    for name in ("a", "b", "c"):
+        shot = tmp_path / "shots" / name
+        shot.mkdir(parents=True)
+        (shot / "shot.toml").write_text("[dic]\nsubset = 21\n", encoding="utf-8")
+        (shot / "truth.json").write_text('{"m": 1.2}', encoding="utf-8")
+
+    def attempt(study: Study, name: str, folder: Path, cure: str = "") -> Answer:
+        asked.append((name, cure))
+        return replace(RIGHT, name=name, answered=name != "a" or bool(cure), cure=cure, cured=[])
+
+    monkeypatch.setattr(forty_shots, "attempt", attempt)
+    study = Study(str(SPEC), str(tmp_path))
+    came = [[answer.end.kind for answer in answers] for answers in attempts(study, ["a", "b", "c"], 1)]
+    assert asked == [("a", ""), ("b", ""), ("c", ""), ("a", "larger subsets")]
+    assert came == [["refused"], ["refused", "right"], ["refused", "right", "right"], ["right"] * 3]
+    asked.clear()
+    uncured = replace(study, out=str(tmp_path / "again"), cures=False)
+    (tmp_path / "again").mkdir()
+    (tmp_path / "shots").rename(tmp_path / "again" / "shots")
+    kept = list(attempts(uncured, ["a", "b"], 1))[-1]
+    assert asked == [("a", ""), ("b", "")]
+    found = write(uncured, kept, "")
+    assert (found["right"], found["refused"]) == (1, 1)
+    assert json.loads((tmp_path / "again" / "forty.json").read_text("utf-8"))["shots"] == 2
+
+
+def test_cores_are_shared_out_among_workers() -> None:
+    assert shares(range(8), 3) == ((0, 1), (2, 3, 4), (5, 6, 7))
+    assert shares([3, 5, 7, 9], 2) == ((3, 5), (7, 9))
+    assert shares([4, 6], 3) == ((4,), (6,), (4,))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a system that keeps a process to cores")
+def test_a_worker_keeps_to_its_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What counts its threads by the cores it may use sees its share."""
+    before = os.sched_getaffinity(0)
+    monkeypatch.setenv(WORKER, "3")
+    try:
+        keep_to(())
+        assert os.sched_getaffinity(0) == before
+        keep_to(shares(sorted(before), len(before) + 2))
+        assert os.sched_getaffinity(0) == {sorted(before)[3 % len(before)]}
+        assert cores() == 1
+    finally:
+        os.sched_setaffinity(0, before)
