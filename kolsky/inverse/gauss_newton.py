@@ -6,8 +6,9 @@ and so have its derivatives: they are the refined mesh's at the refined mesh's o
 a few steps make good. So the slopes are taken once, from runs about the surrogate mesh's optimum, and every
 step takes one run on the refined mesh (the chord method). A rank-one update of the slopes by what two runs
 differ by was tried and makes it worse: what the steps fall short of comes from the residual times the
-response's curvature as much as from the slopes. Where the response jumps, a run is no measure: then
-`kolsky.inverse.quadratic_fit` searches.
+response's curvature as much as from the slopes. Where the steps do not lead to rest, least squares on the
+refined mesh itself go on (`kolsky.inverse.refined_descent`). Where the response jumps, a run is no measure:
+then `kolsky.inverse.quadratic_fit` searches.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.optimum import CorrectedSurrogate
 from kolsky.inverse.parameters import MOVED
+from kolsky.inverse.refined_descent import differences, neighbours, search_on_refined
 from kolsky.inverse.refined_search import CONFIRMED, RefinedOptimum, refined_numerics
 from kolsky.inverse.refined_steps import foretold, lengthening
 from kolsky.inverse.staged_runs import CompletedRuns, StagedRuns
@@ -34,7 +36,9 @@ WORSE = 4.0
 """Rise of -2 ln L by a step that makes it too long [-]: two standard deviations. The slopes of the coarser
 mesh lead to a point that is not quite the least misfit, and near it a good step may rise by less."""
 MOST_RUNS = 8
-"""Most rounds on the refined mesh."""
+"""Most rounds on the refined mesh with the slopes of the coarser one."""
+MISLED = 2
+"""Steps that made the misfit worse after which those slopes are given up."""
 NEIGHBOUR = 0.5
 """Half the distance of the differences for the slopes, in standard deviations of the optimum."""
 REACH = 8.0
@@ -104,6 +108,8 @@ def search_by_gauss_newton(
     slope, centre, objective = slopes(stages, coarse)
     start = np.clip(foretold(optima, numerics.mesh, stages.settings.refined_mesh), *_bounds(stages.box))
     last, other = _on_refined(stages, objective, slope, start, beside, shift=start - coarse.x)
+    if not last.confirmed:
+        last, slope = _by_own_slopes(stages, objective, slope, last)
     for mesh, optimum in optima.items():
         stages.offset(mesh, optimum.x - last.x)
     return *_with_surrogate(stages, last, slope, centre, coarse), other
@@ -118,18 +124,15 @@ def slopes(stages: StagedRuns, optimum: MeshOptimum) -> tuple[FloatArray, FloatA
         If one of the runs does not complete.
     """
     box = stages.box
-    lower, upper = np.array(box.lower), np.array(box.upper)
-    h = np.diag(np.minimum(NEIGHBOUR * optimum.sigma, 0.1 * (upper - lower)))
-    up, down = np.minimum(optimum.x + h, upper), np.maximum(optimum.x - h, lower)
+    up, down = neighbours(box, optimum.x, NEIGHBOUR * optimum.sigma)
     points = np.concatenate([optimum.x[None], up, down])
     done = stages.simulate("refinement", from_points(box, points), stages.settings.numerics)
     if len(done.points) < len(points):
         raise ValueError(f"the slopes at the optimum need every run beside it to complete: {done.lost}")
     inside = np.asarray(done.prediction.inside.all(axis=0))
     objective = Objective(stages.observations, inside, prior=stages.prior, slowly=True)
-    vectors, d = objective.vectors(done.prediction), box.dimension
-    change = (vectors[1 : d + 1] - vectors[d + 1 :]) / (up - down).sum(axis=1)[:, None]
-    return change.T, vectors[0], objective
+    vectors = objective.vectors(done.prediction)
+    return differences(vectors[1:], up, down), vectors[0], objective
 
 
 def _on_refined(
@@ -145,7 +148,7 @@ def _on_refined(
 
     `shift` is by how much the start lies from the coarser mesh's optimum; where it is not known, zero.
     """
-    found, x, other = None, start, None
+    found, x, other, misled = None, start, None, 0
     for number in range(MOST_RUNS):
         points, moved = x[None], x - start + shift
         if beside is not None and other is None and (number > 0 or moved.any()):
@@ -158,16 +161,30 @@ def _on_refined(
         if run.confirmed and (beside is None or other is not None):
             return run, other
         if found is not None and _cost(run) > _cost(found) + WORSE:
+            misled += 1
+            if misled == MISLED:
+                break
             x = 0.5 * (found.x + run.x)  # the step was too long for a linear model
         else:
             factor = 1.0
-            if found is not None:
+            if found is not None and _cost(run) <= _cost(found):  # uphill no step is lengthened
                 sigma = run.step.sigma
                 steps = found.step.change / sigma, run.step.change / sigma, (run.x - found.x) / sigma
                 factor = lengthening(*steps)
             found, x = run, np.clip(run.x + factor * run.step.change, *_bounds(stages.box))
     assert found is not None
     return found, other
+
+
+def _by_own_slopes(
+    stages: StagedRuns, objective: Objective, slope: FloatArray, last: RefinedRun
+) -> tuple[RefinedRun, FloatArray]:
+    """The run where least squares on the refined mesh end, and the slopes there; or what is given."""
+    own = search_on_refined(stages, objective, last.x)
+    if own is None:
+        return last, slope
+    run = _judged(stages, objective, own.slope, own.x, _completed(stages, own.x[None])[0], last)
+    return (run, own.slope) if _cost(run) <= _cost(last) else (last, slope)
 
 
 def _bounds(box: Box) -> tuple[FloatArray, FloatArray]:
