@@ -225,32 +225,15 @@ def least_squares_on(
     numerics: Numerics,
     points: FloatArray,
     steps: int,
-    *,
-    stage: str = "refinement",
-    at_rest: float = AT_REST,
 ) -> list[MeshOptimum]:
-    """Least squares on a mesh from some points, the most likely end first; the prior is more data.
-
-    Parameters
-    ----------
-    stages, objective, numerics
-        The simulations, what counts, and the mesh.
-    points
-        Starts, shape [n, d].
-    steps
-        Most trial points of each.
-    stage
-        What its runs are kept as.
-    at_rest
-        Length of the next step at which a search is at rest, in standard deviations.
-    """
+    """Least squares on a mesh from some points, the most likely end first; the prior is more data."""
     box, prior = stages.box, objective.prior
     inner, k = search_box(box), len(objective.data)
     known = np.zeros(0) if prior is None else np.zeros(len(prior.rows()))
 
     def run(points: FloatArray) -> FloatArray:
         x = from_search(box, points)
-        vectors = stages.vectors(stage, x, numerics, objective)
+        vectors = stages.vectors("refinement", x, numerics, objective)
         return vectors if prior is None else np.hstack([vectors, prior.residuals(x)])
 
     def weighting(residual: FloatArray) -> Whitening:
@@ -266,7 +249,7 @@ def least_squares_on(
         weighting=weighting,
         step=STEP,
         max_steps=steps,
-        at_rest=at_rest,
+        at_rest=AT_REST,
     )
     edges = np.array([0.5 if name == VALLEY else 1.0 for name in box.names])
     return [
