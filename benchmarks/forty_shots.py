@@ -8,11 +8,11 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
-from benchmarks.forty_cures import CURES
+from benchmarks.forty_cures import CURES, FINER_MESH
 from kolsky.base.errors import InputError
 from kolsky.base.process import WORKER
 from kolsky.identification import identify
@@ -21,6 +21,8 @@ from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
 from kolsky.virtual.shot_folder import TRUTH
 
+FINER = (32, 43)
+"""The mesh of the runs that search, where a finer one is the cure."""
 RIGHT = 0.01
 """Largest relative error of an answer that counts as right [-]."""
 COVERED = 3.0
@@ -110,15 +112,24 @@ def one(study: Study, name: str) -> Answer:
     if not study.cures or answer.kind != "refused" or answer.end.answered:
         return answer
     tried = {one.cure for one in answer.cured}
-    for words, cure in CURES.items():
-        place = Path(study.out) / "cured" / f"{name}-{re.sub('[^a-z]+', '-', words)}"
-        if words in tried or not cured_copy(folder, place, cure):
+    for words in cures_for(answer):
+        if words in tried:
             continue
-        answer.cured.append(attempt(study, name, place, words))
+        place, asked = folder, replace(study, mesh=FINER)
+        if words in CURES:
+            place, asked = Path(study.out) / "cured" / f"{name}-{re.sub('[^a-z]+', '-', words)}", study
+            if not cured_copy(folder, place, CURES[words]):
+                continue
+        answer.cured.append(attempt(asked, name, place, words))
         keep(answer, kept)
         if answer.end.answered:
             break
     return answer
+
+
+def cures_for(answer: Answer) -> list[str]:
+    """What to try on a refused shot: a finer mesh alone helps a search that has a value and no rest."""
+    return [FINER_MESH, *CURES] if answer.value is not None else list(CURES)
 
 
 def available() -> list[int]:

@@ -11,8 +11,8 @@ import pytest
 
 from benchmarks import forty_shots
 from benchmarks.forty import SPEC, attempts, series_of, spread, write
-from benchmarks.forty_cures import all_regions, flyer_region, with_subset
-from benchmarks.forty_shots import Answer, Study, cured_copy, keep_to, one, said_on_purpose, shares
+from benchmarks.forty_cures import CURES, all_regions, flyer_region, with_subset
+from benchmarks.forty_shots import Answer, Study, cured_copy, cures_for, keep_to, one, said_on_purpose, shares
 from dic.forks import cores
 from kolsky.base.errors import InputError
 from kolsky.base.process import WORKER
@@ -102,6 +102,25 @@ def test_cures_change_the_shot_file_alone(tmp_path: Path) -> None:
     assert not (tmp_path / "copy" / "results").exists()
 
 
+def test_a_refused_answer_is_searched_with_a_finer_mesh(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the pictures gave a value that was withheld; where they did not, no mesh helps."""
+    refused = replace(RIGHT, answered=False)
+    assert cures_for(refused) == ["a finer mesh", *CURES]
+    assert cures_for(replace(refused, value=None)) == list(CURES)
+    (tmp_path / "a.json").write_text(json.dumps(asdict(refused)), encoding="utf-8")
+    asked: list[tuple[Path, tuple[int, int]]] = []
+
+    def attempt(study: Study, name: str, folder: Path, cure: str = "") -> Answer:
+        asked.append((folder, study.mesh))
+        return replace(RIGHT, cure=cure)
+
+    monkeypatch.setattr(forty_shots, "attempt", attempt)
+    assert one(Study("no.toml", str(tmp_path)), "a").end.cure == "a finer mesh"
+    assert asked == [(tmp_path / "shots" / "a", (32, 43))]
+
+
 def test_errors_over_their_uncertainties() -> None:
     """z of 1 and -3 have a root mean square of the root of 5; what is not answered has none."""
     answers = [
@@ -133,7 +152,7 @@ def test_an_answer_is_kept_before_its_cures(tmp_path: Path, monkeypatch: pytest.
         asked.append(cure)
         if len(asked) == 2:
             raise KeyboardInterrupt
-        return replace(RIGHT, answered=bool(cure), cure=cure, cured=[])
+        return replace(RIGHT, value=None, sigma=None, answered=bool(cure), cure=cure, cured=[])
 
     monkeypatch.setattr(forty_shots, "attempt", attempt)
     study = Study("no.toml", str(tmp_path))
@@ -147,7 +166,7 @@ def test_an_answer_is_kept_before_its_cures(tmp_path: Path, monkeypatch: pytest.
 def test_every_shot_is_tried_before_a_cure_and_all_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of three shots the first is refused until it is given larger subsets: that comes last."""
+    """Of three shots the first is refused until it is given a finer mesh: that comes last."""
     asked: list[tuple[str, str]] = []
     for name in ("a", "b", "c"):
         shot = tmp_path / "shots" / name
@@ -162,7 +181,7 @@ def test_every_shot_is_tried_before_a_cure_and_all_is_kept(
     monkeypatch.setattr(forty_shots, "attempt", attempt)
     study = Study(str(SPEC), str(tmp_path))
     came = [[answer.end.kind for answer in answers] for answers in attempts(study, ["a", "b", "c"], 1)]
-    assert asked == [("a", ""), ("b", ""), ("c", ""), ("a", "larger subsets")]
+    assert asked == [("a", ""), ("b", ""), ("c", ""), ("a", "a finer mesh")]
     assert came == [["refused"], ["refused", "right"], ["refused", "right", "right"], ["right"] * 3]
     asked.clear()
     uncured = replace(study, out=str(tmp_path / "again"), cures=False)
