@@ -678,6 +678,20 @@ FAULTS = (
         tests=TOGETHER,
     ),
     Fault(
+        name="rigid body: what looks three quarters like it is it",
+        file="dic/tracking/rigid.py",
+        right="1.0 - float(np.median(match.zncc[agree])) > most",
+        wrong="1.0 - float(np.median(match.zncc[agree])) > 10.0 * most",
+        tests=("tests/unit/dic/test_dic_side_by_side.py",),
+    ),
+    Fault(
+        name="rigid body: one frame that looks like it sets the limit",
+        file="dic/tracking/rigid.py",
+        right="TIMES * float(np.median(before))",
+        wrong="TIMES * float(np.min(before))",
+        tests=("tests/unit/dic/test_dic_side_by_side.py",),
+    ),
+    Fault(
         name="rigid body: a quarter of the points in view is enough",
         file="dic/tracking/rigid.py",
         right="0.5 * inside.sum()",
