@@ -11,6 +11,7 @@ With `--workers` that many processes share the shots, the cores, and with `--dev
 
 import argparse
 import json
+import math
 import os
 import statistics
 import time
@@ -20,7 +21,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.forty_shots import KINDS, Answer, Study, available, one, shares
+from benchmarks.forty_shots import KINDS, RIGHT, Answer, Study, available, one, shares
 from kolsky.base.errors import InputError
 from kolsky.base.files import write_table
 from kolsky.base.process import process_pool
@@ -148,11 +149,22 @@ def spread(answers: list[Answer]) -> dict[str, float | None]:
     """Errors of m over their standard uncertainties, of the answered shots: root mean square and largest."""
     z = [(a.value - a.truth) / a.sigma for a in answers if a.answered and a.value is not None and a.sigma]
     if not z:
-        return {"scatter": None, "largest": None}
+        return {"scatter": None, "largest": None, "expected beyond 1 %": None}
     return {
         "scatter": statistics.fmean(one * one for one in z) ** 0.5,
         "largest": max(abs(one) for one in z),
+        "expected beyond 1 %": expected_beyond(answers),
     }
+
+
+def expected_beyond(answers: list[Answer]) -> float:
+    """How many of the answered shots lie beyond 1 % of their truth if their uncertainties are right.
+
+    Each with the probability 1 - erf(0.01 m / (sqrt 2 u)) of a normal error: it tells what share of the
+    answers that are not right is the tests' own uncertainty, and not a fault of the program.
+    """
+    given = [a for a in answers if a.answered and a.sigma]
+    return sum(math.erfc(RIGHT * abs(a.truth) / (2.0**0.5 * (a.sigma or 1.0))) for a in given)
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks import forty_shots
-from benchmarks.forty import SPEC, attempts, series_of, spread, write
+from benchmarks.forty import SPEC, attempts, expected_beyond, series_of, spread, write
 from benchmarks.forty_cures import CURES, all_regions, flyer_region, with_subset
 from benchmarks.forty_shots import Answer, Study, cured_copy, cures_for, keep_to, one, said_on_purpose, shares
 from dic.forks import cores
@@ -129,8 +129,12 @@ def test_errors_over_their_uncertainties() -> None:
         replace(RIGHT, truth=1.0, value=2.0, sigma=0.01, answered=False),
         replace(RIGHT, value=None, sigma=None, answered=False),
     ]
-    assert spread(answers) == pytest.approx({"scatter": 5.0**0.5, "largest": 3.0})
-    assert spread(answers[2:]) == {"scatter": None, "largest": None}
+    found = spread(answers)
+    assert (found["scatter"], found["largest"]) == pytest.approx((5.0**0.5, 3.0))
+    # Of two with a standard uncertainty of 1 % a third each lies beyond it, of one with 0.5 % a 22nd.
+    assert found["expected beyond 1 %"] == pytest.approx(2 * 0.3173, abs=1e-4)
+    assert expected_beyond([replace(answers[0], truth=2.0)]) == pytest.approx(0.0455, abs=1e-4)
+    assert set(spread(answers[2:]).values()) == {None}
 
 
 def test_a_seed_draws_another_population() -> None:
