@@ -561,9 +561,9 @@ FAULTS = (
     Fault(
         name="rim: cameras that disagree are averaged",
         file="dic/rigid_body/rest_from_rim.py",
-        right="MOST_APART = 4.0",
-        wrong="MOST_APART = 400.0",
-        tests=(f"{RIM[0]}::test_cameras_that_disagree_give_no_rim",),
+        right="len(sigmas)), 0.5 * apart))",
+        wrong="len(sigmas)), 0.05 * apart))",
+        tests=(f"{RIM[0]}::test_cameras_that_disagree_widen_the_rim",),
     ),
     Fault(
         name="start of a track: variances of two shape functions added",
