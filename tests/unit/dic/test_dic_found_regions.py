@@ -259,8 +259,8 @@ def test_a_specimen_ends_clear_of_the_arc_of_a_rim(plain):
 
 
 def test_a_polygon_holds_the_pixels_whose_centres_it_holds():
-    """A right triangle with legs of 4 px on pixel centres: 5 + 4 + 3 + 2 + 1 of them, its sides included; with its
-    corners half a pixel beyond them the same. OpenCV fills what the sides pass through beside it."""
+    """A right triangle with legs of 4 px on pixel centres: 5 + 4 + 3 + 2 + 1 of them, its sides included;
+    with its corners half a pixel beyond them the same. OpenCV fills what the sides pass through too."""
     mask = polygon_mask([(2.0, 1.0), (6.0, 1.0), (2.0, 5.0)], (8, 9))
     expected = np.zeros((8, 9), dtype=bool)
     for k in range(5):
