@@ -17,7 +17,7 @@ import statistics
 import time
 from collections.abc import Iterator
 from concurrent.futures import as_completed
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -145,6 +145,13 @@ def summary(study: Study, answers: list[Answer], missing: str) -> dict[str, Any]
     }
 
 
+def kept_answers(path: Path) -> list[Answer]:
+    """The answers of a forty.json, without their cures."""
+    names = {field.name for field in fields(Answer)} - {"cured"}
+    content = json.loads(path.read_text("utf-8"))["answers"]
+    return [Answer(**{name: one[name] for name in names}) for one in content]
+
+
 def spread(answers: list[Answer]) -> dict[str, float | None]:
     """Errors of m over their standard uncertainties, of the answered shots: root mean square and largest."""
     z = [(a.value - a.truth) / a.sigma for a in answers if a.answered and a.value is not None and a.sigma]
@@ -171,7 +178,9 @@ def main() -> None:
     """Run what is not there yet, and print the table."""
     parser = argparse.ArgumentParser(description="From pictures and volts only to m, on a drawn population.")
     parser.add_argument("--spec", default=str(SPEC))
-    parser.add_argument("--out", required=True)
+    place = parser.add_mutually_exclusive_group(required=True)
+    place.add_argument("--out")
+    place.add_argument("--of", help="print the spread of a forty.json, and do nothing else")
     parser.add_argument("--only", default="", help="numbers and ranges, e.g. 1-8,12")
     parser.add_argument("--seed", type=int, default=None, help="of the population, instead of its own")
     parser.add_argument("--exports", action="store_true", help="tables instead of pictures")
@@ -183,6 +192,9 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--threads", type=int, default=None)
     given = parser.parse_args()
+    if given.of:
+        print(json.dumps(spread(kept_answers(Path(given.of)))))
+        return
     from kolsky.cli import texts
 
     study = Study(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks import forty_shots
-from benchmarks.forty import SPEC, attempts, expected_beyond, series_of, spread, write
+from benchmarks.forty import SPEC, attempts, expected_beyond, kept_answers, series_of, spread, write
 from benchmarks.forty_cures import CURES, all_regions, flyer_region, with_subset
 from benchmarks.forty_shots import Answer, Study, cured_copy, cures_for, keep_to, one, said_on_purpose, shares
 from dic.forks import cores
@@ -195,6 +195,7 @@ def test_every_shot_is_tried_before_a_cure_and_all_is_kept(
     assert asked == [("a", ""), ("b", "")]
     found = write(uncured, kept, "")
     assert (found["right"], found["refused"]) == (1, 1)
+    assert kept_answers(tmp_path / "again" / "forty.json") == kept
     assert json.loads((tmp_path / "again" / "forty.json").read_text("utf-8"))["shots"] == 2
 
 
