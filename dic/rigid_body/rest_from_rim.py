@@ -129,7 +129,8 @@ def find_rim(
 def joined(found: list[float], sigmas: list[float]) -> Rim:
     """The rim from one camera or both.
 
-    Where they disagree one of them may show no rim, and which is not known: half of what they are apart is in
+    Both see the same paint before the same rim, so that what the model leaves out does not average out. Where
+    they disagree one of them may show no rim, and which is not known: half of what they are apart is in
     the standard deviation, so that the place of either lies one from the mean. By more than a length allows
     (`RestGeometry.known`), nothing counts from it.
 
@@ -143,7 +144,7 @@ def joined(found: list[float], sigmas: list[float]) -> Rim:
     apart = abs(found[0] - found[-1])
     return Rim(
         y=float(np.mean(found)),
-        sigma=float(np.hypot(np.sqrt(np.mean(np.square(sigmas)) / len(sigmas)), 0.5 * apart)),
+        sigma=float(np.hypot(np.sqrt(np.mean(np.square(sigmas))), 0.5 * apart)),
         cameras=len(found),
     )
 

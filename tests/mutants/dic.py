@@ -559,10 +559,17 @@ FAULTS = (
         tests=(f"{ORDER[0]}::test_pictures_of_other_poses_have_no_order",),
     ),
     Fault(
+        name="rim: what the model leaves out averages over the cameras",
+        file="dic/rigid_body/rest_from_rim.py",
+        right="np.sqrt(np.mean(np.square(sigmas)))",
+        wrong="np.sqrt(np.mean(np.square(sigmas)) / len(sigmas))",
+        tests=(f"{RIM[0]}::test_cameras_that_disagree_widen_the_rim",),
+    ),
+    Fault(
         name="rim: cameras that disagree are averaged",
         file="dic/rigid_body/rest_from_rim.py",
-        right="len(sigmas)), 0.5 * apart))",
-        wrong="len(sigmas)), 0.05 * apart))",
+        right="np.square(sigmas))), 0.5 * apart))",
+        wrong="np.square(sigmas))), 0.05 * apart))",
         tests=(f"{RIM[0]}::test_cameras_that_disagree_widen_the_rim",),
     ),
     Fault(

@@ -66,7 +66,7 @@ def test_cameras_that_disagree_widen_the_rim():
     for apart in (19.9e-6, 40e-6):
         found = joined([0.0, apart], [3e-6, 4e-6])
         assert found.y == pytest.approx(0.5 * apart)
-        assert found.sigma == pytest.approx(np.hypot(2.5e-6, 0.5 * apart))  # hypot(3, 4) / 2
+        assert found.sigma == pytest.approx(np.hypot(5e-6 / 2**0.5, 0.5 * apart))  # the mean of 9 and 16
     assert not RestGeometry(length=6e-3, length_sigma=found.sigma, radius=5e-3).known
     alone = joined([1e-6], [3e-6])
     assert (alone.y, alone.sigma, alone.cameras) == (1e-6, 3e-6, 1)
