@@ -413,7 +413,7 @@ FAULTS = (
     Fault(
         name="zero: the face beside the rim adds nothing",
         file="dic/rigid_body/axial_displacement.py",
-        right="FACE_SHARE, NARROW_FACE = 0.02, 1.0",
+        right="FACE_SHARE, NARROW_FACE = 0.01, 1.0",
         wrong="FACE_SHARE, NARROW_FACE = 0.0, 1.0",
         tests=(f"{RIM[0]}::test_what_static_frames_share",),
     ),
