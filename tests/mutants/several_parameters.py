@@ -5,6 +5,7 @@ from tests.mutants.fault import Fault
 PRIOR = ("tests/unit/inverse/test_prior.py",)
 SEVERAL = ("tests/unit/inverse/test_several_parameters.py",)
 VALLEYS = ("tests/unit/inverse/test_valleys.py",)
+DESCENT = ("tests/unit/inverse/test_refined_descent.py",)
 WHITENING = ("tests/unit/doe/test_whitening.py",)
 FREE = ("tests/unit/inverse/test_free_parameters.py",)
 NUMERICAL = ("tests/unit/uncertainty/test_numerical.py",)
@@ -61,7 +62,7 @@ FAULTS = (
     ),
     Fault(
         name="any step confirms the optimum",
-        file="kolsky/inverse/gauss_newton.py",
+        file="kolsky/inverse/refined_run.py",
         right="return self.step.moved <= CONFIRMED",
         wrong="return self.step.moved >= 0.0",
         tests=SEVERAL,
@@ -261,6 +262,41 @@ FAULTS = (
         right="WORSE = 4.0",
         wrong="WORSE = 3.5",
         tests=SEVERAL,
+    ),
+    Fault(
+        name="slopes that point uphill are never given up",
+        file="kolsky/inverse/gauss_newton.py",
+        right="if misled == MISLED:",
+        wrong="if misled < 0:",
+        tests=DESCENT,
+    ),
+    Fault(
+        name="own slopes from points twice as far apart",
+        file="kolsky/inverse/refined_descent.py",
+        right="vectors[:d] - vectors[d:]) / (up - down)",
+        wrong="vectors[:d] - vectors[d:]) / (2.0 * up - 2.0 * down)",
+        tests=DESCENT,
+    ),
+    Fault(
+        name="an own step that rises is kept",
+        file="kolsky/inverse/refined_descent.py",
+        right="if cost(run) <= cost(last):",
+        wrong="if cost(run) <= cost(last) + 10.0:",
+        tests=DESCENT,
+    ),
+    Fault(
+        name="a step that rises is repeated, not halved",
+        file="kolsky/inverse/refined_descent.py",
+        right="share *= 0.5",
+        wrong="share *= 1.0",
+        tests=DESCENT,
+    ),
+    Fault(
+        name="neighbours beyond the box",
+        file="kolsky/inverse/refined_descent.py",
+        right="return np.minimum(x + h, upper), np.maximum(x - h, lower)",
+        wrong="return x + h, x - h",
+        tests=DESCENT,
     ),
     Fault(
         name="half as many motions at the floor of a valley",

@@ -11,10 +11,11 @@ from doe import Box
 from explicit import Ending, Outcome
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.gauss_newton import RefinedRun, _on_refined
+from kolsky.inverse.gauss_newton import _on_refined
 from kolsky.inverse.linear_step import Step
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
+from kolsky.inverse.refined_run import RefinedRun
 from kolsky.inverse.refined_search import CONFIRMED
 from kolsky.inverse.refined_steps import LONGEST, foretold, lengthening
 from kolsky.inverse.run_table import RunTable
