@@ -15,6 +15,7 @@ from dic.correlation import Correlation
 from dic.correlation.kernels import launch
 from dic.correlation.kernels.device import select_device
 from dic.forks import can_fork, forking
+from dic.images.memory import PicturesInMemory
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import rigid
@@ -71,9 +72,9 @@ def followed(monkeypatch, together):
     matched = rigid.correlate
     monkeypatch.setattr(rigid, "MOST_TOGETHER", together)
     monkeypatch.setattr(rigid, "correlate", lambda *a, **k: launches.append(len(a[2])) or matched(*a, **k))
-    series = SimpleNamespace(n_frames=len(frames), frame=lambda k: frames[k])
+    series = PicturesInMemory(tuple(np.rint(50.0 * frames + 500.0).astype(np.uint16)))
     found = rigid.track_rigid(
-        series, points, Correlation(subset=15, least_zncc=0.8), noise=1.0,
+        series, points, Correlation(subset=15, least_zncc=0.8), noise=50.0,
         frame_outcome=np.full(len(frames), int(FrameOutcome.VALID)),
     )  # fmt: skip
     monkeypatch.setattr(rigid, "correlate", matched)
