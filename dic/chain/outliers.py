@@ -13,6 +13,7 @@ from dic.chain.test_frame import RestState
 from dic.outcome import PointOutcome
 from dic.rigid_body.axial_displacement import AxialDisplacement
 from dic.stereo import reconstruct
+from dic.stereo.reconstruction import GATE, with_narrower_gates
 from dic.surfaces import static_mean
 from dic.surfaces.residual_map import unlike_points
 from dic.surfaces.smoothness import off_surface, spacing
@@ -44,12 +45,11 @@ def gate_epipolar(inputs: Inputs, body: TrackedBody, rest_state: RestState) -> T
     r, rest = body.reconstruction, rest_state.rest
     at_rest = r.epipolar[rest][r.outcome[rest] == PointOutcome.VALID]
     gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(at_rest))) / 0.6745)
-    return replace(
-        body,
-        reconstruction=reconstruct(
-            inputs.rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS, common=body.common
-        ),
-    )
+    if gate <= GATE:  # what it has now was let through by these
+        found = with_narrower_gates(r, gate=gate, gate_sigmas=OWN_SIGMAS)
+    else:
+        found = reconstruct(inputs.rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS, common=body.common)
+    return replace(body, reconstruction=found)
 
 
 def gate_ends(

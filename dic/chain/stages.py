@@ -73,6 +73,7 @@ def measure(
     flyer: Region | None = None,
     facts: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
+    idle: Callable[[], None] = lambda: None,
 ) -> StereoResult:
     """Measure surfaces, outline and the flyer's displacement in two series of pictures.
 
@@ -96,6 +97,8 @@ def measure(
         What else is known about the pictures, for the reporting table.
     progress
         Told of the frames done, stage by stage.
+    idle
+        Work of the caller's for the time in which this process waits for another one.
 
     Returns
     -------
@@ -128,6 +131,7 @@ def measure(
         )
         body = clock("gates", partial(gate_epipolar, inputs, body, rest_state))
         flyer_surface = surface_of_flyer(inputs, tracked_flyer, placement)
+        idle()
         axial = clock.of("flyer's displacement", axial_later())
     with beside(partial(timed, poses_of, inputs, tracked_flyer, placement, axial)) as motion_later:
         body = gate_ends(inputs, body, rest_state, axial)

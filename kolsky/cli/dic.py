@@ -58,6 +58,7 @@ def dic(
     from dic.forks import forking
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import print_result, progress_bars, since
+    from kolsky.report.result_folder import load_dic_page, write_dic_results
     from kolsky.shot.load import load_pictures
     from kolsky.shot.optical_data import RESULT_FILE, surfaces
 
@@ -65,12 +66,12 @@ def dic(
     folder = usable_folder(out or loaded.folder / "results")
     with progress_bars() as progress, forking():
         began = perf_counter()
-        found = surfaces(loaded.pictures, folder, device=device, again=again, progress=progress)
+        found = surfaces(
+            loaded.pictures, folder, device=device, again=again, progress=progress, idle=load_dic_page
+        )
     result, now = found.result, perf_counter()
     times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
     times["surfaces file"] = now - began - sum(times.values())
-    from kolsky.report.result_folder import write_dic_results
-
     now = perf_counter()
     write_dic_results(folder, loaded, found, formats=formats, csv=csv, vtp=vtp, processes=2)
     times["files and page"] = perf_counter() - now

@@ -162,7 +162,16 @@ def _software() -> str:
         return "kolsky, not installed"
 
 
-def correlated(pictures: PictureSet, device: str, progress: Progress) -> StereoResult:
+def correlated(
+    pictures: PictureSet, device: str, progress: Progress, idle: Callable[[], None] = lambda: None
+) -> StereoResult:
+    """The stereo result of a shot; `idle` as of `dic.chain.measure`.
+
+    Raises
+    ------
+    InputError
+        As `kolsky.shot.optical_data.surfaces`.
+    """
     toml, declared = pictures.toml, pictures.toml.declared
     section = declared.dic
     assert section is not None  # shots with pictures have it
@@ -205,6 +214,7 @@ def correlated(pictures: PictureSet, device: str, progress: Progress) -> StereoR
                 **({"refinement": refinement} if refinement else {}),
             },
             progress=progress,
+            idle=idle,
         )
         whole = {"calibration": calibrating, "correlation": perf_counter() - started}
         remarks = (*result.remarks, *of_colours(pictures.series))
