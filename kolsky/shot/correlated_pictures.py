@@ -23,7 +23,7 @@ from kolsky.base.errors import InputError
 from kolsky.shot.picture_scale import check_length, lengths_seen
 from kolsky.shot.picture_set import PictureSet
 from kolsky.shot.refined_rig import refined
-from kolsky.shot.rig import calibrated
+from kolsky.shot.rig import Calibrated, calibrated
 from kolsky.shot.schema.apparatus import SpecimenSection
 from kolsky.shot.schema.pictures import DicSection, RegionSection
 from kolsky.shot.schema.reading import ShotToml
@@ -163,9 +163,19 @@ def _software() -> str:
 
 
 def correlated(
-    pictures: PictureSet, device: str, progress: Progress, idle: Callable[[], None] = lambda: None
+    pictures: PictureSet,
+    device: str,
+    progress: Progress,
+    *,
+    cameras: Callable[[Progress], Calibrated] | None = None,
+    idle: Callable[[], None] = lambda: None,
 ) -> StereoResult:
-    """The stereo result of a shot; `idle` as of `dic.chain.measure`.
+    """The stereo result of a shot.
+
+    Parameters
+    ----------
+    pictures, device, progress, cameras, idle
+        As of `kolsky.shot.optical_data.surfaces`.
 
     Raises
     ------
@@ -175,12 +185,12 @@ def correlated(
     toml, declared = pictures.toml, pictures.toml.declared
     section = declared.dic
     assert section is not None  # shots with pictures have it
+    places = places_of(pictures)  # others may be looking at the target meanwhile
     started = perf_counter()
-    cameras = calibrated(pictures, progress)
+    found = calibrated(pictures, progress) if cameras is None else cameras(progress)
     calibrating = perf_counter() - started
-    places = places_of(pictures)
     sizes = (pictures.series[0].shape, pictures.series[1].shape)
-    seen = lengths_seen(cameras.rig, np.array(places.specimen.corners), section.flyer_side, sizes)
+    seen = lengths_seen(found.rig, np.array(places.specimen.corners), section.flyer_side, sizes)
     check_length(toml, seen)
     static = np.arange(pictures.time.size) < declared.frames.static
     settings = chain_settings(section, declared.specimen, places.edge, device, length_sigma_of(toml))
@@ -190,7 +200,7 @@ def correlated(
         assert declared.calibration is not None  # shots with pictures have it
         rig, refinement = refined(
             declared.calibration,
-            cameras.rig,
+            found.rig,
             pictures.series,
             places.specimen.frame,
             polygon_mask(places.specimen.corners, pictures.series[0].shape),
@@ -208,7 +218,7 @@ def correlated(
             flyer=places.flyer,
             facts={
                 "reporting": reporting,
-                "calibration": cameras.words,
+                "calibration": found.words,
                 "software": _software(),
                 "regions": places.words,
                 **({"refinement": refinement} if refinement else {}),

@@ -17,6 +17,7 @@ from kolsky.shot.correlated_pictures import Progress, correlated, key_of, length
 from kolsky.shot.flyer_refusal import why_unknown
 from kolsky.shot.picture_set import PictureSet
 from kolsky.shot.records import OpticalData
+from kolsky.shot.rig import Calibrated
 from kolsky.shot.shared_errors import (
     outline_offsets,
     picture_errors,
@@ -74,6 +75,7 @@ def surfaces(
     device: str = "cpu",
     again: bool = False,
     progress: Progress = lambda stage, done, total: None,
+    cameras: Callable[[Progress], Calibrated] | None = None,
     idle: Callable[[], None] = lambda: None,
 ) -> Surfaces:
     """Correlate the pictures of a shot, or read back what they gave.
@@ -91,6 +93,8 @@ def surfaces(
         Correlate even if there is such a file.
     progress
         Told of the frames done, stage by stage.
+    cameras
+        The cameras that `kolsky.shot.rig.calibrated_beside` has begun to find; None: they are found here.
     idle
         Work of the caller's for the time in which this process waits for another one.
 
@@ -108,7 +112,7 @@ def surfaces(
         except InputError:
             pass  # damaged since it was written: made anew
     with single_threaded_libraries(), infrequent_gc():
-        result = correlated(pictures, device, progress, idle)
+        result = correlated(pictures, device, progress, cameras=cameras, idle=idle)
         with filling(folder) as partial:
             file = partial / RESULT_FILE
             with beside(lambda: write_stereo_result(file, result, key=key)) as written:
