@@ -1,11 +1,11 @@
 """Two tracks of the same points, one a camera, to positions in space."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.arrays import FloatArray, IntArray
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.camera import StereoRig
 from dic.correlation.warp import apply, gradient
 from dic.outcome import PointOutcome
@@ -118,13 +118,13 @@ def reconstruct(
     return result
 
 
-def with_narrower_gates(found: Reconstruction, *, gate: float, gate_sigmas: float) -> Reconstruction:
-    """What `reconstruct` would give with gates that are no wider than those it had, without its work.
+def narrow_gates(found: Reconstruction, *, gate: float, gate_sigmas: float) -> None:
+    """Make of a reconstruction, in place, what `reconstruct` would give with gates no wider than it had.
 
     Parameters
     ----------
     found
-        What it gave.
+        What `reconstruct` gave.
     gate, gate_sigmas
         As there.
 
@@ -136,13 +136,23 @@ def with_narrower_gates(found: Reconstruction, *, gate: float, gate_sigmas: floa
     if found.epipolar_sigma is None:
         raise ValueError("the standard deviations of the epipolar distances are not known: reconstruct again")
     beyond = np.abs(found.epipolar) > np.maximum(gate, gate_sigmas * found.epipolar_sigma)
-    gone = beyond & (found.outcome == PointOutcome.VALID)
-    return replace(
-        found,
-        position=np.where(gone[..., None], np.nan, found.position),
-        covariance=np.where(gone[..., None, None], np.nan, found.covariance),
-        outcome=np.where(gone, int(PointOutcome.STEREO_MISMATCH), found.outcome),
-    )
+    end_points(found, beyond & (found.outcome == PointOutcome.VALID), PointOutcome.STEREO_MISMATCH)
+
+
+def end_points(found: Reconstruction, points: BoolArray, outcome: PointOutcome) -> None:
+    """End points of a reconstruction with an outcome, in place: a copy would be as large as all there is.
+
+    Parameters
+    ----------
+    found
+        The reconstruction.
+    points
+        Which points of which frames, shape [n_frames, n_points].
+    outcome
+        Their outcome.
+    """
+    found.position[points], found.covariance[points] = np.nan, np.nan
+    found.outcome[points] = int(outcome)
 
 
 def _reconstruct_part(

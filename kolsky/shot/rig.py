@@ -145,7 +145,7 @@ def calibration_begun(
     callable
         Gives what `calibration_of` gives, and raises what that raises.
     """
-    from dic.calibration.detect import detection_begun
+    from dic.calibration import detection_begun
 
     assert section.target is not None  # the schema saw to it
     assert section.distortion is not None

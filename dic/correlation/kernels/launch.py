@@ -230,8 +230,6 @@ def _launch_on_device(kernel: Any, job: Any, lane: Lane, n: int) -> None:
     """Search the points of a lane on its stream."""
     slots = min(n, lane.device.sm_count * WARPS_PER_PROCESSOR)
     size = slots * ARRAYS * job.room
-    if not n:
-        return
     if lane.scratch is None or lane.scratch.size < size:
         lane.scratch = wp.empty(size, dtype=wp.float32, device=lane.device)
         lane.stream.wait_stream(lane.device.stream)  # that it was allocated on

@@ -143,7 +143,9 @@ def in_parts(
         iterations=np.empty(n, dtype=np.int64),
         outcome=np.empty(n, dtype=np.int64),
     )
-    count = max(1, -(-n // most))
+    if not n:
+        return match
+    count = -(-n // most)
     ends = [k * n // count for k in range(count + 1)]
     lanes = _kept.lanes.setdefault(device.alias, [])
     while len(lanes) < min(count, LANES):
@@ -154,8 +156,9 @@ def in_parts(
             lane.end(match)
             lane.make_room(ends[k + 1] - ends[k])
             lane.begin(columns, slice(ends[k], ends[k + 1]), launch)
-        for k in range(count, count + LANES):
-            lanes[k % len(lanes)].end(match)
+        for k in range(count, count + LANES):  # in the order in which they were begun
+            if k % LANES < len(lanes):
+                lanes[k % LANES].end(match)
     finally:
         for lane in lanes:  # after an error: what is under way belongs to no later call
             lane.rows = None

@@ -173,4 +173,9 @@ def test_a_part_after_an_error_does_not_end_up_in_the_next_call():
     found = transfer.in_parts(columns, 6, device, numbered, most=2)
     np.testing.assert_array_equal(found.zncc, np.arange(6.0))
     np.testing.assert_array_equal(found.warp, np.arange(6.0)[:, None] * np.ones(12))
-    assert transfer.in_parts([np.zeros(0)], 0, device, numbered).warp.shape == (0, 12)
+
+
+def test_no_points_are_no_part(monkeypatch):
+    monkeypatch.setattr(transfer, "_kept", transfer._Kept())
+    none = transfer.in_parts([np.zeros(0)], 0, select_device("cpu"), lambda lane, n: pytest.fail("launched"))
+    assert none.warp.shape == (0, 12)
