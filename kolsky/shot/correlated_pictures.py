@@ -12,7 +12,7 @@ import numpy as np
 
 from dic.bodies.found_regions import FoundRegions, find_regions
 from dic.bodies.region import Region, polygon_mask
-from dic.chain import VERSION, ChainError, ChainSettings, measure
+from dic.chain import VERSION, ChainError, ChainSettings, inspect_pictures, measure
 from dic.correlation import Correlation, Shape
 from dic.images import frame_health
 from dic.images.facts import of_colours
@@ -185,14 +185,19 @@ def correlated(
     toml, declared = pictures.toml, pictures.toml.declared
     section = declared.dic
     assert section is not None  # shots with pictures have it
-    places = places_of(pictures)  # others may be looking at the target meanwhile
+    # others may be looking at the target meanwhile
+    places = places_of(pictures)
+    static = np.arange(pictures.time.size) < declared.frames.static
+    try:
+        inspection = inspect_pictures(pictures.series, static)
+    except ChainError as error:
+        raise _no_surface(toml, error) from error
     started = perf_counter()
     found = calibrated(pictures, progress) if cameras is None else cameras(progress)
     calibrating = perf_counter() - started
     sizes = (pictures.series[0].shape, pictures.series[1].shape)
     seen = lengths_seen(found.rig, np.array(places.specimen.corners), section.flyer_side, sizes)
     check_length(toml, seen)
-    static = np.arange(pictures.time.size) < declared.frames.static
     settings = chain_settings(section, declared.specimen, places.edge, device, length_sigma_of(toml))
     reporting = {} if declared.reporting is None else declared.reporting.model_dump(exclude_none=True)
     try:
@@ -225,18 +230,23 @@ def correlated(
             },
             progress=progress,
             idle=idle,
+            inspection=inspection,
         )
         whole = {"calibration": calibrating, "correlation": perf_counter() - started}
         remarks = (*result.remarks, *of_colours(pictures.series))
         return replace(result, seconds={**whole, **result.seconds}, remarks=remarks)
     except ChainError as error:
-        raise InputError(
-            toml.path,
-            f"its pictures give no surface: {error}",
-            cure="look at them with `kolsky dic --regions`: are specimen and cameras right?",
-        ) from error
+        raise _no_surface(toml, error) from error
     except ValueError as error:
         raise toml.error("dic", f"does not fit the pictures: {error}") from error
+
+
+def _no_surface(toml: ShotToml, error: ChainError) -> InputError:
+    return InputError(
+        toml.path,
+        f"its pictures give no surface: {error}",
+        cure="look at them with `kolsky dic --regions`: are specimen and cameras right?",
+    )
 
 
 def _region(section: RegionSection) -> Region:

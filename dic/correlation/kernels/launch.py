@@ -242,8 +242,8 @@ def _launch_on_device(kernel: Any, job: Any, lane: Lane, n: int) -> None:
 
 def _launch_on_host(kernel: Any, job: Any, n: int, device: Any, threads: int) -> None:
     """Search all points of a job, shared out over threads."""
-    wp.load_module(kernel.module, device=device, block_dim=1)
     threads = min(threads, -(-n // SHARE))
+    _load(kernel, device.alias)
     if threads == 1:
         _share(kernel, job, device, range(0, n, SHARE), n)
         return
@@ -251,6 +251,12 @@ def _launch_on_host(kernel: Any, job: Any, n: int, device: Any, threads: int) ->
         shares = [range(thread * SHARE, n, threads * SHARE) for thread in range(threads)]
         for done in [pool.submit(_share, kernel, _copy(job), device, share, n) for share in shares]:
             done.result()
+
+
+@cache
+def _load(kernel: Any, device: str) -> None:
+    """Have the kernel compiled, by one thread."""
+    wp.load_module(kernel.module, device=device, block_dim=1)
 
 
 def _share(kernel: Any, job: Any, device: Any, firsts: range, n: int) -> None:

@@ -49,10 +49,13 @@ def fill(given: FloatArray, columns: Sequence[NDArray[Any]], rows: slice) -> int
 
 def split(found: FloatArray, n: int) -> tuple[FloatArray, ...]:
     """Warps, covariances, correlations, updates and outcomes of n points, as views."""
-    warp, covariance, zncc, iterations, outcome = np.split(
-        found[: FOUND * n], [12 * n, 16 * n, 17 * n, 18 * n]
+    return (
+        found[: 12 * n].reshape(n, 12),
+        found[12 * n : 16 * n].reshape(n, 2, 2),
+        found[16 * n : 17 * n],
+        found[17 * n : 18 * n],
+        found[18 * n : 19 * n],
     )
-    return warp.reshape(n, 12), covariance.reshape(n, 2, 2), zncc, iterations, outcome
 
 
 @dataclass

@@ -27,7 +27,14 @@ def processes(monkeypatch, *sizes, device="cpu"):
     """Processes that follow camera 0 and camera 1 of bodies with so many points times frames, and what is
     told of the progress."""
     monkeypatch.setattr(follow, "track_body", lambda body, camera, told: (body.name, camera, os.getpid()))
-    monkeypatch.setattr(follow, "_reconstructed", lambda body, rig, stereo, tracks: tracks)
+    monkeypatch.setattr(follow, "_common_of", lambda body, stereo, tracks: len(body.name))
+    monkeypatch.setattr(follow, "reconstruct", lambda rig, *tracks, common: (tracks, common))
+
+    def tracked(body, tracks, made, common):
+        assert made == (tracks, common)
+        return tracks
+
+    monkeypatch.setattr(follow, "_tracked", tracked)
     bodies = [
         SimpleNamespace(name=f"body {k}", size=size, device=device, health=(np.zeros(9), np.zeros(9)))
         for k, size in enumerate(sizes)
