@@ -183,7 +183,7 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--curves", action="store_true", help="the search along epipolar curves alone")
     o = parser.parse_args()
-    if not o.curves:
+    if not o.curves and o.device != "cpu":
         whole(256, 300, 3, o.device)  # compiles, or loads
     found = curves(o.side, o.points, o.device) if o.curves else whole(o.side, o.points, o.frames, o.device)
     print(json.dumps(found))
