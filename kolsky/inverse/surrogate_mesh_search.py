@@ -17,10 +17,12 @@ from doe import Box, from_points, latin_hypercube
 from doe.least_squares import least_squares
 from doe.whitening import Whitening
 from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.inverse.coarse_search import CoarseOptimum
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.front_noise import data_change, front_modes, learn_front_noise, noise_of
+from kolsky.inverse.front_noise import data_change, front_modes, noise_of
 from kolsky.inverse.likely_path import FOLLOWED, PathModes, credible, likely_amplitudes, size
 from kolsky.inverse.objective import Objective
+from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
 from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.valleys import VALLEY, likelihoods, likely_valleys, valley_levels
@@ -114,18 +116,54 @@ def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int]
         ends = [ends[likely]]
     (best,) = least_squares_on(stages, objective, first, ends[0].x[None], MOST_STEPS)
     if surrogate.mesh == first.mesh:
-        if stages.settings.replicates:
-            learn_front_noise(stages, stages.replicate(best.x))
-        return {first.mesh: best}
+        return follow_meshes(stages, objective, best, np.zeros(stages.box.dimension))
     (fine,) = least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
-    found = {first.mesh: best, surrogate.mesh: fine}
+    return follow_meshes(stages, objective, fine, best.x - fine.x)
+
+
+def search_meshes_for_one(stages: StagedRuns, coarse: CoarseOptimum) -> dict[tuple[int, int], MeshOptimum]:
+    """Optima of one parameter on both coarse meshes, from that of a surrogate.
+
+    Parameters
+    ----------
+    stages
+        The identification's simulations; all runs join their table.
+    coarse
+        The optimum on the surrogate's mesh under the path as it was fitted to the record.
+    """
+    model, box = CorrectedSurrogate(coarse.surrogate).predict, coarse.box
+    vector, slope = model(coarse.x)[0], jacobian(model, box, coarse.x)
+    sigma = np.sqrt(np.diag(coarse.objective.covariance(slope, vector)))
+    best = MeshOptimum(coarse.x, sigma, float(coarse.objective.deviance(vector[None])[0]), converged=True)
+    objective = Objective(stages.observations, coarse.objective.counted, prior=stages.prior)
+    return follow_meshes(stages, objective, best, np.zeros(1))
+
+
+def follow_meshes(
+    stages: StagedRuns, objective: Objective, fine: MeshOptimum, shift: FloatArray
+) -> dict[tuple[int, int], MeshOptimum]:
+    """Optima on both coarse meshes with the front face's path where the data put it, and its replicates.
+
+    Parameters
+    ----------
+    stages, objective
+        As of `follow_front`.
+    fine
+        The optimum on the surrogate's mesh.
+    shift
+        The optimum on the mesh of the replicates less that, as far as it is known, shape [d].
+    """
+    surrogate = stages.settings.numerics
+    first = surrogate.with_mesh(min(surrogate.mesh, stages.settings.replicate_mesh))
     if stages.settings.replicates:
         # There the ringing is nearer to the refined mesh's, and so are the patterns of its noise.
-        found[surrogate.mesh] = follow_front(stages, objective, surrogate, fine)
+        fine = follow_front(stages, objective, surrogate, fine)
         objective = replace(objective, observations=stages.observations)
-        near = found[surrogate.mesh].x + best.x - fine.x
-        near = np.clip(near, stages.box.lower, stages.box.upper)
+    found = {surrogate.mesh: fine}
+    if first.mesh != surrogate.mesh:
+        near = np.clip(fine.x + shift, stages.box.lower, stages.box.upper)
         (found[first.mesh],) = least_squares_on(stages, objective, first, near[None], MOST_STEPS)
+    if stages.settings.replicates:
         stages.replicate(found[first.mesh].x, lesson=False)
     return found
 
