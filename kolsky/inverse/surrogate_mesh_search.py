@@ -9,6 +9,7 @@ ratio: a valley is a few percent of 1 - 2 nu wide, whatever nu is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from doe import Box, from_points, latin_hypercube
 from doe.least_squares import least_squares
 from doe.whitening import Whitening
 from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.inverse import valleys
 from kolsky.inverse.coarse_search import CoarseOptimum
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.front_noise import data_change, front_modes, noise_of
@@ -25,7 +27,8 @@ from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
 from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.staged_runs import StagedRuns
-from kolsky.inverse.valleys import VALLEY, likelihoods, likely_valleys, valley_levels
+from kolsky.inverse.summits import Summit, climb
+from kolsky.inverse.valleys import VALLEY, judged, likely_valleys, valley_levels
 
 BEST = 3
 """Starts where Poisson's ratio is held, the best of a design."""
@@ -110,15 +113,38 @@ def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int]
     first = surrogate.with_mesh(min(surrogate.mesh, stages.settings.replicate_mesh))
     points, objective = starts(stages, start, first)
     ends = least_squares_on(stages, objective, first, points, FIRST_STEPS)
-    if VALLEY in stages.box.names and len(ends) > 1:
-        floors = np.array([end.x for end in ends])
-        likely = int(np.argmin(likelihoods(stages, floors, first, objective.counted)))
-        ends = [ends[likely]]
-    (best,) = least_squares_on(stages, objective, first, ends[0].x[None], MOST_STEPS)
+    begin = ends[0].x
+    if VALLEY in stages.box.names:
+        summit = likeliest(stages, objective, first, ends)
+        begin = summit.x
+        if stages.settings.replicates:
+            # Without them least squares would go back to the floor.
+            stages.know_front_noise(summit.patterns)
+            objective = replace(objective, observations=stages.observations)
+    (best,) = least_squares_on(stages, objective, first, begin[None], MOST_STEPS)
     if surrogate.mesh == first.mesh:
         return follow_meshes(stages, objective, best, np.zeros(stages.box.dimension))
     (fine,) = least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
     return follow_meshes(stages, objective, fine, best.x - fine.x)
+
+
+def likeliest(
+    stages: StagedRuns, objective: Objective, numerics: Numerics, ends: Sequence[MeshOptimum]
+) -> Summit:
+    """The summit of the likelihood that is reached from the likeliest of some valleys' floors.
+
+    Raises
+    ------
+    ValueError
+        If no run at a floor completes.
+    """
+    floors = np.array([end.x for end in ends])
+    runs = stages.under_other_motions(floors, valleys.MOTIONS, numerics)
+    likely = int(np.argmin(judged(stages, floors, runs, objective.counted)))
+    found = runs[likely]
+    if found is None:
+        raise ValueError("no run at a floor of Poisson's valleys completed")
+    return climb(stages, floors[likely], found, numerics, objective.counted)
 
 
 def search_meshes_for_one(stages: StagedRuns, coarse: CoarseOptimum) -> dict[tuple[int, int], MeshOptimum]:
@@ -188,6 +214,8 @@ def follow_front(
     n = min(MOTIONS, stages.settings.replicates)
     fitted, noise = stages.prepared.path, noise_of(stages.observations)
     deviations, first, shares = stages.front_deviations(n), best, np.zeros(n)
+    # Patterns that ring at another frequency than the model would hold Poisson's ratio where they were made.
+    followed = 0.0 if VALLEY in stages.box.names else FOLLOWED
     for _ in range(MOST_MOVES):
         runs = stages.under_other_motions(best.x[None], n, numerics)[0]
         if runs is None:
@@ -207,7 +235,7 @@ def follow_front(
             stages.move_front(fitted, 0.0)
             stages.know_front_noise(modes.patterns)
             return first
-        if shares.any() or size(amplitudes) > FOLLOWED:
+        if shares.any() or size(amplitudes) > followed:
             shares = amplitudes @ modes.shares
             stages.move_front(modes.moved(fitted, amplitudes), size(amplitudes))
             stages.know_front_noise(modes.patterns, amplitudes @ modes.patterns)
