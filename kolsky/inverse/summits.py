@@ -64,6 +64,7 @@ def climb(
     table, number = oscillation_table(stages, factor, (box.lower[i], box.upper[i]))
     middle = float(np.interp(floor[i], table, number))
     places: dict[int, tuple[FloatArray, Prediction | None]] = {0: (floor, runs)}
+    deviations = stages.front_deviations(MOTIONS)
     best, new = 0, strides_beside(0, {0})
     while True:
         new = [k for k in new if number[0] <= middle + STRIDE * k <= number[-1]]
@@ -71,7 +72,7 @@ def climb(
             break
         points = np.tile(floor, (len(new), 1))
         points[:, i] = np.interp(middle + STRIDE * np.array(new), number, table)
-        found = stages.under_other_motions(points, MOTIONS, numerics)
+        found = stages.under_other_motions(points, deviations, numerics)
         places |= dict(zip(new, zip(points, found, strict=True), strict=True))
         order = sorted(places)
         at = np.array([places[k][0] for k in order])

@@ -139,7 +139,7 @@ def likeliest(
         If no run at a floor completes.
     """
     floors = np.array([end.x for end in ends])
-    runs = stages.under_other_motions(floors, valleys.MOTIONS, numerics)
+    runs = stages.under_other_motions(floors, stages.front_deviations(valleys.MOTIONS), numerics)
     likely = int(np.argmin(judged(stages, floors, runs, objective.counted)))
     found = runs[likely]
     if found is None:
@@ -213,15 +213,15 @@ def follow_front(
     """
     n = min(MOTIONS, stages.settings.replicates)
     fitted, noise = stages.prepared.path, noise_of(stages.observations)
-    deviations, first, shares = stages.front_deviations(n), best, np.zeros(n)
+    deviations, first, shares, size_of_run = stages.front_deviations(n), best, np.zeros(n), 1.0
     # Patterns that ring at another frequency than the model would hold Poisson's ratio where they were made.
     followed = 0.0 if VALLEY in stages.box.names else FOLLOWED
     for _ in range(MOST_MOVES):
-        runs = stages.under_other_motions(best.x[None], n, numerics)[0]
+        runs = stages.under_other_motions(best.x[None], size_of_run * deviations, numerics)[0]
         if runs is None:
             break
-        change = data_change(runs)[1:]
-        if len(change) < n:  # which motion was lost is not known
+        change = data_change(runs)[1:] / size_of_run
+        if len(change) < len(deviations):  # which motion was lost is not known
             stages.know_front_noise(front_modes(change, noise), stages.observations.front_offset)
             break
         modes = PathModes.of(change, noise, deviations)
@@ -243,6 +243,8 @@ def follow_front(
         (best,) = least_squares_on(stages, weighed, numerics, best.x[None], MOST_STEPS)
         if (np.abs(best.x - before.x) <= STILL * best.sigma).all():
             break
+        if size_of_run == 1.0:
+            deviations, shares, size_of_run = modes.as_replicates(shares)
     return best
 
 
