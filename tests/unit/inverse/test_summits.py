@@ -47,12 +47,19 @@ def test_least_squares_that_do_not_know_the_onset_would_stay() -> None:
 
 
 def test_a_climb_ends_at_the_bounds() -> None:
-    made: Any = Onset(np.array([2.0, -1.5]))
-    low, high = turns(np.array([TRUTH[0], 0.49])), turns(np.array([TRUTH[0], 0.4999]))
-    at = turns(TRUTH)
-    found = climbed(made, off_by(at - low - 0.1).x)  # a tenth of an oscillation above the lower bound
-    assert low <= turns(found.x) <= high
-    assert not climbed(made, off_by(at - low - 0.1).x).strides < 0
+    run: list[float] = []
+
+    class Kept(Onset):
+        def under_other_motions(self, points: np.ndarray, deviations: np.ndarray, numerics: Any) -> Any:
+            run.extend(turns(x) for x in points)
+            return super().under_other_motions(points, deviations, numerics)
+
+    made: Any = Kept(np.array([2.0, -1.5]))
+    low = turns(np.array([TRUTH[0], 0.49]))
+    floor = low + 0.6  # one stride above the lower bound
+    climbed(made, off_by(turns(TRUTH) - floor).x)
+    assert sorted(run)[:3] == pytest.approx([floor - STRIDE, floor, floor + STRIDE], abs=1e-2)
+    assert len(set(np.round(run, 3))) == len(run)
 
 
 def test_places_to_run_next_by_hand() -> None:
