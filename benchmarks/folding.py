@@ -77,7 +77,8 @@ def drawn(seed: int, count: int) -> list[Setting]:
         across = int(rng.integers(ACROSS[0], ACROSS[1] + 1))
         along = round(across * LENGTH / RADIUS)
         mesh = (across, along, round(float(rng.uniform(*GRADINGS)), 1))
-        friction = np.sort(np.exp(rng.uniform(*np.log(COEFFICIENTS), 4)))
+        low, high = np.log(COEFFICIENTS).tolist()
+        friction = np.sort(np.exp(rng.uniform(low, high, 4)))
         found.append(
             Setting(mesh, tuple(np.round(friction, 2).tolist()), round(float(rng.uniform(*SPEEDS)), 1))
         )

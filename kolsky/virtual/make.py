@@ -12,8 +12,9 @@ from kolsky.virtual.specification import Series, ShotSpecification
 from kolsky.virtual.truth import TruthError, try_truths
 from kolsky.virtual.truth_job import Job
 
-SIDE_BY_SIDE = 64
-"""Truths that a GPU simulates at the same time: each takes a multiprocessor, and some MB."""
+SIDE_BY_SIDE = 128
+"""Truths that a GPU simulates at the same time: each takes a multiprocessor, of which large GPUs have more,
+and some MB."""
 
 
 @dataclass(frozen=True)

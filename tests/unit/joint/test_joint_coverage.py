@@ -9,6 +9,7 @@ from scipy.stats import beta
 
 from benchmarks.joint_coverage import Study, hold, relaxation_test, specified, truth
 from benchmarks.joint_coverage_counts import NAMES, share, summary, table
+from explicit.relaxation import PronySeries
 
 TRUE = dict(zip(NAMES, (1.2, 0.4985, 25e-6, 0.4, 4e-4), strict=True))
 
@@ -97,6 +98,7 @@ def test_a_seed_draws_one_material_with_and_without_what_relaxes(tmp_path: Path)
         assert q.truth.grading == study.truth_grading
         assert q.material.stiffness_factor == pytest.approx(truth(study, 3)["stiffness_factor"])
         (series,) = q.relaxing
+        assert isinstance(series, PronySeries)
         assert series.times[0] == pytest.approx(truth(study, 3)["prony_time_1"])
     elastic = specified(Study(seed=77, elastic=True), tmp_path / "elastic", 3)
     assert all(not shot.quantities.relaxing for shot, _ in elastic)
