@@ -102,17 +102,21 @@ def _outlines(
     if tree is None or len(contours) > MOST_DOTS:
         return []
     rows, columns = eight.shape
+    # thousands of specks in every picture: few of them are worth a call of Python
+    lengths = np.fromiter(map(len, contours), dtype=np.int64, count=len(contours))
     numbers, found = [], []
-    for k, contour in enumerate(contours):
-        if tree[0, k, 3] >= 0 or len(contour) < 8:
+    area_of, box_of, ellipse_of = cv2.contourArea, cv2.boundingRect, cv2.fitEllipseDirect
+    for k in np.flatnonzero((tree[0, :, 3] < 0) & (lengths >= 8)).tolist():
+        contour = contours[k]
+        area = area_of(contour) + 0.5 * len(contour)  # through pixel centres: half a pixel short
+        if area < LEAST_AREA:
             continue
-        area = cv2.contourArea(contour) + 0.5 * len(contour)  # through pixel centres: half a pixel short
-        x, y, w, h = cv2.boundingRect(contour)
+        x, y, w, h = box_of(contour)
         inside = x > 1 and y > 1 and x + w < columns - 1 and y + h < rows - 1
         # A patch larger than the window is filled only along its rim.
-        if area < LEAST_AREA or not inside or max(w, h) > 0.7 * size:
+        if not inside or max(w, h) > 0.7 * size:
             continue
-        centre, diameters, angle = cv2.fitEllipseDirect(contour)
+        centre, diameters, angle = ellipse_of(contour)
         numbers.append(k)
         found.append((*centre, *diameters, angle, area))
     ellipses, areas = np.split(np.reshape(found, (-1, 6)), [5], axis=1)

@@ -14,6 +14,7 @@ SIGMAS = ("tests/unit/dic/test_dic_sigmas.py",)
 NOISE = ("tests/unit/dic/test_dic_noise_floor.py",)
 FORKS = ("tests/unit/dic/test_dic_forks.py",)
 TOGETHER = ("tests/unit/dic/test_dic_side_by_side.py",)
+AHEAD = ("tests/unit/dic/test_dic_ahead.py",)
 
 FAULTS = (
     Fault(
@@ -725,5 +726,33 @@ FAULTS = (
         right="<= MOST_SENT and all(",
         wrong="> 0 and all(",
         tests=TOGETHER,
+    ),
+    Fault(
+        name="epipolar gates narrowed afterwards: a point beyond the smaller of two limits ends",
+        file="dic/stereo/reconstruction.py",
+        right="np.maximum(gate, gate_sigmas * found.epipolar_sigma)",
+        wrong="np.minimum(gate, gate_sigmas * found.epipolar_sigma)",
+        tests=("tests/unit/dic/test_dic_reconstruct.py",),
+    ),
+    Fault(
+        name="points in parts: the last parts are not waited for",
+        file="dic/correlation/kernels/transfer.py",
+        right="range(count, count + LANES)",
+        wrong="range(count, count)",
+        tests=AHEAD,
+    ),
+    Fault(
+        name="frames ahead: a block counted with the frames that cannot be read",
+        file="dic/tracking/ahead.py",
+        right="enumerate(fit)",
+        wrong="enumerate(frames)",
+        tests=AHEAD,
+    ),
+    Fault(
+        name="match: the mask of the call before is still used",
+        file="dic/correlation/kernels/launch.py",
+        right="job.has_mask = int(batch.mask is not None)",
+        wrong="job.has_mask = max(job.has_mask, int(batch.mask is not None))",
+        tests=AHEAD,
     ),
 )

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from dic.correlation import Correlation, PictureStack, Shape, correlate
+from dic.correlation import Correlation, PictureStack, Shape, Templates, correlate
 from dic.correlation.kernels import launch, transfer
 from dic.correlation.kernels.device import select_device
 from dic.images import PictureError
@@ -153,6 +153,38 @@ def test_points_in_parts_are_found_as_together(monkeypatch, most, referred):
 
 
 real_mask = launch.mask_on_device
+
+
+def test_a_call_does_not_depend_on_the_one_before(monkeypatch):
+    """What does not change from call to call is set up once, all else in each."""
+    pictures, points = frames(3)
+    stack, guess = batch(points, pictures)
+    mask = np.ones((SIDE, SIDE), dtype=bool)
+    mask[:, :24] = False
+    settings = Correlation(subset=15)
+    calls = [
+        {"deformed_picture": 1},
+        {
+            "deformed_picture": 2,
+            "mask": mask,
+            "reference_warp": guess,
+            "templates": Templates.of(25, settings),
+        },
+        {"deformed_picture": 1},
+    ]
+    monkeypatch.setattr(launch, "_jobs", launch._Jobs())
+    together = [correlate(stack, stack, points, guess, settings, **options) for options in calls]
+    assert len(launch._jobs.known) == 1
+    for found, options in zip(together, calls, strict=True):
+        monkeypatch.setattr(launch, "_jobs", launch._Jobs())
+        if "templates" in options:
+            options = {**options, "templates": None}
+        alone = correlate(stack, stack, points, guess, settings, **options)
+        same(found, alone, ("warp", "covariance", "zncc", "iterations", "outcome"))
+    assert (together[1].outcome != 0).sum() > (together[0].outcome != 0).sum()
+    for k in range(2 * launch.MOST_JOBS):
+        correlate(stack, stack, points[:1], guess[:1], Correlation(subset=15, tolerance=1e-3 + 1e-5 * k))
+    assert len(launch._jobs.known) == launch.MOST_JOBS
 
 
 def test_a_part_after_an_error_does_not_end_up_in_the_next_call():

@@ -1,5 +1,6 @@
 """The match on a GPU: the same as on the CPU where there is one, and compiled for one anywhere."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -7,10 +8,12 @@ import pytest
 import warp as wp
 
 from dic.correlation import Correlation, PictureStack, Shape, correlate
+from dic.correlation.kernels import launch, transfer
 from dic.correlation.kernels.device import select_device
 from dic.correlation.kernels.lanes import BLOCK
 from dic.correlation.kernels.launch import search_kernel
 from dic.synthetic.speckles import render, speckle_pattern
+from dic.tracking import ahead, follow, track
 
 
 @pytest.fixture
@@ -59,3 +62,24 @@ def test_it_compiles_for_a_gpu(tmp_path):
     module.options["block_dim"] = BLOCK
     wp.compile_aot_module(module, arch=[90], module_dir=Path(tmp_path), use_ptx=False)
     assert [path.suffix for path in tmp_path.glob("*.sm90.*")] == [".cubin"]
+
+
+def test_points_in_parts_and_frames_in_blocks_are_those_of_one(gpu, monkeypatch):
+    pattern = speckle_pattern((120, 120), seed=8)
+    series = np.stack(
+        [
+            render(pattern, (120, 120), material=lambda x, k=k: x - 0.3 * k, noise=2.0, seed=k)
+            for k in range(6)
+        ]
+    )
+    along = np.arange(20.0, 101.0, 5.0)
+    points = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
+    found = []
+    for most, together in ((transfer.PART, 0), (50, 2 * 4 * 120 * 120)):
+        parts = partial(transfer.in_parts, most=most)
+        monkeypatch.setattr(launch, "in_parts", parts)
+        monkeypatch.setattr(follow, "FramesAhead", partial(ahead.FramesAhead, together=together))
+        found.append(track(series, points, noise=2.0, device=gpu))
+    for name in ("warp", "covariance", "zncc", "outcome"):
+        np.testing.assert_array_equal(getattr(found[1], name), getattr(found[0], name), err_msg=name)
+    assert np.mean(found[0].outcome == 0) > 0.9
