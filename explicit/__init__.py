@@ -12,6 +12,7 @@ batches of different models. Laws are in `explicit.materials` and `explicit.cont
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from explicit.compiling import compile_time_loops
     from explicit.energy import EnergyLedger
     from explicit.incompressible import NearlyIncompressible, run_nearly_incompressible
     from explicit.mesh import Mesh, cylinder
@@ -40,6 +41,7 @@ _HOME = {
     "Sampling": "explicit.model",
     "Stepping": "explicit.model",
     "ahead_of_time": "explicit.modules",
+    "compile_time_loops": "explicit.compiling",
     "cylinder": "explicit.mesh",
     "load_time_loop": "explicit.run_batch",
     "run": "explicit.run_batch",

@@ -28,10 +28,10 @@ from explicit.mesh_arguments import fits_on_chip
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.modules import load_module
 from explicit.outcome import Outcome
-from explicit.precision import precision
+from explicit.precision import Precision, precision
 from explicit.response import Response
 from explicit.support import MovingSupport
-from explicit.time_loop.kernel import time_loop_kernel
+from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
 from explicit.time_loop.lanes import block_for
 from explicit.time_loop.slots import Ending
 
@@ -160,18 +160,26 @@ def run_side_by_side(
     ]
 
 
+def time_loop_of(problem: Problem, where: Any) -> tuple[TimeLoopKernel, Precision, bool]:
+    """The time loop of a batch, its arithmetic, and whether a GPU keeps the state in shared memory."""
+    model, stepping = problem.model, problem.stepping
+    numbers = precision(stepping.precision)
+    on_chip = where.is_cuda and fits_on_chip(model.mesh, numbers)
+    kernel = time_loop_kernel(
+        type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
+        block_for(len(problem.samples), where, on_chip), stepping.bound, model.volumetric,
+        model.relaxation_kind,
+    )  # fmt: skip
+    return kernel, numbers, on_chip
+
+
 def _prepared(problem: Problem, where: Any, modules: Path | str | None) -> tuple[PreparedBatch, Any]:
     """A batch on its device, and the nodes that it records."""
     model, samples, sampling, stepping = problem.model, problem.samples, problem.sampling, problem.stepping
     _check(model, samples, sampling)
-    numbers = precision(stepping.precision)
     nodes = np.arange(model.mesh.n_nodes) if sampling.all_nodes else model.mesh.side
-    on_chip = where.is_cuda and fits_on_chip(model.mesh, numbers)
     with GENERATING:
-        kernel = time_loop_kernel(
-            type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
-            block_for(len(samples), where, on_chip), stepping.bound, model.volumetric, model.relaxation_kind,
-        )  # fmt: skip
+        kernel, numbers, on_chip = time_loop_of(problem, where)
     output = output_of(kernel, model.mesh, len(samples), sampling, nodes, where)
     batch = batch_of(kernel, model, samples, sampling, stepping, numbers, where)
     if where.is_cuda:

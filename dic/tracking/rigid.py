@@ -8,9 +8,10 @@ import numpy as np
 from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.correlation import Correlation, Match, Noise, PictureStack, Shape, Templates, correlate
 from dic.correlation.warp import gradient, identity
-from dic.images import PictureError, Pictures
+from dic.images import Pictures
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.tracking import Track
+from dic.tracking.ahead import FramesAhead
 
 APART = 0.5
 """Distance from the place that the body's motion gives it which a point is allowed beside its noise [px]."""
@@ -86,7 +87,8 @@ def track_rigid(
     common = np.zeros((n, 2, 2)) if start_covariance is None else np.asarray(start_covariance)
     settings = replace(settings, shape=Shape.RIGID)
     inner, within = points - BORDER, None if mask is None else mask[BORDER:-BORDER, BORDER:-BORDER]
-    stack, templates = _prepared(pictures, first, settings, noise, device), Templates.of(n, settings)
+    frames = FramesAhead(pictures, noise=noise, prefilter=settings.prefilter, device=device, border=BORDER)
+    stack, templates = frames.prepared(first, pictures.frame(first)), Templates.of(n, settings)
     found = Track(
         points=points,
         warp=np.full((n_frames, n, 12), np.nan),
@@ -98,27 +100,31 @@ def track_rigid(
     )
     found.warp[first], found.covariance[first], found.zncc[first] = root, common, 1.0
     found.outcome[first] = int(PointOutcome.VALID)
-    done = 1
-    for order in (range(first + 1, n_frames), range(first - 1, -1, -1)):
-        history, unlike = [(first, np.zeros(2))], list[float]()
-        for frame in order:
-            done += 1
-            if progress is not None:
-                progress(done, n_frames)
-            if frame_outcome[frame] != FrameOutcome.VALID:
-                continue
-            try:
-                here = _prepared(pictures, frame, settings, noise, device)
-            except PictureError:
-                continue
-            expected, most = _predicted(history, frame), most_unlike(unlike)
-            move = _step(
-                found, frame, stack, here, inner, root, common, settings, within, templates, expected, most
-            )
-            if move is not None:
-                history = [*history[-1:], (frame, move)]
-                fine = found.outcome[frame] == PointOutcome.VALID
-                unlike.append(1.0 - float(np.median(found.zncc[frame, fine])))
+    orders = [range(first + 1, n_frames), range(first - 1, -1, -1)]
+    usable = [[k for k in order if frame_outcome[k] == FrameOutcome.VALID] for order in orders]
+    frames.expect([*usable[0], *usable[1]])
+    try:
+        done = 1
+        for order in orders:
+            history, unlike = [(first, np.zeros(2))], list[float]()
+            for frame in order:
+                done += 1
+                if progress is not None:
+                    progress(done, n_frames)
+                picture = frames.read(frame) if frame_outcome[frame] == FrameOutcome.VALID else None
+                if picture is None:
+                    continue
+                expected, most = _predicted(history, frame), most_unlike(unlike)
+                move = _step(
+                    found, frame, stack, frames.prepared(frame, picture), inner, root, common, settings,
+                    within, templates, expected, most,
+                )  # fmt: skip
+                if move is not None:
+                    history = [*history[-1:], (frame, move)]
+                    fine = found.outcome[frame] == PointOutcome.VALID
+                    unlike.append(1.0 - float(np.median(found.zncc[frame, fine])))
+    finally:
+        frames.close()
     return found
 
 
@@ -131,13 +137,6 @@ def most_unlike(before: Sequence[float]) -> float:
         Those of the frames in which it was found so far.
     """
     return max(UNLIKE, TIMES * float(np.median(before))) if before else 1.0
-
-
-def _prepared(
-    pictures: Pictures, frame: int, settings: Correlation, noise: float | Noise, device: str
-) -> PictureStack:
-    picture = pictures.frame(frame)[BORDER:-BORDER, BORDER:-BORDER]
-    return PictureStack.prepare(picture[None], noise=noise, prefilter=settings.prefilter, device=device)
 
 
 def _predicted(history: list[tuple[int, FloatArray]], frame: int) -> FloatArray:

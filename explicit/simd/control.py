@@ -4,6 +4,7 @@ import ast
 from collections.abc import Sequence
 
 from explicit.simd.statements import Statements, Variable
+from explicit.simd.two_passes import LOOKED_UP, Loop, divided
 from explicit.simd.values import Scalar, literal
 
 
@@ -51,6 +52,7 @@ class Control(Statements):
         if key in self.varying_names:
             self.declared[mask] = "mask"
             self.emit(f"{mask} = {outer or 'everywhere'};")
+            start = len(self.lines)
             self.emit("while (true) {")
             self.mask, self.path = mask, (*self.path, mask)
             condition = self.truth(node.test)
@@ -59,18 +61,59 @@ class Control(Statements):
             counter = self._lane_counter(node.test)
             if counter is not None:
                 self.lane_loops[mask] = counter
-            self.block(node.body)
+            body = len(self.lines)
+            self.block(node.body[:-1])
+            step = len(self.lines)
+            self.block(node.body[-1:])
             self.mask, self.path = outer, self.path[:-1]
             if counter is not None:
                 counter.lane = False  # lanes that left stayed behind
         else:
+            start = len(self.lines)
             self.emit("while (true) {")
             condition = self.truth(node.test)
             if condition.varying:
                 self.varying_names.add(key)
             self.emit(f"if (!({condition.code})) break;")
-            self.block(node.body)
+            body = len(self.lines)
+            self.block(node.body[:-1])
+            step = len(self.lines)
+            self.block(node.body[-1:])
         self.emit("}")
+        if self._counts(node):
+            self._divide(start, body, step, node)
+
+    def _counts(self, node: ast.While) -> bool:
+        """Whether a loop is ``while k < n`` and its last statement takes k on."""
+        test, last = node.test, node.body[-1]
+        if not (isinstance(test, ast.Compare) and isinstance(test.left, ast.Name)):
+            return False
+        if not (isinstance(last, ast.AugAssign) and isinstance(last.target, ast.Name)):
+            return False
+        return last.target.id == test.left.id
+
+    def _divide(self, start: int, body: int, step: int, node: ast.While) -> None:
+        """Put a loop that looks up one table in two passes."""
+        lines, depth, places = self.lines, 0, []
+        for k in range(body, step):
+            if depth == 0 and lines[k] == LOOKED_UP:
+                places.append(k)
+            depth += lines[k].count("{") - lines[k].count("}")
+        if len(places) != 1:
+            return
+        (counter,) = self.scopes[-1][node.test.left.id].names  # type: ignore[attr-defined, union-attr]
+        loop = Loop(
+            head=lines[start + 1 : body],
+            first=lines[body : places[0]],
+            second=lines[places[0] + 1 : step],
+            step=lines[step:-1],
+            counter=counter,
+            kinds=self.declared,
+        )
+        made = divided(loop)
+        if made is not None:
+            declared, self.lines[start:] = made
+            self.arrays.update((line, line) for line in declared)
 
     def _lane_counter(self, test: ast.expr) -> Variable | None:
         """The variable of a loop ``while k < n``: the first lane, where it begins, is the last to leave."""

@@ -7,6 +7,7 @@ from typing import Any, Literal
 import warp as wp
 
 from explicit.precision import Precision
+from explicit.simd.kept_code import file_of, kept
 from explicit.simd.mappings import LaneIsSimulation, LaneIsWorker
 from explicit.simd.prelude import prelude
 from explicit.simd.values import Scalar, Struct
@@ -46,7 +47,6 @@ def lane_kernel(
     lanes : int
         Lanes of a pack, a power of two.
     """
-    translator = {"simulation": LaneIsSimulation, "worker": LaneIsWorker}[mapping](lanes)
     arguments: dict[str, Any] = {
         name: Struct(kind, name)
         for name, kind in (
@@ -57,8 +57,13 @@ def lane_kernel(
         )
     }
     arguments["first"] = Scalar("i32", "first")
-    code = prelude(lanes, "f64" if precision.name == "fp64" else "f32")
-    code += translator.translate(time_loop.func, arguments)
+
+    def translate() -> str:
+        translator = {"simulation": LaneIsSimulation, "worker": LaneIsWorker}[mapping](lanes)
+        before = prelude(lanes, "f64" if precision.name == "fp64" else "f32")
+        return before + translator.translate(time_loop.func, arguments)
+
+    code = kept(time_loop, _choice(precision, mapping, lanes), translate)
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
 
     @wp.func_native(snippet=code)
@@ -69,3 +74,12 @@ def lane_kernel(
         time_loop_lanes(body, batch, state, output, first, count)
 
     return LaneKernel(time_loop_packs, lanes)
+
+
+def is_known(time_loop: Any, precision: Precision, mapping: Mapping, lanes: int) -> bool:
+    """Whether this machine has translated a time loop, and compiled it then unless it was stopped."""
+    return file_of(time_loop, _choice(precision, mapping, lanes)).exists()
+
+
+def _choice(precision: Precision, mapping: Mapping, lanes: int) -> str:
+    return f"{mapping} {lanes} {precision.name}"

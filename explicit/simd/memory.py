@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from explicit.simd.expressions import Expressions
+from explicit.simd.two_passes import LOOKED_UP
 from explicit.simd.values import (
     PACK,
     SCALAR,
@@ -155,6 +156,7 @@ class Memory(Expressions):
         if self.mask is not None:  # idle lanes read a harmless place
             offset = self.select(Scalar("bool", self.mask, True), offset, ZERO)
         name, quad = self.name("q"), "f64q" if kind == "f64" else "f32q"
+        self.emit(LOOKED_UP)
         for lane in range(self.lanes):
             self.emit(f"const {quad} {name}_{lane} = *(const {quad}*)({array.name} + {offset.code}[{lane}]);")
         # Every fourth row side by side, then four by four numbers transposed in each quarter.

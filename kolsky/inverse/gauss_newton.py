@@ -173,7 +173,12 @@ def _with_surrogate(
     lower = np.maximum(last.x - REACH * sigma, whole.lower)
     upper = np.minimum(last.x + REACH * sigma, whole.upper)
     box = replace(whole, lower=tuple(lower.tolist()), upper=tuple(upper.tolist()))
-    design = latin_hypercube(box, RUNS_PER_PARAMETER * box.dimension, rng=stages.rng, optimise=True)
+    many = RUNS_PER_PARAMETER * box.dimension
+    design = (
+        stages.design(box)
+        if box.dimension == 1
+        else latin_hypercube(box, many, rng=stages.rng, optimise=True)
+    )
     runs = stages.simulate("refinement", design, numerics)
     counted = last.step.objective.counted & last.check.prediction.inside[0]
     objective = replace(last.step.objective, counted=counted & runs.prediction.inside.all(axis=0))

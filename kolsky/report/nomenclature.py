@@ -115,6 +115,7 @@ def route_label(route: str) -> str:
 
 
 STAGES = {
+    "compile": "compiling, once on this machine",
     "design": "design",
     "refinement": "design near the optimum",
     "check": "check on the refined mesh",

@@ -131,4 +131,32 @@ FAULTS = (
         wrong="if rest // threads < lanes else n_samples",
         tests=PACKS,
     ),
+    Fault(
+        name="turns that depend on each other are torn apart",
+        file="explicit/simd/two_passes.py",
+        right="if found is None or _depend(loop, found):",
+        wrong="if found is None:",
+        tests=("tests/unit/explicit/test_two_passes.py",),
+    ),
+    Fault(
+        name="every turn's second half has what the first turn kept",
+        file="explicit/simd/two_passes.py",
+        right="kept_{name}[turn];",
+        wrong="kept_{name}[0];",
+        tests=("tests/unit/explicit/test_two_passes.py",),
+    ),
+    Fault(
+        name="another choice of lanes finds a time loop that is not its own",
+        file="explicit/simd/kept_code.py",
+        right="_package() + choice.encode()",
+        wrong="_package()",
+        tests=("tests/unit/explicit/test_kept_code.py",),
+    ),
+    Fault(
+        name="the other element is looked at on a machine that knows its time loops",
+        file="explicit/compiling.py",
+        right="if wanted:",
+        wrong="if problems:",
+        tests=("tests/unit/explicit/test_compiling.py",),
+    ),
 )

@@ -6,6 +6,7 @@ PRIOR = ("tests/unit/inverse/test_prior.py",)
 SEVERAL = ("tests/unit/inverse/test_several_parameters.py",)
 VALLEYS = ("tests/unit/inverse/test_valleys.py",)
 DESCENT = ("tests/unit/inverse/test_refined_descent.py",)
+SUMMITS = ("tests/unit/inverse/test_summits.py",)
 WHITENING = ("tests/unit/doe/test_whitening.py",)
 FREE = ("tests/unit/inverse/test_free_parameters.py",)
 NUMERICAL = ("tests/unit/uncertainty/test_numerical.py",)
@@ -119,7 +120,7 @@ FAULTS = (
     Fault(
         name="the flyer's noise left out where valleys are compared",
         file="kolsky/inverse/valleys.py",
-        right="seen = replace(stages.observations, front_noise=modes)",
+        right="seen = replace(stages.observations, front_noise=patterns_of(stages, prediction))",
         wrong="seen = stages.observations",
         tests=VALLEYS,
     ),
@@ -325,5 +326,47 @@ FAULTS = (
         right='"joint": 2',
         wrong='"joint": 1',
         tests=VALLEYS,
+    ),
+    Fault(
+        name="a climb in steps of a quarter of an oscillation",
+        file="kolsky/inverse/summits.py",
+        right="STRIDE = 0.5",
+        wrong="STRIDE = 0.25",
+        tests=SUMMITS,
+    ),
+    Fault(
+        name="places on the wrong side of a floor",
+        file="kolsky/inverse/summits.py",
+        right="np.interp(middle + STRIDE * np.array(new), number, table)",
+        wrong="np.interp(middle - STRIDE * np.array(new), number, table)",
+        tests=SUMMITS,
+    ),
+    Fault(
+        name="a climb that ends beside the floor",
+        file="kolsky/inverse/summits.py",
+        right="new = strides_beside(best, set(places))",
+        wrong="new = []",
+        tests=SUMMITS,
+    ),
+    Fault(
+        name="the least likely place",
+        file="kolsky/inverse/summits.py",
+        right="best = order[int(np.argmin(judged(",
+        wrong="best = order[int(np.argmax(judged(",
+        tests=SUMMITS,
+    ),
+    Fault(
+        name="a climb past the bounds",
+        file="kolsky/inverse/summits.py",
+        right="if number[0] <= middle + STRIDE * k <= number[-1]]",
+        wrong="if True]",
+        tests=SUMMITS,
+    ),
+    Fault(
+        name="the floor's patterns at the summit",
+        file="kolsky/inverse/summits.py",
+        right="return Summit(x, patterns_of(stages, prediction), best)",
+        wrong="return Summit(x, patterns_of(stages, runs), best)",
+        tests=SUMMITS,
     ),
 )

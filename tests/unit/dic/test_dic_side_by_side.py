@@ -2,6 +2,7 @@
 one launch, masks that stay on a device."""
 
 import os
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,7 @@ from dic.correlation import Correlation
 from dic.correlation.kernels import launch
 from dic.correlation.kernels.device import select_device
 from dic.forks import can_fork, forking
+from dic.images.memory import PicturesInMemory
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import rigid
@@ -26,7 +28,14 @@ def processes(monkeypatch, *sizes, device="cpu"):
     """Processes that follow camera 0 and camera 1 of bodies with so many points times frames, and what is
     told of the progress."""
     monkeypatch.setattr(follow, "track_body", lambda body, camera, told: (body.name, camera, os.getpid()))
-    monkeypatch.setattr(follow, "_reconstructed", lambda body, rig, stereo, tracks: tracks)
+    monkeypatch.setattr(follow, "_common_of", lambda body, stereo, tracks: len(body.name))
+    monkeypatch.setattr(follow, "reconstruct", lambda rig, *tracks, common: (tracks, common))
+
+    def tracked(body, tracks, made, common):
+        assert made == (tracks, common)
+        return tracks
+
+    monkeypatch.setattr(follow, "_tracked", tracked)
     bodies = [
         SimpleNamespace(name=f"body {k}", size=size, device=device, health=(np.zeros(9), np.zeros(9)))
         for k, size in enumerate(sizes)
@@ -71,9 +80,9 @@ def followed(monkeypatch, together):
     matched = rigid.correlate
     monkeypatch.setattr(rigid, "MOST_TOGETHER", together)
     monkeypatch.setattr(rigid, "correlate", lambda *a, **k: launches.append(len(a[2])) or matched(*a, **k))
-    series = SimpleNamespace(n_frames=len(frames), frame=lambda k: frames[k])
+    series = PicturesInMemory(tuple(np.rint(50.0 * frames + 500.0).astype(np.uint16)))
     found = rigid.track_rigid(
-        series, points, Correlation(subset=15, least_zncc=0.8), noise=1.0,
+        series, points, Correlation(subset=15, least_zncc=0.8), noise=50.0,
         frame_outcome=np.full(len(frames), int(FrameOutcome.VALID)),
     )  # fmt: skip
     monkeypatch.setattr(rigid, "correlate", matched)
@@ -187,7 +196,10 @@ def test_a_rigid_body_is_not_taken_for_one_that_looks_three_quarters_like_it():
     first, other = (speckle_pattern(shape, size=4.0, seed=seed) for seed in (3, 9))
     moves = [(0.0, 0.0), (0.1, 0.2), (0.1, 0.5), (0.1, 0.9), (0.1, 1.3)]
     frames = [painted(first if k < 4 else other, move) for k, move in enumerate(moves)]
-    series = SimpleNamespace(n_frames=5, frame=lambda k: frames[k])
+    series = SimpleNamespace(
+        path=Path("made"), n_frames=5, shape=shape, bits=8, crop_offset=(0.0, 0.0), times=None,
+        frame=lambda k: frames[k],
+    )  # fmt: skip
     points = np.stack(np.meshgrid(np.arange(20.0, 71.0, 10.0), np.arange(20.0, 71.0, 10.0)), axis=-1)
     found = rigid.track_rigid(
         series, points.reshape(-1, 2), Correlation(subset=15), noise=1.0,

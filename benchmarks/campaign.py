@@ -1,0 +1,200 @@
+"""Identifications of a campaign, shared out: `python -m benchmarks.campaign --workers 1 2 --json FILE`.
+
+The shot `runs/open-01`, with the seeds 1, 2, ... of its random draws, is identified by a pool of processes of
+this machine, or by the workers of a Dask scheduler (`--dask ADDRESS`). With several numbers of workers and
+`--each`, every worker has as many identifications (weak scaling); with `--total` they share so many. Before
+the clock starts each worker has identified the shot once: kernels are compiled and libraries loaded. An
+answer depends on its seed alone; the table says whether it did, bit by bit. Numbers of workers that are done
+are kept in the file, and a command that was stopped goes on with the next one.
+
+On a machine with GPUs `--device cuda` gives them to the processes in turn, and `--gpus N` shows them N.
+"""
+
+import argparse
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from kolsky.base.process import process_pool
+
+SHOT = Path(__file__).resolve().parents[1] / "runs" / "open-01"
+SAME = ("device", "gpus", "workers", "each", "hold", "refined", "where")
+"""What makes two measurements ones of the same thing."""
+WARM_UP = -1
+"""Number of a first identification, of which nothing is kept."""
+FIRST_WAIT = 0.2
+"""Time for which a worker keeps a first question [s], so that no other takes it too."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """What one identification is asked."""
+
+    seed: int
+    """Of its random draws; `WARM_UP` for a first one."""
+    device: str
+    """Where it runs."""
+    hold: tuple[str, ...]
+    """What is held beside the shot's own choice."""
+    mesh: tuple[int, int]
+    """Of the surrogate."""
+    refined: tuple[int, int]
+    """Of the answer."""
+    shot: Path = SHOT
+    """The shot's folder."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What came back."""
+
+    m: str
+    """The stiffness factor, every bit of it."""
+    process: str
+    """Machine and process that identified it."""
+
+
+def identified(question: Question) -> Answer:
+    """Identify a shot with one thread; what a worker does."""
+    from kolsky.identification import identify
+    from kolsky.inverse.forward import Numerics
+    from kolsky.inverse.settings import Settings
+    from kolsky.shot.load import load_shot
+
+    numerics = Numerics(mesh=question.mesh, device=question.device, threads=1)
+    settings = Settings(
+        hold=question.hold, numerics=numerics, refined_mesh=question.refined, seed=max(question.seed, 1)
+    )
+    found = identify(load_shot(question.shot), settings)
+    if question.seed == WARM_UP:
+        time.sleep(FIRST_WAIT)
+    return Answer(found.estimates["stiffness_factor"].value.hex(), f"{os.uname().nodename} {os.getpid()}")
+
+
+Submit = Callable[..., "Future[Any]"]
+Together = Callable[[Sequence["Future[Any]"]], list[Any]]
+
+
+@contextmanager
+def workers_of(count: int, dask: str | None) -> Iterator[tuple[Submit, Together]]:
+    """A pool of processes, or the workers of a scheduler: how work is submitted, and its results awaited."""
+    if dask is None:
+        with process_pool(count) as pool:
+            yield pool.submit, lambda futures: [future.result() for future in futures]
+        return
+    from kolsky.cli.scheduler import client
+
+    with client(dask) as scheduler:
+        yield (
+            lambda work, question: scheduler.submit(work, question, pure=False),
+            lambda futures: scheduler.gather(list(futures)),
+        )
+
+
+def campaign(questions: Sequence[Question], workers: int, dask: str | None = None) -> dict[str, Any]:
+    """Answer all questions by so many workers, after a first one each.
+
+    Raises
+    ------
+    RuntimeError
+        If fewer workers than that took part: the others had not started, or there are none.
+    """
+    with workers_of(workers, dask) as (submit, together):
+        first = replace(questions[0], seed=WARM_UP)
+        started = time.perf_counter()
+        warm = together([submit(identified, first) for _ in range(workers)])
+        ready = time.perf_counter() - started
+        started = time.perf_counter()
+        answers = together([submit(identified, question) for question in questions])
+        seconds = time.perf_counter() - started
+    there = {one.process for one in answers}
+    if len(there) > workers or (len(there) < workers and len(questions) >= 4 * workers):
+        raise RuntimeError(f"{workers} workers were meant to answer, {len(there)} did")
+    return {
+        "identifications": len(answers),
+        "seconds": round(seconds, 6),
+        "seconds_of_starting": round(ready, 2),
+        "processes": len(there),
+        "answers": {str(q.seed): answer.m for q, answer in zip(questions, answers, strict=True)},
+        "warm": len(warm),
+    }
+
+
+def same_bits(entries: Sequence[dict[str, Any]], one: dict[str, Any]) -> bool:
+    """Whether every seed has the answer of the other entries that asked the same on the same device."""
+    alike = ("device", "hold", "refined", "where")
+    others = [other for other in entries if all(other[key] == one[key] for key in alike)]
+    return all(other["answers"].get(seed, m) == m for other in others for seed, m in one["answers"].items())
+
+
+def merged(kept: Sequence[dict[str, Any]], new: dict[str, Any]) -> list[dict[str, Any]]:
+    """The entries with a newer one in the place of that of the same thing, in order."""
+    rest = [one for one in kept if [one[key] for key in SAME] != [new[key] for key in SAME]]
+    return sorted([*rest, new], key=lambda one: (one["where"], one["device"], one["gpus"], one["workers"]))
+
+
+def table(entries: Sequence[dict[str, Any]]) -> str:
+    """A row a number of workers; its efficiency is its rate a worker over that with the fewest workers."""
+    lines = [
+        "| where | GPUs | workers | identifications | seconds | a minute | efficiency | same bits |",
+        "| --- " * 8 + "|",
+    ]
+    for one in entries:
+        alike = [o for o in entries if all(o[k] == one[k] for k in ("where", "device", "hold", "refined"))]
+        least = min(alike, key=lambda o: (o["workers"], o["gpus"]))
+        rate, base = (o["identifications"] / o["seconds"] / o["workers"] for o in (one, least))
+        cells = (
+            one["where"], one["gpus"] or "–", one["workers"], one["identifications"],
+            f"{one['seconds']:.3g}", f"{60.0 * one['identifications'] / one['seconds']:.3g}",
+            f"{rate / base:.2f}", "yes" if same_bits(entries, one) else "no",
+        )  # fmt: skip
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.campaign",
+        description=__doc__,
+        formatter_class=argparse.RawTextHelpFormatter,
+    )
+    parser.add_argument("--workers", type=int, nargs="+", default=[1, 2])
+    share = parser.add_mutually_exclusive_group()
+    share.add_argument("--each", type=int, help="identifications of each worker; default 4")
+    share.add_argument("--total", type=int, help="identifications of all workers together")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--gpus", type=int, default=0, help="show the processes so many GPUs; default all")
+    parser.add_argument("--dask", metavar="ADDRESS", help="workers of this scheduler, or its scheduler file")
+    parser.add_argument("--hold", nargs="*", default=["poisson", "damping"])
+    parser.add_argument("--mesh", default="24x32")
+    parser.add_argument("--refined", default="64x86")
+    parser.add_argument("--where", default="here", help="name of the machine")
+    parser.add_argument("--json", type=Path, required=True, help="file of the measurements, added to")
+    parser.add_argument("--again", action="store_true", help="measure also what is there")
+    o = parser.parse_args(arguments)
+    if o.gpus:
+        os.environ["CUDA_VISIBLE_DEVICES"] = ",".join(map(str, range(o.gpus)))
+    entries = json.loads(o.json.read_text("utf-8")) if o.json.exists() else []
+    mesh, refined = (tuple(int(part) for part in text.split("x")) for text in (o.mesh, o.refined))
+    for workers in o.workers:
+        count = o.total or (o.each or 4) * workers
+        known = {"device": o.device, "gpus": o.gpus, "workers": workers, "each": count / workers,
+                 "hold": o.hold, "refined": o.refined, "where": o.where}  # fmt: skip
+        if not o.again and any([old[key] for key in SAME] == [known[key] for key in SAME] for old in entries):
+            continue
+        questions = [Question(seed, o.device, tuple(o.hold), mesh, refined) for seed in range(1, count + 1)]
+        entries = merged(entries, {**known, **campaign(questions, workers, o.dask)})
+        o.json.write_text(json.dumps(entries, indent=1) + "\n", "utf-8")
+        print(f"{workers} workers: done", flush=True)
+    print(table(entries))
+
+
+if __name__ == "__main__":
+    main()

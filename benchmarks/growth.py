@@ -1,0 +1,195 @@
+"""How the work grows: elements of a mesh, runs of a batch, points of image correlation.
+
+    python -m benchmarks.growth --json benchmarks/results/growth.json                 # one core of a CPU
+    python -m benchmarks.growth --device cuda --json benchmarks/results/growth.json   # a GPU
+    python -m benchmarks.growth --draw docs/images/growth.svg --json benchmarks/results/growth.json
+
+The simulations are those of `benchmarks.problem` with Coulomb friction, ended after so many steps that each
+takes about as long (`UPDATES`): a rate of element updates needs no whole run. Points are those of all frames
+of both cameras, from pictures in memory to gated places in space (`benchmarks.dic_large`). On a CPU one
+thread works and its processor time counts, so that other work on the machine matters little; on a GPU the
+wall time does, to the host. Sizes that are done are kept in the file, and measured again by `--again`.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import explicit
+from benchmarks.problem import END, model, samples
+from explicit.device import select_device
+
+MESHES = ((8, 11), (16, 22), (32, 44), (64, 86), (128, 176), (272, 368))
+"""Elements across and along: 88 to 100 096 of them."""
+RUNS = (1, 10, 100, 1_000, 10_000, 100_000)
+"""Simulations of a batch, on 16 x 22 elements."""
+POINTS = (1_000, 10_000, 100_000, 1_000_000, 4_000_000)
+"""Points of all frames and cameras."""
+FRAMES = 10
+"""Frames of each camera."""
+SIDE = 1500
+"""Rows and columns of a picture [px]."""
+UPDATES = {"cpu": 3e7, "cuda": 2e9}
+"""Element updates of a measurement, as near as whole steps come."""
+STEPS = (100, 1500)
+"""Fewest and most steps of a measurement; a whole run has 2000 on the mesh of the batches."""
+LARGEST = {"cpu": {"runs": 10_000, "points": 100_000}, "cuda": {"runs": 100_000, "points": 4_000_000}}
+"""Largest sizes that are measured without being asked for."""
+SAME = ("what", "size", "precision", "device", "where")
+"""What makes two measurements ones of the same thing."""
+UNITS = {"elements": "element updates", "runs": "element updates", "points": "points"}
+TITLES = {"elements": "elements of one run", "runs": "runs of a batch", "points": "points of a correlation"}
+
+
+def steps_for(updates: float, elements: int, runs: int) -> int:
+    """Steps that give about so many element updates, within `STEPS`."""
+    return int(np.clip(round(updates / (elements * runs)), *STEPS))
+
+
+def simulations(mesh: tuple[int, int], runs: int, precision: str, device: str) -> dict[str, Any]:
+    """Least time of three batches, each ended after the same number of steps."""
+    kind = "cpu" if device == "cpu" else "cuda"
+    problem, batch = model(mesh, "coulomb"), samples(runs)
+    steps = steps_for(UPDATES[kind], problem.mesh.n_elements, runs)
+    times = np.linspace(0.0, END, 9)
+    sampling = explicit.Sampling(times, times[1:], ledger_every=8)
+    stepping = explicit.Stepping(precision=precision, max_steps=steps)  # type: ignore[arg-type]
+    done: list[explicit.Response] = []
+
+    def once() -> None:
+        done[:] = [explicit.run(problem, batch, sampling, stepping=stepping, device=device, threads=1)]
+
+    seconds = least(once, device)
+    taken = float(done[0].steps.sum()) * problem.mesh.n_elements
+    return {"steps": steps, "seconds": round(seconds, 5), "rate": round(taken / seconds)}
+
+
+def points(count: int, device: str) -> dict[str, Any]:
+    """Match, follow, reconstruct and gate once; the kernels are compiled before."""
+    from benchmarks.dic_large import whole
+
+    whole(400, 200, 2, device)
+    started = time.process_time()
+    found = whole(SIDE, count // (2 * FRAMES), FRAMES, device)
+    seconds = found["seconds"]
+    if device == "cpu":  # the pictures are made by this process, too
+        seconds = time.process_time() - started - found["seconds_of_making_pictures"]
+    taken = 2 * FRAMES * found["points"]
+    return {"points": taken, "valid": found["valid"], "seconds": round(seconds, 3),
+            "rate": round(taken / seconds)}  # fmt: skip
+
+
+def least(work: Callable[[], None], device: str, repeats: int = 3) -> float:
+    """Least time of some repeats after a first that compiles [s]: processor's, or a GPU's by the clock."""
+    clock = time.process_time if device == "cpu" else time.perf_counter
+    work()
+    found = np.inf
+    for _ in range(repeats):
+        started = clock()
+        work()
+        found = min(found, clock() - started)
+    return float(found)
+
+
+def wanted(device: str, whats: Sequence[str], largest: dict[str, int]) -> list[dict[str, Any]]:
+    """Everything to be measured: what, its size, and for simulations the precision."""
+    kind = "cpu" if device == "cpu" else "cuda"
+    most = {**LARGEST[kind], **largest}
+    found: list[dict[str, Any]] = []
+    for precision in ("fp64", "fp32"):
+        found += [{"what": "elements", "size": a * b, "precision": precision} for a, b in MESHES]
+        found += [{"what": "runs", "size": n, "precision": precision} for n in RUNS if n <= most["runs"]]
+    found += [{"what": "points", "size": n, "precision": ""} for n in POINTS if n <= most["points"]]
+    return [one for one in found if one["what"] in whats]
+
+
+def measured(one: dict[str, Any], device: str) -> dict[str, Any]:
+    """The measurement of one size."""
+    if one["what"] == "points":
+        return points(one["size"], device)
+    if one["what"] == "runs":
+        return simulations((16, 22), one["size"], one["precision"], device)
+    mesh = next(mesh for mesh in MESHES if mesh[0] * mesh[1] == one["size"])
+    return simulations(mesh, 1, one["precision"], device)
+
+
+def merged(kept: list[dict[str, Any]], new: dict[str, Any]) -> list[dict[str, Any]]:
+    """The entries with a newer one in the place of that of the same thing, in order."""
+    entries = [one for one in kept if [one[key] for key in SAME] != [new[key] for key in SAME]]
+    return sorted([*entries, new], key=lambda one: [str(one[k]) for k in ("what", "device", "precision")]
+                  + [f"{one['size']:012d}"])  # fmt: skip
+
+
+def table(entries: list[dict[str, Any]]) -> str:
+    """A row a size: what a device does of it a second."""
+    lines = ["| what grows | size | precision | where | seconds | a second |", "| --- " * 6 + "|"]
+    for one in entries:
+        rate = f"{one['rate'] / 1e6:.3g} million {UNITS[one['what']]}"
+        size = f"{one['size']:,}".replace(",", " ")
+        where = f"{one['where']}{', one core' if one['device'] == 'cpu' else ''}"
+        cells = (TITLES[one["what"]], size, one["precision"] or "–", where, f"{one['seconds']:.3g}", rate)
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def draw(entries: list[dict[str, Any]], path: Path) -> None:
+    """A panel for each of what grows, a line for each device and precision."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 3.0), layout="constrained")
+    for axes, what in zip(figure.subplots(1, 3), TITLES, strict=True):
+        for where, precision in dict.fromkeys(
+            (one["where"], one["precision"]) for one in entries if one["what"] == what
+        ):
+            line = [
+                one for one in entries
+                if (one["what"], one["where"], one["precision"]) == (what, where, precision)
+            ]  # fmt: skip
+            label = " ".join(part for part in (where, precision) if part)
+            axes.loglog([o["size"] for o in line], [o["rate"] for o in line], marker="o", ms=3, label=label)
+        axes.set(xlabel=TITLES[what], ylabel=f"{UNITS[what]} a second")
+        axes.legend(fontsize=6)
+        axes.grid(alpha=0.3)
+    figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.growth",
+        description=__doc__,
+        formatter_class=argparse.RawTextHelpFormatter,
+    )
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--what", nargs="+", choices=tuple(TITLES), default=list(TITLES))
+    parser.add_argument("--largest-runs", type=int, help="largest batch")
+    parser.add_argument("--largest-points", type=int, help="most points")
+    parser.add_argument("--where", help="name of the machine; default the device's")
+    parser.add_argument("--json", type=Path, required=True, help="file of the measurements, added to")
+    parser.add_argument("--again", action="store_true", help="measure also what is there")
+    parser.add_argument("--draw", type=Path, help="draw what is there, and measure nothing")
+    o = parser.parse_args(arguments)
+    entries = json.loads(o.json.read_text("utf-8")) if o.json.exists() else []
+    if o.draw:
+        draw(entries, o.draw)
+        return
+    where = o.where or select_device(o.device).name
+    given = {"runs": o.largest_runs, "points": o.largest_points}
+    largest = {name: value for name, value in given.items() if value is not None}
+    for one in wanted(o.device, o.what, largest):
+        known = {**one, "device": "cpu" if o.device == "cpu" else "cuda", "where": where}
+        if not o.again and any([old[key] for key in SAME] == [known[key] for key in SAME] for old in entries):
+            continue
+        entries = merged(entries, {**known, **measured(one, o.device)})
+        o.json.write_text(json.dumps(entries, indent=1) + "\n", "utf-8")
+        print(f"{one['what']} {one['size']} {one['precision']}: done", flush=True)
+    print(table(entries))
+
+
+if __name__ == "__main__":
+    main()

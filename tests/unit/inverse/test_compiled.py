@@ -1,0 +1,44 @@
+"""What an identification has compiled at its start: single runs, a design's packs, the other element."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import explicit
+from doe import Box
+from kolsky.inverse.compiled import MANY, compile_for
+
+
+def test_it_asks_for_what_it_will_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict[str, Any] = {}
+    stages_told: list[tuple[str, int, int]] = []
+
+    class Numerics(SimpleNamespace):
+        def with_other_element(self) -> "Numerics":
+            return Numerics(**{**vars(self), "element": "fbar"})
+
+    numerics = Numerics(device="cpu", threads=2, element="one_point")
+
+    def problem(points: dict[str, Any], numerics: Numerics) -> tuple[Any, ...]:
+        return numerics.element, {name: value.tolist() for name, value in points.items()}
+
+    def compiled(problems: Any, *, also: Any, device: str, threads: int, told: Any) -> int:
+        asked.update(problems=problems, also=[make() for make in also], device=device, threads=threads)
+        told(1, 3)
+        return 3
+
+    monkeypatch.setattr(explicit, "compile_time_loops", compiled)
+    stages: Any = SimpleNamespace(
+        settings=SimpleNamespace(numerics=numerics, held={"damping": 2e-5}),
+        box=Box.of({"stiffness_factor": (0.5, 2.0)}),
+        prepared=SimpleNamespace(forward=SimpleNamespace(problem=problem)),
+        progress=lambda *at: stages_told.append(at),
+    )
+    compile_for(stages)
+    one = {"damping": [2e-5], "stiffness_factor": [0.5]}
+    many = {name: value * MANY for name, value in one.items()}
+    assert asked["problems"] == [("one_point", one), ("one_point", many)]
+    assert asked["also"] == [("fbar", one)]
+    assert (asked["device"], asked["threads"]) == ("cpu", 2)
+    assert stages_told == [("compile", 1, 3)]
