@@ -1,6 +1,5 @@
 """Noise of the grey values where a series may have no static frames."""
 
-
 import numpy as np
 from numpy.typing import NDArray
 
