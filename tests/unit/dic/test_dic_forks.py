@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dic.forks import beside, begun, can_fork, forking, side_by_side
+from dic.forks import begun, beside, can_fork, forking, side_by_side
 from dic.images import PictureError
 
 sharing = pytest.mark.skipif(not can_fork(), reason="one core, or no copies of processes here")
