@@ -58,9 +58,16 @@ def made(study: Study, numbers: list[int], workers: int) -> tuple[list[str], str
         fresh += shot.fresh
         print(f"{shot.name}  {'made' if shot.fresh else 'there already'}", flush=True)
 
-    options = {"device": study.device, "threads": study.threads, "workers": workers}
     try:
-        make(series, place, numbers=numbers, progress=count, **options)
+        make(
+            series,
+            place,
+            numbers=numbers,
+            progress=count,
+            device=study.device,
+            threads=study.threads,
+            workers=workers,
+        )
     except InputError as error:
         why = str(error)
     if fresh:

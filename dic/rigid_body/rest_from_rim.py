@@ -22,8 +22,9 @@ from dic.images import PictureError, Pictures
 from dic.stereo.rays import pixels_per_length
 from dic.surfaces import SpecimenFrame
 
-MODEL = 0.06
-"""Standard deviation of a rim for what the model leaves out: a shadow, a chamfer, rows that alias [px]."""
+MODEL = 0.12
+"""Standard deviation of a rim for what the model leaves out: printed dots that end before it, a shadow, a
+chamfer, rows that alias [px]. Sprayed drops, which reach to it, leave half as much."""
 MOST_FRAMES = 24
 """Frames at most that are compared."""
 FEWEST_FRAMES = 6
@@ -43,7 +44,7 @@ band changes on top of it [px]."""
 VARIES = 5.0, 0.12
 """The first row that varies does so many times as the flyer's rows, and by so much of the specimen's
 variation."""
-LARGEST_SHARE = 0.002
+LARGEST_SHARE = 0.0025
 """Largest standard deviation of the upper end, as a share of the length: beyond it the cameras disagree on
 the lower end, or the length was not measured."""
 

@@ -43,11 +43,6 @@ def descend(
         The coarser mesh's, shape [k, d]: they are kept where a run beside the point does not complete.
     last
         The run from which to go on.
-
-    Raises
-    ------
-    ValueError
-        If a run at a trial point does not complete.
     """
     for _ in range(MOST_STEPS):
         own = slopes_beside(stages, objective, last)
@@ -75,14 +70,18 @@ def slopes_beside(stages: StagedRuns, objective: Objective, run: RefinedRun) -> 
 def _better(
     stages: StagedRuns, objective: Objective, slope: FloatArray, last: RefinedRun
 ) -> RefinedRun | None:
-    """A run along the step that is no worse; None if there is none."""
+    """A run along the step that completes and is no worse; None if there is none."""
     share = 1.0
     for _ in range(MOST_HALVINGS):
         x = np.clip(last.x + share * last.step.change, *bounds(stages.box))
-        run = judged(stages, objective, slope, x, completed_apart(stages, x[None])[0], last)
+        share *= 0.5
+        try:
+            check = completed_apart(stages, x[None])[0]
+        except ValueError:  # it did not complete: no better point
+            continue
+        run = judged(stages, objective, slope, x, check, last)
         if cost(run) <= cost(last):
             return run
-        share *= 0.5
     return None
 
 

@@ -87,6 +87,7 @@ class Hump:
         self.box, self.prior = Box.of({"damping": (-1e4, 1e4)}), None
         self.settings = Settings(refined_mesh=FINE)
         self.visited: list[float] = []
+        self.lost: set[int] = set()
 
     def predicted(self, points: np.ndarray) -> Prediction:
         empty = np.empty((len(points), 0))
@@ -99,8 +100,11 @@ class Hump:
 
     def run(self, stage: str, points: np.ndarray, numerics: Numerics, *, all_nodes: bool = False) -> Any:
         self.visited += points[:, 0].tolist()
-        response = SimpleNamespace(completed=np.ones(len(points), dtype=bool), select=lambda rows: None)
-        return response, np.arange(len(points)), self.predicted(points)
+        gone = len(self.visited) in self.lost
+        response = SimpleNamespace(
+            completed=np.full(len(points), not gone), select=lambda rows: None, describe=lambda row: "folded"
+        )
+        return response, np.arange(0 if gone else len(points)), None if gone else self.predicted(points)
 
 
 def test_a_step_that_rises_is_halved_until_it_does_not() -> None:
@@ -111,3 +115,16 @@ def test_a_step_that_rises_is_halved_until_it_does_not() -> None:
     run, _ = descend(made, one, np.full((10, 1), 7.0), start)
     assert made.visited[:3] == pytest.approx([0.0, -0.6, -0.3], abs=1e-6)
     assert cost(run) <= cost(start) + 20.0 * np.log(0.48 / 0.6) + 1e-9
+
+
+def test_a_trial_that_is_lost_is_no_better_point() -> None:
+    """The step of -0.6, the second run, folds; half of it is tried next."""
+    made: Any = Hump()
+    one = objective(np.zeros(10), np.empty(0))
+    start = judged(made, one, np.ones((10, 1)), np.zeros(1), completed_apart(made, np.zeros((1, 1)))[0], None)
+    made.lost = {2}
+    run, _ = descend(made, one, np.full((10, 1), 7.0), start)
+    assert made.visited[1:3] == pytest.approx([-0.6, -0.3], abs=1e-6)
+    assert cost(run) < cost(start)
+    made.visited, made.lost = [], set(range(1, 99))
+    assert descend(made, one, np.full((10, 1), 7.0), start)[0].x == start.x
