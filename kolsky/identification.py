@@ -6,8 +6,8 @@
    for several (`kolsky.inverse.surrogate_mesh_search`).
 3. The optimum is moved to the refined mesh and confirmed by a run there: by Gauss-Newton steps
    (`kolsky.inverse.gauss_newton`), by single runs that correct the surrogate (one parameter where a surface
-   lets go, `kolsky.inverse.refined_search`), or by a quadratic through a design of runs on the refined mesh (a sliding
-   surface, `kolsky.inverse.quadratic_fit`). `kolsky.inverse.search` chooses.
+   lets go, `kolsky.inverse.refined_search`), or by a quadratic through a design of runs on the refined mesh
+   (a sliding surface, `kolsky.inverse.quadratic_fit`). `kolsky.inverse.search` chooses.
 4. Its uncertainty: the residuals' covariance (`kolsky.inverse.objective`), the inputs' noise
    (`kolsky.uncertainty.input_noise`), the numerics (`kolsky.uncertainty.numerical`), then what is declared
    uncertain, profile likelihoods and other choices (`kolsky.uncertainty.analyse`).

@@ -3,8 +3,9 @@
 A scan of Poisson's ratio on the mesh of the replicates finds the valleys of the misfit
 (`kolsky.inverse.valleys`). Searches from the floors of the likeliest, side by side, are least squares on the
 solver itself (`doe.least_squares`): its steps need no surrogate. From the likeliest of their ends the summit
-of the likelihood is climbed (`kolsky.inverse.summits`), and the search on the surrogate's mesh begins there. The logarithm of 1 - 2 nu is the coordinate of Poisson's
-ratio: a valley is a few percent of 1 - 2 nu wide, whatever nu is.
+of the likelihood is climbed (`kolsky.inverse.summits`), and the search on the surrogate's mesh begins there.
+The logarithm of 1 - 2 nu is the coordinate of Poisson's ratio: a valley is a few percent of 1 - 2 nu wide,
+whatever nu is. One parameter comes from a surrogate, and its path is followed like that of several.
 """
 
 from __future__ import annotations
