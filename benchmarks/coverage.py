@@ -100,6 +100,8 @@ class Found:
     outcome: str
     """Verdicts, or why there is no answer."""
     warnings: list[str]
+    figures: dict[str, float]
+    """Of the search, as `Identification.surrogate` has them: how far the path was moved, the next valley."""
     seconds: float
 
 
@@ -122,7 +124,7 @@ def identified(study: Study, number: int, force: FloatArray, Z: FloatArray) -> F
         result = identify(shot, settings)
     except ValueError as error:
         parts: dict[str, dict[str, float]] = {name: {} for name in study.free}
-        lost = (nothing, nothing, nothing, parts, {}, {}, str(error), [])
+        lost = (nothing, nothing, nothing, parts, {}, {}, str(error), [], {})
         return Found(number, true, *lost, time.perf_counter() - started)
     e = result.estimates
     return Found(
@@ -140,6 +142,7 @@ def identified(study: Study, number: int, force: FloatArray, Z: FloatArray) -> F
         profile={profile.name: list(profile.interval) for profile in result.profiles},
         outcome="; ".join(sorted({estimate.outcome.value for estimate in e.values()})),
         warnings=list(result.warnings),
+        figures=dict(result.surrogate),
         seconds=time.perf_counter() - started,
     )
 

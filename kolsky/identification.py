@@ -4,10 +4,10 @@
 2. Runs on coarse meshes give a first optimum: a design and a surrogate of the *response* (force bins and
    outline points) of one parameter (`kolsky.inverse.coarse_search`), a scan of the valleys and least squares
    for several (`kolsky.inverse.surrogate_mesh_search`).
-3. The optimum is moved to the refined mesh and confirmed by a run there: by single runs that correct the
-   surrogate (one parameter, `kolsky.inverse.refined_search`), by Gauss-Newton steps (several,
-   `kolsky.inverse.gauss_newton`), or by a quadratic through a design of runs on the refined mesh (a sliding
-   surface, `kolsky.inverse.quadratic_fit`). `kolsky.inverse.search` chooses.
+3. The optimum is moved to the refined mesh and confirmed by a run there: by Gauss-Newton steps
+   (`kolsky.inverse.gauss_newton`), by single runs that correct the surrogate (one parameter where a surface
+   lets go, `kolsky.inverse.refined_search`), or by a quadratic through a design of runs on the refined mesh
+   (a sliding surface, `kolsky.inverse.quadratic_fit`). `kolsky.inverse.search` chooses.
 4. Its uncertainty: the residuals' covariance (`kolsky.inverse.objective`), the inputs' noise
    (`kolsky.uncertainty.input_noise`), the numerics (`kolsky.uncertainty.numerical`), then what is declared
    uncertain, profile likelihoods and other choices (`kolsky.uncertainty.analyse`).

@@ -221,6 +221,8 @@ def surrogate_quality(stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOp
         found["loo_shape"] = _rms(left_out[:, n:])
     if stages.front_moved:
         found["front_moved"] = stages.front_moved
+    if np.isfinite(stages.valley_margin):
+        found["valley_margin"] = stages.valley_margin
     found |= {"check_shift_sigmas": fine.moved, "check_force": _rms(fine.missed[:n])}
     if outline:
         found["check_shape"] = _rms(fine.missed[n:])

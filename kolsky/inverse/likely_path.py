@@ -23,7 +23,8 @@ from kolsky.inverse.objective import Objective
 
 FOLLOWED = 2.0
 """Root mean square of the amplitudes, each standard normal beforehand, up to which the path is left: the
-patterns are linear enough for what they have to explain [-]."""
+patterns are linear enough for what they have to explain [-]. Not so where Poisson's ratio is free: there any
+path is followed, for patterns that ring at one frequency hold it there."""
 CREDIBLE = 4.0
 """The same beyond which the path is left where its record puts it [-]: such a record is not noisy but wrong,
 and no path may hide that."""

@@ -114,7 +114,7 @@ def slides(stages: StagedRuns) -> bool:
 
 
 def search_by_single_runs(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOptimum:
-    """Stage 3 of `kolsky.identification.identify` for one parameter where nothing slides.
+    """Stage 3 of `kolsky.identification.identify` for one parameter where a surface lets go and none slides.
 
     Raises
     ------

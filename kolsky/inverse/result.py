@@ -35,6 +35,7 @@ class Verdict(StrEnum):
     CONTRADICTED = "force and outline contradict each other"
     AT_BOUND = "at a bound of the design"
     BOUND_REACHED = "not told from a bound of the design"
+    OTHER_VALLEY = "not told from another valley of the misfit"
     CONDITIONAL = "only if the parameter at its bound is right"
     NOT_SEEN = "not seen by the data"
     PLATEAU = "on a plateau of a rough misfit"

@@ -1,8 +1,10 @@
 """The search for the optimum, from the choice of the free parameters to the refined mesh.
 
-One parameter is moved to the refined mesh by single runs (`kolsky.inverse.refined_search`), several of a
-specimen that keeps its hold by Gauss-Newton steps (`kolsky.inverse.gauss_newton`), and where a surface slides
-a quadratic through many runs averages its jumps (`kolsky.inverse.quadratic_fit`).
+The optimum of a specimen that keeps its hold is moved to the refined mesh by Gauss-Newton steps
+(`kolsky.inverse.gauss_newton`), after the front face's path has been followed on the surrogate's mesh
+(`kolsky.inverse.surrogate_mesh_search`). Where a surface slides a quadratic through many runs averages its
+jumps (`kolsky.inverse.quadratic_fit`), and where one lets go single runs move one parameter
+(`kolsky.inverse.refined_search`).
 """
 
 from __future__ import annotations

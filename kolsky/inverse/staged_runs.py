@@ -81,7 +81,7 @@ class StagedRuns:
         self.idle_core = IdleCore()
         self.offsets: dict[tuple[int, int], FloatArray] = {}
         self.replicates: Replicates | None = None
-        self.front_moved = 0.0
+        self.front_moved, self.valley_margin = 0.0, np.inf
         self.rng = np.random.default_rng(settings.seed)
         self.table = RunTable(box.names)
         self._coarse: list[tuple[FloatArray, Prediction]] = []

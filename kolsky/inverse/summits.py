@@ -8,7 +8,7 @@ oscillation over the whole test, each place with the patterns of the noise that 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,8 @@ STRIDE = 0.5
 oscillation apart or more."""
 AHEAD = 2
 """Places that are run at once to a side: one oscillation."""
+OTHER = 2.0
+"""Oscillations from a summit beyond which a floor is of another valley [-]."""
 FARTHEST = 8
 """Most places from the floor: the next valleys that the scan has found lie about there."""
 
@@ -38,6 +40,11 @@ class Summit:
     """Of the flyer's noise there, one standard deviation a mode, shape [q, n_bins + n_points]."""
     strides: int
     """Places from the floor, positive toward a higher Poisson's ratio."""
+    runs: Prediction
+    """Under other motions there, the fitted one's first."""
+    margin: float = np.inf
+    """-2 ln of likelihood and prior of the next valley's floor less that of the summit [-]; infinite where
+    the scan found no other valley."""
 
 
 def climb(
@@ -80,7 +87,58 @@ def climb(
         new = strides_beside(best, set(places))
     x, prediction = places[best]
     assert prediction is not None  # a lost run is infinitely unlikely, and the floor's is not lost
-    return Summit(x, patterns_of(stages, prediction), best)
+    return Summit(x, patterns_of(stages, prediction), best, prediction)
+
+
+def likeliest(stages: StagedRuns, floors: FloatArray, numerics: Numerics, inside: BoolArray) -> Summit:
+    """The summit from the likeliest of some valleys' floors, and what the next is short of it.
+
+    Parameters
+    ----------
+    stages, numerics, inside
+        As of `climb`.
+    floors
+        In parameter units, shape [n, d].
+
+    Raises
+    ------
+    ValueError
+        If the run at no floor completes.
+    """
+    runs = stages.under_other_motions(floors, stages.front_deviations(MOTIONS), numerics)
+    first = int(np.argmin(judged(stages, floors, runs, inside)))
+    found = runs[first]
+    if found is None:
+        raise ValueError("no run at a floor of the valleys of Poisson's ratio completed")
+    summit = climb(stages, floors[first], found, numerics, inside)
+    at = np.vstack([summit.x, floors])
+    values = judged(stages, at, [summit.runs, *runs], inside)
+    apart = np.abs(turns_of(stages, at) - turns_of(stages, summit.x[None]))
+    return replace(summit, margin=margin(values, apart))
+
+
+def margin(values: FloatArray, apart: FloatArray) -> float:
+    """By how much the likeliest of other valleys is short of a summit [-].
+
+    Parameters
+    ----------
+    values
+        -2 ln of likelihood and prior, the summit's first, shape [n].
+    apart
+        Oscillations from the summit [-], shape [n]; within `OTHER` of it a floor is on its slope.
+    """
+    others = values[apart > OTHER]
+    return float(np.min(others, initial=np.inf) - values[0])
+
+
+def turns_of(stages: StagedRuns, points: FloatArray) -> FloatArray:
+    """Oscillations over the whole test at points of shape [n, d], shape [n]; all with the first one's
+    stiffness."""
+    box = stages.box
+    i = box.names.index(VALLEY)
+    factor = float(points[0, box.names.index(MOVED)]) if MOVED in box.names else 1.0
+    table, number = oscillation_table(stages, factor, (box.lower[i], box.upper[i]))
+    return np.asarray(np.interp(points[:, i], table, number))
 
 
 def strides_beside(best: int, known: set[int]) -> list[int]:

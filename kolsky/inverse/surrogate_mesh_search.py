@@ -2,14 +2,14 @@
 
 A scan of Poisson's ratio on the mesh of the replicates finds the valleys of the misfit
 (`kolsky.inverse.valleys`). Searches from the floors of the likeliest, side by side, are least squares on the
-solver itself (`doe.least_squares`): its steps need no surrogate. Of their ends the likeliest one goes on, and
-the search on the surrogate's mesh begins there. The logarithm of 1 - 2 nu is the coordinate of Poisson's
-ratio: a valley is a few percent of 1 - 2 nu wide, whatever nu is.
+solver itself (`doe.least_squares`): its steps need no surrogate. From the likeliest of their ends the summit
+of the likelihood is climbed (`kolsky.inverse.summits`), and the search on the surrogate's mesh begins there.
+The logarithm of 1 - 2 nu is the coordinate of Poisson's ratio: a valley is a few percent of 1 - 2 nu wide,
+whatever nu is. One parameter comes from a surrogate, and its path is followed like that of several.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,6 @@ from doe import Box, from_points, latin_hypercube
 from doe.least_squares import least_squares
 from doe.whitening import Whitening
 from kolsky.base.arrays import BoolArray, FloatArray
-from kolsky.inverse import valleys
 from kolsky.inverse.coarse_search import CoarseOptimum
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.front_noise import data_change, front_modes, noise_of
@@ -27,8 +26,8 @@ from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
 from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.staged_runs import StagedRuns
-from kolsky.inverse.summits import Summit, climb
-from kolsky.inverse.valleys import VALLEY, judged, likely_valleys, valley_levels
+from kolsky.inverse.summits import likeliest
+from kolsky.inverse.valleys import VALLEY, likely_valleys, valley_levels
 
 BEST = 3
 """Starts where Poisson's ratio is held, the best of a design."""
@@ -115,8 +114,8 @@ def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int]
     ends = least_squares_on(stages, objective, first, points, FIRST_STEPS)
     begin = ends[0].x
     if VALLEY in stages.box.names:
-        summit = likeliest(stages, objective, first, ends)
-        begin = summit.x
+        summit = likeliest(stages, np.array([end.x for end in ends]), first, objective.counted)
+        begin, stages.valley_margin = summit.x, summit.margin
         if stages.settings.replicates:
             # Without them least squares would go back to the floor.
             stages.know_front_noise(summit.patterns)
@@ -126,25 +125,6 @@ def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int]
         return follow_meshes(stages, objective, best, np.zeros(stages.box.dimension))
     (fine,) = least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
     return follow_meshes(stages, objective, fine, best.x - fine.x)
-
-
-def likeliest(
-    stages: StagedRuns, objective: Objective, numerics: Numerics, ends: Sequence[MeshOptimum]
-) -> Summit:
-    """The summit of the likelihood that is reached from the likeliest of some valleys' floors.
-
-    Raises
-    ------
-    ValueError
-        If no run at a floor completes.
-    """
-    floors = np.array([end.x for end in ends])
-    runs = stages.under_other_motions(floors, stages.front_deviations(valleys.MOTIONS), numerics)
-    likely = int(np.argmin(judged(stages, floors, runs, objective.counted)))
-    found = runs[likely]
-    if found is None:
-        raise ValueError("no run at a floor of Poisson's valleys completed")
-    return climb(stages, floors[likely], found, numerics, objective.counted)
 
 
 def search_meshes_for_one(stages: StagedRuns, coarse: CoarseOptimum) -> dict[tuple[int, int], MeshOptimum]:

@@ -10,7 +10,8 @@ On a coarse mesh the outline's error is a smooth field, many times its noise whe
 points, and it bends with Poisson's ratio; by number its points would outvote the force, which alone sees the
 oscillations. So the points of a frame count once when valleys are compared. And a record of the flyer that is
 uncertain at its onset makes a right model ring too much: at each valley's floor some runs under other motions
-tell how, and what they explain does not speak against it.
+tell how, and what they explain does not speak against it. From the likeliest floor the summit of that
+likelihood is climbed (`kolsky.inverse.summits`).
 """
 
 from __future__ import annotations

@@ -261,6 +261,7 @@ QUALITY = {
     "force_discrepancy": ("discrepancy of the model, force", 1.0, " N"),
     "shape_discrepancy": ("discrepancy of the model, outline", 1e6, " µm"),
     "slow_discrepancy": ("common to many points of the outline", 1e6, " µm"),
+    "valley_margin": ("next valley of Poisson’s ratio, −2 ln L above this one", 1.0, ""),
     "front_moved": ("front face’s path moved by, over its noise, rms", 1.0, ""),
 }
 """Words, factor and unit of the entries of `Identification.surrogate`."""

@@ -365,8 +365,22 @@ FAULTS = (
     Fault(
         name="the floor's patterns at the summit",
         file="kolsky/inverse/summits.py",
-        right="return Summit(x, patterns_of(stages, prediction), best)",
-        wrong="return Summit(x, patterns_of(stages, runs), best)",
+        right="return Summit(x, patterns_of(stages, prediction), best, prediction)",
+        wrong="return Summit(x, patterns_of(stages, runs), best, prediction)",
         tests=SUMMITS,
+    ),
+    Fault(
+        name="a floor on the summit's own slope counts as another valley",
+        file="kolsky/inverse/summits.py",
+        right="others = values[apart > OTHER]",
+        wrong="others = values[apart > 0.0]",
+        tests=SUMMITS,
+    ),
+    Fault(
+        name="a valley not told from another is identified",
+        file="kolsky/diagnosis/verdicts.py",
+        right="LEAST_MARGIN = 25.0",
+        wrong="LEAST_MARGIN = 24.0",
+        tests=("tests/unit/diagnosis/test_fit_verdicts.py",),
     ),
 )

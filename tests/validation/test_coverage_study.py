@@ -42,6 +42,7 @@ def _found(error: float, sigma: float, number: int = 0) -> dict[str, Any]:
             profile={M: [1.1 + error - sigma, 1.1 + error + sigma]},
             outcome="identified",
             warnings=[],
+            figures={},
             seconds=0.0,
         )
     )

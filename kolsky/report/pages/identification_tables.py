@@ -31,6 +31,9 @@ _VERDICTS = {
     Verdict.BOUND_REACHED: "The interval reaches past a bound of the design: the data do not tell the value "
     "from that bound, and the interval's other end alone is a finding. Where a value beyond is possible, "
     "widen the design and run again; where none is (no friction is the least), hold the parameter there.",
+    Verdict.OTHER_VALLEY: "At another value the force's ringing falls in step with the measured one nearly "
+    "as well: the value may be whole oscillations off. Hold the parameter at an independent value, or "
+    "declare its uncertainty.",
     Verdict.CONDITIONAL: "Another parameter lies on a bound of the design and this one compensates for it: "
     "the value and its interval hold only if that bound is right. Widen that bound, or hold that "
     "parameter at an independent value.",

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from synthetic import synthetic
 
@@ -82,6 +83,19 @@ def test_a_value_not_told_from_a_bound_is_not_identified(end: str, inside: float
     # A misfit is graver.
     bad = replace(near, fit=(replace(result.fit[0], residual=9.0),))
     assert outcome(judged(bad)) is Verdict.UNEXPLAINED
+
+
+@pytest.mark.parametrize(("margin", "verdict"), [(25.1, Verdict.IDENTIFIED), (24.9, Verdict.OTHER_VALLEY)])
+def test_a_valley_not_told_from_another_is_not_identified(margin: float, verdict: Verdict) -> None:
+    result = synthetic(nodes=False)
+    e = result.estimates[M]
+    design = replace(result.design, names=(M, "poisson"), lower=np.zeros(2), upper=np.full(2, 9.0))
+    both = {M: e, "poisson": replace(e, name="poisson")}
+    surrogate = {**result.surrogate, "valley_margin": margin}
+    near = judged(replace(result, estimates=both, surrogate=surrogate, design=design))
+    assert near.estimates["poisson"].outcome is verdict
+    assert near.estimates[M].outcome is Verdict.IDENTIFIED
+    assert not Verdict.OTHER_VALLEY.identified
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.101, Verdict.IDENTIFIED), (0.099, Verdict.OUTLINE_ALONE)])

@@ -8,7 +8,7 @@ from test_likely_path import Onset, off_by
 from test_several_parameters import TIME, TRUTH
 
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.summits import AHEAD, FARTHEST, STRIDE, climb, strides_beside
+from kolsky.inverse.summits import AHEAD, FARTHEST, STRIDE, climb, likeliest, margin, strides_beside
 
 
 def turns(x: np.ndarray) -> float:
@@ -69,3 +69,17 @@ def test_places_to_run_next_by_hand() -> None:
     assert strides_beside(2, {-2, -1, 0, 1, 2}) == [3, 4]
     assert strides_beside(-2, {-2, -1, 0, 1, 2}) == [-4, -3]
     assert strides_beside(8, set(range(-2, 9))) == []
+
+
+def test_the_margin_is_of_the_next_valley() -> None:
+    """The summit, a floor on its slope, and two of other valleys: 2 oscillations are still its own."""
+    assert margin(np.array([-100.0, -95.0, -60.0, -75.0]), np.array([0.0, 2.0, 5.0, 2.01])) == 25.0
+    assert margin(np.array([-100.0, -95.0]), np.array([0.0, 1.0])) == np.inf
+
+
+def test_the_likeliest_floor_is_climbed_and_its_margin_told() -> None:
+    made: Any = Onset(np.array([2.0, -1.5]))
+    floors = np.array([off_by(share).x for share in (-3.5, 1.0, 4.0)])
+    found = likeliest(made, floors, made.settings.numerics, np.empty(0, dtype=bool))
+    assert turns(found.x) == pytest.approx(turns(TRUTH), abs=0.02)
+    assert 100.0 < found.margin < np.inf
