@@ -3,6 +3,7 @@
     python -m benchmarks.dic                                    # one core, and OpenCV's PyrLK
     python -m benchmarks.dic --peer ../peer/bin/python          # pyvale too, in its own environment
     python -m benchmarks.dic --device cuda --points 1000000     # a GPU
+    python -m benchmarks.dic --device cuda --rates              # from 10 000 to 4 000 000 points a call
     python -m benchmarks.dic --whole ../shared/data/shots/open-01    # a whole shot, stage by stage
     python -m benchmarks.dic --whole ../shared/data/shots/open-01 --device cuda --repeats 1
 
@@ -33,6 +34,8 @@ from dic.correlation import Correlation, Match, PictureStack, Shape, correlate
 HEAD = "program                          motion             points/s   bias, mpx  std, mpx  found"
 WHOLE = 3
 """Runs of a whole shot."""
+RATES = (10_000, 100_000, 1_000_000, 4_000_000)
+"""Points of a call whose rates `--rates` prints."""
 CHOSEN = (
     Correlation(shape=Shape.RIGID),
     Correlation(shape=Shape.AFFINE),
@@ -54,6 +57,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--peer", type=Path, help="the Python of an environment with pyvale")
     parser.add_argument("--json", type=Path, help="write the table here")
     parser.add_argument("--whole", type=Path, help="time `kolsky dic` on this shot's raw files instead")
+    parser.add_argument(
+        "--rates", type=int, nargs="*", metavar="N", help="rates of affine matches of so many points a call"
+    )
     options = parser.parse_args(arguments)
     if is_busy():
         print("This machine has other work: rates are too low.\n")
@@ -61,6 +67,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         found = dic_whole.runs(options.whole, min(options.repeats, WHOLE), device=options.device)
         if options.json:
             dic_whole.merged(options.json, found)
+        return
+    if options.rates is not None:
+        for n in options.rates or RATES:
+            row, _ = measure(problems()[0], Correlation(), options.device, n, min(options.repeats, WHOLE))
+            print(f"{n:9d} points a call: {row.rate:12.0f} points/s, transfers included", flush=True)
         return
     rows, calls = [], []
     print(HEAD)

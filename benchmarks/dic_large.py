@@ -102,8 +102,10 @@ def whole(side: int, points: int, frames: int, device: str) -> dict[str, Any]:
     """Match, follow, reconstruct and gate; times, launches and memory."""
     rig = cameras(side)
     series = PlaneSeries(rig.cameras[0], side, frames), PlaneSeries(rig.cameras[1], side, frames)
-    rim = 0.08 * side
-    step = max(1, int((side - 2.0 * rim) / np.sqrt(points)))
+    step = max(1, int(0.84 * side / np.sqrt(points)))
+    rim = (
+        0.5 * (side - 1 - step * np.sqrt(points)) - 0.5 * SUBSET
+    )  # a point is half a subset from it at least
     corners = ((rim, rim), (side - rim, rim), (side - rim, side - rim), (rim, side - rim))
     fine = np.full(frames, int(FrameOutcome.VALID), dtype=np.int64)
     launches, launch = [0], wp.launch
@@ -186,6 +188,8 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--curves", action="store_true", help="the search along epipolar curves alone")
     o = parser.parse_args()
+    if not o.curves and o.device != "cpu":
+        whole(256, 300, 3, o.device)  # compiles, or loads
     found = curves(o.side, o.points, o.device) if o.curves else whole(o.side, o.points, o.frames, o.device)
     print(json.dumps(found))
 

@@ -1,23 +1,27 @@
 """Forty drawn shots, from pictures and volts only to m: `python -m benchmarks.forty --out FOLDER`.
 
 Each shot of a population is made, identified unattended as `kolsky identify` does it, and set beside its
-truth: answered and right, refused with a reason, or confidently wrong. What was refused is tried again with
-the cures of `benchmarks.forty_cures.CURES`, which are counted apart. The folder keeps the shots and an answer
-a file: called again, the study goes on where it stopped. With `--exports` the outline and the flyer come from
-tables instead of pictures.
+truth: answered and right, refused with a reason, or confidently wrong. When all have been tried, what was
+refused is tried again with the cures of `benchmarks.forty_cures.CURES`, which are counted apart. The folder
+keeps the shots and an answer a file, and the table of those that are there: called again, the study goes on
+where it stopped. With `--exports` the outline and the flyer come from tables instead of pictures.
+
+With `--workers` that many processes share the shots, the cores, and with `--device cuda` the GPUs.
 """
 
 import argparse
 import json
+import math
+import os
 import statistics
 import time
 from collections.abc import Iterator
 from concurrent.futures import as_completed
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.forty_shots import KINDS, Answer, Study, one
+from benchmarks.forty_shots import KINDS, RIGHT, Answer, Study, available, one, shares
 from kolsky.base.errors import InputError
 from kolsky.base.files import write_table
 from kolsky.base.process import process_pool
@@ -78,6 +82,29 @@ def answers_of(study: Study, names: list[str], workers: int) -> Iterator[Answer]
             yield future.result()
 
 
+def attempts(study: Study, names: list[str], workers: int) -> Iterator[list[Answer]]:
+    """All answers so far, in their order, after each that comes: first of every shot, then with cures."""
+    found: dict[str, Answer] = {}
+    for cures in (False, True) if study.cures else (False,):
+        todo = names if not cures else [name for name in names if found[name].kind == "refused"]
+        for answer in answers_of(replace(study, cures=cures), todo, workers):
+            found[answer.name] = answer
+            error = "" if answer.error is None else f"{100.0 * answer.error:+.3f} %"
+            cure = f"  {answer.end.cure}: {answer.end.kind}" if answer.cured else ""
+            print(f"{answer.name}  {answer.kind}  {error}  {answer.seconds:.0f} s{cure}", flush=True)
+            yield [found[name] for name in sorted(found)]
+
+
+def write(study: Study, answers: list[Answer], missing: str) -> dict[str, Any]:
+    """Write the table and forty.json as they stand; the latter's content."""
+    write_table(Path(study.out) / "forty.csv", table(answers))
+    found = summary(study, answers, missing)
+    partial = Path(study.out) / "forty.partial"
+    partial.write_text(json.dumps(found, indent=1), encoding="utf-8")
+    os.replace(partial, Path(study.out) / "forty.json")
+    return found
+
+
 def table(answers: list[Answer]) -> dict[str, list[Any]]:
     """The answers as named columns."""
     return {
@@ -118,22 +145,42 @@ def summary(study: Study, answers: list[Answer], missing: str) -> dict[str, Any]
     }
 
 
+def kept_answers(path: Path) -> list[Answer]:
+    """The answers of a forty.json, without their cures."""
+    names = {field.name for field in fields(Answer)} - {"cured"}
+    content = json.loads(path.read_text("utf-8"))["answers"]
+    return [Answer(**{name: one[name] for name in names}) for one in content]
+
+
 def spread(answers: list[Answer]) -> dict[str, float | None]:
     """Errors of m over their standard uncertainties, of the answered shots: root mean square and largest."""
     z = [(a.value - a.truth) / a.sigma for a in answers if a.answered and a.value is not None and a.sigma]
     if not z:
-        return {"scatter": None, "largest": None}
+        return {"scatter": None, "largest": None, "expected beyond 1 %": None}
     return {
         "scatter": statistics.fmean(one * one for one in z) ** 0.5,
         "largest": max(abs(one) for one in z),
+        "expected beyond 1 %": expected_beyond(answers),
     }
+
+
+def expected_beyond(answers: list[Answer]) -> float:
+    """How many of the answered shots lie beyond 1 % of their truth if their uncertainties are right.
+
+    Each with the probability 1 - erf(0.01 m / (sqrt 2 u)) of a normal error: it tells what share of the
+    answers that are not right is the tests' own uncertainty, and not a fault of the program.
+    """
+    given = [a for a in answers if a.answered and a.sigma]
+    return sum(math.erfc(RIGHT * abs(a.truth) / (2.0**0.5 * (a.sigma or 1.0))) for a in given)
 
 
 def main() -> None:
     """Run what is not there yet, and print the table."""
     parser = argparse.ArgumentParser(description="From pictures and volts only to m, on a drawn population.")
     parser.add_argument("--spec", default=str(SPEC))
-    parser.add_argument("--out", required=True)
+    place = parser.add_mutually_exclusive_group(required=True)
+    place.add_argument("--out")
+    place.add_argument("--of", help="print the spread of a forty.json, and do nothing else")
     parser.add_argument("--only", default="", help="numbers and ranges, e.g. 1-8,12")
     parser.add_argument("--seed", type=int, default=None, help="of the population, instead of its own")
     parser.add_argument("--exports", action="store_true", help="tables instead of pictures")
@@ -145,6 +192,9 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--threads", type=int, default=None)
     given = parser.parse_args()
+    if given.of:
+        print(json.dumps(spread(kept_answers(Path(given.of)))))
+        return
     from kolsky.cli import texts
 
     study = Study(
@@ -158,22 +208,16 @@ def main() -> None:
         device=given.device,
         threads=given.threads or (1 if given.workers > 1 else None),
         cures=not given.no_cures,
+        cores=shares(available(), given.workers) if given.workers > 1 else (),
     )
     Path(given.out).mkdir(parents=True, exist_ok=True)
     numbers = texts.whole_numbers("--only", given.only) if given.only else list(series_of(study).numbers)
     names, missing = made(study, numbers, given.workers)
     if missing:
         print(missing, flush=True)
-    answers: list[Answer] = []
-    for answer in answers_of(study, names, given.workers):
-        answers.append(answer)
-        error = "" if answer.error is None else f"{100.0 * answer.error:+.3f} %"
-        cure = f"  {answer.end.cure}: {answer.end.kind}" if answer.cured else ""
-        print(f"{answer.name}  {answer.kind}  {error}  {answer.seconds:.0f} s{cure}", flush=True)
-    answers.sort(key=lambda answer: answer.name)
-    write_table(Path(given.out) / "forty.csv", table(answers))
-    found = summary(study, answers, missing)
-    (Path(given.out) / "forty.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
+    found = write(study, [], missing)
+    for answers in attempts(study, names, given.workers):
+        found = write(study, answers, missing)
     print(json.dumps({key: value for key, value in found.items() if key not in ("answers", "making")}))
 
 

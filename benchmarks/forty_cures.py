@@ -141,4 +141,6 @@ CURES: dict[str, Callable[[str, Path], str | None]] = {
     "larger subsets": with_subset(1.4),
     "smaller subsets": with_subset(0.7),
 }
-"""What is tried on a refused shot, in this order, each alone."""
+"""What is tried on a shot whose pictures were refused, in this order, each alone."""
+FINER_MESH = "a finer mesh"
+"""What is tried first where the pictures are fine and the answer was refused: of the runs that search."""

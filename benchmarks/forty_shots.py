@@ -4,20 +4,25 @@ import json
 import os
 import re
 import shutil
+import sys
 import time
 import traceback
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 
-from benchmarks.forty_cures import CURES
+from benchmarks.forty_cures import CURES, FINER_MESH
 from kolsky.base.errors import InputError
+from kolsky.base.process import WORKER
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
 from kolsky.virtual.shot_folder import TRUTH
 
+FINER = (32, 43)
+"""The mesh of the runs that search, where a finer one is the cure."""
 RIGHT = 0.01
 """Largest relative error of an answer that counts as right [-]."""
 COVERED = 3.0
@@ -40,6 +45,8 @@ class Study:
     device: str = "cpu"
     threads: int | None = None
     cures: bool = True
+    cores: tuple[tuple[int, ...], ...] = ()
+    """Cores of each worker; none: all of the machine."""
 
 
 @dataclass(frozen=True)
@@ -98,21 +105,57 @@ def one(study: Study, name: str) -> Answer:
 
     The answer is kept as it comes, and again after each cure: a study that is stopped has lost one attempt.
     """
+    keep_to(study.cores)
     kept = Path(study.out) / f"{name}.json"
     folder = Path(study.out) / "shots" / name
     answer = Answer.read(kept) if kept.exists() else keep(attempt(study, name, folder), kept)
     if not study.cures or answer.kind != "refused" or answer.end.answered:
         return answer
     tried = {one.cure for one in answer.cured}
-    for words, cure in CURES.items():
-        place = Path(study.out) / "cured" / f"{name}-{re.sub('[^a-z]+', '-', words)}"
-        if words in tried or not cured_copy(folder, place, cure):
+    for words in cures_for(answer):
+        if words in tried:
             continue
-        answer.cured.append(attempt(study, name, place, words))
+        place, asked = folder, replace(study, mesh=FINER)
+        if words in CURES:
+            place, asked = Path(study.out) / "cured" / f"{name}-{re.sub('[^a-z]+', '-', words)}", study
+            if not cured_copy(folder, place, CURES[words]):
+                continue
+        answer.cured.append(attempt(asked, name, place, words))
         keep(answer, kept)
         if answer.end.answered:
             break
     return answer
+
+
+def cures_for(answer: Answer) -> list[str]:
+    """What to try on a refused shot: a finer mesh alone helps a search that has a value and no rest."""
+    return [FINER_MESH, *CURES] if answer.value is not None else list(CURES)
+
+
+def available() -> list[int]:
+    """Numbers of the cores that this process may use."""
+    if sys.platform == "linux":
+        return sorted(os.sched_getaffinity(0))
+    return list(range(os.cpu_count() or 1))
+
+
+def shares(cores: Sequence[int], workers: int) -> tuple[tuple[int, ...], ...]:
+    """Cores shared out among workers, neighbours together; with more workers than cores they take turns.
+
+    What correlates pictures takes all cores that its process may use: of eight workers on sixteen cores
+    each would start sixteen threads.
+    """
+    n = len(cores)
+    if workers >= n:
+        return tuple((cores[i % n],) for i in range(workers))
+    ends = [i * n // workers for i in range(workers + 1)]
+    return tuple(tuple(cores[low:high]) for low, high in pairwise(ends))
+
+
+def keep_to(cores: tuple[tuple[int, ...], ...]) -> None:
+    """Let this worker use its own share of the cores only, where the system can be told so."""
+    if cores and sys.platform == "linux":
+        os.sched_setaffinity(0, cores[int(os.environ.get(WORKER, "0")) % len(cores)])
 
 
 def keep(answer: Answer, place: Path) -> Answer:

@@ -99,6 +99,49 @@ def beside(work: Callable[[], Result], *, fork: bool | None = None) -> Iterator[
             os.waitpid(other, 0)
 
 
+@contextmanager
+def begun(
+    works: Sequence[Callable[[], Result]], *, processes: int | None = None
+) -> Iterator[Callable[..., list[Result]]]:
+    """Begin several works in forks, if there are some, while this process does something else.
+
+    Parameters
+    ----------
+    works, processes
+        As of `side_by_side`.
+
+    Yields
+    ------
+    callable
+        Joins in the work and gives what `side_by_side` gives; takes its `progress`.
+    """
+    if processes is None and not (_FORKING.get() and can_fork()):
+        yield lambda progress=None: _by_threads(works, progress or _untold)
+        return
+    workers = min(cores() if processes is None else processes, len(works)) if can_fork() else 1
+    taken = multiprocessing.get_context("fork").Value("i", 0) if workers > 1 else _Count()
+    with ExitStack() as stack:
+        some = partial(_taken, works, taken)
+        others = [stack.enter_context(beside(some, fork=True)) for _ in range(workers - 1)]
+
+        def joined(progress: Callable[[int, int], None] | None = None) -> list[Result]:
+            told, found = progress or _untold, {}
+            for number, result in _taking(works, taken):
+                found[number] = result
+                told(min(int(taken.value), len(works)), len(works))
+            for other in others:
+                found |= other()
+            results = [found[number] if number in found else work() for number, work in enumerate(works)]
+            told(len(works), len(works))
+            return results
+
+        yield joined
+
+
+def _untold(done: int, total: int) -> None:
+    """Progress that nobody is told of."""
+
+
 def side_by_side(
     works: Sequence[Callable[[], Result]],
     *,
@@ -118,23 +161,8 @@ def side_by_side(
     progress
         Told here of the works done, or begun where forks work, and their number.
     """
-    told = progress or (lambda done, total: None)
-    if processes is None and not (_FORKING.get() and can_fork()):
-        return _by_threads(works, told)
-    workers = min(cores() if processes is None else processes, len(works)) if can_fork() else 1
-    taken = multiprocessing.get_context("fork").Value("i", 0) if workers > 1 else _Count()
-    found: dict[int, Result] = {}
-    with ExitStack() as stack:
-        some = partial(_taken, works, taken)
-        others = [stack.enter_context(beside(some, fork=True)) for _ in range(workers - 1)]
-        for number, result in _taking(works, taken):
-            found[number] = result
-            told(min(int(taken.value), len(works)), len(works))
-        for other in others:
-            found |= other()
-    results = [found[number] if number in found else work() for number, work in enumerate(works)]
-    told(len(works), len(works))
-    return results
+    with begun(works, processes=processes) as joined:
+        return joined(progress)
 
 
 def _by_threads(works: Sequence[Callable[[], Result]], told: Callable[[int, int], None]) -> list[Result]:

@@ -19,6 +19,7 @@ from dataclasses import replace
 
 from kolsky.base.process import one_blas_thread
 from kolsky.base.records import FlyerMotion
+from kolsky.diagnosis.branch_search import branch_fit
 from kolsky.diagnosis.cause_words import cause_warnings
 from kolsky.diagnosis.causes import OtherStart, find_causes
 from kolsky.diagnosis.clocks import Reruns, clock_lags
@@ -166,7 +167,9 @@ def identify(
     of_fit = (*fit_warnings(result), *cause_warnings(causes, explained=explained(result)))
     if not explained(result):
         asked = shot_branch_test(stages, fine.x, fine.objective, fine.jacobian, vector)
-        of_fit = (*of_fit, *rate_advice(asked))
+        # A strong branch is out of reach of the linear test: it is searched for.
+        strong = None if rate_advice(asked) else branch_fit(stages, fine.x, fine.objective)
+        of_fit = (*of_fit, *rate_advice(asked, strong))
     replicates = stages.replicates
     warnings = collect_warnings(
         result,

@@ -2,6 +2,7 @@
 rolls."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from dic.arrays import FloatArray
 from dic.bodies.edge_fit import HALF, fit_edge, in_view, sampled, strip_places
 from dic.bodies.follow import TrackedBody
 from dic.camera import Camera, StereoRig
+from dic.forks import side_by_side
 from dic.outcome import PointOutcome
 from dic.stereo.rays import pixels_per_length
 from dic.surfaces import Cylinder, SpecimenFrame, on_cylinder, test_frame
@@ -96,16 +98,17 @@ def refined_end(
         frame = test_frame(cylinder, rig, toward_flyer=direction, zero=zero)
     y, sigma, found = 0.0, np.inf, 0
     for _ in range(2):  # about the declared place, then about what was found
-        places, sigmas = [], []
-        for camera, picture in zip(rig.cameras, pictures, strict=True):
-            one = end_in_camera(camera, picture, frame, y, cylinder.radius, rim, rim_sigma)
-            if one is not None:
-                places.append(one[0])
-                sigmas.append(one[1])
-        found = len(places)
+        looked = side_by_side(
+            [
+                partial(end_in_camera, camera, picture, frame, y, cylinder.radius, rim, rim_sigma)
+                for camera, picture in zip(rig.cameras, pictures, strict=True)
+            ]
+        )
+        seen = [one for one in looked if one is not None]
+        found = len(seen)
         if not found:
             break
-        y, sigma = weighted_mean(np.array(places), np.array(sigmas))
+        y, sigma = weighted_mean(*np.array([one[:2] for one in seen]).T)
     if not found:
         scale = _scale(rig.cameras[0], frame, 0.0, cylinder.radius)
         y, sigma = 0.0, float(np.hypot(DECLARED / scale, abs(_slope(rig.cameras[0], frame, 0.0)) * rim_sigma))

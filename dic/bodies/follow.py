@@ -12,7 +12,7 @@ from dic.bodies.region import Region
 from dic.camera import StereoRig
 from dic.correlation import Correlation, Noise
 from dic.correlation.warp import identity
-from dic.forks import beside
+from dic.forks import beside, side_by_side
 from dic.images import Pictures
 from dic.stereo import Reconstruction, StereoMatch, reconstruct
 from dic.tracking import Track, Tracking
@@ -141,17 +141,26 @@ def follow_bodies(
         tracks = list(zip(seen_by(0), second(), strict=True))
     for body in bodies:
         told(f"{body.name}, camera 1", len(body.health[1]), len(body.health[1]))
-    return [_reconstructed(body, rig, stereo, found) for body, found in zip(bodies, tracks, strict=True)]
+    common = [_common_of(body, stereo, found) for body, found in zip(bodies, tracks, strict=True)]
+    works = [
+        partial(reconstruct, rig, *found, common=shared) for found, shared in zip(tracks, common, strict=True)
+    ]
+    made = side_by_side(works) if small else [work() for work in works]
+    return [_tracked(*of) for of in zip(bodies, tracks, made, common, strict=True)]
 
 
-def _reconstructed(
-    body: MatchedBody, rig: StereoRig, stereo: Correlation, tracks: tuple[Track, Track]
+def _common_of(body: MatchedBody, stereo: Correlation, tracks: tuple[Track, Track]) -> FloatArray | None:
+    """Noise that both tracks of a body share; None of a rigid one."""
+    if body.rigid:
+        return None
+    lower = tracks[0].root if body.tracking.correlation.shape <= stereo.shape else None
+    return _common(body.match, lower, len(body.health[0]))
+
+
+def _tracked(
+    body: MatchedBody, tracks: tuple[Track, Track], made: Reconstruction, common: FloatArray | None
 ) -> TrackedBody:
-    """The body's points in space."""
-    common = None
-    if not body.rigid:
-        lower = tracks[0].root if body.tracking.correlation.shape <= stereo.shape else None
-        common = _common(body.match, lower, len(body.health[0]))
+    """The body with its points in space."""
     return TrackedBody(
         points=body.points,
         cell=body.cell,
@@ -159,7 +168,7 @@ def _reconstructed(
         material=body.material,
         stereo=body.match,
         tracks=tracks,
-        reconstruction=reconstruct(rig, *tracks, common=common),
+        reconstruction=made,
         common=common,
     )
 

@@ -1,7 +1,8 @@
 """Points of one body in one camera's series: matched between the cameras, then followed there."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -97,7 +98,7 @@ def track_body(body: MatchedBody, camera: int, progress: Callable[[int, int], No
     first, points, match = camera == 0, body.points, body.match
     known = np.ones(len(points), dtype=bool) if first else match.valid
     if not known.any():
-        return _all_points(_empty_track(points, match, body.health[camera]), points, match)
+        return _all_points(dict(vars(_empty_track(points, match, body.health[camera]))), points, match)
     start, covariance = (None, None) if first else (match.warp[known], match.covariance[known])
     if body.rigid:
         found = track_rigid(
@@ -111,8 +112,13 @@ def track_body(body: MatchedBody, camera: int, progress: Callable[[int, int], No
             mask=body.mask, start=start, start_covariance=covariance, first=body.material,
             frame_outcome=body.health[camera], device=body.device, progress=progress,
         )  # fmt: skip
-    found = replace(found, covariance=found.covariance + EXACT * np.eye(2))
-    return found if first else _all_points(found, points, match)
+    variances = np.einsum("...ii->...i", found.covariance)
+    variances += EXACT
+    if first:
+        return found
+    fields = dict(vars(found))
+    del found  # so that each array can go as soon as it was spread out
+    return _all_points(fields, points, match)
 
 
 def material_frame(health: tuple[IntArray, IntArray], wanted: int) -> int:
@@ -149,23 +155,28 @@ def _empty_track(points: FloatArray, match: StereoMatch, health: IntArray) -> Tr
     )
 
 
-def _all_points(found: Track, points: FloatArray, match: StereoMatch) -> Track:
-    """A track of the matched points with rows for the others, which keep the outcome of their match."""
-    n_frames, n, known = len(found.warp), len(points), match.valid
-    wide = {
-        name: np.full((n_frames, n, *getattr(found, name).shape[2:]), np.nan)
-        for name in ("warp", "covariance", "zncc")
-    }
-    for name, values in wide.items():
-        values[:, known] = getattr(found, name)
+def _all_points(fields: dict[str, Any], points: FloatArray, match: StereoMatch) -> Track:
+    """A track of the matched points with rows for the others, which keep the outcome of their match.
+
+    Parameters
+    ----------
+    fields
+        Fields of the track, whose arrays are taken out one by one: two of the largest are held at a time.
+    points
+        All points, shape [n, 2].
+    match
+        Their match between the cameras.
+    """
+    known, n_frames, n = match.valid, len(fields["warp"]), len(points)
+    for name in ("warp", "covariance", "zncc", "excess", "reference"):
+        if fields[name] is None or known.all():
+            continue
+        narrow = fields.pop(name)
+        wide = np.full((n_frames, n, *narrow.shape[2:]), -1 if name == "reference" else np.nan)
+        wide[:, known] = narrow
+        fields[name] = wide
     outcome = np.array(np.broadcast_to(match.outcome, (n_frames, n)))
-    outcome[:, known] = found.outcome
-    if found.frame_outcome is not None:
-        outcome[found.frame_outcome != FrameOutcome.VALID] = int(PointOutcome.NO_PICTURE)
-    reference = np.full((n_frames, n), -1)
-    reference[:, known] = found.reference
-    excess = None
-    if found.excess is not None:
-        excess = np.full((n_frames, n), np.nan)
-        excess[:, known] = found.excess
-    return replace(found, points=points, outcome=outcome, reference=reference, excess=excess, **wide)
+    outcome[:, known] = fields["outcome"]
+    if fields["frame_outcome"] is not None:
+        outcome[fields["frame_outcome"] != FrameOutcome.VALID] = int(PointOutcome.NO_PICTURE)
+    return Track(**{**fields, "points": points, "outcome": outcome})

@@ -21,6 +21,9 @@ class Region:
 def polygon_mask(corners: Sequence[tuple[float, float]], shape: tuple[int, int]) -> BoolArray:
     """The pixels whose centres lie inside a polygon or on its rim.
 
+    OpenCV's `fillPoly` fills the pixels that a side passes through as well, whose centres may lie up to half
+    a pixel outside: a region that is declared clear of an edge would come to it.
+
     Parameters
     ----------
     corners

@@ -1,6 +1,6 @@
 """Cameras and their poses from pictures of targets."""
 
-from dic.calibration.detect import detect, detect_series
+from dic.calibration.detect import detect, detect_series, detection_begun
 from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, PairView
 from dic.calibration.rig_state import Undetermined
 from dic.calibration.solve import MODELS, calibrate
@@ -21,4 +21,5 @@ __all__ = [
     "calibrate",
     "detect",
     "detect_series",
+    "detection_begun",
 ]

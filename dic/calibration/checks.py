@@ -13,7 +13,6 @@ from dic.calibration.projection import SHARED, View, seen
 from dic.calibration.rig_state import Fit, Rig, residuals
 from dic.camera import StereoRig
 from dic.forks import side_by_side
-from dic.stereo import triangulate
 
 ENOUGH = 1e-7
 """Relative tolerance of the sum of squares of held-out pairs, from a start that is all but the solution."""
@@ -68,6 +67,9 @@ def triangulated(rig: Rig, views: Sequence[View]) -> tuple[FloatArray, FloatArra
 
     The offset of a dot's centroid from its centre's image is taken off first.
     """
+    # not with the module: the search for a target needs none of what this brings along
+    from dic.stereo import triangulate
+
     first, second = views
     _, rows0, rows1 = np.intersect1d(first.ids, second.ids, return_indices=True)
     pixels = []

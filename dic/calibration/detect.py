@@ -1,13 +1,14 @@
 """A target in a picture."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.calibration.targets.base import Detection, Target, TargetNotFound
-from dic.forks import side_by_side
+from dic.forks import begun
 from dic.images import PictureError, Pictures
 
 
@@ -31,12 +32,56 @@ def detect(picture: NDArray[np.generic], target: Target) -> Detection:
     return target.detect(picture)
 
 
+Views = tuple[list[Detection | TargetNotFound | PictureError], ...]
+"""Of each camera a list, one entry a picture: what was detected, why nothing was, or why the picture cannot
+be used."""
+
+
+@contextmanager
+def detection_begun(series: Sequence[Pictures], targets: Sequence[Target]) -> Iterator[Callable[..., Views]]:
+    """Begin to look for a target, in processes beside this one if there are some (`dic.forks.begun`).
+
+    Parameters
+    ----------
+    series, targets
+        As of `detect_series`.
+
+    Yields
+    ------
+    callable
+        Joins in the work and gives what `detect_series` gives; takes its `progress`.
+    """
+    jobs = [
+        (camera, index)
+        for index in range(max(pictures.n_frames for pictures in series))
+        for camera, pictures in enumerate(series)
+        if index < pictures.n_frames
+    ]
+
+    def one(job: tuple[int, int]) -> Detection | TargetNotFound | PictureError:
+        camera, index = job
+        try:
+            return detect(series[camera].frame(index), targets[camera])
+        except (TargetNotFound, PictureError) as error:
+            return error
+
+    with begun([partial(one, job) for job in jobs]) as joined:
+
+        def views(progress: Callable[[int, int], None] | None = None) -> Views:
+            found: Views = tuple([] for _ in series)
+            for (camera, _), view in zip(jobs, joined(progress), strict=True):
+                found[camera].append(view)
+            return found
+
+        yield views
+
+
 def detect_series(
     series: Sequence[Pictures],
     targets: Sequence[Target],
     *,
     progress: Callable[[int, int], None] | None = None,
-) -> tuple[list[Detection | TargetNotFound | PictureError], ...]:
+) -> Views:
     """Points of a target in all pictures of several cameras, as `calibrate` takes them.
 
     Parameters
@@ -59,22 +104,5 @@ def detect_series(
     ValueError
         If a picture is not one grey picture.
     """
-    jobs = [
-        (camera, index)
-        for index in range(max(pictures.n_frames for pictures in series))
-        for camera, pictures in enumerate(series)
-        if index < pictures.n_frames
-    ]
-
-    def one(job: tuple[int, int]) -> Detection | TargetNotFound | PictureError:
-        camera, index = job
-        try:
-            return detect(series[camera].frame(index), targets[camera])
-        except (TargetNotFound, PictureError) as error:
-            return error
-
-    found: tuple[list[Detection | TargetNotFound | PictureError], ...] = tuple([] for _ in series)
-    views = side_by_side([partial(one, job) for job in jobs], progress=progress)
-    for (camera, _), view in zip(jobs, views, strict=True):
-        found[camera].append(view)
-    return found
+    with detection_begun(series, targets) as views:
+        return views(progress)

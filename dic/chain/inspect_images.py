@@ -2,6 +2,7 @@
 cameras."""
 
 from dataclasses import dataclass
+from time import perf_counter
 
 import numpy as np
 
@@ -45,15 +46,29 @@ class Inputs:
         return _line(self.grey[0]), _line(self.grey[1])
 
 
-def inspect_images(
-    pictures: tuple[Pictures, Pictures],
-    rig: StereoRig,
-    settings: ChainSettings,
-    *,
-    t: FloatArray,
-    static: BoolArray,
-) -> Inputs:
+@dataclass(frozen=True)
+class Inspection:
+    """What the pictures say before their cameras are known."""
+
+    pictures: tuple[Pictures, Pictures]
+    """As of `Inputs`."""
+    health: tuple[IntArray, IntArray]
+    """As of `Inputs`."""
+    grey: tuple[GreyNoise, GreyNoise]
+    """As of `Inputs`."""
+    seconds: float
+    """Wall time that it took [s]."""
+
+
+def inspect_pictures(pictures: tuple[Pictures, Pictures], static: BoolArray) -> Inspection:
     """Inspect every picture: its outcome, and the noise of each camera's grey values.
+
+    Parameters
+    ----------
+    pictures
+        The series of camera 0 and camera 1.
+    static
+        Frames in which specimen and flyer rest, shape [n_frames].
 
     Raises
     ------
@@ -61,17 +76,30 @@ def inspect_images(
         If there are not as many pictures as frame times, or a camera has fewer than two usable static
         pictures.
     """
+    started = perf_counter()
     series = (kept(pictures[0]), kept(pictures[1]))
     (health0, grey0), (health1, grey1) = (_inspect_one(camera, series[camera], static) for camera in (0, 1))
-    return Inputs(
-        pictures=series,
-        rig=rig,
-        settings=settings,
-        t=t,
-        static=static,
-        health=(health0, health1),
-        grey=(grey0, grey1),
-    )
+    return Inspection(series, (health0, health1), (grey0, grey1), perf_counter() - started)
+
+
+def inspect_images(
+    pictures: tuple[Pictures, Pictures],
+    rig: StereoRig,
+    settings: ChainSettings,
+    *,
+    t: FloatArray,
+    static: BoolArray,
+    inspection: Inspection | None = None,
+) -> Inputs:
+    """Inputs of all stages, from pictures that are inspected here or were `inspection`.
+
+    Raises
+    ------
+    ChainError
+        As `inspect_pictures`.
+    """
+    found = inspect_pictures(pictures, static) if inspection is None else inspection
+    return Inputs(found.pictures, rig, settings, t, static, found.health, found.grey)
 
 
 def _inspect_one(camera: int, series: Pictures, static: BoolArray) -> tuple[IntArray, GreyNoise]:

@@ -1,5 +1,8 @@
 """Removal of outliers from the tracked specimen: patches that changed their looks, false matches, subsets
-past an end, points off the surface."""
+past an end, points off the surface.
+
+A gate changes the body that it is given, whose arrays are the largest of a measurement, and returns it.
+"""
 
 from dataclasses import replace
 
@@ -13,6 +16,7 @@ from dic.chain.test_frame import RestState
 from dic.outcome import PointOutcome
 from dic.rigid_body.axial_displacement import AxialDisplacement
 from dic.stereo import reconstruct
+from dic.stereo.reconstruction import GATE, end_points, narrow_gates
 from dic.surfaces import static_mean
 from dic.surfaces.residual_map import unlike_points
 from dic.surfaces.smoothness import off_surface, spacing
@@ -36,7 +40,7 @@ def gate_residual(body: TrackedBody) -> TrackedBody:
     for track in body.tracks:
         if track.excess is not None:
             unlike |= unlike_points(track.excess, valid, body.cell)
-    return _without(body, unlike, PointOutcome.LOW_CORRELATION) if unlike.any() else body
+    return _without(body, unlike, PointOutcome.LOW_CORRELATION)
 
 
 def gate_epipolar(inputs: Inputs, body: TrackedBody, rest_state: RestState) -> TrackedBody:
@@ -44,12 +48,11 @@ def gate_epipolar(inputs: Inputs, body: TrackedBody, rest_state: RestState) -> T
     r, rest = body.reconstruction, rest_state.rest
     at_rest = r.epipolar[rest][r.outcome[rest] == PointOutcome.VALID]
     gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(at_rest))) / 0.6745)
-    return replace(
-        body,
-        reconstruction=reconstruct(
-            inputs.rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS, common=body.common
-        ),
-    )
+    if gate <= GATE:  # what is left was let through by that one
+        narrow_gates(r, gate=gate, gate_sigmas=OWN_SIGMAS)
+        return body
+    found = reconstruct(inputs.rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS, common=body.common)
+    return replace(body, reconstruction=found)
 
 
 def gate_ends(
@@ -97,14 +100,6 @@ def gate_surface(body: TrackedBody, rest_state: RestState) -> TrackedBody:
 
 
 def _without(body: TrackedBody, points: BoolArray, outcome: PointOutcome) -> TrackedBody:
-    """The body with some points of some frames ended."""
-    r, gone = body.reconstruction, points[..., None]
-    return replace(
-        body,
-        reconstruction=replace(
-            r,
-            position=np.where(gone, np.nan, r.position),
-            covariance=np.where(gone[..., None], np.nan, r.covariance),
-            outcome=np.where(points, int(outcome), r.outcome),
-        ),
-    )
+    """The body after some points of some frames were ended, which changes its own reconstruction."""
+    end_points(body.reconstruction, points, outcome)
+    return body

@@ -14,7 +14,7 @@ from dic.camera import StereoRig
 from dic.chain import remarks
 from dic.chain.facts import facts_of, speckles_of
 from dic.chain.follow_bodies import displacement_of, follow, match_flyer, match_specimen, poses_of
-from dic.chain.inspect_images import Inputs, check_cameras, inspect_images
+from dic.chain.inspect_images import Inputs, Inspection, check_cameras, inspect_images, inspect_pictures
 from dic.chain.outliers import gate_ends, gate_epipolar, gate_residual, gate_surface
 from dic.chain.reduce import outline_of, strains_of, surface_of, surface_of_flyer
 from dic.chain.settings import ChainError, ChainSettings
@@ -73,6 +73,8 @@ def measure(
     flyer: Region | None = None,
     facts: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
+    idle: Callable[[], None] = lambda: None,
+    inspection: Inspection | None = None,
 ) -> StereoResult:
     """Measure surfaces, outline and the flyer's displacement in two series of pictures.
 
@@ -96,6 +98,10 @@ def measure(
         What else is known about the pictures, for the reporting table.
     progress
         Told of the frames done, stage by stage.
+    idle
+        Work of the caller's for the time in which this process waits for another one.
+    inspection
+        Of these pictures and static frames, if the caller has made it (`inspect_pictures`).
 
     Returns
     -------
@@ -109,9 +115,9 @@ def measure(
         lie on no cylinder.
     """
     clock = Clock()
-    inputs = clock(
-        "inspection of the pictures", lambda: inspect_images(pictures, rig, settings, t=t, static=static)
-    )
+    inspection = inspection or inspect_pictures(pictures, static)
+    clock.seconds["inspection of the pictures"] = inspection.seconds
+    inputs = inspect_images(pictures, rig, settings, t=t, static=static, inspection=inspection)
     findings = clock("cameras", lambda: check_cameras(inputs, specimen))
     try:
         matched = clock("match between the cameras", lambda: _matched(inputs, specimen, flyer))
@@ -128,6 +134,7 @@ def measure(
         )
         body = clock("gates", partial(gate_epipolar, inputs, body, rest_state))
         flyer_surface = surface_of_flyer(inputs, tracked_flyer, placement)
+        idle()
         axial = clock.of("flyer's displacement", axial_later())
     with beside(partial(timed, poses_of, inputs, tracked_flyer, placement, axial)) as motion_later:
         body = gate_ends(inputs, body, rest_state, axial)

@@ -1,7 +1,5 @@
 """The match of a batch of subsets between prepared pictures."""
 
-import os
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -9,9 +7,7 @@ from dic.arrays import FloatArray
 from dic.correlation.kernels.launch import Batch, search
 from dic.correlation.settings import Correlation, Match, Templates
 from dic.correlation.stack import PictureStack
-
-THREADS = os.cpu_count() or 1
-"""CPU threads unless a caller says otherwise."""
+from dic.forks import cores
 
 
 def correlate(
@@ -57,7 +53,7 @@ def correlate(
     template_rows
         Whose templates in it the points' are, shape [n]; None: those in their order.
     threads
-        CPU threads; default all cores. A result does not depend on it.
+        CPU threads; default all cores the process may use. A result does not depend on it.
 
     Returns
     -------
@@ -95,7 +91,7 @@ def correlate(
         templates=templates,
         place=_places(templates, template_rows, n, settings),
     )
-    return search(reference, deformed, batch, settings, threads or THREADS)
+    return search(reference, deformed, batch, settings, threads or cores())
 
 
 def _warps(name: str, warps: ArrayLike, n: int) -> FloatArray:

@@ -1,7 +1,6 @@
 """Settings of a subset match, its result, and templates kept from one call to the next."""
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,8 +87,6 @@ class Templates:
     """1 where the others hold something, shape [n]."""
     settings: Correlation
     """Settings that they are for."""
-    bound: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
-    """The arrays as a device names them; named anew in every call they would cost as much as some points."""
 
     @classmethod
     def of(cls, n: int, settings: Correlation) -> "Templates | None":

@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike
 
 from dic.correlation.kernels import device as device_pictures
 
+TOGETHER = 64 * 2**20
+"""Pictures that are sent to a GPU and filtered there in one go [bytes]."""
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -74,7 +77,7 @@ class PictureStack:
         ----------
         pictures
             Grey values, shape [rows, columns] or [n, rows, columns], or pictures of one shape one after the
-            other, of which only one at a time is held.
+            other, of which no more are held than go to the device at a time.
         noise
             Standard deviation of a grey value, the same in all pictures or one a picture [grey].
         prefilter
@@ -93,6 +96,8 @@ class PictureStack:
         if isinstance(pictures, np.ndarray) and pictures.ndim == 2:
             pictures = pictures[None]
         planes: list[Any] = []
+        waiting: list[Any] = []
+        n_pictures = 0
         shape: tuple[int, int] | None = None
         for index, picture in enumerate(pictures):  # type: ignore[arg-type]
             grey = np.asarray(picture, dtype=np.float32)
@@ -108,17 +113,23 @@ class PictureStack:
                 )
             if not np.isfinite(grey.sum(dtype=np.float64)):
                 raise ValueError(f"picture {index} has grey values that are not finite")
-            planes.append(device_pictures.coefficients(grey, prefilter, device))
+            waiting.append(grey)
+            n_pictures += 1
+            if len(waiting) * grey.nbytes >= TOGETHER or device == "cpu":
+                planes.append(device_pictures.coefficients(waiting, prefilter, device))
+                waiting = []
         if shape is None:
             raise ValueError("a stack needs at least one picture")
+        if waiting:
+            planes.append(device_pictures.coefficients(waiting, prefilter, device))
         single = isinstance(noise, (int, float, Noise))
-        given = [noise] * len(planes) if single else list(noise)  # type: ignore[arg-type]
-        if len(given) != len(planes):
-            raise ValueError(f"noise must be one value or {len(planes)}, one a picture; got {len(given)}")
+        given = [noise] * n_pictures if single else list(noise)  # type: ignore[arg-type]
+        if len(given) != n_pictures:
+            raise ValueError(f"noise must be one value or {n_pictures}, one a picture; got {len(given)}")
         coefficients = tuple(planes)
         greys = tuple(value if isinstance(value, Noise) else Noise(float(value)) for value in given)  # type: ignore[arg-type]
         return cls(
-            n_pictures=len(planes),
+            n_pictures=n_pictures,
             shape=shape,
             noise=greys,
             prefilter=prefilter,
@@ -154,6 +165,24 @@ class PictureStack:
             coefficients=coefficients,
             addresses=device_pictures.addresses(coefficients),
             noise_on_device=_on_device(greys, device),
+        )
+
+    def single(self, index: int) -> "PictureStack":
+        """A stack of one of its pictures, whose coefficients are shared."""
+        place = index
+        for part in self.coefficients:
+            if place < part.shape[0]:
+                break
+            place -= part.shape[0]
+        return PictureStack(
+            n_pictures=1,
+            shape=self.shape,
+            noise=self.noise[index : index + 1],
+            prefilter=self.prefilter,
+            device=self.device,
+            coefficients=(part[place : place + 1],),
+            addresses=self.addresses[index : index + 1],
+            noise_on_device=_on_device(self.noise[index : index + 1], self.device),
         )
 
 

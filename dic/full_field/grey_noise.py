@@ -1,6 +1,5 @@
 """Noise of the grey values where a series may have no static frames."""
 
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,8 +75,3 @@ def noise_from_matches(
     column, row = np.round(points).astype(np.int64).T
     s2 = np.maximum(variance[row, column], 0.0)
     return float(np.sqrt(np.median(s2 * np.maximum(1.0 - zncc, 0.0))))
-
-
-def declared_noise(value: float | Sequence[float] | None) -> Noise | None:
-    """A declared standard deviation as the matches take it."""
-    return None if value is None else Noise(floor=float(np.asarray(value)))

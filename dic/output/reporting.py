@@ -6,7 +6,6 @@ floors.
 """
 
 import csv
-import html
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -207,16 +206,6 @@ def as_markdown(rows: tuple[Row, ...]) -> str:
     lines = ["| part | quantity | value |", "| --- | --- | --- |"]
     lines += [f"| {' | '.join(_escaped(text) for text in (row.part, row.name, row.value))} |" for row in rows]
     return "\n".join(lines) + "\n"
-
-
-def as_html(rows: tuple[Row, ...]) -> str:
-    """The table as an HTML element, every text escaped."""
-    body = "".join(
-        f"<tr><td>{html.escape(row.part)}</td><th scope='row'>{html.escape(row.name)}</th>"
-        f"<td>{html.escape(row.value)}</td></tr>\n"
-        for row in rows
-    )
-    return f"<table class='pairs'>\n<tbody>\n{body}</tbody>\n</table>\n"
 
 
 def _escaped(text: str) -> str:

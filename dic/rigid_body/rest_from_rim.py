@@ -46,8 +46,6 @@ variation."""
 LARGEST_SHARE = 0.002
 """Largest standard deviation of the upper end, as a share of the length: beyond it the cameras disagree on
 the lower end, or the length was not measured."""
-MOST_APART = 4.0
-"""Largest disagreement of the cameras, in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +106,7 @@ def find_rim(
     Returns
     -------
     Rim or None
-        None if neither camera shows the rim clearly in `FEWEST_FRAMES` frames, or they disagree.
+        None if neither camera shows the rim clearly in `FEWEST_FRAMES` frames.
     """
     known = np.asarray(np.isfinite(places).all(axis=1))
     if known.sum() < 3:
@@ -128,8 +126,13 @@ def find_rim(
     return joined(found, sigmas)
 
 
-def joined(found: list[float], sigmas: list[float]) -> Rim | None:
+def joined(found: list[float], sigmas: list[float]) -> Rim:
     """The rim from one camera or both.
+
+    Both see the same paint before the same rim, so that what the model leaves out does not average out. Where
+    they disagree one of them may show no rim, and which is not known: half of what they are apart is in
+    the standard deviation, so that the place of either lies one from the mean. By more than a length allows
+    (`RestGeometry.known`), nothing counts from it.
 
     Parameters
     ----------
@@ -137,19 +140,11 @@ def joined(found: list[float], sigmas: list[float]) -> Rim | None:
         Its place in each camera that showed it [m].
     sigmas
         Standard deviations of these [m].
-
-    Returns
-    -------
-    Rim or None
-        None if the cameras disagree by more than `MOST_APART` standard deviations: what one of them shows is
-        then no rim, and which is not known.
     """
     apart = abs(found[0] - found[-1])
-    if apart > MOST_APART * float(np.hypot(sigmas[0], sigmas[-1])):
-        return None
     return Rim(
         y=float(np.mean(found)),
-        sigma=float(np.hypot(np.sqrt(np.mean(np.square(sigmas)) / len(sigmas)), 0.5 * apart)),
+        sigma=float(np.hypot(np.sqrt(np.mean(np.square(sigmas))), 0.5 * apart)),
         cameras=len(found),
     )
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.arrays import FloatArray, IntArray
+from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.camera import StereoRig
 from dic.correlation.warp import apply, gradient
 from dic.outcome import PointOutcome
@@ -15,6 +15,8 @@ from dic.tracking.history import Track
 
 MOST_COMMON = 0.9
 """Share of a camera's noise, in any direction, that it may have in common with the other."""
+GATE, GATE_SIGMAS = 0.5, 5.0
+"""Epipolar distance that a calibration is allowed [px], and that noise is, in its standard deviations."""
 AT_ONCE = 50_000
 """Points of some frames that are reconstructed at once, which bounds the memory."""
 TINY = 1e-10
@@ -40,6 +42,9 @@ class Reconstruction:
     """Pixels of the points in the two cameras [px], each of shape [n_frames, n_points, 2]."""
     outcome: IntArray
     """`dic.PointOutcome`, shape [n_frames, n_points]."""
+    epipolar_sigma: FloatArray | None = None
+    """Standard deviation of `epipolar` from the noise of the matches [px], NaN where that is,
+    shape [n_frames, n_points]; None: not known."""
 
 
 def reconstruct(
@@ -47,8 +52,8 @@ def reconstruct(
     track0: Track,
     track1: Track,
     *,
-    gate: float = 0.5,
-    gate_sigmas: float = 5.0,
+    gate: float = GATE,
+    gate_sigmas: float = GATE_SIGMAS,
     common: FloatArray | None = None,
 ) -> Reconstruction:
     """Positions in space of points that both cameras followed.
@@ -104,12 +109,50 @@ def reconstruct(
         epipolar=np.full(shape, np.nan),
         pixels=(np.full((*shape, 2), np.nan), np.full((*shape, 2), np.nan)),
         outcome=np.zeros(shape, dtype=np.int64),
+        epipolar_sigma=(sigma := np.full(shape, np.nan)),
     )
     frames = max(1, AT_ONCE // max(shape[1], 1))
     for first in range(0, shape[0], frames):  # some at a time: what lies between is ten times the result
         part = slice(first, first + frames)
-        _reconstruct_part(result, part, rig, (track0, track1), (gate, gate_sigmas), common)
+        sigma[part] = _reconstruct_part(result, part, rig, (track0, track1), (gate, gate_sigmas), common)
     return result
+
+
+def narrow_gates(found: Reconstruction, *, gate: float, gate_sigmas: float) -> None:
+    """Make of a reconstruction, in place, what `reconstruct` would give with gates no wider than it had.
+
+    Parameters
+    ----------
+    found
+        What `reconstruct` gave.
+    gate, gate_sigmas
+        As there.
+
+    Raises
+    ------
+    ValueError
+        If the standard deviations of the epipolar distances are not known.
+    """
+    if found.epipolar_sigma is None:
+        raise ValueError("the standard deviations of the epipolar distances are not known: reconstruct again")
+    beyond = np.abs(found.epipolar) > np.maximum(gate, gate_sigmas * found.epipolar_sigma)
+    end_points(found, beyond & (found.outcome == PointOutcome.VALID), PointOutcome.STEREO_MISMATCH)
+
+
+def end_points(found: Reconstruction, points: BoolArray, outcome: PointOutcome) -> None:
+    """End points of a reconstruction with an outcome, in place: a copy would be as large as all there is.
+
+    Parameters
+    ----------
+    found
+        The reconstruction.
+    points
+        Which points of which frames, shape [n_frames, n_points].
+    outcome
+        Their outcome.
+    """
+    found.position[points], found.covariance[points] = np.nan, np.nan
+    found.outcome[points] = int(outcome)
 
 
 def _reconstruct_part(
@@ -119,8 +162,8 @@ def _reconstruct_part(
     tracks: tuple[Track, Track],
     gates: tuple[float, float],
     common: FloatArray | None,
-) -> None:
-    """Fill in some frames of a result."""
+) -> FloatArray:
+    """Fill in some frames of a result; the standard deviations of the epipolar distances there [px]."""
     found = [track.outcome[part] == PointOutcome.VALID for track in tracks]
     for camera, track in enumerate(tracks):
         result.pixels[camera][part] = _pixels(track, part, found[camera], camera)
@@ -144,6 +187,9 @@ def _reconstruct_part(
     valid = outcome == PointOutcome.VALID
     result.position[part][valid], result.covariance[part][valid] = met.position[fine], met.covariance[fine]
     result.epipolar[part][both] = met.epipolar
+    sigma = np.full(both.shape, np.nan)
+    sigma[both] = met.epipolar_sigma
+    return sigma
 
 
 Pair = tuple[FloatArray, FloatArray]

@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from dic.arrays import BoolArray, FloatArray, IntArray
-from dic.correlation import Noise, PictureStack, Templates
+from dic.correlation import Noise, Templates
 from dic.correlation.warp import identity
 from dic.outcome import FrameOutcome, PointOutcome
+from dic.tracking.ahead import FramesAhead
 from dic.tracking.frame_match import FrameMatch
-from dic.tracking.frames import Picture, Scene, Series, count, read
+from dic.tracking.frames import Picture, Scene, Series, count
 from dic.tracking.history import Track
 from dic.tracking.initial_guesses import Predictor
 from dic.tracking.matcher import Matcher, carried_from, in_material
@@ -85,12 +86,16 @@ def track(
     run.begin(first, start, start_covariance, material)
     forward = range(first if material is not None else first + 1, n)
     backward = range(first - 1, -1, -1)
-    for done, frame in enumerate([*forward, *backward], start=n - len(forward) - len(backward)):
-        if frame == first - 1:
-            run.turn(first)
-        run.step(frame)
-        if progress is not None:
-            progress(done + 1, n)
+    run.frames.expect([*forward, *backward])
+    try:
+        for done, frame in enumerate([*forward, *backward], start=n - len(forward) - len(backward)):
+            if frame == first - 1:
+                run.turn(first)
+            run.step(frame)
+            if progress is not None:
+                progress(done + 1, n)
+    finally:
+        run.frames.close()
     return run.track
 
 
@@ -138,8 +143,10 @@ class _Run:
         device: str,
     ) -> None:
         n_frames, n = count(pictures), len(points)
-        self.pictures, self.points, self.settings = pictures, points, settings
-        self.noise, self.device = noise, device
+        self.points, self.settings = points, settings
+        self.frames = FramesAhead(
+            pictures, noise=noise, prefilter=settings.correlation.prefilter, device=device
+        )
         self.declared = frame_outcome
         # a subset that grows has no template of one size
         kept = Templates.of(n, settings.correlation) if settings.growth == 1.0 else None
@@ -184,16 +191,16 @@ class _Run:
         if material is not None:
             other = np.asarray(material)
             self.scene = Scene.of(other)
-            self.references.add(MATERIAL, other, self._prepared(other))
+            self.references.add(MATERIAL, other, self.frames.prepared(MATERIAL, other))
             self.references.start(self._root(MATERIAL, identity(n), none, own=True))
             self.predictor.add(first, np.arange(n), warp)
             return
-        picture = read(self.pictures, first)
+        picture = self.frames.read(first)
         outcome = FrameOutcome.UNREADABLE if picture is None else Scene.of(picture).judge(picture)
         if picture is None or not outcome.ok:
             raise ValueError(f"frame {first} cannot be the first reference: {outcome.cause}; choose another")
         self.scene = Scene.of(picture)
-        stack = self._prepared(picture)
+        stack = self.frames.prepared(first, picture)
         self.references.add(first, picture, stack)
         own = start_covariance is None
         self.references.start(self._root(first, warp, none, own=own))
@@ -227,7 +234,7 @@ class _Run:
 
     def step(self, frame: int) -> None:
         """Find the points in one frame."""
-        picture = read(self.pictures, frame)
+        picture = self.frames.read(frame)
         if self.declared is not None and self.declared[frame] != int(FrameOutcome.VALID):
             outcome = FrameOutcome(int(self.declared[frame]))
         else:
@@ -235,7 +242,7 @@ class _Run:
         if picture is None or not outcome.ok:
             self.frame_outcome[frame] = int(outcome)
             return
-        stack = self._prepared(picture)
+        stack = self.frames.prepared(frame, picture)
         self.references.add(frame, picture, stack)
         here = FrameMatch.begin(
             picture,
@@ -266,10 +273,6 @@ class _Run:
         subset = np.full(n, self.settings.correlation.subset)
         root = self.matcher.template(np.arange(n), frame, warp, before, subset, np.zeros(n))
         return replace(root, root=np.full(n, own))
-
-    def _prepared(self, picture: Picture) -> PictureStack:
-        prefilter = self.settings.correlation.prefilter
-        return PictureStack.prepare(picture, noise=self.noise, prefilter=prefilter, device=self.device)
 
     def _record(self, frame: int, here: FrameMatch, covariance: FloatArray, excess: FloatArray) -> None:
         track = self.track

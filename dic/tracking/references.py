@@ -110,15 +110,21 @@ class References:
     def add(self, frame: int, picture: Picture, stack: PictureStack) -> None:
         """Keep a picture that points may take as their reference."""
         self._stacks[frame], self.pictures[frame] = stack, picture
-        self._joined = None
+        self._forget(frame)
 
     def prepared(self, frames: IntArray) -> tuple[PictureStack, IntArray]:
         """A stack that has the pictures of these frames, and where in it they are, shape of `frames`."""
-        if self._joined is None:  # of all frames: it serves until they change
-            kept = sorted(self._stacks)
+        wanted = set(np.unique(frames).tolist())
+        if self._joined is None or not wanted <= set(self._joined[1].tolist()):
+            kept = sorted(self._stacks)  # all: it serves until a point takes a later one
             self._joined = PictureStack.join([self._stacks[frame] for frame in kept]), np.array(kept)
         stack, kept_frames = self._joined
         return stack, np.searchsorted(kept_frames, frames)
+
+    def _forget(self, frame: int) -> None:
+        """Let go of the joined stack if it has this frame."""
+        if self._joined is not None and frame in self._joined[1]:
+            self._joined = None
 
     def start(self, template: Template) -> None:
         """Give all points the root of their chains."""
@@ -161,7 +167,7 @@ class References:
         used = {keep, *self._in_use().tolist()}
         for frame in [frame for frame in self._stacks if frame not in used]:
             del self._stacks[frame], self.pictures[frame]
-            self._joined = None
+            self._forget(frame)
 
     def _in_use(self) -> IntArray:
         levels = [np.unique(self._chain.frame[level, self.level >= level]) for level in range(DEPTH)]

@@ -1,6 +1,6 @@
 """Tracking of a rigid body by one camera: one motion predicts all points and rejects false matches."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +8,10 @@ import numpy as np
 from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.correlation import Correlation, Match, Noise, PictureStack, Shape, Templates, correlate
 from dic.correlation.warp import gradient, identity
-from dic.images import PictureError, Pictures
+from dic.images import Pictures
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.tracking import Track
+from dic.tracking.ahead import FramesAhead
 
 APART = 0.5
 """Distance from the place that the body's motion gives it which a point is allowed beside its noise [px]."""
@@ -21,6 +22,10 @@ FEWEST = 5
 BORDER = 1
 """Outermost pixels that are not matched: what filtered a picture did it there from one side only. A first row
 that is off by a tenth of a pixel moves a subset of which five rows are in view by a fiftieth."""
+UNLIKE, TIMES = 0.1, 6.0
+"""Least 1 - ZNCC at which points that agree are taken for another body, and in medians of those of the frames
+before [-]. A rigid body keeps its paint, and what noise takes from the correlation it takes in all frames;
+printed dots a few steps of their lattice away correlate by three quarters."""
 SEARCHED = (1.5, -1.5, 3.0, -3.0, 5.0, -5.0)
 """Steps along each axis that are tried when the prediction finds too few [px]."""
 MOST_TOGETHER = 4096
@@ -82,7 +87,8 @@ def track_rigid(
     common = np.zeros((n, 2, 2)) if start_covariance is None else np.asarray(start_covariance)
     settings = replace(settings, shape=Shape.RIGID)
     inner, within = points - BORDER, None if mask is None else mask[BORDER:-BORDER, BORDER:-BORDER]
-    stack, templates = _prepared(pictures, first, settings, noise, device), Templates.of(n, settings)
+    frames = FramesAhead(pictures, noise=noise, prefilter=settings.prefilter, device=device, border=BORDER)
+    stack, templates = frames.prepared(first, pictures.frame(first)), Templates.of(n, settings)
     found = Track(
         points=points,
         warp=np.full((n_frames, n, 12), np.nan),
@@ -94,33 +100,43 @@ def track_rigid(
     )
     found.warp[first], found.covariance[first], found.zncc[first] = root, common, 1.0
     found.outcome[first] = int(PointOutcome.VALID)
-    done = 1
-    for order in (range(first + 1, n_frames), range(first - 1, -1, -1)):
-        history = [(first, np.zeros(2))]
-        for frame in order:
-            done += 1
-            if progress is not None:
-                progress(done, n_frames)
-            if frame_outcome[frame] != FrameOutcome.VALID:
-                continue
-            try:
-                here = _prepared(pictures, frame, settings, noise, device)
-            except PictureError:
-                continue
-            expected = _predicted(history, frame)
-            move = _step(
-                found, frame, stack, here, inner, root, common, settings, within, templates, expected
-            )
-            if move is not None:
-                history = [*history[-1:], (frame, move)]
+    orders = [range(first + 1, n_frames), range(first - 1, -1, -1)]
+    usable = [[k for k in order if frame_outcome[k] == FrameOutcome.VALID] for order in orders]
+    frames.expect([*usable[0], *usable[1]])
+    try:
+        done = 1
+        for order in orders:
+            history, unlike = [(first, np.zeros(2))], list[float]()
+            for frame in order:
+                done += 1
+                if progress is not None:
+                    progress(done, n_frames)
+                picture = frames.read(frame) if frame_outcome[frame] == FrameOutcome.VALID else None
+                if picture is None:
+                    continue
+                expected, most = _predicted(history, frame), most_unlike(unlike)
+                move = _step(
+                    found, frame, stack, frames.prepared(frame, picture), inner, root, common, settings,
+                    within, templates, expected, most,
+                )  # fmt: skip
+                if move is not None:
+                    history = [*history[-1:], (frame, move)]
+                    fine = found.outcome[frame] == PointOutcome.VALID
+                    unlike.append(1.0 - float(np.median(found.zncc[frame, fine])))
+    finally:
+        frames.close()
     return found
 
 
-def _prepared(
-    pictures: Pictures, frame: int, settings: Correlation, noise: float | Noise, device: str
-) -> PictureStack:
-    picture = pictures.frame(frame)[BORDER:-BORDER, BORDER:-BORDER]
-    return PictureStack.prepare(picture[None], noise=noise, prefilter=settings.prefilter, device=device)
+def most_unlike(before: Sequence[float]) -> float:
+    """Largest median of 1 - ZNCC with which points show the same body [-].
+
+    Parameters
+    ----------
+    before
+        Those of the frames in which it was found so far.
+    """
+    return max(UNLIKE, TIMES * float(np.median(before))) if before else 1.0
 
 
 def _predicted(history: list[tuple[int, FloatArray]], frame: int) -> FloatArray:
@@ -144,8 +160,12 @@ def _step(
     mask: BoolArray | None,
     templates: Templates | None,
     predicted: FloatArray,
+    most: float,
 ) -> FloatArray | None:
-    """Find the points in one frame; the body's motion since the reference, None if they agree on none."""
+    """Find the points in one frame; the body's motion since the reference, None if they agree on none.
+
+    Points whose median of 1 - ZNCC is beyond `most` show another body.
+    """
     beside = [predicted + off * np.eye(2)[axis] for off in SEARCHED for axis in (1, 0)]
     best, matches = None, _matches(stack, here, points, root, [predicted], settings, mask, templates)
     for k in range(1 + len(SEARCHED)):
@@ -158,6 +178,8 @@ def _step(
                 middle = np.median(move[fine], axis=0)
                 sigma = np.sqrt(0.5 * np.trace(match.covariance, axis1=1, axis2=2))
                 agree = fine & (np.linalg.norm(move - middle, axis=1) <= APART + SIGMAS * sigma)
+                if agree.any() and 1.0 - float(np.median(match.zncc[agree])) > most:
+                    agree[:] = False
                 if best is None or agree.sum() > best[0].sum():
                     best = (agree, match, np.median(move[agree], axis=0) if agree.any() else middle)
         inside = match.outcome != PointOutcome.OUT_OF_VIEW

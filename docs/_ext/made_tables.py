@@ -273,6 +273,14 @@ def coverage(name: str) -> str:
     return _not_yet(name) if made is None else table(made)
 
 
+def planted(name: str) -> str:
+    """Planted shots that relax, or do not, as `benchmarks.joint_coverage_counts` prints them."""
+    from benchmarks.joint_coverage_counts import table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else table(made)
+
+
 def equilibria(name: str) -> str:
     """Times of equilibria, as `benchmarks.implicit` measured them."""
     from benchmarks.implicit_table import table
@@ -346,6 +354,7 @@ TABLES = {
     "changes": changes,
     "pooled": pooled,
     "coverage": coverage,
+    "planted": planted,
     "equilibria": equilibria,
     "budget": budget,
     "drawn": drawn,

@@ -1,5 +1,6 @@
 """`kolsky dic`: from the pictures of a shot to surfaces, files, tables and a page."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from time import perf_counter
 from typing import Annotated
@@ -47,7 +48,7 @@ def dic(
     """
     started = perf_counter()
     formats = texts.figure_formats(figures)
-    from kolsky.shot.measurement import measurement_file
+    from kolsky.shot.measurement_path import measurement_file
 
     if regions or grid:
         _draw_regions(shot, out, grid=grid)
@@ -57,20 +58,28 @@ def dic(
         return
     from dic.forks import forking
     from kolsky.base.files import usable_folder
+    from kolsky.base.process import single_threaded_libraries
     from kolsky.cli.terminal import print_result, progress_bars, since
     from kolsky.shot.load import load_pictures
-    from kolsky.shot.optical_data import RESULT_FILE, surfaces
+    from kolsky.shot.rig import calibrated_beside
 
     loaded = load_pictures(shot)
     folder = usable_folder(out or loaded.folder / "results")
-    with progress_bars() as progress, forking():
+    kept = not again and (folder / "dic.h5").exists()  # may be read back; the cameras are found if not
+    with progress_bars() as progress, forking(), single_threaded_libraries():
         began = perf_counter()
-        found = surfaces(loaded.pictures, folder, device=device, again=again, progress=progress)
+        with nullcontext() if kept else calibrated_beside(loaded.pictures) as cameras:
+            # imported while others look at the target
+            from kolsky.report.result_folder import load_dic_page, write_dic_results
+            from kolsky.shot.optical_data import RESULT_FILE, surfaces
+
+            found = surfaces(
+                loaded.pictures, folder, device=device, again=again, progress=progress, cameras=cameras,
+                idle=load_dic_page,
+            )  # fmt: skip
     result, now = found.result, perf_counter()
     times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
     times["surfaces file"] = now - began - sum(times.values())
-    from kolsky.report.result_folder import write_dic_results
-
     now = perf_counter()
     write_dic_results(folder, loaded, found, formats=formats, csv=csv, vtp=vtp, processes=2)
     times["files and page"] = perf_counter() - now

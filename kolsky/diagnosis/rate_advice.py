@@ -8,6 +8,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.relaxation import Relaxation, prony_names
+from kolsky.diagnosis.branch_search import BranchFit
 from kolsky.diagnosis.branch_test import BranchTest, branch_test
 from kolsky.inverse.block_covariance import BLOCKS
 from kolsky.inverse.objective import Objective
@@ -80,13 +81,32 @@ def shot_branch_test(
         return None
 
 
-def rate_advice(test: BranchTest | None) -> tuple[str, ...]:
-    """Say that a branch would explain what an elastic material leaves; nothing where chance does."""
-    if test is None or not test.significant:
-        return ()
-    return (
-        f"a branch that relaxes in about {1e6 * test.time:.2g} us would explain part of what this elastic "
-        f"material leaves ({100.0 * test.probability:.2g} % of planted elastic data gain as much): if no "
-        "input is wrong, identify again with --relaxation prony, best several shots of different speeds "
-        "together with slow tests; m is then that of the long-term curve",
-    )
+TRY = (
+    "if no input is wrong, identify again with --relaxation prony, best several shots of different speeds "
+    "together with slow tests; m is then that of the long-term curve"
+)
+
+
+def rate_advice(test: BranchTest | None, fit: BranchFit | None = None) -> tuple[str, ...]:
+    """Say that a branch would explain what an elastic material leaves; nothing where chance does.
+
+    Parameters
+    ----------
+    test
+        Of a weak branch at the elastic optimum.
+    fit
+        Of a branch of any strength, where that is not significant.
+    """
+    if test is not None and test.significant:
+        chance = f"{100.0 * test.probability:.2g} % of planted elastic data gain as much"
+        return (
+            f"a branch that relaxes in about {1e6 * test.time:.2g} us would explain part of what this "
+            f"elastic material leaves ({chance}): {TRY}",
+        )
+    if fit is not None and fit.asked_for:
+        return (
+            f"with a branch of the strength {fit.strength:.2g} that relaxes in about {1e6 * fit.time:.2g} us "
+            f"the model explains {100.0 * fit.share:.0f} % of what this elastic material leaves (AIC "
+            f"{fit.aic:+.0f}): {TRY}",
+        )
+    return ()

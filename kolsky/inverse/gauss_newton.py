@@ -6,7 +6,8 @@ and so have its derivatives: they are the refined mesh's at the refined mesh's o
 a few steps make good. So the slopes are taken once, from runs about the surrogate mesh's optimum, and every
 step takes one run on the refined mesh (the chord method). A rank-one update of the slopes by what two runs
 differ by was tried and makes it worse: what the steps fall short of comes from the residual times the
-response's curvature as much as from the slopes. Where the response jumps, a run is no measure: then
+response's curvature as much as from the slopes. Where the steps do not lead to rest, others with the refined
+mesh's own slopes do (`kolsky.inverse.refined_descent`). Where the response jumps, a run is no measure: then
 `kolsky.inverse.quadratic_fit` searches.
 """
 
@@ -16,52 +17,35 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from doe import Box, from_points, latin_hypercube
+from doe import from_points, latin_hypercube
 from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum, surrogate_kind
-from kolsky.inverse.linear_step import Step, gauss_newton_step, linear_step
+from kolsky.inverse.linear_step import linear_step
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.optimum import CorrectedSurrogate
 from kolsky.inverse.parameters import MOVED
-from kolsky.inverse.refined_search import CONFIRMED, RefinedOptimum, refined_numerics
+from kolsky.inverse.refined_descent import descend, differences, neighbours
+from kolsky.inverse.refined_run import RefinedRun, bounds, completed_apart, cost, judged
+from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.refined_steps import foretold, lengthening
-from kolsky.inverse.staged_runs import CompletedRuns, StagedRuns
+from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
 
 WORSE = 4.0
 """Rise of -2 ln L by a step that makes it too long [-]: two standard deviations. The slopes of the coarser
 mesh lead to a point that is not quite the least misfit, and near it a good step may rise by less."""
 MOST_RUNS = 8
-"""Most rounds on the refined mesh."""
+"""Most rounds on the refined mesh with the slopes of the coarser one."""
+MISLED = 2
+"""Steps that made the misfit worse after which those slopes are given up."""
 NEIGHBOUR = 0.5
 """Half the distance of the differences for the slopes, in standard deviations of the optimum."""
 REACH = 8.0
 """Half the edge of the box about the answer in which its surrogate holds, in standard deviations."""
 RUNS_PER_PARAMETER = 12
 """Runs of that surrogate for each parameter."""
-
-
-@dataclass(frozen=True)
-class RefinedRun:
-    """A run on the refined mesh and the step it asks for."""
-
-    x: FloatArray
-    """Where, shape [d]."""
-    vector: FloatArray
-    """Its data vector, shape [k]; the measured value where the run does not reach an outline point."""
-    check: CompletedRuns
-    """The run."""
-    step: Step
-    """To where the optimum should be instead."""
-    missed: FloatArray
-    """The run minus what the slopes had foretold, shape [k]."""
-
-    @property
-    def confirmed(self) -> bool:
-        """True if the run leaves the optimum where it is."""
-        return self.step.moved <= CONFIRMED
 
 
 @dataclass(frozen=True)
@@ -102,8 +86,10 @@ def search_by_gauss_newton(
     if blind:
         raise ValueError(f"the data do not depend on {', '.join(blind)}: hold it (--hold {blind[0]})")
     slope, centre, objective = slopes(stages, coarse)
-    start = np.clip(foretold(optima, numerics.mesh, stages.settings.refined_mesh), *_bounds(stages.box))
+    start = np.clip(foretold(optima, numerics.mesh, stages.settings.refined_mesh), *bounds(stages.box))
     last, other = _on_refined(stages, objective, slope, start, beside, shift=start - coarse.x)
+    if not last.confirmed:
+        last, slope = descend(stages, objective, slope, last)
     for mesh, optimum in optima.items():
         stages.offset(mesh, optimum.x - last.x)
     return *_with_surrogate(stages, last, slope, centre, coarse), other
@@ -118,18 +104,15 @@ def slopes(stages: StagedRuns, optimum: MeshOptimum) -> tuple[FloatArray, FloatA
         If one of the runs does not complete.
     """
     box = stages.box
-    lower, upper = np.array(box.lower), np.array(box.upper)
-    h = np.diag(np.minimum(NEIGHBOUR * optimum.sigma, 0.1 * (upper - lower)))
-    up, down = np.minimum(optimum.x + h, upper), np.maximum(optimum.x - h, lower)
+    up, down = neighbours(box, optimum.x, NEIGHBOUR * optimum.sigma)
     points = np.concatenate([optimum.x[None], up, down])
     done = stages.simulate("refinement", from_points(box, points), stages.settings.numerics)
     if len(done.points) < len(points):
         raise ValueError(f"the slopes at the optimum need every run beside it to complete: {done.lost}")
     inside = np.asarray(done.prediction.inside.all(axis=0))
     objective = Objective(stages.observations, inside, prior=stages.prior, slowly=True)
-    vectors, d = objective.vectors(done.prediction), box.dimension
-    change = (vectors[1 : d + 1] - vectors[d + 1 :]) / (up - down).sum(axis=1)[:, None]
-    return change.T, vectors[0], objective
+    vectors = objective.vectors(done.prediction)
+    return differences(vectors[1:], up, down), vectors[0], objective
 
 
 def _on_refined(
@@ -145,33 +128,32 @@ def _on_refined(
 
     `shift` is by how much the start lies from the coarser mesh's optimum; where it is not known, zero.
     """
-    found, x, other = None, start, None
+    found, x, other, misled = None, start, None, 0
     for number in range(MOST_RUNS):
         points, moved = x[None], x - start + shift
         if beside is not None and other is None and (number > 0 or moved.any()):
             # The meshes' difference at the optimum is as good for a point not far away.
             points = np.stack([_counterpart(stages, beside, moved), x])
-        check = _completed(stages, points)
+        check = completed_apart(stages, points)
         if len(check) == 2:
             other = Beside(points[0], check[0].prediction, check[0].response)
-        run = _judged(stages, objective, slope, x, check[-1], found)
+        run = judged(stages, objective, slope, x, check[-1], found)
         if run.confirmed and (beside is None or other is not None):
             return run, other
-        if found is not None and _cost(run) > _cost(found) + WORSE:
+        if found is not None and cost(run) > cost(found) + WORSE:
+            misled += 1
+            if misled == MISLED:
+                break
             x = 0.5 * (found.x + run.x)  # the step was too long for a linear model
         else:
             factor = 1.0
-            if found is not None:
+            if found is not None and cost(run) <= cost(found):  # uphill no step is lengthened
                 sigma = run.step.sigma
                 steps = found.step.change / sigma, run.step.change / sigma, (run.x - found.x) / sigma
                 factor = lengthening(*steps)
-            found, x = run, np.clip(run.x + factor * run.step.change, *_bounds(stages.box))
+            found, x = run, np.clip(run.x + factor * run.step.change, *bounds(stages.box))
     assert found is not None
     return found, other
-
-
-def _bounds(box: Box) -> tuple[FloatArray, FloatArray]:
-    return np.array(box.lower), np.array(box.upper)
 
 
 def _counterpart(stages: StagedRuns, point: FloatArray, shift: FloatArray) -> FloatArray:
@@ -183,49 +165,6 @@ def _counterpart(stages: StagedRuns, point: FloatArray, shift: FloatArray) -> Fl
     return moved
 
 
-def _completed(stages: StagedRuns, points: FloatArray) -> list[CompletedRuns]:
-    """Runs on the refined mesh with all nodes, apart; every one of them must complete."""
-    response, rows, prediction = stages.run("check", points, refined_numerics(stages), all_nodes=True)
-    if prediction is None or len(rows) < len(points):
-        first = int(np.argmin(response.completed))
-        values = ", ".join(f"{k} = {v:.4g}" for k, v in stages.box.as_dict(points[first]).items())
-        raise ValueError(
-            f"the check needs every run on the refined mesh to complete: the one at {values} ended "
-            f"{response.describe(first)}"
-        )
-    found = []
-    for row in range(len(points)):
-        parts = {name: getattr(prediction, name)[[row]] for name in Prediction.__dataclass_fields__}
-        found.append(
-            CompletedRuns(points[[row]], np.array([0]), Prediction(**parts), response.select([row]), "")
-        )
-    return found
-
-
-def _judged(
-    stages: StagedRuns,
-    objective: Objective,
-    slope: FloatArray,
-    x: FloatArray,
-    check: CompletedRuns,
-    before: RefinedRun | None,
-) -> RefinedRun:
-    """A run, and the step that it asks for."""
-    seen = objective.vectors(check.prediction)[0]
-    vector = np.where(np.isnan(seen), objective.data, seen)
-    missed = np.zeros(len(vector))
-    if before is not None:
-        missed = vector - before.vector - slope @ (x - before.x)
-    step = gauss_newton_step(objective, slope, vector, x, stages.box)
-    return RefinedRun(x, vector, check, step, missed)
-
-
-def _cost(run: RefinedRun) -> float:
-    """-2 ln of likelihood and prior at a run, up to a constant."""
-    weighed = run.step.objective
-    return float(weighed.deviance(run.vector[None])[0]) + weighed.prior_chi2(run.x)
-
-
 def _with_surrogate(
     stages: StagedRuns, last: RefinedRun, slope: FloatArray, centre: FloatArray, coarse: MeshOptimum
 ) -> tuple[CoarseOptimum, RefinedOptimum]:
@@ -234,7 +173,12 @@ def _with_surrogate(
     lower = np.maximum(last.x - REACH * sigma, whole.lower)
     upper = np.minimum(last.x + REACH * sigma, whole.upper)
     box = replace(whole, lower=tuple(lower.tolist()), upper=tuple(upper.tolist()))
-    design = latin_hypercube(box, RUNS_PER_PARAMETER * box.dimension, rng=stages.rng, optimise=True)
+    many = RUNS_PER_PARAMETER * box.dimension
+    design = (
+        stages.design(box)
+        if box.dimension == 1
+        else latin_hypercube(box, many, rng=stages.rng, optimise=True)
+    )
     runs = stages.simulate("refinement", design, numerics)
     counted = last.step.objective.counted & last.check.prediction.inside[0]
     objective = replace(last.step.objective, counted=counted & runs.prediction.inside.all(axis=0))

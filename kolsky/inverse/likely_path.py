@@ -58,6 +58,28 @@ class PathModes:
         kept = size > SMALLEST_MODE
         return cls(size[kept, None] * right[kept] * noise, left[:, kept].T / root, deviations)
 
+    def as_replicates(self, shares: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """The modes in place of the replicates that they were made of: fewer runs for the same patterns.
+
+        Parameters
+        ----------
+        shares
+            Of the replicates' deviations in a path that the modes reach, shape [n].
+
+        Returns
+        -------
+        deviations
+            Of q replicates whose mean square is that of the modes [m/s^3], shape [q, n_spans].
+        shares
+            Of them in the same path [-], shape [q].
+        size
+            What they are multiplied by to be a standard deviation each [-].
+        """
+        q = len(self.shares)
+        # Rows of `shares` are orthogonal, of length n^-1/2.
+        amplitudes = len(shares) * (self.shares @ shares)
+        return np.sqrt(q) * (self.shares @ self.deviations), amplitudes / np.sqrt(q), 1.0 / np.sqrt(q)
+
     def moved(self, fitted: FlyerPath, amplitudes: FloatArray) -> FlyerPath:
         """The fitted path moved by modes of some amplitudes, shape [q]; its covariance stays."""
         return replace(fitted, jerk=fitted.jerk + (amplitudes @ self.shares) @ self.deviations)

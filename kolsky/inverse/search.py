@@ -29,9 +29,10 @@ from kolsky.inverse.prepared_shot import PreparedShot
 from kolsky.inverse.quadratic_fit import search_by_quadratic
 from kolsky.inverse.refined_search import RefinedOptimum, search_by_single_runs, slides
 from kolsky.inverse.result import Route
+from kolsky.inverse.run_table import RunTable
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.staged_runs import Progress, StagedRuns
-from kolsky.inverse.surrogate_mesh_search import search_meshes
+from kolsky.inverse.surrogate_mesh_search import search_meshes, search_meshes_for_one
 from kolsky.shot.records import Shot
 
 SEEN = 4.0
@@ -66,11 +67,13 @@ class Search:
     """The optimum on the refined mesh."""
     held: HeldSearch | None = None
     """What the stiffness factor alone would have given; None where it was alone."""
+    designs: RunTable | None = None
+    """The runs of designs over the whole range, which the paper's cost is told by; None if all runs are."""
 
     def paper_route(self) -> Route:
         """The optimum of the paper's cost; as in the paper all but the stiffness is held, if it was tried."""
         if self.held is None:
-            return paper_route(self.stages.box, self.stages.table)
+            return paper_route(self.stages.box, self.designs or self.stages.table)
         return paper_route(self.held.stages.box, self.held.stages.table, self.held.values)
 
 
@@ -107,13 +110,15 @@ def search_shot(
         )
         compile_for(stages)
         stages.idle_core = IdleCore([*meanwhile, partial(_load_other_element, stages)])
-        if stages.box.dimension == 1 or rough(shot, [*freed.free, *freed.settings.held]):
+        if rough(shot, [*freed.free, *freed.settings.held]):
             coarse = search_coarse(stages)
             replicates = stages.replicate(coarse.x) if settings.replicates else None
             coarse = weigh_front_noise(stages, coarse, replicates)
             alone = stages.box.dimension == 1 and not slides(stages)
             fine = search_by_single_runs(stages, coarse) if alone else search_by_quadratic(stages, coarse)
             return Search(freed, stages, coarse, fine)
+        if stages.box.dimension == 1:
+            return _one(freed, stages)
         found = _several(freed, stages)
         if isinstance(found, Search):
             return found
@@ -123,6 +128,15 @@ def search_shot(
 def _load_other_element(stages: StagedRuns) -> None:
     """Load the time loop of the other element, which the mesh's error is told by."""
     explicit.load_time_loop(other_element(stages), device=stages.settings.numerics.device)
+
+
+def _one(freed: Freed, stages: StagedRuns) -> Search:
+    """One smooth parameter: like several, its first optimum from designs over the whole range."""
+    wide = search_coarse(stages)
+    designs = RunTable(stages.box.names)
+    designs.take(stages.table, {})
+    coarse, fine, _ = search_by_gauss_newton(stages, search_meshes_for_one(stages, wide))
+    return Search(freed, stages, coarse, fine, designs=designs)
 
 
 def _several(freed: Freed, stages: StagedRuns) -> Search | dict[str, str]:

@@ -133,9 +133,12 @@ class StagedRuns:
         self._coarse = []
 
     def front_deviations(self, n: int) -> FloatArray:
-        """Jerks of the motions of `under_other_motions` less the fitted one's [m/s^3], shape [n, n_spans]."""
+        """Jerks of `n` paths of the front face drawn from its noise, less that of the path, [n, n_spans].
+
+        In m/s^3; the same for the same number.
+        """
         drawn = self.prepared.path.replicates(n, np.random.default_rng([self.settings.seed, 1]))
-        return np.array([path.jerk for path in drawn]) - self.prepared.path.jerk
+        return np.array([path.jerk for path in drawn]).reshape(n, -1) - self.prepared.path.jerk
 
     def design(self, box: Box) -> Design:
         """Seven levels of one parameter, or a Latin hypercube of twelve points for each of several."""
@@ -259,12 +262,26 @@ class StagedRuns:
         )
         return self.replicates
 
-    def under_other_motions(self, points: FloatArray, n: int, numerics: Numerics) -> list[Prediction | None]:
-        """Run each point under the fitted motion and `n` others: row 0 is the fitted one's.
+    def under_other_motions(
+        self, points: FloatArray, deviations: FloatArray, numerics: Numerics
+    ) -> list[Prediction | None]:
+        """Run each point under the path of the front face, row 0, and under others.
 
-        None for a point whose run under the fitted motion did not complete.
+        None for a point whose run under the path itself did not complete.
+
+        Parameters
+        ----------
+        points
+            In parameter units, shape [p, d].
+        deviations
+            Jerks of the other paths less that of the path [m/s^3], shape [n, n_spans], see
+            `front_deviations`.
+        numerics
+            Of the runs.
         """
-        forward = self.prepared.with_replicates(n, np.random.default_rng([self.settings.seed, 1]), curves=0)
+        path, n = self.prepared.path, len(deviations)
+        others = [replace(path, jerk=path.jerk + change) for change in deviations]
+        forward = replace(self.prepared.forward, paths=(path, *others))
         motion = np.tile(np.arange(n + 1), len(points))
         started, report = time.perf_counter(), self._counter("noise", len(motion))
         at = np.repeat(self.solver_values(points, numerics.mesh), n + 1, axis=0)

@@ -9,6 +9,7 @@ ratio: a valley is a few percent of 1 - 2 nu wide, whatever nu is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,13 +18,17 @@ from doe import Box, from_points, latin_hypercube
 from doe.least_squares import least_squares
 from doe.whitening import Whitening
 from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.inverse import valleys
+from kolsky.inverse.coarse_search import CoarseOptimum
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.front_noise import data_change, front_modes, learn_front_noise, noise_of
+from kolsky.inverse.front_noise import data_change, front_modes, noise_of
 from kolsky.inverse.likely_path import FOLLOWED, PathModes, credible, likely_amplitudes, size
 from kolsky.inverse.objective import Objective
+from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
 from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.staged_runs import StagedRuns
-from kolsky.inverse.valleys import VALLEY, likelihoods, likely_valleys, valley_levels
+from kolsky.inverse.summits import Summit, climb
+from kolsky.inverse.valleys import VALLEY, judged, likely_valleys, valley_levels
 
 BEST = 3
 """Starts where Poisson's ratio is held, the best of a design."""
@@ -108,24 +113,83 @@ def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int]
     first = surrogate.with_mesh(min(surrogate.mesh, stages.settings.replicate_mesh))
     points, objective = starts(stages, start, first)
     ends = least_squares_on(stages, objective, first, points, FIRST_STEPS)
-    if VALLEY in stages.box.names and len(ends) > 1:
-        floors = np.array([end.x for end in ends])
-        likely = int(np.argmin(likelihoods(stages, floors, first, objective.counted)))
-        ends = [ends[likely]]
-    (best,) = least_squares_on(stages, objective, first, ends[0].x[None], MOST_STEPS)
-    if surrogate.mesh == first.mesh:
+    begin = ends[0].x
+    if VALLEY in stages.box.names:
+        summit = likeliest(stages, objective, first, ends)
+        begin = summit.x
         if stages.settings.replicates:
-            learn_front_noise(stages, stages.replicate(best.x))
-        return {first.mesh: best}
+            # Without them least squares would go back to the floor.
+            stages.know_front_noise(summit.patterns)
+            objective = replace(objective, observations=stages.observations)
+    (best,) = least_squares_on(stages, objective, first, begin[None], MOST_STEPS)
+    if surrogate.mesh == first.mesh:
+        return follow_meshes(stages, objective, best, np.zeros(stages.box.dimension))
     (fine,) = least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
-    found = {first.mesh: best, surrogate.mesh: fine}
+    return follow_meshes(stages, objective, fine, best.x - fine.x)
+
+
+def likeliest(
+    stages: StagedRuns, objective: Objective, numerics: Numerics, ends: Sequence[MeshOptimum]
+) -> Summit:
+    """The summit of the likelihood that is reached from the likeliest of some valleys' floors.
+
+    Raises
+    ------
+    ValueError
+        If no run at a floor completes.
+    """
+    floors = np.array([end.x for end in ends])
+    runs = stages.under_other_motions(floors, stages.front_deviations(valleys.MOTIONS), numerics)
+    likely = int(np.argmin(judged(stages, floors, runs, objective.counted)))
+    found = runs[likely]
+    if found is None:
+        raise ValueError("no run at a floor of Poisson's valleys completed")
+    return climb(stages, floors[likely], found, numerics, objective.counted)
+
+
+def search_meshes_for_one(stages: StagedRuns, coarse: CoarseOptimum) -> dict[tuple[int, int], MeshOptimum]:
+    """Optima of one parameter on both coarse meshes, from that of a surrogate.
+
+    Parameters
+    ----------
+    stages
+        The identification's simulations; all runs join their table.
+    coarse
+        The optimum on the surrogate's mesh under the path as it was fitted to the record.
+    """
+    model, box = CorrectedSurrogate(coarse.surrogate).predict, coarse.box
+    vector, slope = model(coarse.x)[0], jacobian(model, box, coarse.x)
+    sigma = np.sqrt(np.diag(coarse.objective.covariance(slope, vector)))
+    best = MeshOptimum(coarse.x, sigma, float(coarse.objective.deviance(vector[None])[0]), converged=True)
+    objective = Objective(stages.observations, coarse.objective.counted, prior=stages.prior)
+    return follow_meshes(stages, objective, best, np.zeros(1))
+
+
+def follow_meshes(
+    stages: StagedRuns, objective: Objective, fine: MeshOptimum, shift: FloatArray
+) -> dict[tuple[int, int], MeshOptimum]:
+    """Optima on both coarse meshes with the front face's path where the data put it, and its replicates.
+
+    Parameters
+    ----------
+    stages, objective
+        As of `follow_front`.
+    fine
+        The optimum on the surrogate's mesh.
+    shift
+        The optimum on the mesh of the replicates less that, as far as it is known, shape [d].
+    """
+    surrogate = stages.settings.numerics
+    first = surrogate.with_mesh(min(surrogate.mesh, stages.settings.replicate_mesh))
     if stages.settings.replicates:
         # There the ringing is nearer to the refined mesh's, and so are the patterns of its noise.
-        found[surrogate.mesh] = follow_front(stages, objective, surrogate, fine)
+        fine = follow_front(stages, objective, surrogate, fine)
         objective = replace(objective, observations=stages.observations)
-        near = found[surrogate.mesh].x + best.x - fine.x
-        near = np.clip(near, stages.box.lower, stages.box.upper)
+    found = {surrogate.mesh: fine}
+    if first.mesh != surrogate.mesh:
+        near = np.clip(fine.x + shift, stages.box.lower, stages.box.upper)
         (found[first.mesh],) = least_squares_on(stages, objective, first, near[None], MOST_STEPS)
+    if stages.settings.replicates:
         stages.replicate(found[first.mesh].x, lesson=False)
     return found
 
@@ -149,13 +213,15 @@ def follow_front(
     """
     n = min(MOTIONS, stages.settings.replicates)
     fitted, noise = stages.prepared.path, noise_of(stages.observations)
-    deviations, first, shares = stages.front_deviations(n), best, np.zeros(n)
+    deviations, first, shares, size_of_run = stages.front_deviations(n), best, np.zeros(n), 1.0
+    # Patterns that ring at another frequency than the model would hold Poisson's ratio where they were made.
+    followed = 0.0 if VALLEY in stages.box.names else FOLLOWED
     for _ in range(MOST_MOVES):
-        runs = stages.under_other_motions(best.x[None], n, numerics)[0]
+        runs = stages.under_other_motions(best.x[None], size_of_run * deviations, numerics)[0]
         if runs is None:
             break
-        change = data_change(runs)[1:]
-        if len(change) < n:  # which motion was lost is not known
+        change = data_change(runs)[1:] / size_of_run
+        if len(change) < len(deviations):  # which motion was lost is not known
             stages.know_front_noise(front_modes(change, noise), stages.observations.front_offset)
             break
         modes = PathModes.of(change, noise, deviations)
@@ -169,7 +235,7 @@ def follow_front(
             stages.move_front(fitted, 0.0)
             stages.know_front_noise(modes.patterns)
             return first
-        if shares.any() or size(amplitudes) > FOLLOWED:
+        if shares.any() or size(amplitudes) > followed:
             shares = amplitudes @ modes.shares
             stages.move_front(modes.moved(fitted, amplitudes), size(amplitudes))
             stages.know_front_noise(modes.patterns, amplitudes @ modes.patterns)
@@ -177,6 +243,8 @@ def follow_front(
         (best,) = least_squares_on(stages, weighed, numerics, best.x[None], MOST_STEPS)
         if (np.abs(best.x - before.x) <= STILL * best.sigma).all():
             break
+        if size_of_run == 1.0:
+            deviations, shares, size_of_run = modes.as_replicates(shares)
     return best
 
 

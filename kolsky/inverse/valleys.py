@@ -15,6 +15,7 @@ tell how, and what they explain does not speak against it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import ceil
 
@@ -22,9 +23,9 @@ import numpy as np
 
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import MaterialCurve
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.front_noise import data_change, front_modes, noise_of
 from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import Prediction
 from kolsky.inverse.staged_runs import StagedRuns
 
 VALLEY = "poisson"
@@ -85,6 +86,19 @@ def valley_levels(stages: StagedRuns, factor: float, bounds: tuple[float, float]
     bounds
         Of Poisson's ratio.
     """
+    return equal_steps(*oscillation_table(stages, factor, bounds))
+
+
+def oscillation_table(
+    stages: StagedRuns, factor: float, bounds: tuple[float, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Poisson's ratio between two bounds [-] and its number of oscillations [-], both rising, shape [n].
+
+    Parameters
+    ----------
+    stages, factor, bounds
+        As of `valley_levels`.
+    """
     shot, edges = stages.prepared.forward.shot, stages.observations.bins.edges
     table = 0.5 * (1.0 - np.geomspace(1.0 - 2.0 * bounds[0], 1.0 - 2.0 * bounds[1], 2000))
     number = oscillations(
@@ -94,7 +108,7 @@ def valley_levels(stages: StagedRuns, factor: float, bounds: tuple[float, float]
         length=shot.specimen.length,
         window=float(edges[-1] - edges[0]),
     )
-    return equal_steps(table, number)
+    return table, number
 
 
 def equal_steps(values: FloatArray, number: FloatArray) -> FloatArray:
@@ -135,7 +149,9 @@ def likely_valleys(objective: Objective, vectors: FloatArray, distance: FloatArr
     return list(dict.fromkeys(found))
 
 
-def likelihoods(stages: StagedRuns, points: FloatArray, numerics: Numerics, inside: BoolArray) -> FloatArray:
+def judged(
+    stages: StagedRuns, points: FloatArray, runs: Sequence[Prediction | None], inside: BoolArray
+) -> FloatArray:
     """-2 ln of likelihood and prior at points, each with the noise of the flyer's motion there, shape [n].
 
     Up to a constant, a frame's points as one entry; infinite where the run did not complete.
@@ -146,20 +162,23 @@ def likelihoods(stages: StagedRuns, points: FloatArray, numerics: Numerics, insi
         The identification's simulations.
     points
         In parameter units, shape [n, d].
-    numerics
-        Of the runs.
+    runs
+        Of each point under other motions, see `StagedRuns.under_other_motions`.
     inside
         Outline points that count, shape [n_points].
     """
     found = np.full(len(points), np.inf)
-    runs = stages.under_other_motions(points, MOTIONS, numerics)
     # The same outline points for all of them: likelihoods of different data do not compare.
     counted = inside & np.all([run.inside[0] for run in runs if run is not None], axis=0)
     for row, prediction in enumerate(runs):
         if prediction is not None:
-            modes = front_modes(data_change(prediction)[1:], noise_of(stages.observations))
-            seen = replace(stages.observations, front_noise=modes)
+            seen = replace(stages.observations, front_noise=patterns_of(stages, prediction))
             objective = Objective(seen, counted, prior=stages.prior)
             vector = objective.vectors(prediction)[:1]
             found[row] = objective.balanced_deviance(vector)[0] + objective.prior_chi2(points[row])
     return found
+
+
+def patterns_of(stages: StagedRuns, prediction: Prediction) -> FloatArray:
+    """Patterns of the flyer's noise from runs under other motions, shape [q, n_bins + n_points]."""
+    return front_modes(data_change(prediction)[1:], noise_of(stages.observations))

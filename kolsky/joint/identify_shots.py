@@ -4,8 +4,8 @@
 2. Scans of the stiffness, of what relaxes and of Poisson's valleys on the mesh of the search, then least
    squares over all shots and slow tests together (`kolsky.joint.problem`).
 3. The weights learn the front faces' noise, clocks and scales at that point; least squares again.
-4. The optimum is moved to the refined mesh by chord steps with the slopes of the search's mesh. There the
-   scatter between the shots is estimated (`kolsky.joint.scatter`); the weights know it from then on.
+4. The optimum is moved to the refined mesh (`kolsky.joint.refined_steps`). There the scatter between the
+   shots is estimated (`kolsky.joint.scatter`); the weights know it from then on.
 5. Its uncertainty: weights, residuals correlated in time, the curve's noise, the mesh
    (`kolsky.joint.answer`); the curve, if it is free; what relaxes against the same shots without it
    (`kolsky.joint.model_choice`).
@@ -30,21 +30,19 @@ from kolsky.joint.model_choice import chosen, weak_branch, with_nothing
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
 from kolsky.joint.records import JointResult, JointSettings, Scatter, Slow
+from kolsky.joint.refined_steps import refined_optimum
 from kolsky.joint.runs import JointRuns
 from kolsky.joint.scatter import estimated
 from kolsky.joint.start import starts
 from kolsky.joint.unknowns import Unknowns
-from kolsky.joint.weights import BLIND, SCATTER, bounded_step, information
+from kolsky.joint.weights import BLIND, SCATTER, information
 from kolsky.shot.records import Shot
 
 FIRST, AGAIN = 10, 6
 """Trial points of the first search, and of those with better weights."""
-CHORDS = 12
-"""Most runs on the refined mesh."""
-CONFIRMED = 0.25
-"""Length of the last step there, in standard deviations, at which it is confirmed."""
-WORSE = 1.0
-"""Rise of the deviance beyond which a step was too long."""
+SAME = 10.0
+"""Distance of two ends of searches, in standard deviations, up to which they lie in one valley: a search that
+its steps have cut short ends within some of them, the next valley of Poisson's ratio is tens away."""
 
 
 @one_blas_thread()
@@ -120,7 +118,10 @@ def search(problem: JointProblem, *, beside: FloatArray | None = None) -> Optimu
     found = _from(problem, x)
     if beside is None:
         return found
-    other = _from(problem, problem.search(beside[None], numerics, FIRST)[0])
+    end = _searched(problem, problem.search(beside[None], numerics, FIRST)[0])
+    if _apart(problem, found, end.x) <= SAME:
+        return found
+    other = refined_optimum(problem, end.x, end.slopes)
     if not problem.deviance(other.vector) < problem.deviance(found.vector):
         return found
     problem.learn_noise(other.start, numerics)  # the patterns are those of a point
@@ -145,13 +146,34 @@ def _not_above(problem: JointProblem, found: Optimum, elastic: JointProblem, wit
     shared = [problem.unknowns.names.index(name) for name in elastic.unknowns.names]
     sigma[shared] = np.sqrt(np.diag(np.linalg.inv(information(rows, elastic.unknowns.widths))))
     slopes = problem.slopes(nothing.start, sigma, problem.mesh)[1]
-    return replace(_refined(problem, nothing.x, slopes), start=nothing.start)
+    return replace(refined_optimum(problem, nothing.x, slopes), start=nothing.start)
+
+
+@dataclass(frozen=True)
+class _End:
+    """Where a search on its own mesh ended, and the slopes there."""
+
+    x: FloatArray
+    slopes: FloatArray
+
+
+def _searched(problem: JointProblem, x: FloatArray) -> _End:
+    """The search once more, with the weights of now, from a point near the optimum on its mesh."""
+    x, sigma = problem.search(x[None], problem.mesh, AGAIN)
+    return _End(x, problem.slopes(x, sigma, problem.mesh)[1])
 
 
 def _from(problem: JointProblem, x: FloatArray) -> Optimum:
     """The optimum on the refined mesh from a point near that on the search's mesh."""
-    x, sigma = problem.search(x[None], problem.mesh, AGAIN)
-    return _refined(problem, x, problem.slopes(x, sigma, problem.mesh)[1])
+    end = _searched(problem, x)
+    return refined_optimum(problem, end.x, end.slopes)
+
+
+def _apart(problem: JointProblem, found: Optimum, x: FloatArray) -> float:
+    """How far a point on the search's mesh is from where an optimum was searched, in standard deviations."""
+    rows = problem.whitening(found.vector - problem.stack.data).apply(found.slopes.T)
+    away = x - found.start
+    return float(np.sqrt(away @ information(rows, problem.unknowns.widths) @ away))
 
 
 def scattered(problem: JointProblem, found: Optimum) -> Optimum:
@@ -160,7 +182,7 @@ def scattered(problem: JointProblem, found: Optimum) -> Optimum:
         return found
     scatter = _scatter(problem, found)
     if scatter.value > 0.0:
-        found = replace(_refined(problem, found.x, found.slopes), start=found.start)
+        found = replace(refined_optimum(problem, found.x, found.slopes), start=found.start)
     return replace(found, scatter=scatter)
 
 
@@ -183,65 +205,6 @@ def _scatter(problem: JointProblem, found: Optimum) -> Scatter:
             shots.append(replace(one, own={**one.own, SCATTER: whole}))
         problem.stack = replace(stack, shots=tuple(shots))
     return between
-
-
-def _refined(problem: JointProblem, x: FloatArray, slopes: FloatArray) -> Optimum:
-    """Steps on the refined mesh with the slopes of the search's mesh and what the runs add to them."""
-    fine = problem.refined
-    lower, upper = np.array(problem.unknowns.box.lower), np.array(problem.unknowns.box.upper)
-    start, best, least, here = x, None, None, slopes
-    for _ in range(CHORDS):
-        vector = problem.predict("check", x[None], fine)[0]
-        if np.isnan(vector).any():
-            raise ValueError(
-                f"a run at the optimum on the refined mesh of {fine.mesh[0]} x {fine.mesh[1]} elements did "
-                "not complete: take another --refined-mesh"
-            )
-        cost = problem.deviance(vector)
-        if best is not None and cost > best.cost + WORSE:
-            x = 0.5 * (best.x + x)  # the step was too long for a linear model
-            continue
-        if best is not None:
-            here = _secant(here, best, x, vector)
-        residual = vector - problem.stack.data
-        whitening = problem.whitening(residual)
-        rows = whitening.apply(here.T)
-        # A bound that is reached is no reason to go on.
-        step = bounded_step(rows, whitening.apply(residual), lower - x, upper - x)
-        sigma = np.sqrt(np.diag(np.linalg.inv(information(rows, upper - lower))))
-        # Where a step has hardly gained anything the next one is half as long: they go to and fro.
-        gained = np.inf if best is None else best.cost - cost
-        best = _Chord(x, vector, cost, sigma, bool((np.abs(step) <= CONFIRMED * sigma).all()))
-        if least is None or best.cost < least.cost:
-            least = best
-        if best.confirmed:
-            break
-        x = np.clip(x + (step if gained > WORSE else 0.5 * step), lower, upper)
-    assert best is not None  # the first run is the best so far
-    assert least is not None  # and the least
-    if best.cost > least.cost + WORSE:
-        best = least  # steps that each rise a little have led away
-    return Optimum(best.x, start, best.vector, slopes, None, best.confirmed)
-
-
-@dataclass(frozen=True)
-class _Chord:
-    """The best run on the refined mesh so far."""
-
-    x: FloatArray
-    vector: FloatArray
-    cost: float
-    sigma: FloatArray
-    confirmed: bool
-
-
-def _secant(slopes: FloatArray, before: _Chord, x: FloatArray, vector: FloatArray) -> FloatArray:
-    """The slopes that also explain the change since the run before: Broyden's, the unknowns in sigmas."""
-    step = (x - before.x) / before.sigma
-    if not step.any():
-        return slopes
-    missed = vector - before.vector - slopes @ (x - before.x)
-    return slopes + np.outer(missed, step / before.sigma) / float(step @ step)
 
 
 def _problem(

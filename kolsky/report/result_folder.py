@@ -76,6 +76,13 @@ def load_identify_page() -> None:
     import kolsky.report.pages.identification  # noqa: F401
 
 
+def load_dic_page() -> None:
+    """Import what the page of surfaces is drawn with, as `load_identify_page`."""
+    import matplotlib.backends.backend_svg  # noqa: F401
+
+    import kolsky.report.pages.surfaces  # noqa: F401
+
+
 def read_identify_results(folder: Path, shot: Shot) -> Identification:
     """Read the identification of a shot back from its folder.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from dic.bodies.found_regions import FoundRegions, find_regions
 from dic.bodies.region import Region, polygon_mask
-from dic.chain import VERSION, ChainError, ChainSettings, measure
+from dic.chain import VERSION, ChainError, ChainSettings, inspect_pictures, measure
 from dic.correlation import Correlation, Shape
 from dic.images import frame_health
 from dic.images.facts import of_colours
@@ -23,7 +23,7 @@ from kolsky.base.errors import InputError
 from kolsky.shot.picture_scale import check_length, lengths_seen
 from kolsky.shot.picture_set import PictureSet
 from kolsky.shot.refined_rig import refined
-from kolsky.shot.rig import calibrated
+from kolsky.shot.rig import Calibrated, calibrated
 from kolsky.shot.schema.apparatus import SpecimenSection
 from kolsky.shot.schema.pictures import DicSection, RegionSection
 from kolsky.shot.schema.reading import ShotToml
@@ -162,18 +162,42 @@ def _software() -> str:
         return "kolsky, not installed"
 
 
-def correlated(pictures: PictureSet, device: str, progress: Progress) -> StereoResult:
+def correlated(
+    pictures: PictureSet,
+    device: str,
+    progress: Progress,
+    *,
+    cameras: Callable[[Progress], Calibrated] | None = None,
+    idle: Callable[[], None] = lambda: None,
+) -> StereoResult:
+    """The stereo result of a shot.
+
+    Parameters
+    ----------
+    pictures, device, progress, cameras, idle
+        As of `kolsky.shot.optical_data.surfaces`.
+
+    Raises
+    ------
+    InputError
+        As `kolsky.shot.optical_data.surfaces`.
+    """
     toml, declared = pictures.toml, pictures.toml.declared
     section = declared.dic
     assert section is not None  # shots with pictures have it
-    started = perf_counter()
-    cameras = calibrated(pictures, progress)
-    calibrating = perf_counter() - started
+    # others may be looking at the target meanwhile
     places = places_of(pictures)
-    sizes = (pictures.series[0].shape, pictures.series[1].shape)
-    seen = lengths_seen(cameras.rig, np.array(places.specimen.corners), section.flyer_side, sizes)
-    check_length(toml, seen)
     static = np.arange(pictures.time.size) < declared.frames.static
+    try:
+        inspection = inspect_pictures(pictures.series, static)
+    except ChainError as error:
+        raise _no_surface(toml, error) from error
+    started = perf_counter()
+    found = calibrated(pictures, progress) if cameras is None else cameras(progress)
+    calibrating = perf_counter() - started
+    sizes = (pictures.series[0].shape, pictures.series[1].shape)
+    seen = lengths_seen(found.rig, np.array(places.specimen.corners), section.flyer_side, sizes)
+    check_length(toml, seen)
     settings = chain_settings(section, declared.specimen, places.edge, device, length_sigma_of(toml))
     reporting = {} if declared.reporting is None else declared.reporting.model_dump(exclude_none=True)
     try:
@@ -181,7 +205,7 @@ def correlated(pictures: PictureSet, device: str, progress: Progress) -> StereoR
         assert declared.calibration is not None  # shots with pictures have it
         rig, refinement = refined(
             declared.calibration,
-            cameras.rig,
+            found.rig,
             pictures.series,
             places.specimen.frame,
             polygon_mask(places.specimen.corners, pictures.series[0].shape),
@@ -199,24 +223,30 @@ def correlated(pictures: PictureSet, device: str, progress: Progress) -> StereoR
             flyer=places.flyer,
             facts={
                 "reporting": reporting,
-                "calibration": cameras.words,
+                "calibration": found.words,
                 "software": _software(),
                 "regions": places.words,
                 **({"refinement": refinement} if refinement else {}),
             },
             progress=progress,
+            idle=idle,
+            inspection=inspection,
         )
         whole = {"calibration": calibrating, "correlation": perf_counter() - started}
         remarks = (*result.remarks, *of_colours(pictures.series))
         return replace(result, seconds={**whole, **result.seconds}, remarks=remarks)
     except ChainError as error:
-        raise InputError(
-            toml.path,
-            f"its pictures give no surface: {error}",
-            cure="look at them with `kolsky dic --regions`: are specimen and cameras right?",
-        ) from error
+        raise _no_surface(toml, error) from error
     except ValueError as error:
         raise toml.error("dic", f"does not fit the pictures: {error}") from error
+
+
+def _no_surface(toml: ShotToml, error: ChainError) -> InputError:
+    return InputError(
+        toml.path,
+        f"its pictures give no surface: {error}",
+        cure="look at them with `kolsky dic --regions`: are specimen and cameras right?",
+    )
 
 
 def _region(section: RegionSection) -> Region:

@@ -4,7 +4,8 @@ from pathlib import Path
 
 from kolsky.base.errors import InputError
 from kolsky.shot.load import load_pictures
-from kolsky.shot.measurement import measurement_file, read_measurement
+from kolsky.shot.measurement import read_measurement
+from kolsky.shot.measurement_path import measurement_file
 from kolsky.shot.regions.session import Session
 from kolsky.shot.regions.shapes import SHOT, Drawn, alone
 from kolsky.shot.schema.pictures import RegionSection

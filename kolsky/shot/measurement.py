@@ -26,7 +26,6 @@ from kolsky.shot.rig import rig_of
 from kolsky.shot.schema.full_field import MeasuredSeries, MeasurementFile
 from kolsky.shot.schema.reading import TomlFile, parse_toml
 
-MEASUREMENT_FILE = "dic.toml"
 FLYER_TEST = "flyer test"
 """The kind that belongs into a shot.toml."""
 Progress = Callable[[str, int, int], None]
@@ -49,18 +48,6 @@ class Measurement:
     def name(self) -> str:
         """Name of the folder."""
         return self.toml.path.parent.resolve().name
-
-
-def measurement_file(source: Path) -> Path | None:
-    """The dic.toml that `source` is or holds; None if it is something else.
-
-    A folder with a shot.toml as well is a shot.
-    """
-    path = Path(source)
-    if path.is_dir():
-        here = path / MEASUREMENT_FILE
-        return here if here.is_file() and not (path / "shot.toml").exists() else None
-    return path if path.is_file() and path.name != "shot.toml" and path.suffix == ".toml" else None
 
 
 def read_measurement(path: Path) -> Measurement:

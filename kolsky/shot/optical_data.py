@@ -1,10 +1,12 @@
 """Measurements of a shot's cameras: correlated once, kept in the results folder, read back
 after."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from dic.forks import beside
 from dic.result import StereoResult
 from kolsky.bars.flyer.flight_report import FlightOfSpecimen, add_to, flight_of
 from kolsky.base.errors import InputError
@@ -15,6 +17,7 @@ from kolsky.shot.correlated_pictures import Progress, correlated, key_of, length
 from kolsky.shot.flyer_refusal import why_unknown
 from kolsky.shot.picture_set import PictureSet
 from kolsky.shot.records import OpticalData
+from kolsky.shot.rig import Calibrated
 from kolsky.shot.shared_errors import (
     outline_offsets,
     picture_errors,
@@ -72,6 +75,8 @@ def surfaces(
     device: str = "cpu",
     again: bool = False,
     progress: Progress = lambda stage, done, total: None,
+    cameras: Callable[[Progress], Calibrated] | None = None,
+    idle: Callable[[], None] = lambda: None,
 ) -> Surfaces:
     """Correlate the pictures of a shot, or read back what they gave.
 
@@ -88,6 +93,10 @@ def surfaces(
         Correlate even if there is such a file.
     progress
         Told of the frames done, stage by stage.
+    cameras
+        The cameras that `kolsky.shot.rig.calibrated_beside` has begun to find; None: they are found here.
+    idle
+        Work of the caller's for the time in which this process waits for another one.
 
     Raises
     ------
@@ -103,12 +112,14 @@ def surfaces(
         except InputError:
             pass  # damaged since it was written: made anew
     with single_threaded_libraries(), infrequent_gc():
-        result = correlated(pictures, device, progress)
-        flight = flight_of(result, length)
-    with filling(folder) as partial:
-        write_stereo_result(partial / RESULT_FILE, result, key=key)
-        if not isinstance(flight, str):
-            add_to(partial / RESULT_FILE, flight)
+        result = correlated(pictures, device, progress, cameras=cameras, idle=idle)
+        with filling(folder) as partial:
+            file = partial / RESULT_FILE
+            with beside(lambda: write_stereo_result(file, result, key=key)) as written:
+                flight = flight_of(result, length)
+                written()
+            if not isinstance(flight, str):
+                add_to(file, flight)
     return Surfaces(result=result, path=path, fresh=True, flight=flight)
 
 

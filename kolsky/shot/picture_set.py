@@ -1,16 +1,18 @@
 """The pictures of a shot: opened, counted, compared with the shot file; the pair in the report."""
 
+from __future__ import annotations
+
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dic.images import PictureError, Pictures
 from dic.outcome import FrameOutcome
-from dic.result import StereoResult
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError, refuse
 from kolsky.base.files import regular
@@ -19,6 +21,9 @@ from kolsky.shot.frames import read_frames
 from kolsky.shot.picture_changes import PictureChanges, picture_changes
 from kolsky.shot.schema.pictures import PicturesSection, SeriesSection
 from kolsky.shot.schema.reading import ShotToml
+
+if TYPE_CHECKING:
+    from dic.result import StereoResult
 
 CAMERAS = ("camera_0", "camera_1")
 SERIES_CURE = "export one picture for each line of the frames' file"

@@ -1,6 +1,7 @@
 """The cameras of a shot: from a calibration file, or from its pictures of a target."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -45,20 +46,50 @@ def calibrated(pictures: PictureSet, progress: Progress) -> Calibrated:
         If the file holds no two cameras, the target is not found or cannot determine the cameras, or a crop
         lies outside the sensor that the calibration is for.
     """
+    with calibrated_beside(pictures) as cameras:
+        return cameras(progress)
+
+
+@contextmanager
+def calibrated_beside(pictures: PictureSet) -> Iterator[Callable[[Progress], Calibrated]]:
+    """Begin to look for the target in other processes, if there are some, while this one works.
+
+    Yields
+    ------
+    callable
+        Gives what `calibrated` gives, and raises what that raises.
+
+    Raises
+    ------
+    InputError
+        If the target's pictures cannot be opened or do not go together, or the target is impossible.
+    """
     toml, section = pictures.toml, pictures.toml.declared.calibration
     assert section is not None  # shots with pictures have it
-    found = rig_of(toml, section, progress)
-    rig = found.rig
-    for camera, series, name in zip(rig.cameras, pictures.series, CAMERAS, strict=True):
+    if section.file is not None:
+        yield lambda progress: _cropped(pictures, Calibrated(*_from_file(toml, section)))
+        return
+    with calibration_begun(toml, section) as solved:
+
+        def cameras(progress: Progress) -> Calibrated:
+            found = solved(progress)
+            return _cropped(pictures, Calibrated(rig=found.rig, words=_words(found)))
+
+        yield cameras
+
+
+def _cropped(pictures: PictureSet, found: Calibrated) -> Calibrated:
+    """The rig of whole sensors for a shot's pictures."""
+    for camera, series, name in zip(found.rig.cameras, pictures.series, CAMERAS, strict=True):
         problem = fits_sensor(series, camera.sensor)
         if problem:
-            raise toml.error(
+            raise pictures.toml.error(
                 f"pictures.{name}",
                 f"crop_offset {problem}",
                 cure="declare where the crop lies on the sensor, or calibrate with full pictures",
             )
     offsets = [series.crop_offset for series in pictures.series]
-    return Calibrated(rig=rig.cropped(offsets[0], offsets[1]), words=found.words)
+    return Calibrated(rig=found.rig.cropped(offsets[0], offsets[1]), words=found.words)
 
 
 def rig_of(toml: TomlFile, section: CalibrationSection, progress: Progress) -> Calibrated:
@@ -99,8 +130,22 @@ def calibration_of(toml: TomlFile, section: CalibrationSection, progress: Progre
         If the pictures cannot be read or do not go together, the target is impossible, or what is seen of it
         does not determine the cameras.
     """
-    from dic.calibration import Undetermined, calibrate, detect_series
-    from dic.calibration.pair_order import find_order
+    with calibration_begun(toml, section) as solved:
+        return solved(progress)
+
+
+@contextmanager
+def calibration_begun(
+    toml: TomlFile, section: CalibrationSection
+) -> "Iterator[Callable[[Progress], Calibration]]":
+    """Begin to look for the target, as `calibrated_beside`, for pictures of the whole sensors.
+
+    Yields
+    ------
+    callable
+        Gives what `calibration_of` gives, and raises what that raises.
+    """
+    from dic.calibration import detection_begun
 
     assert section.target is not None  # the schema saw to it
     assert section.distortion is not None
@@ -118,16 +163,35 @@ def calibration_of(toml: TomlFile, section: CalibrationSection, progress: Progre
             f"{_alone(numbers)}",
             cure="export the pairs with one number each",
         )
-    views = detect_series(series, targets, progress=lambda done, total: progress("calibration", done, total))
+    with detection_begun(series, targets) as joined:
+
+        def solved(progress: Progress) -> "Calibration":
+            views = joined(lambda done, total: progress("calibration", done, total))
+            return _solved(toml, section, series, views, targets[0], [str(number) for number in numbers[0]])
+
+        yield solved
+
+
+def _solved(
+    toml: TomlFile,
+    section: CalibrationSection,
+    series: Sequence[Pictures],
+    views: Sequence[Sequence[Any]],
+    target: Any,
+    names: list[str],
+) -> "Calibration":
+    """The calibration from what was seen of the target."""
+    from dic.calibration import Undetermined, calibrate
+    from dic.calibration.pair_order import find_order
+
     _refuse_odd_size(toml, series, views)
     sensors = [(pictures.shape[1], pictures.shape[0]) for pictures in series]
-    names = [str(number) for number in numbers[0]]
 
     def solved(second: Sequence[Any]) -> "Calibration":
         return calibrate(
             views[0],
             second,
-            targets[0],
+            target,
             sensors=(sensors[0], sensors[1]),
             distortion=section.distortion or "none",
             square_pixels=section.square_pixels,
@@ -140,9 +204,9 @@ def calibration_of(toml: TomlFile, section: CalibrationSection, progress: Progre
         raise toml.error("calibration", f"does not determine the cameras: {error}") from None
     if found.rms <= LARGEST_RMS:
         return found
-    order = find_order((views[0], views[1]), [targets[0]] * counts[0], (sensors[0], sensors[1]))
+    order = find_order((views[0], views[1]), [target] * len(names), (sensors[0], sensors[1]))
     fits = ""
-    if order is not None and order != list(range(counts[1])):
+    if order is not None and order != list(range(len(names))):
         try:
             residual = solved([views[1][k] for k in order]).rms
         except (Undetermined, ValueError):

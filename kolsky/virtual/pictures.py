@@ -1,6 +1,5 @@
 """Pictures of a made shot: two series with their calibration, written as cameras write them."""
 
-import os
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.camera import Camera
+from dic.forks import cores
 from dic.synthetic.lens import Lens, haze
 from dic.synthetic.picture_files import WRITERS
 from dic.synthetic.render import picture_series
@@ -62,7 +62,7 @@ def write_pictures(
     device
         "cpu" or a GPU, "cuda:0".
     threads
-        Threads on a CPU; all cores if left out.
+        Threads on a CPU; those the process may use if left out.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def write_pictures(
         If a picture does not fit on its sensor, or the target does not fit in both cameras' views.
     """
     rig = rig_of(q, shot=shot)
-    workers = threads or os.cpu_count() or 1
+    workers = threads or cores()
     scene = scene_of(q, surface, shot=shot)
     suffix, write = WRITERS[q.cameras.format]
     bits = q.optics.bits

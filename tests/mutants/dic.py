@@ -413,7 +413,7 @@ FAULTS = (
     Fault(
         name="zero: the face beside the rim adds nothing",
         file="dic/rigid_body/axial_displacement.py",
-        right="FACE_SHARE, NARROW_FACE = 0.02, 1.0",
+        right="FACE_SHARE, NARROW_FACE = 0.01, 1.0",
         wrong="FACE_SHARE, NARROW_FACE = 0.0, 1.0",
         tests=(f"{RIM[0]}::test_what_static_frames_share",),
     ),
@@ -559,11 +559,18 @@ FAULTS = (
         tests=(f"{ORDER[0]}::test_pictures_of_other_poses_have_no_order",),
     ),
     Fault(
+        name="rim: what the model leaves out averages over the cameras",
+        file="dic/rigid_body/rest_from_rim.py",
+        right="np.sqrt(np.mean(np.square(sigmas)))",
+        wrong="np.sqrt(np.mean(np.square(sigmas)) / len(sigmas))",
+        tests=(f"{RIM[0]}::test_cameras_that_disagree_widen_the_rim",),
+    ),
+    Fault(
         name="rim: cameras that disagree are averaged",
         file="dic/rigid_body/rest_from_rim.py",
-        right="MOST_APART = 4.0",
-        wrong="MOST_APART = 400.0",
-        tests=(f"{RIM[0]}::test_cameras_that_disagree_give_no_rim",),
+        right="np.square(sigmas))), 0.5 * apart))",
+        wrong="np.square(sigmas))), 0.05 * apart))",
+        tests=(f"{RIM[0]}::test_cameras_that_disagree_widen_the_rim",),
     ),
     Fault(
         name="start of a track: variances of two shape functions added",
@@ -676,6 +683,20 @@ FAULTS = (
         right="matches[2 * k - 2 : 2 * k]",
         wrong="matches[2 * k - 2 : 2 * k - 1]",
         tests=TOGETHER,
+    ),
+    Fault(
+        name="rigid body: what looks three quarters like it is it",
+        file="dic/tracking/rigid.py",
+        right="1.0 - float(np.median(match.zncc[agree])) > most",
+        wrong="1.0 - float(np.median(match.zncc[agree])) > 10.0 * most",
+        tests=("tests/unit/dic/test_dic_side_by_side.py",),
+    ),
+    Fault(
+        name="rigid body: one frame that looks like it sets the limit",
+        file="dic/tracking/rigid.py",
+        right="TIMES * float(np.median(before))",
+        wrong="TIMES * float(np.min(before))",
+        tests=("tests/unit/dic/test_dic_side_by_side.py",),
     ),
     Fault(
         name="rigid body: a quarter of the points in view is enough",

@@ -5,7 +5,7 @@ from tests.mutants.fault import Fault
 _SCATTER, _WEIGHTS = "kolsky/joint/scatter.py", "kolsky/joint/weights.py"
 _BRANCH, _NODES = "kolsky/diagnosis/branch_test.py", "kolsky/joint/unknowns.py"
 _SLOW, _RELAXING = "kolsky/joint/slow_schema.py", "kolsky/inverse/relaxing.py"
-_ANSWER = "kolsky/joint/answer.py"
+_ANSWER, _STEPS = "kolsky/joint/answer.py", "kolsky/joint/refined_steps.py"
 
 
 def _fault(name: str, file: str, right: str, wrong: str, test: str) -> Fault:
@@ -201,5 +201,61 @@ FAULTS = (
         'found = lsq_linear((rows * width[:, None]).T, -residual, bounds, method="bvls")',
         "found = lsq_linear((rows * width[:, None]).T, -residual)",
         "joint/test_weights.py",
+    ),
+    _fault(
+        "a step on the refined mesh confirmed at a whole standard deviation",
+        _STEPS,
+        "CONFIRMED = 0.25",
+        "CONFIRMED = 1.0",
+        "joint/test_refined_steps.py",
+    ),
+    _fault(
+        "slopes of the search's mesh that lead astray kept",
+        _STEPS,
+        "if not own and (astray or made >= BORROWED):",
+        "if not own and made >= BORROWED:",
+        "joint/test_refined_steps.py",
+    ),
+    _fault(
+        "slopes of the search's mesh kept to the end",
+        _STEPS,
+        "if not own and (astray or made >= BORROWED):",
+        "if not own and astray:",
+        "joint/test_refined_steps.py",
+    ),
+    _fault(
+        "a secant in the unknowns' own units",
+        _STEPS,
+        "np.outer(missed, step / sigma) / float(step @ step)",
+        "np.outer(missed, step * sigma) / float((step * sigma) @ (step * sigma))",
+        "joint/test_refined_steps.py",
+    ),
+    _fault(
+        "a branch that explains a tenth of what is left advised",
+        "kolsky/diagnosis/branch_search.py",
+        "HALF = 0.5",
+        "HALF = 0.1",
+        "diagnosis/test_rate_advice.py",
+    ),
+    _fault(
+        "a search for a branch that leaves the ringing's pace",
+        "kolsky/diagnosis/branch_search.py",
+        "stiffer = root if MOVED in box.names else root**2",
+        "stiffer = root**2",
+        "diagnosis/test_rate_advice.py",
+    ),
+    _fault(
+        "what is left counted by its size and not its square",
+        "kolsky/diagnosis/branch_search.py",
+        "((size / o.noise) ** 2).sum()",
+        "(size / o.noise).sum()",
+        "diagnosis/test_rate_advice.py",
+    ),
+    _fault(
+        "a branch at a bound of its range advised",
+        "kolsky/diagnosis/branch_search.py",
+        "return self.inside and self.aic < 0.0 and self.share >= HALF",
+        "return self.aic < 0.0 and self.share >= HALF",
+        "diagnosis/test_rate_advice.py",
     ),
 )

@@ -5,6 +5,8 @@ from tests.mutants.fault import Fault
 PRIOR = ("tests/unit/inverse/test_prior.py",)
 SEVERAL = ("tests/unit/inverse/test_several_parameters.py",)
 VALLEYS = ("tests/unit/inverse/test_valleys.py",)
+DESCENT = ("tests/unit/inverse/test_refined_descent.py",)
+SUMMITS = ("tests/unit/inverse/test_summits.py",)
 WHITENING = ("tests/unit/doe/test_whitening.py",)
 FREE = ("tests/unit/inverse/test_free_parameters.py",)
 NUMERICAL = ("tests/unit/uncertainty/test_numerical.py",)
@@ -61,7 +63,7 @@ FAULTS = (
     ),
     Fault(
         name="any step confirms the optimum",
-        file="kolsky/inverse/gauss_newton.py",
+        file="kolsky/inverse/refined_run.py",
         right="return self.step.moved <= CONFIRMED",
         wrong="return self.step.moved >= 0.0",
         tests=SEVERAL,
@@ -118,7 +120,7 @@ FAULTS = (
     Fault(
         name="the flyer's noise left out where valleys are compared",
         file="kolsky/inverse/valleys.py",
-        right="seen = replace(stages.observations, front_noise=modes)",
+        right="seen = replace(stages.observations, front_noise=patterns_of(stages, prediction))",
         wrong="seen = stages.observations",
         tests=VALLEYS,
     ),
@@ -263,6 +265,41 @@ FAULTS = (
         tests=SEVERAL,
     ),
     Fault(
+        name="slopes that point uphill are never given up",
+        file="kolsky/inverse/gauss_newton.py",
+        right="if misled == MISLED:",
+        wrong="if misled < 0:",
+        tests=DESCENT,
+    ),
+    Fault(
+        name="own slopes from points twice as far apart",
+        file="kolsky/inverse/refined_descent.py",
+        right="vectors[:d] - vectors[d:]) / (up - down)",
+        wrong="vectors[:d] - vectors[d:]) / (2.0 * up - 2.0 * down)",
+        tests=DESCENT,
+    ),
+    Fault(
+        name="an own step that rises is kept",
+        file="kolsky/inverse/refined_descent.py",
+        right="if cost(run) <= cost(last):",
+        wrong="if cost(run) <= cost(last) + 10.0:",
+        tests=DESCENT,
+    ),
+    Fault(
+        name="a step that rises is repeated, not halved",
+        file="kolsky/inverse/refined_descent.py",
+        right="share *= 0.5",
+        wrong="share *= 1.0",
+        tests=DESCENT,
+    ),
+    Fault(
+        name="neighbours beyond the box",
+        file="kolsky/inverse/refined_descent.py",
+        right="return np.minimum(x + h, upper), np.maximum(x - h, lower)",
+        wrong="return x + h, x - h",
+        tests=DESCENT,
+    ),
+    Fault(
         name="half as many motions at the floor of a valley",
         file="kolsky/inverse/valleys.py",
         right="MOTIONS = 24",
@@ -289,5 +326,47 @@ FAULTS = (
         right='"joint": 2',
         wrong='"joint": 1',
         tests=VALLEYS,
+    ),
+    Fault(
+        name="a climb in steps of a quarter of an oscillation",
+        file="kolsky/inverse/summits.py",
+        right="STRIDE = 0.5",
+        wrong="STRIDE = 0.25",
+        tests=SUMMITS,
+    ),
+    Fault(
+        name="places on the wrong side of a floor",
+        file="kolsky/inverse/summits.py",
+        right="np.interp(middle + STRIDE * np.array(new), number, table)",
+        wrong="np.interp(middle - STRIDE * np.array(new), number, table)",
+        tests=SUMMITS,
+    ),
+    Fault(
+        name="a climb that ends beside the floor",
+        file="kolsky/inverse/summits.py",
+        right="new = strides_beside(best, set(places))",
+        wrong="new = []",
+        tests=SUMMITS,
+    ),
+    Fault(
+        name="the least likely place",
+        file="kolsky/inverse/summits.py",
+        right="best = order[int(np.argmin(judged(",
+        wrong="best = order[int(np.argmax(judged(",
+        tests=SUMMITS,
+    ),
+    Fault(
+        name="a climb past the bounds",
+        file="kolsky/inverse/summits.py",
+        right="if number[0] <= middle + STRIDE * k <= number[-1]]",
+        wrong="if True]",
+        tests=SUMMITS,
+    ),
+    Fault(
+        name="the floor's patterns at the summit",
+        file="kolsky/inverse/summits.py",
+        right="return Summit(x, patterns_of(stages, prediction), best)",
+        wrong="return Summit(x, patterns_of(stages, runs), best)",
+        tests=SUMMITS,
     ),
 )

@@ -162,6 +162,27 @@ FAULTS = (
         tests=("tests/unit/virtual/test_forty.py",),
     ),
     Fault(
+        name="answers beyond 1 % expected on one side only",
+        file="benchmarks/forty.py",
+        right="return sum(math.erfc(",
+        wrong="return 0.5 * sum(math.erfc(",
+        tests=("tests/unit/virtual/test_forty.py",),
+    ),
+    Fault(
+        name="cures before the last shot has its answer",
+        file="benchmarks/forty.py",
+        right="answers_of(replace(study, cures=cures), todo, workers)",
+        wrong="answers_of(study, todo, workers)",
+        tests=("tests/unit/virtual/test_forty.py",),
+    ),
+    Fault(
+        name="cores shared out with gaps",
+        file="benchmarks/forty_shots.py",
+        right="ends = [i * n // workers for i in range(workers + 1)]",
+        wrong="ends = [i * (n // workers) for i in range(workers + 1)]",
+        tests=("tests/unit/virtual/test_forty.py",),
+    ),
+    Fault(
         name="a region of the flyer on the specimen's side of the edge",
         file="benchmarks/forty_cures.py",
         right="+ way * CLEAR",

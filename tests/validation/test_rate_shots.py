@@ -1,6 +1,7 @@
 """Shots of known stiffness at several flyer velocities, through `identify`, to a mean and a slope."""
 
 import importlib.util
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -9,7 +10,9 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from kolsky.cli.commandline import app
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.settings import Settings
@@ -46,18 +49,27 @@ def truth(speed: float, tilt: float) -> float:
 
 
 @pytest.fixture(scope="module")
-def collected(
-    maker: ModuleType, tmp_path_factory: pytest.TempPathFactory
-) -> Callable[[int, float], RatedShot]:
-    """The shot of a speed's number and a true stiffness factor, made and identified once."""
+def made(maker: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Callable[[int, float], Path]:
+    """The folder of the shot of a speed's number and a true stiffness factor, made once."""
+
+    @cache
+    def folder(number: int, m: float) -> Path:
+        place = tmp_path_factory.mktemp("rates") / f"shot-{number}"
+        # Half as fine again as the mesh of the answers, which are corrected to an infinitely fine one.
+        numerics = Numerics(mesh=(36, 48), element="fbar")
+        maker.make(place, SPEEDS[number], m, seed=number, numerics=numerics)
+        return place
+
+    return folder
+
+
+@pytest.fixture(scope="module")
+def collected(made: Callable[[int, float], Path]) -> Callable[[int, float], RatedShot]:
+    """That shot, identified once."""
 
     @cache
     def found(number: int, m: float) -> RatedShot:
-        folder = tmp_path_factory.mktemp("rates") / f"shot-{number}"
-        # Half as fine again as the mesh of the answers, which are corrected to an infinitely fine one.
-        numerics = Numerics(mesh=(36, 48), element="fbar")
-        maker.make(folder, SPEEDS[number], m, seed=number, numerics=numerics)
-        return collected_shot(folder, group="gel", identify=lambda shot: identify(shot, COARSE))
+        return collected_shot(made(number, m), group="gel", identify=lambda shot: identify(shot, COARSE))
 
     return found
 
@@ -94,6 +106,22 @@ def test_the_slope_of_known_shots(collected, tilt):
     # simulations explain nearly all of it. Noise of 4 um is what is left here.
     assert 30e-6 < e.shape_scatter[0] < 300e-6
     assert (e.residual_scatter < 8e-6).all()
+
+
+@pytest.mark.slow
+def test_the_five_together_by_the_command(made: Callable[[int, float], Path], tmp_path: Path) -> None:
+    folders = [str(made(number, truth(speed, 0.0))) for number, speed in enumerate(SPEEDS)]
+    meshes = ["--mesh", "16x22", "--refined-mesh", "24x32", "--free", "stiffness_factor=0.9:1.4"]
+    done = CliRunner().invoke(app, ["identify", *folders, *meshes, "--out", str(tmp_path / "j"), "--json"])
+    assert done.exit_code == 0, done.output
+    found = json.loads((tmp_path / "j" / "joint.json").read_text("utf-8"))
+    estimate, scatter = found["estimates"]["stiffness_factor"], found["scatter_between_shots"]
+    low, high = estimate["interval_95"]
+    assert low < 1.12 < high
+    assert high - low < 0.02  # five shots of half a percent each, Student's t with four degrees of freedom
+    # The shots are made with one m: what they scatter by is what the mesh does at different speeds.
+    assert scatter["value"] < 0.005
+    assert scatter["value"] * estimate["value"] < 2.0 * estimate["sigma"]
 
 
 @pytest.mark.slow

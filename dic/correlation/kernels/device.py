@@ -73,19 +73,22 @@ def _without(expected: str) -> Iterator[None]:
                     os.write(2, line.encode())
 
 
-def coefficients(grey: NDArray[np.float32], prefilter: float, device: str) -> Any:
-    """Coefficients of the quintic B-spline through a picture, with mirrored margins, on a device; shape
-    [1, rows + 2 PAD, columns + 2 PAD and more]."""
+def coefficients(greys: Sequence[NDArray[np.float32]], prefilter: float, device: str) -> Any:
+    """Coefficients of the quintic B-splines through pictures of one shape, with mirrored margins, on a
+    device; shape [n, rows + 2 PAD, columns + 2 PAD and more]."""
     where = select_device(device)
     if where.is_cuda:
-        return on_device(grey, prefilter, where)
-    return wp.array(on_host(grey, prefilter)[None], dtype=wp.float32, device=where, copy=False)
+        return on_device(greys, prefilter, where)
+    planes = [on_host(grey, prefilter) for grey in greys]
+    found = planes[0][None] if len(planes) == 1 else np.stack(planes)
+    return wp.array(found, dtype=wp.float32, device=where, copy=False)
 
 
 def addresses(parts: Sequence[Any]) -> Any:
     """Start of each picture's coefficients in the memory of their device, shape [n]."""
     begin = [part.ptr + k * part.strides[0] for part in parts for k in range(part.shape[0])]
-    return wp.array(np.array(begin, dtype=np.uint64), dtype=wp.uint64, device=parts[0].device)
+    # a CPU reads an array where it is
+    return wp.array(np.array(begin, dtype=np.uint64), dtype=wp.uint64, device=parts[0].device, copy=False)
 
 
 def uploaded(values: NDArray[np.float64], device: str) -> Any:

@@ -1,8 +1,9 @@
 """The kernel of the search and its launches: threads on a CPU, warps on a GPU."""
 
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from dic.correlation.kernels.lanes import BLOCK
 from dic.correlation.kernels.pixel_noise import between_pixels, gradient_noise
 from dic.correlation.kernels.search import ARRAYS, FOUND, search_source
 from dic.correlation.kernels.spline import PAD
+from dic.correlation.kernels.transfer import Lane, fill, in_parts, split
 from dic.correlation.settings import Correlation, Match, Templates
 from dic.correlation.stack import PictureStack
 
@@ -47,30 +49,30 @@ class Batch:
 
 @wp.struct
 class Job:
-    """Everything that a search reads and writes."""
+    """Everything that a search reads and writes; places in memory as numbers, which cost little to set."""
 
-    f: wp.array(dtype=wp.uint64)
+    f: wp.uint64
     f_first: int
     f_rows: int
     f_cols: int
     f_stride: int
-    f_noise: wp.array(dtype=wp.float64)
-    g: wp.array(dtype=wp.uint64)
+    f_noise: wp.uint64
+    g: wp.uint64
     g_first: int
     g_rows: int
     g_cols: int
     g_stride: int
-    g_noise: wp.array(dtype=wp.float64)
-    mask: wp.array(dtype=wp.uint8)
+    g_noise: wp.uint64
+    mask: wp.uint64
     has_mask: int
     mask_rows: int
     mask_cols: int
     points: int
-    given: wp.array(dtype=wp.float64)
+    given: wp.uint64
     has_kept: int
-    known: wp.array(dtype=wp.int32)
-    kept_pixels: wp.array(dtype=wp.float32)
-    kept_sums: wp.array(dtype=wp.float64)
+    known: wp.uint64
+    kept_pixels: wp.uint64
+    kept_sums: wp.uint64
     has_reference: int
     subset: int
     room: int
@@ -83,9 +85,9 @@ class Job:
     between: wp.float64
     spread: wp.vec4f
     slope: wp.vec4f
-    offsets: wp.array(dtype=wp.float32)
-    scratch: wp.array(dtype=wp.float32)
-    found: wp.array(dtype=wp.float64)
+    offsets: wp.uint64
+    scratch: wp.uint64
+    found: wp.uint64
 
 
 @cache
@@ -136,16 +138,112 @@ def _between(prefilter: float) -> tuple[float, Any, Any]:
     return mean, wp.vec4f(*spread), wp.vec4f(*slope)
 
 
-def launch(job: Any, parameters: int, n: int, device: Any, threads: int) -> None:
-    """Search all points of a job."""
-    kernel = search_kernel(parameters)
+class _Jobs(threading.local):
+    """Jobs of a thread by what does not change from call to call: two threads never share one."""
+
+    def __init__(self) -> None:
+        self.known: dict[Any, Any] = {}
+
+
+_jobs = _Jobs()
+MOST_JOBS = 16
+"""Jobs that a thread keeps: one for each shape of pictures and each setting in turn."""
+
+
+def _job(reference: PictureStack, deformed: PictureStack, settings: Correlation) -> Any:
+    """The job of a call, with all that does not change from call to call."""
+    strides = tuple(stack.coefficients[0].shape[2] for stack in (reference, deformed))
+    key = (settings, reference.device, reference.shape, deformed.shape, strides)
+    found = _jobs.known.get(key)
+    if found is not None:
+        return found
+    job = Job()
+    for name, stack, stride in zip("fg", (reference, deformed), strides, strict=True):
+        setattr(job, f"{name}_first", PAD * stride + PAD)
+        setattr(job, f"{name}_rows", stack.shape[0])
+        setattr(job, f"{name}_cols", stack.shape[1])
+        setattr(job, f"{name}_stride", stride)
+    job.subset, job.max_iterations = settings.subset, settings.max_iterations
+    job.tolerance, job.least_zncc = settings.tolerance, settings.least_zncc
+    job.least_pixels = settings.least_pixels
+    job.prefilter, job.grit = settings.prefilter, gradient_noise(settings.prefilter)
+    job.between, job.spread, job.slope = _between(settings.prefilter)
+    table, job.room = offsets(settings.subset, reference.device)
+    job.offsets = table.ptr
+    while len(_jobs.known) >= MOST_JOBS:
+        del _jobs.known[next(iter(_jobs.known))]
+    _jobs.known[key] = job
+    return job
+
+
+def prepare(
+    reference: PictureStack, deformed: PictureStack, batch: Batch, settings: Correlation
+) -> tuple[Any, Any]:
+    """Everything that a launch reads but the points, on the device of the pictures, and the mask there, which
+    the caller holds until the search has ended."""
+    job = _job(reference, deformed, settings)
+    job.f, job.f_noise = reference.addresses.ptr, reference.noise_on_device.ptr
+    job.g, job.g_noise = deformed.addresses.ptr, deformed.noise_on_device.ptr
+    job.has_reference = int(batch.reference is not None)
+    job.has_mask = int(batch.mask is not None)
+    mask = None
+    if batch.mask is not None:
+        mask = mask_on_device(batch.mask, select_device(reference.device))
+        job.mask = mask.ptr
+        job.mask_rows, job.mask_cols = batch.mask.shape
+    job.has_kept = 0
+    return job, mask
+
+
+def search(
+    reference: PictureStack, deformed: PictureStack, batch: Batch, settings: Correlation, threads: int
+) -> Match:
+    """Search a batch on the device of its pictures."""
+    columns = [batch.reference_picture, batch.deformed_picture, batch.place, batch.points, batch.guess]
+    if batch.reference is not None:
+        columns.append(batch.reference)
+    device, n = select_device(reference.device), len(batch.points)
+    kernel = search_kernel(int(settings.shape))
+    job, _mask = prepare(reference, deformed, batch, settings)
     if device.is_cuda:
-        slots = min(n, device.sm_count * WARPS_PER_PROCESSOR)
-        job.scratch = wp.empty(slots * ARRAYS * job.room, dtype=wp.float32, device=device)
-        wp.launch(kernel, dim=slots * 32, inputs=[job, slots, 0, n, 32], device=device, block_dim=BLOCK)
-        return
-    wp.load_module(kernel.module, device=device, block_dim=1)
+        return in_parts(columns, n, device, partial(_launch_on_device, kernel, job))
+    given, found = np.empty(sum(column.size for column in columns)), np.empty(FOUND * n)
+    fill(given, columns, slice(None))
+    if n:
+        job.points, job.given, job.found = n, given.ctypes.data, found.ctypes.data
+        if batch.templates is not None:
+            kept = batch.templates
+            job.has_kept, job.known = 1, kept.known.ctypes.data
+            job.kept_pixels, job.kept_sums = kept.pixels.ctypes.data, kept.sums.ctypes.data
+        _launch_on_host(kernel, job, n, device, threads)
+    warp, covariance, zncc, iterations, outcome = split(found, n)
+    return Match(
+        warp=warp,
+        covariance=covariance,
+        zncc=zncc,
+        iterations=iterations.astype(np.int64),
+        outcome=outcome.astype(np.int64),
+    )
+
+
+def _launch_on_device(kernel: Any, job: Any, lane: Lane, n: int) -> None:
+    """Search the points of a lane on its stream."""
+    slots = min(n, lane.device.sm_count * WARPS_PER_PROCESSOR)
+    size = slots * ARRAYS * job.room
+    if lane.scratch is None or lane.scratch.size < size:
+        lane.scratch = wp.empty(size, dtype=wp.float32, device=lane.device)
+        lane.stream.wait_stream(lane.device.stream)  # that it was allocated on
+    job.points, job.given, job.found, job.scratch = n, lane.given.ptr, lane.found.ptr, lane.scratch.ptr
+    wp.launch(
+        kernel, dim=slots * 32, inputs=[job, slots, 0, n, 32], device=lane.device, stream=lane.stream,
+        block_dim=BLOCK,
+    )  # fmt: skip
+
+
+def _launch_on_host(kernel: Any, job: Any, n: int, device: Any, threads: int) -> None:
+    """Search all points of a job, shared out over threads."""
     threads = min(threads, -(-n // SHARE))
+    _load(kernel, device.alias)
     if threads == 1:
         _share(kernel, job, device, range(0, n, SHARE), n)
         return
@@ -155,83 +253,24 @@ def launch(job: Any, parameters: int, n: int, device: Any, threads: int) -> None
             done.result()
 
 
+@cache
+def _load(kernel: Any, device: str) -> None:
+    """Have the kernel compiled, by one thread."""
+    wp.load_module(kernel.module, device=device, block_dim=1)
+
+
 def _share(kernel: Any, job: Any, device: Any, firsts: range, n: int) -> None:
     """Search the points of a CPU thread, in the order of their number."""
-    job.scratch = wp.empty(ARRAYS * job.room, dtype=wp.float32, device=device)
+    scratch = np.empty(ARRAYS * job.room, dtype=np.float32)
+    job.scratch = scratch.ctypes.data
     for first in firsts:
         inputs = [job, 1, first, min(SHARE, n - first), 1]
         wp.launch(kernel, dim=1, inputs=inputs, device=device, block_dim=1)
 
 
 def _copy(job: Any) -> Any:
-    """A job that shares all arrays with another one."""
+    """A job that reads and writes where another one does."""
     other = Job()
     for name in Job.vars:
         setattr(other, name, getattr(job, name))
     return other
-
-
-def prepare(reference: PictureStack, deformed: PictureStack, batch: Batch, settings: Correlation) -> Any:
-    """Everything that a launch reads and writes, on the device of the pictures."""
-    device, n = select_device(reference.device), len(batch.points)
-    job = Job()
-    for name, stack in (("f", reference), ("g", deformed)):
-        stride = stack.coefficients[0].shape[2]
-        setattr(job, name, stack.addresses)
-        setattr(job, f"{name}_first", PAD * stride + PAD)
-        setattr(job, f"{name}_rows", stack.shape[0])
-        setattr(job, f"{name}_cols", stack.shape[1])
-        setattr(job, f"{name}_stride", stride)
-        setattr(job, f"{name}_noise", stack.noise_on_device)
-    columns = [batch.reference_picture, batch.deformed_picture, batch.place, batch.points, batch.guess]
-    if batch.reference is not None:
-        columns.append(batch.reference)
-        job.has_reference = 1
-    given = np.concatenate([column.reshape(-1) for column in columns], dtype=np.float64)
-    # a CPU reads an array where it is; the job keeps it
-    job.given = wp.array(given, dtype=wp.float64, device=device, copy=False)
-    if batch.mask is not None:
-        job.mask, job.has_mask = mask_on_device(batch.mask, device), 1
-        job.mask_rows, job.mask_cols = batch.mask.shape
-    if batch.templates is not None and not device.is_cuda:
-        job.has_kept = 1
-        for name, array in _kept(batch.templates, device).items():
-            setattr(job, name, array)
-    job.points = n
-    job.subset, job.max_iterations = settings.subset, settings.max_iterations
-    job.tolerance, job.least_zncc = settings.tolerance, settings.least_zncc
-    job.least_pixels = settings.least_pixels
-    job.prefilter, job.grit = settings.prefilter, gradient_noise(settings.prefilter)
-    job.between, job.spread, job.slope = _between(settings.prefilter)
-    job.offsets, job.room = offsets(settings.subset, reference.device)
-    job.found = wp.empty(FOUND * n, dtype=wp.float64, device=device)
-    return job
-
-
-def _kept(templates: Templates, device: Any) -> dict[str, Any]:
-    """Kept templates as a CPU reads and writes them where they are."""
-    if not templates.bound:
-        for name, array in (
-            ("known", templates.known), ("kept_pixels", templates.pixels), ("kept_sums", templates.sums),
-        ):  # fmt: skip
-            templates.bound[name] = wp.array(array.reshape(-1), device=device, copy=False)
-    return templates.bound
-
-
-def search(
-    reference: PictureStack, deformed: PictureStack, batch: Batch, settings: Correlation, threads: int
-) -> Match:
-    """Search a batch on the device of its pictures."""
-    job, n = prepare(reference, deformed, batch, settings), len(batch.points)
-    if n:
-        launch(job, int(settings.shape), n, select_device(reference.device), threads)
-    warp, covariance, zncc, iterations, outcome = np.split(
-        job.found.numpy(), [12 * n, 16 * n, 17 * n, 18 * n]
-    )
-    return Match(
-        warp=warp.reshape(n, 12),
-        covariance=covariance.reshape(n, 2, 2),
-        zncc=zncc,
-        iterations=iterations.astype(np.int64),
-        outcome=outcome.astype(np.int64),
-    )

@@ -6,6 +6,7 @@ neighbours' coefficients. Pictures are mirrored at their edges, and so are their
 before the spline is part of the same filter.
 """
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -75,33 +76,36 @@ def _mirrored(k: wp.int32, n: wp.int32):
 
 @wp.kernel(enable_backward=False)
 def _along_rows(
-    grey: wp.array2d(dtype=wp.float32), side: wp.array(dtype=wp.float32), found: wp.array2d(dtype=wp.float32)
+    grey: wp.array3d(dtype=wp.float32), side: wp.array(dtype=wp.float32), found: wp.array3d(dtype=wp.float32)
 ):
-    row, column = wp.tid()
-    columns = grey.shape[1]
-    total = side[0] * grey[row, column]
+    picture, row, column = wp.tid()
+    columns = grey.shape[2]
+    total = side[0] * grey[picture, row, column]
     for k in range(1, side.shape[0]):
         total = total + side[k] * (
-            grey[row, _mirrored(column - k, columns)] + grey[row, _mirrored(column + k, columns)]
+            grey[picture, row, _mirrored(column - k, columns)]
+            + grey[picture, row, _mirrored(column + k, columns)]
         )
-    found[row, column] = total
+    found[picture, row, column] = total
 
 
 @wp.kernel(enable_backward=False)
 def _along_columns(
-    half: wp.array2d(dtype=wp.float32),
+    half: wp.array3d(dtype=wp.float32),
     side: wp.array(dtype=wp.float32),
-    level: wp.float32,
+    level: wp.array(dtype=wp.float32),
     pad: wp.int32,
-    found: wp.array2d(dtype=wp.float32),
+    found: wp.array3d(dtype=wp.float32),
 ):
-    row, column = wp.tid()
-    rows = half.shape[0]
-    r, c = _mirrored(row - pad, rows), _mirrored(column - pad, half.shape[1])
-    total = side[0] * half[r, c]
+    picture, row, column = wp.tid()
+    rows = half.shape[1]
+    r, c = _mirrored(row - pad, rows), _mirrored(column - pad, half.shape[2])
+    total = side[0] * half[picture, r, c]
     for k in range(1, side.shape[0]):
-        total = total + side[k] * (half[_mirrored(r - k, rows), c] + half[_mirrored(r + k, rows), c])
-    found[row, column] = total + level
+        total = total + side[k] * (
+            half[picture, _mirrored(r - k, rows), c] + half[picture, _mirrored(r + k, rows), c]
+        )
+    found[picture, row, column] = total + level[picture]
 
 
 @cache
@@ -109,26 +113,28 @@ def _side(prefilter: float, device: str) -> Any:
     return wp.array(response(prefilter), dtype=wp.float32, device=device)
 
 
-def on_device(grey: NDArray[np.float32], prefilter: float, device: Any) -> Any:
-    """`on_host` by two launches on a device, shape [1, rows + 2 PAD, columns + 2 PAD and more].
+def on_device(greys: Sequence[NDArray[np.float32]], prefilter: float, device: Any) -> Any:
+    """`on_host` of several pictures by two launches on a device, shape [n, rows + 2 PAD, columns + 2 PAD and
+    more].
 
     Parameters
     ----------
-    grey
-        Grey values, shape [rows, columns].
+    greys
+        Grey values, each of shape [rows, columns].
     prefilter
         Standard deviation of a Gaussian before [px].
     device
         A device of Warp.
     """
-    level = float(grey.mean(dtype=np.float64))
+    levels = np.array([grey.mean(dtype=np.float64) for grey in greys], dtype=np.float32)
     side = _side(prefilter, device.alias)
-    given: Any = wp.array(np.ascontiguousarray(grey - np.float32(level)), dtype=wp.float32, device=device)
+    contrast = np.stack([grey - level for grey, level in zip(greys, levels, strict=True)])
+    given: Any = wp.array(contrast, dtype=wp.float32, device=device)
+    level: Any = wp.array(levels, dtype=wp.float32, device=device)
     half = wp.empty_like(given)
-    wide = (grey.shape[0] + 2 * PAD, room(grey.shape[1]))
-    found = wp.empty((1, *wide), dtype=wp.float32, device=device)
-    wp.launch(_along_rows, dim=grey.shape, inputs=[given, side], outputs=[half], device=device)
-    wp.launch(
-        _along_columns, dim=wide, inputs=[half, side, level, PAD], outputs=[found[0]], device=device
-    )  # fmt: skip
+    n, rows, columns = contrast.shape
+    wide = (n, rows + 2 * PAD, room(columns))
+    found = wp.empty(wide, dtype=wp.float32, device=device)
+    wp.launch(_along_rows, dim=contrast.shape, inputs=[given, side], outputs=[half], device=device)
+    wp.launch(_along_columns, dim=wide, inputs=[half, side, level, PAD], outputs=[found], device=device)
     return found

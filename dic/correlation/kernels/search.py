@@ -12,6 +12,8 @@ ARRAYS = 5
 FOUND = 19
 """Numbers that are written for a point: warp, covariance, correlation, updates, outcome. As in what is read,
 each for all points in a row: what a caller gets is then a piece of that memory, and no copy of it."""
+GIVEN = 29
+"""Numbers that are read of a point at most: pictures and place (3), place in the picture (2), two warps."""
 PACE = 6
 """Updates over which the pace of a search is judged: one that cannot end in time is not continued."""
 
@@ -19,15 +21,15 @@ _SEARCH = """
     const double h = 0.5 * (job.subset - 1);
     const long long all = job.points;
     const int square = job.subset * job.subset, room = job.room;
-    float* W = job.scratch.data + (long long)slot * ARRAYS * room;
-    const float* X = job.offsets.data;
+    float* W = (float*)job.scratch + (long long)slot * ARRAYS * room;
+    const float* X = (const float*)job.offsets;
     const float* Y = X + room;
     const float* U = Y + room;  // 1 for a pixel of the subset, 0 for what fills the last pack
     const int start = STEP == 32 ? lane : 0;
     SHARED(normal, N);
 
     for (int i = first + slot; i < first + count; i += slots) {
-        const double* given = job.given.data;  // a column after the other
+        const double* given = (const double*)job.given;  // a column after the other
         const double cx = given[3 * all + 2LL * i], cy = given[3 * all + 2LL * i + 1];
         double w[12], reference[12];
         for (int k = 0; k < 12; ++k) {
@@ -37,14 +39,16 @@ _SEARCH = """
         const long long a = (long long)given[i], b = (long long)given[all + i];  // which pictures
         // The template, in memory that lasts if its point has some: B is W where the whole subset is in view.
         const long long place = job.has_kept ? (long long)given[2 * all + i] : -1;
-        const bool ready = place >= 0 && job.known.data[place];
-        float* T = place >= 0 ? job.kept_pixels.data + place * 4 * room : W + room;
+        const bool ready = place >= 0 && ((int*)job.known)[place];
+        float* T = place >= 0 ? (float*)job.kept_pixels + place * 4 * room : W + room;
         float* GX = T + room; float* GY = GX + room; float* B = GY + room;
-        const view f = {(const float*)job.f.data[a] + job.f_first, job.f_rows, job.f_cols, job.f_stride};
-        const view g = {(const float*)job.g.data[b] + job.g_first, job.g_rows, job.g_cols, job.g_stride};
-        const double* grey_f = job.f_noise.data + 2 * a;  // variance in the dark, gain
-        const double* grey_g = job.g_noise.data + 2 * b;
-        const material body = {job.mask.data, job.mask_rows, job.mask_cols, cx, cy, h};
+        const float* origin_f = ((const float* const*)job.f)[a] + job.f_first;
+        const float* origin_g = ((const float* const*)job.g)[b] + job.g_first;
+        const view f = {origin_f, job.f_rows, job.f_cols, job.f_stride};
+        const view g = {origin_g, job.g_rows, job.g_cols, job.g_stride};
+        const double* grey_f = (const double*)job.f_noise + 2 * a;  // variance in the dark, gain
+        const double* grey_g = (const double*)job.g_noise + 2 * b;
+        const material body = {(const unsigned char*)job.mask, job.mask_rows, job.mask_cols, cx, cy, h};
         int outcome = NOT_CONVERGED, iterations = 0;
         double zncc = 0.0, covariance[3] = {0.0, 0.0, 0.0}, odd = 0.0;
         for (int k = 0; k < 12; ++k) odd += w[k] * 0.0 + reference[k] * 0.0;  // NaN if one is not finite
@@ -65,7 +69,7 @@ _SEARCH = """
             bool enough = true;
             monomials at;
             if (ready) {
-                const double* kept = job.kept_sums.data + place * SUMS;
+                const double* kept = (double*)job.kept_sums + place * SUMS;
                 N.load(kept);
                 level = kept[SUMS - K - 2]; between_f = kept[SUMS - K - 1];
                 for (int j = 0; j < K; ++j) drift[j] = kept[SUMS - K + j];
@@ -106,11 +110,11 @@ _SEARCH = """
                     for (int j = 0; j < K; ++j) drift[j] = op::sum(tilt[j]);
                     between_f = op::sum(grit) / n;
                     if (place >= 0) {
-                        double* kept = job.kept_sums.data + place * SUMS;
+                        double* kept = (double*)job.kept_sums + place * SUMS;
                         N.save(kept);
                         kept[SUMS - K - 2] = level; kept[SUMS - K - 1] = between_f;
                         for (int j = 0; j < K; ++j) kept[SUMS - K + j] = drift[j];
-                        job.known.data[place] = 1;
+                        ((int*)job.known)[place] = 1;
                     }
                 }
             }
@@ -250,7 +254,7 @@ _SEARCH = """
             }
         }
         if (start == 0) {
-            double* found = job.found.data;
+            double* found = (double*)job.found;
             for (int k = 0; k < 12; ++k) found[12LL * i + k] = w[k];
             for (int k = 0; k < 4; ++k) found[12 * all + 4LL * i + k] = covariance[(k + 1) / 2];
             found[16 * all + i] = zncc;

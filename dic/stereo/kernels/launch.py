@@ -1,6 +1,5 @@
 """The kernel of the search along epipolar curves and its launches: threads on a CPU, warps on a GPU."""
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -13,12 +12,11 @@ from numpy.typing import NDArray
 from dic.correlation.kernels.device import select_device
 from dic.correlation.kernels.lanes import BLOCK
 from dic.correlation.kernels.launch import FLAGS, WARPS_PER_PROCESSOR
+from dic.forks import cores
 from dic.stereo.kernels.curve import FOUND, curve_source
 
 SHARE = 64
 """Points a CPU thread takes at a time."""
-THREADS = os.cpu_count() or 1
-"""CPU threads unless a caller says otherwise."""
 LONGEST = 1024
 """Steps of a curve that there is room for at first."""
 
@@ -95,7 +93,7 @@ def search(curves: Curves, device: str, threads: int | None = None) -> NDArray[n
     device
         "cpu" or "cuda".
     threads
-        CPU threads; None: all cores. A result does not depend on it.
+        CPU threads; None: all cores the process may use. A result does not depend on it.
 
     Returns
     -------
@@ -107,7 +105,7 @@ def search(curves: Curves, device: str, threads: int | None = None) -> NDArray[n
     result = np.zeros((n, FOUND))
     rows, longest = np.arange(n), LONGEST
     while rows.size:  # a curve longer than there is room for is walked again
-        result[rows] = _search(curves, rows, longest, where, threads or THREADS)
+        result[rows] = _search(curves, rows, longest, where, threads or cores())
         rows = rows[result[rows, 9] > longest]
         longest = int(result[rows, 9].max(initial=0.0))
     return result

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -210,8 +209,3 @@ def _instants(reduction: Reduction, way: str) -> tuple[int, int]:
     """Samples of the largest strain and of the largest stress by one analysis."""
     strain, stress = reduction.strain[way].value, reduction.stress[way].value
     return int(np.abs(strain).argmax()), int(np.abs(stress).argmax())
-
-
-def as_text(value: Any) -> str:
-    """A declared value as text, numbers with six digits."""
-    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -29,7 +29,12 @@ def disagreement(result: Identification) -> Iterator[str]:
         shift = result.surrogate.get("check_shift_sigmas")
         by = "" if shift is None else f": the last one still moved the optimum by {shift:.2g} sigma"
         needed, cure = result.surrogate.get("runs_needed"), ""
-        if needed is not None:
+        if len(result.estimates) > 1:  # no surrogate led there, but steps on the refined mesh
+            cure = (
+                "; its steps start from the optimum on --mesh: give a finer one, such as 32x43, or hold what "
+                "the data hardly tell (--hold)"
+            )
+        elif needed is not None:
             cure = (
                 f"; about {needed:.0f} runs around the optimum would do"
                 if isfinite(needed)

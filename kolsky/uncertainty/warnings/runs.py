@@ -15,7 +15,7 @@ PAST_CURVE = 0.01
 """Share of the specimen past the quasi-static curve from which on it is said."""
 FOLDED = -0.4
 """Area at an element's corner over the undeformed one below which the edge is called folded over [-]: chosen
-on impacts with friction of 0.1, 0.3 and 0.5, judged on others (docs/validation/folding)."""
+on impacts with friction of 0.1, 0.3 and 0.5, judged on drawn ones (docs/validation/folding)."""
 ARTIFICIAL = 0.01
 """Energy of hourglass control over the strain energy from which on it is said."""
 

@@ -13,8 +13,9 @@ from dic.synthetic.speckles import render, speckle_pattern
 from kolsky.base.errors import InputError
 from kolsky.cli.commandline import app
 from kolsky.report.pages.full_field import summary
-from kolsky.shot.measurement import mask_of, measure_file, measurement_file, read_measurement
+from kolsky.shot.measurement import mask_of, measure_file, read_measurement
 from kolsky.shot.measurement_file import read_full_field
+from kolsky.shot.measurement_path import measurement_file
 from kolsky.shot.schema.reading import shot_toml
 
 STRETCH = (1.02, 0.97)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dic.forks import beside, can_fork, forking, side_by_side
+from dic.forks import beside, begun, can_fork, forking, side_by_side
 from dic.images import PictureError
 
 sharing = pytest.mark.skipif(not can_fork(), reason="one core, or no copies of processes here")
@@ -36,6 +36,20 @@ def test_both_processes_work() -> None:
     assert len(set(side_by_side([who] * 12, processes=2))) == 2
     with forking():
         assert len(set(side_by_side([who] * 12))) > 1
+
+
+@sharing
+def test_begun_work_goes_on_while_this_process_does_something_else() -> None:
+    here, works = os.getpid(), [partial(who, 0.01)] * 12
+    with forking(), begun(works) as joined:
+        time.sleep(3.0)  # far longer than all of it takes
+        assert here not in joined()
+    with begun(works) as joined:  # threads begin when this process joins in
+        assert joined() == [here] * 12
+    told: list[tuple[int, int]] = []
+    with forking(), begun(works) as joined:
+        assert len(joined(lambda done, total: told.append((done, total)))) == 12
+    assert told[-1] == (12, 12)
 
 
 def test_forks_are_made_where_they_are_allowed_only() -> None:

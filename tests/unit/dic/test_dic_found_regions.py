@@ -3,11 +3,13 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from dic.bodies.followed_edge import _last_edge, follow_edge, rigid_limit
 from dic.bodies.found_regions import _painted, find_regions
+from dic.bodies.region import polygon_mask
 from dic.bodies.row_looks import row_correlation
 from dic.images import PictureError
 from dic.synthetic.speckles import render, speckle_pattern
@@ -254,3 +256,30 @@ def test_a_specimen_ends_clear_of_the_arc_of_a_rim(plain):
     found = search(Memory(tuple(bent)))
     assert found.edge[1] == pytest.approx(rim.min(), abs=1.0)
     assert rim.min() - 4.0 < extent(found.specimen)[3] <= rim.min() - 1.0
+
+
+def test_a_polygon_holds_the_pixels_whose_centres_it_holds():
+    """A right triangle with legs of 4 px on pixel centres: 5 + 4 + 3 + 2 + 1 of them, its sides included;
+    with its corners half a pixel beyond them the same. OpenCV fills what the sides pass through too."""
+    mask = polygon_mask([(2.0, 1.0), (6.0, 1.0), (2.0, 5.0)], (8, 9))
+    expected = np.zeros((8, 9), dtype=bool)
+    for k in range(5):
+        expected[1 + k, 2 : 7 - k] = True
+    np.testing.assert_array_equal(mask, expected)
+    wider = [(1.6, 0.6), (6.8, 0.6), (1.6, 5.8)]
+    np.testing.assert_array_equal(polygon_mask(wider, (8, 9)), expected)
+    filled = np.zeros((8, 9), dtype=np.uint8)
+    cv2.fillPoly(filled, [np.round(np.array(wider) * 256.0).astype(np.int32)], 1, shift=8)
+    assert (filled[expected] == 1).all()
+    assert filled.sum() > expected.sum()
+    # Even-odd: what a polygon goes around twice, or not at all, is outside.
+    bow = polygon_mask([(0.0, 0.0), (6.0, 6.0), (6.0, 0.0), (0.0, 6.0)], (7, 7))
+    assert not bow[1, 3]
+    assert bow[3, [0, 1, 5, 6]].all()
+
+
+def test_polygons_that_hold_nothing_are_refused():
+    with pytest.raises(ValueError, match="holds no pixel"):
+        polygon_mask([(1.2, 1.2), (1.8, 1.2), (1.8, 1.8)], (4, 4))
+    with pytest.raises(ValueError, match="three corners"):
+        polygon_mask([(1.0, 1.0), (2.0, 1.0)], (4, 4))

@@ -1,5 +1,6 @@
 """Calibration pictures whose pairs are out of order: refused, with the order that fits."""
 
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
@@ -59,10 +60,11 @@ def test_pairs_out_of_order_are_refused_with_the_order_that_would_fit(tmp_path, 
     series = SimpleNamespace(n_frames=N, shape=SIZE[0][::-1], numbers=tuple(range(N)))
     monkeypatch.setattr(rig_of, "_series", lambda *given: series)
     views = mixed(true_poses(N))
-    monkeypatch.setattr(dic.calibration, "detect_series", lambda *given, **progress: views)
+    seen = nullcontext(lambda progress: views)
+    monkeypatch.setattr(dic.calibration, "detection_begun", lambda *given: seen)
     with pytest.raises(InputError, match="do not fit two cameras") as refused:
         rig_of.calibration_of(toml, section, lambda *told: None)
     order = ", ".join(str(k) for k in np.argsort(SHUFFLED))
     assert f"beside 0, 1, 2, 3, 4, 5, 6, 7 of camera 0, {order} of camera 1 would fit" in str(refused.value)
-    views = sightings(true_poses(N), target=BOARD)
+    views = sightings(true_poses(N), target=BOARD)  # the same name: what is seen from now on
     assert rig_of.calibration_of(toml, section, lambda *told: None).rms < 0.1

@@ -7,6 +7,7 @@ import pytest
 
 from dic import Camera, PointOutcome, StereoRig
 from dic.stereo import reconstruct
+from dic.stereo.reconstruction import narrow_gates
 from dic.tracking.history import Track
 
 N_FRAMES, N_POINTS = 4, 6
@@ -149,3 +150,24 @@ def test_a_place_that_both_tracks_share_moves_along_the_surface() -> None:
     # x and y: the mean of the two pixels' own noise, and all of what they share
     for k in (0, 1):
         assert found[k, k] == pytest.approx(px**2 * (own / 2.0 + shared), rel=1e-2)
+
+
+def test_narrower_gates_end_what_a_reconstruction_with_them_ends(X: np.ndarray) -> None:
+    tracks = [followed(camera, X) for camera in RIG.cameras]
+    rng = np.random.default_rng(4)
+    for track in tracks:
+        track.warp[..., 1] += rng.normal(0.0, 0.15, track.outcome.shape)
+        track.covariance[1] *= 100.0  # a frame whose noise allows more
+    tracks[0].outcome[0, 2] = int(PointOutcome.LOW_CORRELATION)
+    options = {"gate": 0.12, "gate_sigmas": 3.0}
+    expected = reconstruct(RIG, *tracks, **options)
+    found = reconstruct(RIG, *tracks, gate=0.5, gate_sigmas=5.0)
+    before = np.sum(found.outcome == PointOutcome.VALID)
+    narrow_gates(found, **options)
+    for name in ("position", "covariance", "epipolar", "epipolar_sigma", "outcome"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), err_msg=name)
+    after = [np.sum(frame == PointOutcome.VALID) for frame in found.outcome]
+    assert 0 < sum(after) < before
+    assert after[1] == N_POINTS  # 3 sigma of 0.1 px, over both cameras, are more than any distance
+    with pytest.raises(ValueError, match="not known"):
+        narrow_gates(replace(found, epipolar_sigma=None), **options)

@@ -35,7 +35,7 @@ def test_what_was_seen_and_the_end_are_joined():
 
 def test_what_static_frames_share():
     assert shared(0.5) == 0.015
-    assert shared(5.0) == pytest.approx(np.hypot(0.015, 0.08))  # 0.02 of what is more than 1 px
+    assert shared(5.0) == pytest.approx(np.hypot(0.015, 0.04))  # 0.01 of what is more than 1 px
 
 
 def test_the_face_is_seen_at_a_glance_from_below_only():
@@ -61,15 +61,14 @@ def unreadable(frame):
     raise PictureError(Path("cam1.tif"), "is not there", frame=frame)
 
 
-def test_cameras_that_disagree_give_no_rim():
-    """Two places of sigma 3 and 4 µm may be four times 5 µm apart; half of that is in the mean's sigma."""
-    near = joined([0.0, 19.9e-6], [3e-6, 4e-6])
-    assert near is not None
-    assert near.y == pytest.approx(9.95e-6)
-    assert near.sigma == pytest.approx(np.hypot(2.5e-6, 9.95e-6))  # hypot(3, 4) / 2, and half the distance
-    assert joined([0.0, 20.1e-6], [3e-6, 4e-6]) is None
+def test_cameras_that_disagree_widen_the_rim():
+    """Two places of sigma 3 and 4 µm, five and ten times 4 µm apart; half of that is in the mean's sigma."""
+    for apart in (19.9e-6, 40e-6):
+        found = joined([0.0, apart], [3e-6, 4e-6])
+        assert found.y == pytest.approx(0.5 * apart)
+        assert found.sigma == pytest.approx(np.hypot(5e-6 / 2**0.5, 0.5 * apart))  # the mean of 9 and 16
+    assert not RestGeometry(length=6e-3, length_sigma=found.sigma, radius=5e-3).known
     alone = joined([1e-6], [3e-6])
-    assert alone is not None
     assert (alone.y, alone.sigma, alone.cameras) == (1e-6, 3e-6, 1)
 
 

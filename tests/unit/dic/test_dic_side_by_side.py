@@ -2,6 +2,7 @@
 one launch, masks that stay on a device."""
 
 import os
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,7 @@ from dic.correlation import Correlation
 from dic.correlation.kernels import launch
 from dic.correlation.kernels.device import select_device
 from dic.forks import can_fork, forking
+from dic.images.memory import PicturesInMemory
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import rigid
@@ -26,7 +28,14 @@ def processes(monkeypatch, *sizes, device="cpu"):
     """Processes that follow camera 0 and camera 1 of bodies with so many points times frames, and what is
     told of the progress."""
     monkeypatch.setattr(follow, "track_body", lambda body, camera, told: (body.name, camera, os.getpid()))
-    monkeypatch.setattr(follow, "_reconstructed", lambda body, rig, stereo, tracks: tracks)
+    monkeypatch.setattr(follow, "_common_of", lambda body, stereo, tracks: len(body.name))
+    monkeypatch.setattr(follow, "reconstruct", lambda rig, *tracks, common: (tracks, common))
+
+    def tracked(body, tracks, made, common):
+        assert made == (tracks, common)
+        return tracks
+
+    monkeypatch.setattr(follow, "_tracked", tracked)
     bodies = [
         SimpleNamespace(name=f"body {k}", size=size, device=device, health=(np.zeros(9), np.zeros(9)))
         for k, size in enumerate(sizes)
@@ -71,9 +80,9 @@ def followed(monkeypatch, together):
     matched = rigid.correlate
     monkeypatch.setattr(rigid, "MOST_TOGETHER", together)
     monkeypatch.setattr(rigid, "correlate", lambda *a, **k: launches.append(len(a[2])) or matched(*a, **k))
-    series = SimpleNamespace(n_frames=len(frames), frame=lambda k: frames[k])
+    series = PicturesInMemory(tuple(np.rint(50.0 * frames + 500.0).astype(np.uint16)))
     found = rigid.track_rigid(
-        series, points, Correlation(subset=15, least_zncc=0.8), noise=1.0,
+        series, points, Correlation(subset=15, least_zncc=0.8), noise=50.0,
         frame_outcome=np.full(len(frames), int(FrameOutcome.VALID)),
     )  # fmt: skip
     monkeypatch.setattr(rigid, "correlate", matched)
@@ -164,8 +173,45 @@ def test_of_a_pair_of_places_the_one_that_more_points_agree_on_counts(monkeypatc
         np.zeros((1, 10), dtype=np.int64), np.zeros((1, 10), dtype=np.int64),
     )  # fmt: skip
     root, zero = np.zeros((10, 12)), np.zeros((10, 2, 2))
-    move = rigid._step(found, 0, None, None, root[:, :2], root, zero, None, None, None, np.zeros(2))
+    move = rigid._step(found, 0, None, None, root[:, :2], root, zero, None, None, None, np.zeros(2), 1.0)
     # the first pair of places serves, of it that with more points, and no later one counts
     np.testing.assert_array_equal(move, [0.0, 3.0])
     assert np.sum(found.outcome[0] == int(PointOutcome.VALID)) == 8
     assert asked == [1, 12]
+
+
+def test_a_rigid_body_is_not_taken_for_one_that_looks_three_quarters_like_it():
+    """Two bodies with printed dots on one lattice, and a quarter of their variance their own."""
+    shape = (90, 90)
+    y, x = np.mgrid[0.0:90.0, 0.0:90.0]
+
+    def painted(own, move):
+        at = x - move[0], y - move[1]
+        dots = np.sin(2.0 * np.pi * at[0] / 9.0) * np.sin(2.0 * np.pi * at[1] / 9.0)
+        spots = render(own, shape, material=lambda p: p - np.asarray(move), noise=0.0, seed=0)
+        spots = (spots - spots.mean()) / spots.std()
+        grey = 120.0 + 40.0 * (0.75**0.5 * dots / dots.std() + 0.5 * spots)
+        return np.random.default_rng(int(10 * move[1])).normal(grey, 1.0)
+
+    first, other = (speckle_pattern(shape, size=4.0, seed=seed) for seed in (3, 9))
+    moves = [(0.0, 0.0), (0.1, 0.2), (0.1, 0.5), (0.1, 0.9), (0.1, 1.3)]
+    frames = [painted(first if k < 4 else other, move) for k, move in enumerate(moves)]
+    series = SimpleNamespace(
+        path=Path("made"), n_frames=5, shape=shape, bits=8, crop_offset=(0.0, 0.0), times=None,
+        frame=lambda k: frames[k],
+    )  # fmt: skip
+    points = np.stack(np.meshgrid(np.arange(20.0, 71.0, 10.0), np.arange(20.0, 71.0, 10.0)), axis=-1)
+    found = rigid.track_rigid(
+        series, points.reshape(-1, 2), Correlation(subset=15), noise=1.0,
+        frame_outcome=np.full(5, int(FrameOutcome.VALID)),
+    )  # fmt: skip
+    valid = found.outcome == int(PointOutcome.VALID)
+    assert valid[:4].mean(axis=1).min() > 0.9
+    assert not valid[4].any()
+    assert np.median(found.zncc[4]) > 0.7  # the match itself would let it through
+
+
+def test_how_unlike_itself_a_rigid_body_may_look():
+    assert rigid.most_unlike([]) == 1.0  # nothing is known yet: as the match has it
+    assert rigid.most_unlike([0.002, 0.003, 0.001]) == 0.1
+    assert rigid.most_unlike([0.02, 0.05, 0.03]) == pytest.approx(6.0 * 0.03)

@@ -324,7 +324,8 @@ def test_coefficients_are_those_of_the_recursive_filter(shape, prefilter, where)
     if where == "host":
         found = on_host(grey, prefilter)
     else:  # the kernels of a GPU, on the processor
-        found = on_device(grey, prefilter, select_device("cpu")).numpy()[0]
+        other = grey[::-1] + np.float32(40.0)  # each has a level of its own
+        found = on_device([other, grey], prefilter, select_device("cpu")).numpy()[1]
     assert found.shape[1] % 16 == 0
     beyond = found.shape[1] - shape[1] - PAD  # a small picture is mirrored more than once
     expected = np.pad(plain, ((PAD, PAD), (PAD, beyond)), mode="reflect")
@@ -338,7 +339,7 @@ def test_coefficients_are_those_of_the_recursive_filter(shape, prefilter, where)
         np.testing.assert_allclose(again, grey, rtol=0, atol=0.002)
 
 
-def test_a_picture_goes_to_a_device_in_two_launches(monkeypatch):
+def test_pictures_go_to_a_device_in_two_launches(monkeypatch):
     counted = []
     launch = wp.launch
 
@@ -347,7 +348,7 @@ def test_a_picture_goes_to_a_device_in_two_launches(monkeypatch):
         return launch(*given, **options)
 
     monkeypatch.setattr(wp, "launch", noted)
-    on_device(np.ones((40, 50), np.float32), 0.0, select_device("cpu"))
+    on_device([np.ones((40, 50), np.float32)] * 5, 0.0, select_device("cpu"))
     assert len(counted) == 2
 
 

@@ -2,6 +2,7 @@
 
 import ast
 import re
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 import kolsky
 from explicit.adjoint import forward_run
 from kolsky.report.figures import PLACES
-from tests.test_imports import MODULES, ROOT, imports_of
+from tests.test_imports import MODULES, PACKAGES, ROOT, imports_of
 
 PAGE = (ROOT / "docs" / "python_only.md").read_text("utf-8")
 BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
@@ -66,6 +67,35 @@ def test_every_part_has_an_example() -> None:
     used = {i.target for block in BLOCKS for i in imports_of(block, "page")}
     without = [name for name in LISTED if not any(name in enclosing(target) for target in used)]
     assert without == ["explicit.histories"]  # what `jacobian` and `gradient` hand over
+
+
+def unused_names() -> list[str]:
+    """Public functions and classes whose name stands once in all of the packages and scripts: where it is
+    defined. A name that something else bears too is not found so; those that are left are few."""
+    texts = {name: path.read_text("utf-8") for name, path in MODULES.items()}
+    scripts = [path.read_text("utf-8") for path in (ROOT / "runs").rglob("*.py")]
+    words = Counter(word for text in (*texts.values(), *scripts) for word in re.findall(r"\w+", text))
+    kinds = (ast.FunctionDef, ast.ClassDef)
+    return [
+        f"{name}.{node.name}"
+        for name, text in texts.items()
+        for node in ast.parse(text).body
+        if isinstance(node, kinds) and node.name[0] != "_" and words[node.name] == 1
+    ]
+
+
+def test_a_function_that_nothing_calls_is_on_the_page() -> None:
+    """By the words of the sources, not by imports: another look at what no command reaches."""
+    named = set(re.findall(r"\{py:\w+\}`([\w.]+)`", PAGE))
+    parts = [name for name in LISTED if name in MODULES]
+    left = [
+        name
+        for name in unused_names()
+        if name not in named and not any(part in enclosing(name) for part in parts)
+    ]
+    assert not left, f"neither used nor on docs/python_only.md: {', '.join(left)}"
+    stale = sorted({name for name in named if name.startswith(PACKAGES)} - set(unused_names()))
+    assert not stale, f"listed as single functions on docs/python_only.md, but used: {', '.join(stale)}"
 
 
 def test_the_page_is_in_the_index() -> None:

@@ -9,14 +9,18 @@ import pytest
 from test_objective import objective
 from test_several_parameters import COARSE, NOISE, TIME, TRUTH, MadeUp, ringing
 
+from doe import Box
 from kolsky.bars.flyer.path import FlyerPath
+from kolsky.inverse.coarse_search import CoarseOptimum
 from kolsky.inverse.likely_path import PathModes, credible, likely_amplitudes
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
+from kolsky.inverse.optimum import CorrectedSurrogate, search
 from kolsky.inverse.settings import Settings
-from kolsky.inverse.surrogate_mesh_search import MeshOptimum, follow_front
+from kolsky.inverse.surrogate_mesh_search import MeshOptimum, follow_front, search_meshes_for_one
 
 REST = FlyerPath(np.arange(3.0), np.zeros(2), np.eye(2), 0.0, 1.0, 1.0, 10.0, 1.0)
+REST_4 = FlyerPath(np.arange(5.0), np.zeros(4), np.eye(4), 0.0, 1.0, 1.0, 10.0, 1.0)
 
 
 def test_modes_move_path_and_data_alike() -> None:
@@ -59,6 +63,7 @@ class Onset(MadeUp):
         data = ringing(TRUTH)[0] + jerk @ self.rings(TRUTH) + noise
         self.observations = objective(data, np.empty(0)).observations
         self.prepared = SimpleNamespace(path=REST, forward=self.prepared.forward)
+        self.lost = 0
         self.draws = np.random.default_rng(8).standard_normal((replicates, 2))
 
     def rings(self, x: np.ndarray) -> np.ndarray:
@@ -71,8 +76,9 @@ class Onset(MadeUp):
         empty = np.empty((len(points), 0))
         return Prediction(empty, force, empty, empty.astype(bool))
 
-    def under_other_motions(self, points: np.ndarray, n: int, numerics: Any) -> Any:
-        jerks = self.prepared.path.jerk + np.concatenate([np.zeros((1, 2)), self.draws])
+    def under_other_motions(self, points: np.ndarray, deviations: np.ndarray, numerics: Any) -> Any:
+        came = deviations[: len(deviations) - self.lost]
+        jerks = self.prepared.path.jerk + np.concatenate([np.zeros((1, 2)), came])
         return [self.predicted(np.repeat(x[None], len(jerks), axis=0), COARSE, jerks) for x in points]
 
     def front_deviations(self, n: int) -> np.ndarray:
@@ -108,11 +114,78 @@ def test_the_path_goes_where_the_data_put_it_and_the_frequency_with_it() -> None
 
 def test_a_path_that_is_off_by_little_is_left_to_the_patterns() -> None:
     made: Any = Onset(np.array([1.5, -1.5]))
+    made.box = Box.of({"stiffness_factor": (0.75, 1.5), "damping": (0.49, 0.4999)})  # nu by another name
     one = Objective(made.observations, np.empty(0, dtype=bool))
     found = follow_front(made, one, made.settings.numerics, off_by(0.0))
     assert made.prepared.path is REST
     assert made.observations.front_offset is None
     assert (np.abs(found.x - TRUTH) < 4.0 * found.sigma).all()
+
+
+def test_a_path_that_is_off_by_little_is_followed_where_poissons_ratio_is_free() -> None:
+    """Patterns that are left where they were made hold the frequency there, however small they are."""
+    made: Any = Onset(np.array([1.5, -1.5]))
+    one = Objective(made.observations, np.empty(0, dtype=bool))
+    found = follow_front(made, one, made.settings.numerics, off_by(0.2))
+    np.testing.assert_allclose(made.prepared.path.jerk, [1.5, -1.5], atol=0.2)
+    assert (np.abs(found.x - TRUTH) < 4.0 * found.sigma).all()
+
+
+def test_modes_take_the_place_of_their_replicates() -> None:
+    rng = np.random.default_rng(2)
+    deviations, response = rng.normal(size=(30, 4)), rng.normal(size=(4, 9))
+    response[2:] *= 1e-4  # two of the four numbers of a path that the data do not see
+    modes = PathModes.of(deviations @ response, np.full(9, 0.2), deviations)
+    assert len(modes.patterns) == 2
+    amplitudes = np.array([1.5, -2.0])
+    fewer, shares, one_sigma = modes.as_replicates(amplitudes @ modes.shares)
+    # Two runs of a standard deviation each, the same path, and the same patterns.
+    np.testing.assert_allclose(one_sigma * fewer, modes.shares @ deviations, atol=1e-12)
+    np.testing.assert_allclose(shares @ fewer, modes.moved(REST_4, amplitudes).jerk, atol=1e-12)
+    again = PathModes.of(fewer @ response, np.full(9, 0.2), fewer)
+    np.testing.assert_allclose(
+        again.patterns.T @ again.patterns, modes.patterns.T @ modes.patterns, atol=1e-12
+    )
+
+
+class Alone(Onset):
+    """The stiffness factor by itself, Poisson's ratio held at its true value."""
+
+    def __init__(self, jerk: np.ndarray) -> None:
+        super().__init__(jerk)
+        self.box = Box.of({"stiffness_factor": (0.75, 1.5)})
+        self.replicated: list[tuple[float, bool]] = []
+
+    def predicted(self, points: np.ndarray, mesh: tuple[int, int], jerks: Any = None) -> Prediction:
+        whole = np.column_stack([points, np.full(len(points), TRUTH[1])])
+        return super().predicted(whole, mesh, jerks)
+
+    def vectors(self, stage: str, points: np.ndarray, numerics: Any, one: Objective) -> np.ndarray:
+        return one.vectors(self.predicted(points, numerics.mesh))
+
+    def replicate(self, x: np.ndarray, *, lesson: bool = True) -> None:
+        self.replicated.append((float(x[0]), lesson))
+
+
+def test_one_parameter_follows_the_path_too() -> None:
+    """The ringing that a moved onset brings would pull the stiffness factor by itself."""
+    made: Any = Alone(np.array([4.0, -3.0]))
+    one = Objective(made.observations, np.empty(0, dtype=bool))
+
+    class Response:
+        def predict(self, points: np.ndarray, *, extrapolate: bool) -> np.ndarray:
+            whole = np.column_stack([points, np.full(len(points), TRUTH[1])])
+            return np.concatenate([ringing(x) for x in whole])
+
+    surrogate: Any = Response()
+    plain = search(made.box, one, CorrectedSurrogate(surrogate).predict, start=TRUTH[:1])
+    coarse = CoarseOptimum(made.box, surrogate, plain.objective, plain.x)
+    (found,) = search_meshes_for_one(made, coarse).values()
+    assert abs(found.x[0] - TRUTH[0]) < 4.0 * found.sigma[0]
+    assert abs(plain.x[0] - TRUTH[0]) > 10.0 * found.sigma[0]
+    np.testing.assert_allclose(made.prepared.path.jerk, [4.0, -3.0], rtol=0.1)
+    # The replicates that judge the interval are made where it ended, and teach no weights.
+    assert made.replicated == [(found.x[0], False)]
 
 
 def test_a_wrong_path_is_left_where_its_record_puts_it() -> None:
@@ -126,7 +199,7 @@ def test_a_wrong_path_is_left_where_its_record_puts_it() -> None:
 
 def test_a_lost_replicate_leaves_the_path() -> None:
     made: Any = Onset(np.array([4.0, -3.0]))
-    made.draws = made.draws[:-1]
+    made.lost = 1
     one, before = Objective(made.observations, np.empty(0, dtype=bool)), off_by(0.0)
     assert follow_front(made, one, made.settings.numerics, before) is before
     assert made.prepared.path is REST

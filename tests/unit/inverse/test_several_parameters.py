@@ -11,10 +11,11 @@ from doe import Box
 from explicit import Ending, Outcome
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.gauss_newton import RefinedRun, _on_refined
+from kolsky.inverse.gauss_newton import _on_refined
 from kolsky.inverse.linear_step import Step
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
+from kolsky.inverse.refined_run import RefinedRun
 from kolsky.inverse.refined_search import CONFIRMED
 from kolsky.inverse.refined_steps import LONGEST, foretold, lengthening
 from kolsky.inverse.run_table import RunTable
@@ -75,8 +76,12 @@ class MadeUp:
             points=design.points, rows=np.arange(len(design.points)), prediction=prediction, lost=""
         )
 
-    def under_other_motions(self, points: np.ndarray, n: int, numerics: Numerics) -> list[Prediction]:
-        return [self.predicted(np.repeat(x[None], n + 1, axis=0), numerics.mesh) for x in points]
+    def front_deviations(self, n: int) -> np.ndarray:
+        return np.zeros((n, 1))
+
+    def under_other_motions(self, points: np.ndarray, deviations: Any, numerics: Any) -> Any:
+        n = len(deviations) + 1
+        return [self.predicted(np.repeat(x[None], n, axis=0), numerics.mesh) for x in points]
 
     def vectors(self, stage: str, points: np.ndarray, numerics: Numerics, one: Objective) -> np.ndarray:
         return one.vectors(self.predicted(points, numerics.mesh))

@@ -1,17 +1,20 @@
 """What is beside the specimen: elastic parts behind it and in the flyer, the incident force as data."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from shot_folders import shot_in
+from typer.testing import CliRunner
 
 import explicit
 import kolsky
 from explicit.bars import Section, couple, elastic_bar
 from kolsky.base.apparatus import Bar, ElasticBody
 from kolsky.base.errors import InputError
+from kolsky.cli.commandline import app
 from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
@@ -203,6 +206,37 @@ density = "8048 kg/m^3"
     assert found.flyer_body is not None
     assert found.flyer_body.model == "bar"
     assert found.incident is not None
+
+
+def test_the_command_simulates_with_elastic_parts_on_both_sides(tmp_path: Path) -> None:
+    """Meshes behind the specimen and in the flyer, the incident force compared: all from the shot file."""
+    body = """[flyer_body]
+model = "mesh"
+element_size = "5 mm"
+transducer_depth = "12 mm"
+seen_at = "5 mm"
+[flyer_body.parts.platen]
+diameter = "15 mm"
+length = "40 mm"
+youngs_modulus = "190 GPa"
+density = "8048 kg/m^3"
+
+[window]
+end = "0.5 ms"
+#"""
+    changes = (COMPARED, ('support = "rigid"', PARTS), ("[window]", body))
+    forces, bins = [], []
+    for name, given in (("elastic", changes), ("rigid", (("[window]", '[window]\nend = "0.5 ms"\n#'),))):
+        shot, out = declared(tmp_path / name, *given), tmp_path / f"{name}-out"
+        words = ["simulate", str(shot), "--mesh", "5x7", "--out", str(out), "--json"]
+        done = CliRunner().invoke(app, words)
+        assert done.exit_code == 0, done.output
+        said = json.loads(done.stdout)
+        assert said["outcome"] == "COMPLETED"
+        bins.append(said["n_force"])
+        forces.append(said["phi_force"])
+    assert bins[0] == 2 * bins[1]  # those of the incident force beside those of the transmitted one
+    assert forces[0] > forces[1]  # a sum of absolute values over both
 
 
 @pytest.mark.parametrize(

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from kolsky.base.records import MaterialCurve
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.prior import Prior
 from kolsky.inverse.valleys import (
     MOST_LEVELS,
+    MOTIONS,
     PHASE,
     equal_steps,
-    likelihoods,
+    judged,
     likely_valleys,
     local_minima,
     oscillations,
@@ -109,7 +109,7 @@ def test_motions_enough_for_every_pattern_of_an_onset() -> None:
     brought, other = basis[:patterns].sum(axis=0), basis[patterns : 2 * patterns].sum(axis=0)
 
     class Onset(Ringing):
-        def under_other_motions(self, points: Any, n: int, numerics: Numerics) -> list[Prediction | None]:
+        def under_other_motions(self, n: int) -> list[Prediction | None]:
             draws = np.random.default_rng(0).standard_normal((n, patterns))
             moved = np.vstack([np.zeros((1, 40)), draws @ basis[:patterns]])
             empty = np.empty((n + 1, 0))
@@ -117,7 +117,7 @@ def test_motions_enough_for_every_pattern_of_an_onset() -> None:
             return list(seen)
 
     made: Any = Onset()
-    found = likelihoods(made, np.zeros((2, 1)), Numerics(), np.empty(0, dtype=bool))
+    found = judged(made, np.zeros((2, 1)), made.under_other_motions(MOTIONS), np.empty(0, dtype=bool))
     assert found[1] - found[0] > 105.0
 
 
@@ -130,7 +130,7 @@ class Ringing:
         self.observations = objective(np.zeros(40), np.empty(0)).observations
         self.prior = prior
 
-    def under_other_motions(self, points: np.ndarray, n: int, numerics: Numerics) -> list[Prediction | None]:
+    def under_other_motions(self, n: int) -> list[Prediction | None]:
         t = np.linspace(0.0, 1.0, 40)
         wave, other = 3.0 * np.sin(40.0 * t), 3.0 * np.cos(23.0 * t)
         draws = np.random.default_rng(0).standard_normal(n)
@@ -145,17 +145,19 @@ class Ringing:
 def test_what_the_motions_noise_explains_does_not_speak_against_a_valley() -> None:
     made: Any = Ringing()
     points, inside = np.zeros((3, 1)), np.empty(0, dtype=bool)
-    found = likelihoods(made, points, Numerics(), inside)
+    found = judged(made, points, made.under_other_motions(MOTIONS), inside)
     assert found[0] < found[1] - 50.0
     assert found[2] == np.inf
     # By its own residual alone the second is no worse: both have nearly the same mean square.
     plain = replace(objective(np.zeros(40), np.empty(0)))
-    vectors = np.stack([p.force_bins[0] for p in made.under_other_motions(points, 1, Numerics())[:2]])
+    vectors = np.stack([p.force_bins[0] for p in made.under_other_motions(1)[:2]])
     assert abs(np.subtract(*plain.deviance(vectors))) < 5.0
 
 
 def test_the_prior_counts_where_valleys_are_compared() -> None:
     points, inside = np.array([[0.0], [0.0], [0.0]]), np.empty(0, dtype=bool)
-    plain = likelihoods(Ringing(), points, Numerics(), inside)  # type: ignore[arg-type]
+    first: Any = Ringing()
+    runs = first.under_other_motions(MOTIONS)
     known: Any = Ringing(Prior(np.array([6.0]), np.array([2.0])))
-    np.testing.assert_allclose(likelihoods(known, points, Numerics(), inside)[:2] - plain[:2], 9.0)
+    with_prior, without = (judged(one, points, runs, inside)[:2] for one in (known, first))
+    np.testing.assert_allclose(with_prior - without, 9.0)

@@ -1,5 +1,6 @@
 """Planned tests against closed forms of free flight, and the design of a test by hand."""
 
+import csv
 import json
 from dataclasses import replace
 from math import inf, nan
@@ -240,3 +241,30 @@ def test_elements_and_bars_agree_on_the_papers_test(paper: PlannedTest, tmp_path
     write_prediction_results(tmp_path, found, film="gif")
     assert (tmp_path / "prediction.gif").stat().st_size > 10_000
     assert (tmp_path / "outline.csv").exists()
+
+
+@pytest.mark.slow  # 12 s of one core
+def test_the_page_says_what_the_command_says(tmp_path: Path) -> None:
+    page = (PAPER.parents[2] / "docs" / "howto" / "predict.md").read_text("utf-8")
+    shown = {}
+    for line in page.splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if len(cells) == 6 and cells[1].isdigit():
+            shown[cells[0]] = [float(cell.replace("−", "-")) for cell in cells[1:5]]
+    done = CliRunner().invoke(app, ["predict", str(PAPER), "--out", str(tmp_path / "p"), "--json"])
+    assert done.exit_code == 0, done.output
+    with (tmp_path / "p" / "events.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["event"] for row in rows] == list(shown)
+    for row in rows:
+        time, speed, compression, force = shown[row["event"]]
+        # As rounded on the page; another machine's round-off moves an event by steps of the bars, 0.1 us.
+        assert 1e6 * float(row["time (s)"]) == pytest.approx(time, abs=1.5)
+        assert float(row["flyer (m/s)"]) == pytest.approx(speed, abs=0.02)
+        assert 100.0 * float(row["compression (1)"]) == pytest.approx(compression, abs=0.2)
+        assert float(row["transmitted force (N)"]) == pytest.approx(force, abs=0.5)
+    numbers = json.loads(done.stdout)["numbers"]
+    assert numbers["largest_strain"] == pytest.approx(0.71, abs=0.005)
+    assert numbers["mean_rate"] == pytest.approx(392.0, abs=1.0)
+    assert numbers["peak_force"] == pytest.approx(131.0, abs=1.0)
+    assert numbers["flight"] == pytest.approx(1.83e-3, abs=0.01e-3)

@@ -313,6 +313,16 @@ def test_runs_that_would_do() -> None:
     result = estimate(outcome=Verdict.DISAGREEING)
     for needed, words in ((23.0, "about 23 runs around"), (float("inf"), "more runs would hardly help")):
         assert words in said(replace(result, surrogate={**result.surrogate, "runs_needed": needed}))
+    # Several parameters rest on steps on the refined mesh, which no number of other runs makes better.
+    several = replace(result.estimates["stiffness_factor"], name="damping")
+    both = replace(
+        result,
+        estimates={**result.estimates, "damping": several},
+        surrogate={**result.surrogate, "runs_needed": 23.0},
+        route_difference=None,
+    )
+    assert "give a finer one, such as 32x43" in said(both)
+    assert "23 runs" not in said(both)
 
 
 @pytest.mark.parametrize(

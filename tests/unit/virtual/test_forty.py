@@ -1,6 +1,8 @@
 """The study of drawn shots: what an answer counts as, cures, and answers that are kept."""
 
 import json
+import os
+import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -8,10 +10,12 @@ import numpy as np
 import pytest
 
 from benchmarks import forty_shots
-from benchmarks.forty import SPEC, series_of, spread
-from benchmarks.forty_cures import all_regions, flyer_region, with_subset
-from benchmarks.forty_shots import Answer, Study, cured_copy, one, said_on_purpose
+from benchmarks.forty import SPEC, attempts, expected_beyond, kept_answers, series_of, spread, write
+from benchmarks.forty_cures import CURES, all_regions, flyer_region, with_subset
+from benchmarks.forty_shots import Answer, Study, cured_copy, cures_for, keep_to, one, said_on_purpose, shares
+from dic.forks import cores
 from kolsky.base.errors import InputError
+from kolsky.base.process import WORKER
 
 RIGHT = Answer("a", 1.2, 1.2 * 1.009, 0.005, "identified", True, "", 1.0, 2.0)
 
@@ -98,6 +102,25 @@ def test_cures_change_the_shot_file_alone(tmp_path: Path) -> None:
     assert not (tmp_path / "copy" / "results").exists()
 
 
+def test_a_refused_answer_is_searched_with_a_finer_mesh(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the pictures gave a value that was withheld; where they did not, no mesh helps."""
+    refused = replace(RIGHT, answered=False)
+    assert cures_for(refused) == ["a finer mesh", *CURES]
+    assert cures_for(replace(refused, value=None)) == list(CURES)
+    (tmp_path / "a.json").write_text(json.dumps(asdict(refused)), encoding="utf-8")
+    asked: list[tuple[Path, tuple[int, int]]] = []
+
+    def attempt(study: Study, name: str, folder: Path, cure: str = "") -> Answer:
+        asked.append((folder, study.mesh))
+        return replace(RIGHT, cure=cure)
+
+    monkeypatch.setattr(forty_shots, "attempt", attempt)
+    assert one(Study("no.toml", str(tmp_path)), "a").end.cure == "a finer mesh"
+    assert asked == [(tmp_path / "shots" / "a", (32, 43))]
+
+
 def test_errors_over_their_uncertainties() -> None:
     """z of 1 and -3 have a root mean square of the root of 5; what is not answered has none."""
     answers = [
@@ -106,8 +129,12 @@ def test_errors_over_their_uncertainties() -> None:
         replace(RIGHT, truth=1.0, value=2.0, sigma=0.01, answered=False),
         replace(RIGHT, value=None, sigma=None, answered=False),
     ]
-    assert spread(answers) == pytest.approx({"scatter": 5.0**0.5, "largest": 3.0})
-    assert spread(answers[2:]) == {"scatter": None, "largest": None}
+    found = spread(answers)
+    assert (found["scatter"], found["largest"]) == pytest.approx((5.0**0.5, 3.0))
+    # Of two with a standard uncertainty of 1 % a third each lies beyond it, of one with 0.5 % a 22nd.
+    assert found["expected beyond 1 %"] == pytest.approx(2 * 0.3173, abs=1e-4)
+    assert expected_beyond([replace(answers[0], truth=2.0)]) == pytest.approx(0.0455, abs=1e-4)
+    assert set(spread(answers[2:]).values()) == {None}
 
 
 def test_a_seed_draws_another_population() -> None:
@@ -129,7 +156,7 @@ def test_an_answer_is_kept_before_its_cures(tmp_path: Path, monkeypatch: pytest.
         asked.append(cure)
         if len(asked) == 2:
             raise KeyboardInterrupt
-        return replace(RIGHT, answered=bool(cure), cure=cure, cured=[])
+        return replace(RIGHT, value=None, sigma=None, answered=bool(cure), cure=cure, cured=[])
 
     monkeypatch.setattr(forty_shots, "attempt", attempt)
     study = Study("no.toml", str(tmp_path))
@@ -138,3 +165,56 @@ def test_an_answer_is_kept_before_its_cures(tmp_path: Path, monkeypatch: pytest.
     assert one(study, "a").end.cure == "larger subsets"
     assert one(study, "a").end.answered
     assert asked == ["", "larger subsets", "larger subsets"]
+
+
+def test_every_shot_is_tried_before_a_cure_and_all_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of three shots the first is refused until it is given a finer mesh: that comes last."""
+    asked: list[tuple[str, str]] = []
+    for name in ("a", "b", "c"):
+        shot = tmp_path / "shots" / name
+        shot.mkdir(parents=True)
+        (shot / "shot.toml").write_text("[dic]\nsubset = 21\n", encoding="utf-8")
+        (shot / "truth.json").write_text('{"m": 1.2}', encoding="utf-8")
+
+    def attempt(study: Study, name: str, folder: Path, cure: str = "") -> Answer:
+        asked.append((name, cure))
+        return replace(RIGHT, name=name, answered=name != "a" or bool(cure), cure=cure, cured=[])
+
+    monkeypatch.setattr(forty_shots, "attempt", attempt)
+    study = Study(str(SPEC), str(tmp_path))
+    came = [[answer.end.kind for answer in answers] for answers in attempts(study, ["a", "b", "c"], 1)]
+    assert asked == [("a", ""), ("b", ""), ("c", ""), ("a", "a finer mesh")]
+    assert came == [["refused"], ["refused", "right"], ["refused", "right", "right"], ["right"] * 3]
+    asked.clear()
+    uncured = replace(study, out=str(tmp_path / "again"), cures=False)
+    (tmp_path / "again").mkdir()
+    (tmp_path / "shots").rename(tmp_path / "again" / "shots")
+    kept = list(attempts(uncured, ["a", "b"], 1))[-1]
+    assert asked == [("a", ""), ("b", "")]
+    found = write(uncured, kept, "")
+    assert (found["right"], found["refused"]) == (1, 1)
+    assert kept_answers(tmp_path / "again" / "forty.json") == kept
+    assert json.loads((tmp_path / "again" / "forty.json").read_text("utf-8"))["shots"] == 2
+
+
+def test_cores_are_shared_out_among_workers() -> None:
+    assert shares(range(8), 3) == ((0, 1), (2, 3, 4), (5, 6, 7))
+    assert shares([3, 5, 7, 9], 2) == ((3, 5), (7, 9))
+    assert shares([4, 6], 3) == ((4,), (6,), (4,))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a system that keeps a process to cores")
+def test_a_worker_keeps_to_its_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What counts its threads by the cores it may use sees its share."""
+    before = os.sched_getaffinity(0)
+    monkeypatch.setenv(WORKER, "3")
+    try:
+        keep_to(())
+        assert os.sched_getaffinity(0) == before
+        keep_to(shares(sorted(before), len(before) + 2))
+        assert os.sched_getaffinity(0) == {sorted(before)[3 % len(before)]}
+        assert cores() == 1
+    finally:
+        os.sched_setaffinity(0, before)

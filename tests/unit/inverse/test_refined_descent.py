@@ -1,0 +1,113 @@
+"""Steps with the refined mesh's own slopes where the coarser mesh's mislead: made-up responses that ring."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_objective import objective
+from test_several_parameters import FINE, TRUTH, MadeUp, ringing
+
+from doe import Box
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.gauss_newton import MISLED, MOST_RUNS, _on_refined
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import Prediction
+from kolsky.inverse.refined_descent import APART, descend, differences, neighbours, slopes_beside
+from kolsky.inverse.refined_run import completed_apart, cost, judged
+from kolsky.inverse.refined_search import CONFIRMED
+from kolsky.inverse.settings import Settings
+
+STEP = 1e-6 * np.array([1.0, 0.01])
+
+
+def slopes_at(x: np.ndarray) -> np.ndarray:
+    """Jacobian of the made-up force, shape [k, d]."""
+    return np.column_stack([(ringing(x + d) - ringing(x - d))[0] / (2.0 * d.sum()) for d in np.diag(STEP)])
+
+
+def test_neighbours_keep_to_the_box_and_differences_are_exact_for_a_linear_response() -> None:
+    box = Box.of({"a": (0.0, 1.0), "b": (10.0, 30.0)})
+    up, down = neighbours(box, np.array([0.98, 12.0]), np.array([0.05, 7.0]))
+    np.testing.assert_allclose(up, [[1.0, 12.0], [0.98, 14.0]])  # at the face; a tenth of the edge
+    np.testing.assert_allclose(down, [[0.93, 12.0], [0.98, 10.0]])
+    A = np.array([[1.0, -2.0], [3.0, 0.5], [0.0, 4.0]])
+    np.testing.assert_allclose(differences(np.concatenate([up, down]) @ A.T, up, down), A, rtol=1e-12)
+
+
+def test_slopes_are_taken_a_quarter_of_sigma_beside_a_run() -> None:
+    made: Any = MadeUp()
+    one = Objective(made.observations, np.empty(0, dtype=bool))
+    run = judged(made, one, slopes_at(TRUTH), TRUTH, completed_apart(made, TRUTH[None])[0], None)
+    asked: list[np.ndarray] = []
+    vectors = made.vectors
+    made.vectors = lambda stage, points, *rest: asked.append(points) or vectors(stage, points, *rest)
+    found = slopes_beside(made, one, run)
+    np.testing.assert_allclose(found, slopes_at(TRUTH), atol=0.01 * abs(slopes_at(TRUTH)).max(axis=0).max())
+    away = np.diag((asked[0][:2] - asked[0][2:]) / 2.0)
+    np.testing.assert_allclose(away, APART * run.step.sigma, rtol=1e-9)
+    assert set(made.points) == {FINE}
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_slopes_that_point_uphill_are_given_up_for_the_own_ones(sign: float) -> None:
+    """With the slope along Poisson's ratio of the wrong sign every step rises: twice, and then no more."""
+    made: Any = MadeUp()
+    one = Objective(made.observations, np.empty(0, dtype=bool))
+    sigma = np.sqrt(np.diag(one.covariance(slopes_at(TRUTH), ringing(TRUTH)[0])))
+    start = TRUTH + np.array([0.0, 8.0 * sign]) * sigma
+    wrong = slopes_at(TRUTH) * [1.0, -1.0]
+    last, _ = _on_refined(made, one, wrong, start, None, shift=np.zeros(2))
+    assert not last.confirmed
+    assert made.points[FINE] < MOST_RUNS
+    assert made.points[FINE] >= 1 + MISLED
+    run, slope = descend(made, one, wrong, last)
+    assert run.confirmed
+    assert cost(run) < cost(last)
+    # It stops where a full Gauss-Newton step with the mesh's own slopes is short.
+    full = np.linalg.lstsq(slopes_at(run.x), one.data - ringing(run.x)[0], rcond=None)[0]
+    assert (np.abs(full) <= 1.5 * CONFIRMED * sigma).all()
+    assert np.corrcoef(slope[:, 1], slopes_at(run.x)[:, 1])[0, 1] > 0.9
+
+
+def test_a_lost_run_beside_keeps_what_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: Any = MadeUp()
+    one = Objective(made.observations, np.empty(0, dtype=bool))
+    wrong = slopes_at(TRUTH) * [1.0, -1.0]
+    last, _ = _on_refined(made, one, wrong, TRUTH + 1e-5, None, shift=np.zeros(2))
+    lost = np.full((4, len(ringing(TRUTH)[0])), np.nan)
+    monkeypatch.setattr(made, "vectors", lambda stage, points, *rest: lost)
+    assert descend(made, one, wrong, last) == (last, wrong)
+
+
+class Hump:
+    """Ten bins of force 0.6 + x + 2 x^2, of data that are zero: least at x = -0.25, and never zero."""
+
+    def __init__(self) -> None:
+        self.box, self.prior = Box.of({"damping": (-1e4, 1e4)}), None
+        self.settings = Settings(refined_mesh=FINE)
+        self.visited: list[float] = []
+
+    def predicted(self, points: np.ndarray) -> Prediction:
+        empty = np.empty((len(points), 0))
+        return Prediction(
+            empty, (0.6 + points + 2.0 * points**2) * np.ones((1, 10)), empty, empty.astype(bool)
+        )
+
+    def vectors(self, stage: str, points: np.ndarray, numerics: Numerics, one: Objective) -> np.ndarray:
+        return one.vectors(self.predicted(points))
+
+    def run(self, stage: str, points: np.ndarray, numerics: Numerics, *, all_nodes: bool = False) -> Any:
+        self.visited += points[:, 0].tolist()
+        response = SimpleNamespace(completed=np.ones(len(points), dtype=bool), select=lambda rows: None)
+        return response, np.arange(len(points)), self.predicted(points)
+
+
+def test_a_step_that_rises_is_halved_until_it_does_not() -> None:
+    """At 0 the force is 0.6 and its slope 1: a step of -0.6 to where it is 0.72, half of it to 0.48."""
+    made: Any = Hump()
+    one = objective(np.zeros(10), np.empty(0))
+    start = judged(made, one, np.ones((10, 1)), np.zeros(1), completed_apart(made, np.zeros((1, 1)))[0], None)
+    run, _ = descend(made, one, np.full((10, 1), 7.0), start)
+    assert made.visited[:3] == pytest.approx([0.0, -0.6, -0.3], abs=1e-6)
+    assert cost(run) <= cost(start) + 20.0 * np.log(0.48 / 0.6) + 1e-9
