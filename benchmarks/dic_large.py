@@ -12,7 +12,7 @@ import json
 import resource
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import perf_counter, process_time
+from time import perf_counter, process_time, thread_time
 from typing import Any
 
 import cv2
@@ -64,6 +64,8 @@ class PlaneSeries:
     times: None = None
     seconds: float = 0.0
     """Time in which pictures were made [s]."""
+    processor: float = 0.0
+    """The processor's time for it, of the thread that asks [s]."""
     texture: NDArray[np.float32] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -78,7 +80,7 @@ class PlaneSeries:
 
     def frame(self, index: int) -> NDArray[np.uint8]:
         """The picture of one frame."""
-        started = perf_counter()
+        started, work = perf_counter(), thread_time()
         stretch = 1.0 - SHORTENING * index / max(self.n_frames - 1, 1)
         R, t = self.camera.rotation, self.camera.translation
         # from the plane's (x, y, 1) to the picture, and from the texture to the plane: 1 texel is a pixel
@@ -92,6 +94,7 @@ class PlaneSeries:
         noise = np.random.default_rng([index, 7]).standard_normal(self.shape, dtype=np.float32)
         found = np.clip(np.rint(grey + NOISE * noise), 0, 255).astype(np.uint8)
         self.seconds += perf_counter() - started
+        self.processor += thread_time() - work
         return found
 
 
@@ -112,7 +115,7 @@ def whole(side: int, points: int, frames: int, device: str) -> dict[str, Any]:
         return launch(*given, **options)
 
     wp.launch = counted
-    started = perf_counter()
+    started, work = perf_counter(), process_time()
     try:
         body = follow_body(
             series,
@@ -131,6 +134,7 @@ def whole(side: int, points: int, frames: int, device: str) -> dict[str, Any]:
         wp.launch = launch
     made = max(one.seconds for one in series)  # the cameras' pictures are made side by side
     seconds = perf_counter() - started - made
+    processor = process_time() - work - sum(one.processor for one in series)
     n = len(body.points)
     return {
         "picture": [side, side],
@@ -139,6 +143,7 @@ def whole(side: int, points: int, frames: int, device: str) -> dict[str, Any]:
         "device": device,
         "valid": float(np.mean(body.reconstruction.outcome == PointOutcome.VALID)),
         "seconds": round(seconds, 2),
+        "processor_seconds": round(processor, 3),
         "seconds_of_making_pictures": round(made, 2),
         "points_per_second": round(2 * n * frames / seconds),
         "launches": launches[0],

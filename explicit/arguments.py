@@ -12,6 +12,7 @@ from explicit.materials import bulk_modulus
 from explicit.mesh import Mesh
 from explicit.mesh_arguments import SPARE, node_order, padded
 from explicit.model import Model, Samples, Sampling, Stepping
+from explicit.one_copy import in_one_copy
 from explicit.precision import Precision
 from explicit.support import RIGID, CharacteristicBar, MovingSupport
 from explicit.time_loop.boundary import BAR_HISTORY
@@ -19,6 +20,9 @@ from explicit.time_loop.failure import STRAY_ENERGY
 from explicit.time_loop.kernel import TimeLoopKernel
 from explicit.time_loop.lanes import WARPS
 from explicit.time_loop.slots import CONTROL_SIZE, Ending, Total
+
+PER_SAMPLE = ("friction", "release_stress", "contact_stiffness")
+"""Numbers of every sample that are taken as they are."""
 
 
 def batch_of(
@@ -69,22 +73,24 @@ def batch_of(
     moved = len(model.motions) + np.minimum(np.arange(len(samples)), max(len(moving) - 1, 0))
     support = moved if moving else np.zeros(len(samples))
     limits = np.minimum([law.data_limit for law in model.materials], 1e30)
-    batch.data_limit = wp.array(limits, dtype=numbers.real, device=where)
     batch.stop_past_data = int(model.past_data == "stop")
-    stray = STRAY_ENERGY * mu * model.mesh.volume
-    batch.stray_energy = wp.array(stray, dtype=wp.float64, device=where)
-    batch.solids = wp.array(solids, dtype=kernel.element.Solid, device=where)
-    for name in ("friction", "release_stress", "contact_stiffness"):
-        setattr(batch, name, wp.array(getattr(samples, name), dtype=numbers.real, device=where))
-    batch.material = wp.array(samples.material.astype(np.int32), dtype=int, device=where)
-    batch.branches = wp.array(_branch_table(model), dtype=numbers.real, device=where)
-    batch.relaxation = wp.array(samples.relaxation.astype(np.int32), dtype=int, device=where)
-    batch.rows = wp.array(table, dtype=numbers.real, device=where)
-    batch.motion = wp.array(samples.motion.astype(np.int32), dtype=int, device=where)
-    rates = [1.0 / motion.step for motion in model.motions + moving]
-    batch.support_motion = wp.array(support.astype(np.int32), dtype=int, device=where)
-    batch.motion_rate = wp.array(rates, dtype=wp.float64, device=where)
-    batch.motion_table = wp.array(motions, dtype=wp.float64, device=where)
+    real = numbers.real
+    arrays = {
+        "data_limit": (limits, real),
+        "stray_energy": (STRAY_ENERGY * mu * model.mesh.volume, wp.float64),
+        "solids": (solids, kernel.element.Solid),
+        **{name: (getattr(samples, name), real) for name in PER_SAMPLE},
+        "material": (samples.material, wp.int32),
+        "branches": (_branch_table(model), real),
+        "relaxation": (samples.relaxation, wp.int32),
+        "rows": (table, real),
+        "motion": (samples.motion, wp.int32),
+        "support_motion": (support, wp.int32),
+        "motion_rate": (np.array([1.0 / motion.step for motion in model.motions + moving]), wp.float64),
+        "motion_table": (motions, wp.float64),
+    }
+    for name, array in in_one_copy(arrays, where).items():
+        setattr(batch, name, array)
     return batch
 
 
@@ -147,10 +153,14 @@ def output_of(kernel: TimeLoopKernel, mesh: Mesh, n: int, sampling: Sampling, no
     """Room for the histories, NaN where a simulation does not get to."""
     n_force, n_surface = len(sampling.force_times), len(sampling.surface_times)
     output = kernel.structs.Output()
-    output.force_times = wp.array(sampling.force_times, dtype=wp.float64, device=where)
-    output.surface_times = wp.array(sampling.surface_times, dtype=wp.float64, device=where)
     output.n_recorded = len(nodes)
-    output.nodes = wp.array(padded(node_order(mesh)[0][nodes]), dtype=int, device=where)
+    wanted = {
+        "force_times": (sampling.force_times, wp.float64),
+        "surface_times": (sampling.surface_times, wp.float64),
+        "nodes": (padded(node_order(mesh)[0][nodes]), wp.int32),
+    }
+    for name, array in in_one_copy(wanted, where).items():
+        setattr(output, name, array)
     nan = float("nan")  # what the time loop does not reach stays marked, beside its Outcome
     for name, shape in (
         ("force", (n, n_force, 2)),

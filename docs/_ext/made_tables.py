@@ -11,7 +11,8 @@ budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answ
 changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->`` shots and their mean,
 ``<!-- coverage NAME -->`` a study of coverage, ``<!-- equilibria NAME -->`` times of equilibria,
 ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` what damage and kills have
-done: benchmarks/results/NAME.json, ``<!-- named inputs -->`` inputs that were once answered wrongly
+done, ``<!-- grown NAME -->`` how work grows and ``<!-- campaigns NAME -->`` how it is shared out:
+benchmarks/results/NAME.json, ``<!-- named inputs -->`` inputs that were once answered wrongly
 (tests/fuzz/named.py). Anywhere in a line, ``<!-- names laws -->`` becomes their names.
 """
 
@@ -304,6 +305,22 @@ def soaked(name: str) -> str:
     return _not_yet(name) if made is None else table(made)
 
 
+def grown(name: str) -> str:
+    """How work grows, as `benchmarks.growth` prints it."""
+    from benchmarks.growth import table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else table(made)
+
+
+def campaigns(name: str) -> str:
+    """Identifications shared out, as `benchmarks.campaign` prints them."""
+    from benchmarks.campaign import table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else table(made)
+
+
 def fuzzed(name: str) -> str:
     """The corpus of damaged files, as `python -m tests.fuzz` counted it."""
     made = _results(name)
@@ -330,6 +347,8 @@ TABLES = {
     "named": named,
     "killed": killed,
     "soaked": soaked,
+    "grown": grown,
+    "campaigns": campaigns,
     "fuzzed": fuzzed,
     "answers": answers,
     "changes": changes,

@@ -200,6 +200,11 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         k33 = wp.dot(vr, shape.hoop)
         q_r, q_y = wp.dot(shape.gamma, ur), wp.dot(shape.gamma, uy)
         p_r, p_y = wp.dot(shape.gamma, vr), wp.dot(shape.gamma, vy)
+        # Hourglass: stiffness and viscosity of the part one point does not see.
+        viscous_r, viscous_y = pattern_viscosity(shape, solid)
+        g_r = shape.hourglass_r * solid.hourglass * q_r + viscous_r * p_r
+        g_y = shape.hourglass_y * solid.hourglass * q_y + viscous_y * p_y
+        artificial = viscous_r * p_r * p_r + viscous_y * p_y * p_y
         # J - 1 from the displacement gradient keeps its digits where K multiplies it.
         plane = h11 + h22 + h11 * h22 - h12 * h21
         dilatation = plane * (one + h33) + h33
@@ -236,10 +241,6 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         t22 = solid.scale * tau[1] + pressure + s22
         t12 = solid.scale * tau[2] + s12
         t33 = solid.scale * tau[3] + pressure + s33
-        # Hourglass: stiffness and viscosity of the part one point does not see.
-        viscous_r, viscous_y = pattern_viscosity(shape, solid)
-        g_r = shape.hourglass_r * solid.hourglass * q_r + viscous_r * p_r
-        g_y = shape.hourglass_y * solid.hourglass * q_y + viscous_y * p_y
         # Corner forces from the first Piola-Kirchhoff stress, so that no gradient is pushed forward.
         volume = shape.volume
         w11, w12, w22 = volume * t11, volume * t12, volume * t22
@@ -248,7 +249,6 @@ def element_functions(law: type, precision: Precision, bound: str, volumetric: s
         f_y = (w12 * i11 + w22 * i12) * shape.gradient_r + (w12 * i21 + w22 * i22) * shape.gradient_y
         f_y += g_y * shape.gamma
         power = volume * (s11 * d11 + s22 * d22 + s33 * d33 + two * s12 * d12)
-        artificial = viscous_r * p_r * p_r + viscous_y * p_y * p_y
         if measure == 1 and omega_squared == zero:
             shear = shear_of(rr, yy, ry, tt, row, solid, jacobian, dilatation)
             b_r = i11 * shape.gradient_r + i21 * shape.gradient_y

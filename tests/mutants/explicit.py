@@ -159,4 +159,11 @@ FAULTS = (
         wrong="if problems:",
         tests=("tests/unit/explicit/test_compiling.py",),
     ),
+    Fault(
+        name="arrays of one copy overlap",
+        file="explicit/one_copy.py",
+        right="end += -(-max(numbers.nbytes, 1) // APART) * APART",
+        wrong="end += max(numbers.nbytes, 1) // APART * APART",
+        tests=("tests/unit/explicit/test_one_copy.py",),
+    ),
 )

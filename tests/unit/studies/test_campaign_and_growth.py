@@ -115,10 +115,11 @@ def test_points_are_those_of_all_frames_and_cameras(monkeypatch: pytest.MonkeyPa
     from benchmarks import dic_large
 
     def whole(side: int, points: int, frames: int, device: str) -> dict[str, Any]:
-        return {"points": points, "valid": 1.0, "seconds": 2.0, "seconds_of_making_pictures": 0.0}
+        return {"points": points, "valid": 1.0, "seconds": 2.0, "processor_seconds": 4.0}
 
     monkeypatch.setattr(dic_large, "whole", whole)
     assert growth.points(10_000, "cuda") == {"points": 10_000, "valid": 1.0, "seconds": 2.0, "rate": 5000}
+    assert growth.points(10_000, "cpu")["rate"] == 2500
 
 
 def test_growth_goes_on_and_is_drawn(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
