@@ -32,10 +32,10 @@ def in_one_copy(values: Mapping[str, tuple[NDArray[Any], Any]], where: Any) -> d
     piece = np.zeros(end, dtype=np.uint8)
     for name, (numbers, _) in found.items():
         piece[places[name] : places[name] + numbers.nbytes] = numbers.reshape(-1).view(np.uint8)
-    memory = wp.array(piece, dtype=wp.uint8, device=where)
+    memory: Any = wp.array(piece, dtype=wp.uint8, device=where)
     arrays = {}
     for name, (numbers, dtype) in found.items():
-        array = wp.array(ptr=memory.ptr + places[name], dtype=dtype, shape=numbers.shape, device=where)
+        array: Any = wp.array(ptr=memory.ptr + places[name], dtype=dtype, shape=numbers.shape, device=where)
         array._ref = memory  # which lives as long as its parts
         arrays[name] = array
     return arrays
