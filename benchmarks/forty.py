@@ -159,14 +159,25 @@ def kept_answers(path: Path) -> list[Answer]:
     return [Answer(**{name: one[name] for name in names}) for one in content]
 
 
+SPREAD = ("scatter", "largest", "inside k = 2", "median error", "mean uncertainty", "expected beyond 1 %")
+
+
 def spread(answers: list[Answer]) -> dict[str, float | None]:
-    """Errors of m over their standard uncertainties, of the answered shots: root mean square and largest."""
-    z = [(a.value - a.truth) / a.sigma for a in answers if a.answered and a.value is not None and a.sigma]
-    if not z:
-        return {"scatter": None, "largest": None, "expected beyond 1 %": None}
+    """How far the answered shots lie from their truths.
+
+    Errors of m over their standard uncertainties: root mean square, largest, and how many are 2 at most;
+    errors and standard uncertainties over the true m: median size of the former, mean of the latter.
+    """
+    given = [(a.value, a.truth, a.sigma) for a in answers if a.answered and a.value is not None and a.sigma]
+    if not given:
+        return dict.fromkeys(SPREAD)
+    z = [(value - truth) / sigma for value, truth, sigma in given]
     return {
         "scatter": statistics.fmean(one * one for one in z) ** 0.5,
         "largest": max(abs(one) for one in z),
+        "inside k = 2": sum(abs(one) <= 2.0 for one in z),
+        "median error": statistics.median(abs(value / truth - 1.0) for value, truth, _ in given),
+        "mean uncertainty": statistics.fmean(sigma / truth for _, truth, sigma in given),
         "expected beyond 1 %": expected_beyond(answers),
     }
 

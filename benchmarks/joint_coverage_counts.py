@@ -117,23 +117,23 @@ def table(said: dict[str, Any]) -> str:
         f"{study['truth_grading']:g} to 1), {said['answered']} answered. Relaxation asked for: "
         f"{_counted(asked)}; not decided: {said['not decided']}."
     ]
-    if study["elastic"]:
-        return lines[0]
-    heads = " | ".join(SYMBOLS[name] for name in NAMES)
-    lines[0] += (
-        " Strength and time both within two standard uncertainties: "
-        f"{_counted(said['pairs within 2 sigma'])}. Called identified: {said['called identified']}."
-    )
+    names = NAMES[: -len(PAIR)] if study["elastic"] else NAMES  # the control has no pair to be found
+    if not study["elastic"]:
+        lines[0] += (
+            " Strength and time both within two standard uncertainties: "
+            f"{_counted(said['pairs within 2 sigma'])}. Called identified: {said['called identified']}."
+        )
+    heads = " | ".join(SYMBOLS[name] for name in names)
     rows = [
-        ("95 % intervals that hold the truth", [_counted(said[name]["held"]) for name in NAMES]),
+        ("95 % intervals that hold the truth", [_counted(said[name]["held"]) for name in names]),
         (
             "misses: too high, too low",
-            [", ".join(map(str, said[name]["misses, value too high and too low"])) for name in NAMES],
+            [", ".join(map(str, said[name]["misses, value too high and too low"])) for name in names],
         ),
-        ("error over standard uncertainty: mean, rms", [_errors(said[name]) for name in NAMES]),
-        ("median half width of the interval", [_width(said[name]) for name in NAMES]),
+        ("error over standard uncertainty: mean, rms", [_errors(said[name]) for name in names]),
+        ("median half width of the interval", [_width(said[name]) for name in names]),
     ]
-    lines += ["", f"| | {heads} |", "| --- |" + " --- |" * len(NAMES)]
+    lines += ["", f"| | {heads} |", "| --- |" + " --- |" * len(names)]
     return "\n".join([*lines, *(f"| {words} | {' | '.join(cells)} |" for words, cells in rows)])
 
 

@@ -70,7 +70,7 @@ def test_a_share_has_the_exact_interval() -> None:
     assert share(50, 50)["interval"][1] == 1.0
 
 
-def test_the_table_has_a_column_a_parameter_and_the_control_a_sentence() -> None:
+def test_the_table_has_a_column_a_parameter_and_the_control_none_for_a_pair() -> None:
     study = {"seed": 5, "mesh": [24, 32], "refined_mesh": [64, 86], "truth_mesh": [96, 129],
              "truth_grading": 5.0, "elastic": False}  # fmt: skip
     said = summary(EACH) | {"study": study}
@@ -82,7 +82,15 @@ def test_the_table_has_a_column_a_parameter_and_the_control_a_sentence() -> None
     assert lines[5] == "| misses: too high, too low | 0, 1 | 0, 0 | 0, 0 | 0, 0 | 1, 0 |"
     control = table(said | {"study": study | {"elastic": True}})
     assert "Relaxation asked for: 2 of 4 (7 to 93 %); not decided: 1." in control
-    assert "|" not in control
+    assert "two standard uncertainties" not in control
+    lines = control.splitlines()
+    assert lines[2] == "| | $m$ | $\\nu$ | $\\beta$ |"
+    assert (
+        lines[4]
+        == "| 95 % intervals that hold the truth | "
+        + " | ".join(["2 of 4 (7 to 93 %)", "3 of 4 (19 to 99 %)", "3 of 4 (19 to 99 %)"])
+        + " |"
+    )
 
 
 def test_a_seed_draws_one_material_with_and_without_what_relaxes(tmp_path: Path) -> None:

@@ -131,6 +131,12 @@ def test_errors_over_their_uncertainties() -> None:
     ]
     found = spread(answers)
     assert (found["scatter"], found["largest"]) == pytest.approx((5.0**0.5, 3.0))
+    # One of both is at most 2; 1 % and 3 % of m have the median of 2 %.
+    assert found["inside k = 2"] == 1
+    assert found["median error"] == pytest.approx(0.02)
+    assert found["mean uncertainty"] == pytest.approx(0.01)
+    wide = spread([replace(answers[0], truth=2.0, value=2.02), replace(answers[0], sigma=0.03)])
+    assert wide["mean uncertainty"] == pytest.approx(0.0175)  # 0.5 % of 2 and 3 % of 1
     # Of two with a standard uncertainty of 1 % a third each lies beyond it, of one with 0.5 % a 22nd.
     assert found["expected beyond 1 %"] == pytest.approx(2 * 0.3173, abs=1e-4)
     assert expected_beyond([replace(answers[0], truth=2.0)]) == pytest.approx(0.0455, abs=1e-4)
