@@ -65,7 +65,7 @@ def test_realisations_of_a_budget() -> None:
     later = replace(realise, start={"stiffness_factor": float(whole)})
     again, both = later(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
     assert again.outcome == "re-fitted"
-    # The same weights, but slopes of the refined mesh; 2e-3 are less than the 0.0023 of one standard deviation.
+    # The same weights, but slopes of the refined mesh; 2e-3 are less than one standard deviation, 0.0023.
     assert again.results[0] == pytest.approx(whole, rel=2e-3)
     assert np.isnan(again.results[1])
     assert both.outcome == "same valley"
