@@ -86,6 +86,33 @@ class PathModes:
         return replace(fitted, jerk=fitted.jerk + (amplitudes @ self.shares) @ self.deviations)
 
 
+@dataclass(frozen=True)
+class MovedFront:
+    """The front face's path that the model is run under: that of the record, moved by modes of its noise."""
+
+    fitted: FlyerPath
+    """As fitted to the record."""
+    modes: PathModes
+    """Of its noise."""
+    amplitudes: FloatArray
+    """Of the modes in the path [-], shape [q]."""
+
+    @property
+    def path(self) -> FlyerPath:
+        """The path."""
+        return self.modes.moved(self.fitted, self.amplitudes)
+
+    @property
+    def moved(self) -> float:
+        """Root mean square of the amplitudes [-]."""
+        return size(self.amplitudes)
+
+    @property
+    def offset(self) -> FloatArray:
+        """The same change in terms of the patterns, which is taken off predictions, shape [k]."""
+        return np.asarray(self.amplitudes @ self.modes.patterns)
+
+
 def likely_amplitudes(objective: Objective, residual: FloatArray) -> FloatArray:
     """Most likely amplitudes of the front face's patterns for a residual, shape [q].
 

@@ -1,8 +1,11 @@
 """The simulations of an identification, stage by stage, every one of them kept in the run table."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +23,9 @@ from kolsky.inverse.prepared_shot import PreparedShot
 from kolsky.inverse.prior import Prior
 from kolsky.inverse.run_table import RunTable
 from kolsky.inverse.settings import Settings
+
+if TYPE_CHECKING:
+    from kolsky.inverse.likely_path import MovedFront
 
 Progress = Callable[[str, int, int], None]
 """Called as ``progress(stage, runs done, runs in the stage)``."""
@@ -81,6 +87,7 @@ class StagedRuns:
         self.idle_core = IdleCore()
         self.offsets: dict[tuple[int, int], FloatArray] = {}
         self.replicates: Replicates | None = None
+        self.front: MovedFront | None = None
         self.front_moved, self.valley_margin = 0.0, np.inf
         self.rng = np.random.default_rng(settings.seed)
         self.table = RunTable(box.names)
@@ -131,6 +138,12 @@ class StagedRuns:
         forward = replace(self.prepared.forward, paths=(path,))
         self.prepared = replace(self.prepared, forward=forward)
         self._coarse = []
+
+    def follow(self, front: MovedFront) -> None:
+        """Run everything under a moved path from now on, and take the change off by its patterns."""
+        self.front = front
+        self.move_front(front.path, front.moved)
+        self.know_front_noise(front.modes.patterns, front.offset)
 
     def front_deviations(self, n: int) -> FloatArray:
         """Jerks of `n` paths of the front face drawn from its noise, less that of the path, [n, n_spans].

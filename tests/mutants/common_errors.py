@@ -4,6 +4,7 @@ from tests.mutants.fault import Fault
 
 SLOW = ("tests/unit/inverse/test_common_errors.py",)
 PATH = ("tests/unit/inverse/test_likely_path.py",)
+REFINED_PATH = ("tests/unit/inverse/test_refined_path.py",)
 
 FAULTS = (
     Fault(
@@ -138,5 +139,33 @@ FAULTS = (
         right="flyer=(rows > 0) & (rows <= n)",
         wrong="flyer=(rows > 0) & (rows <= moved)",
         tests=("tests/unit/inverse/test_replicates.py",),
+    ),
+    Fault(
+        name="a path moved by the amplitudes of the opposite residual",
+        file="kolsky/inverse/refined_path.py",
+        right="weighed.data - last.vector",
+        wrong="last.vector - weighed.data",
+        tests=REFINED_PATH,
+    ),
+    Fault(
+        name="a path that is moved on though its amplitudes stay",
+        file="kolsky/inverse/refined_path.py",
+        right="size(amplitudes - front.amplitudes) <= SAME",
+        wrong="size(amplitudes) <= SAME",
+        tests=REFINED_PATH,
+    ),
+    Fault(
+        name="a path found again before the search has come to rest",
+        file="kolsky/inverse/refined_path.py",
+        right="if front is None or not last.confirmed:",
+        wrong="if front is None:",
+        tests=REFINED_PATH,
+    ),
+    Fault(
+        name="a moved path's change taken off once for each replicate",
+        file="kolsky/inverse/likely_path.py",
+        right="return np.asarray(self.amplitudes @ self.modes.patterns)",
+        wrong="return np.asarray(self.amplitudes.sum() * self.modes.patterns.sum(axis=0))",
+        tests=REFINED_PATH,
     ),
 )
