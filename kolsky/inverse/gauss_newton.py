@@ -24,7 +24,7 @@ from kolsky.inverse.coarse_search import CoarseOptimum, surrogate_kind
 from kolsky.inverse.linear_step import linear_step
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
-from kolsky.inverse.optimum import CorrectedSurrogate
+from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.refined_descent import descend, differences, neighbours
 from kolsky.inverse.refined_path import follow_on_refined
@@ -202,11 +202,11 @@ def _with_surrogate(
     surrogate = surrogate_kind(box, smooth=True).fit(
         box, runs.points, objective.vectors(runs.prediction), scale=objective.noise
     )
-    model = CorrectedSurrogate(surrogate).through(last.x, last.vector[kept])
-    plain = CorrectedSurrogate(surrogate)
     weighed = objective.with_discrepancy(last.vector[kept])
-    x = last.x
-    slope = slope[kept]
+    x, slope, plain = last.x, slope[kept], CorrectedSurrogate(surrogate)
+    # The answer and its interval rest on these slopes, which may be the refined mesh's own.
+    steeper = slope - jacobian(plain.predict, box, x)
+    model = replace(plain.through(x, last.vector[kept]), slope=steeper)
     on_coarse = coarse.x + linear_step(weighed, slope, centre[kept], coarse.x)
     on_refined = x + linear_step(weighed, slope, last.vector[kept], x)
     return CoarseOptimum(box, surrogate, weighed, x), RefinedOptimum(

@@ -132,6 +132,13 @@ FAULTS = (
         tests=BUDGET,
     ),
     Fault(
+        name="a re-fit whose outline has no slow error, as the whole search's has",
+        file="kolsky/studies/budget/refit.py",
+        right="prior=stages.prior, slowly=True)",
+        wrong="prior=stages.prior)",
+        tests=("tests/validation/test_virtual_shots.py",),
+    ),
+    Fault(
         name="a phase of the ringing by the square of its period",
         file="kolsky/studies/budget/refit.py",
         right="np.log(m) - np.log(1.0 - 2.0 * nu)",

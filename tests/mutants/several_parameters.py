@@ -272,6 +272,13 @@ FAULTS = (
         tests=DESCENT,
     ),
     Fault(
+        name="routes and profiles with the slopes of the coarser mesh",
+        file="kolsky/inverse/gauss_newton.py",
+        right="through(x, last.vector[kept]), slope=steeper)",
+        wrong="through(x, last.vector[kept]), slope=0.0 * steeper)",
+        tests=DESCENT,
+    ),
+    Fault(
         name="own slopes from points twice as far apart",
         file="kolsky/inverse/refined_descent.py",
         right="vectors[:d] - vectors[d:]) / (up - down)",

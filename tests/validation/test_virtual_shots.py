@@ -65,7 +65,8 @@ def test_realisations_of_a_budget() -> None:
     later = replace(realise, start={"stiffness_factor": float(whole)})
     again, both = later(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
     assert again.outcome == "re-fitted"
-    assert again.results[0] == pytest.approx(whole, rel=5e-3)  # another surrogate, none at all
+    # The same weights, but slopes of the refined mesh; 2e-3 are less than one standard deviation, 0.0023.
+    assert again.results[0] == pytest.approx(whole, rel=2e-3)
     assert np.isnan(again.results[1])
     assert both.outcome == "same valley"
     assert both.results.tolist() == [again.results[0], whole]

@@ -102,7 +102,9 @@ def whole_search(shot: Shot, settings: Settings) -> Estimate:
 
 
 def refit(shot: Shot, settings: Settings, start: Mapping[str, float]) -> Estimate:
-    """The optimum next to a start, on the refined mesh.
+    """The optimum next to a start, on the refined mesh, with the weights of `whole_search`.
+
+    The path of the flyer stays as fitted to its record, as with `settings.replicates` of 0.
 
     Parameters
     ----------
@@ -154,9 +156,8 @@ def _downhill(stages: StagedRuns, box: Box, x: FloatArray) -> tuple[FloatArray, 
         _, rows, prediction = stages.run("check", np.vstack([x, up, down]), refined_numerics(stages))
         if prediction is None or len(rows) < 2 * len(x) + 1:
             raise ValueError("the re-fit needs every run beside its point to complete")
-        objective = Objective(
-            stages.observations, np.asarray(prediction.inside.all(axis=0)), prior=stages.prior
-        )
+        inside = np.asarray(prediction.inside.all(axis=0))
+        objective = Objective(stages.observations, inside, prior=stages.prior, slowly=True)
         vectors, d = objective.vectors(prediction), len(x)
         slope = (vectors[1 : d + 1] - vectors[d + 1 :]).T / (up - down).sum(axis=1)
         step = gauss_newton_step(objective, slope, vectors[0], x, box)

@@ -3,7 +3,9 @@
 # ruff: noqa: F841, B007, RUF059 -- these kernels are only read
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,7 +13,7 @@ import warp as wp
 from lane_kernels import MAPPINGS, lanes_of, small_structs
 
 from explicit.precision import PRECISIONS
-from explicit.simd import Mapping, lane_kernel
+from explicit.simd import Mapping, kept_code, lane_kernel
 from explicit.time_loop.grouped_tables import entry_function, four_function
 from explicit.time_loop.lanes import lane_functions
 
@@ -26,14 +28,24 @@ entry, four = entry_function(NUMBERS.real), four_function(NUMBERS)
 one = wp.float64(1.0)
 
 
+@pytest.fixture(autouse=True)
+def nothing_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A kept translation would be found, and not refused, by the next process."""
+    monkeypatch.setattr(kept_code, "kernel_cache", lambda: tmp_path)
+    yield
+    assert not list(tmp_path.rglob("*.inc"))
+
+
 def refused(source: Function, message: str, mapping: Mapping = "simulation") -> None:
-    """The source's sample is a lane's own (or its lane, for workers), and it is refused."""
+    """The source's sample is a lane's own (or its lane, for workers), and it is refused every time."""
 
     class TimeLoop:
         func = staticmethod(source)
+        module = SimpleNamespace(hash_module=lambda: source.__name__.encode())
 
-    with pytest.raises(TypeError, match=re.escape(message)):
-        lane_kernel(TimeLoop, STRUCTS, NUMBERS, mapping, lanes_of(NUMBERS))
+    for _ in range(2):
+        with pytest.raises(TypeError, match=re.escape(message)):
+            lane_kernel(TimeLoop, STRUCTS, NUMBERS, mapping, lanes_of(NUMBERS))
 
 
 @wp.func

@@ -104,7 +104,8 @@ def test_profile_agrees_with_curvature_and_answer(found: Identification) -> None
     assert profile.verdict == "identified"
     assert 0.0 < profile.error < profile.level  # so coarse a mesh rings; the slow test has a better one
     method = next(method for method in found.methods if method.name == PROFILE)
-    assert abs(method.distances["stiffness_factor"]) < 0.25
+    # Its slopes at the answer are the answer's: what is left is curvature over a step that was not taken.
+    assert abs(method.distances["stiffness_factor"]) < 0.02
     assert found.ridge is None
     assert found.posterior is None
 
