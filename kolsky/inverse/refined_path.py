@@ -14,8 +14,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.likely_path import credible, likely_amplitudes, size
+from kolsky.inverse.likely_path import credible, likely_amplitudes
 from kolsky.inverse.objective import Objective
+from kolsky.inverse.path_modes import size
 from kolsky.inverse.refined_run import RefinedRun
 from kolsky.inverse.staged_runs import StagedRuns
 

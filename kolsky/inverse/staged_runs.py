@@ -1,11 +1,8 @@
 """The simulations of an identification, stage by stage, every one of them kept in the run table."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +16,11 @@ from kolsky.inverse.idle_core import IdleCore
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Observations, Prediction, predict
 from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.path_modes import MovedFront
 from kolsky.inverse.prepared_shot import PreparedShot
 from kolsky.inverse.prior import Prior
 from kolsky.inverse.run_table import RunTable
 from kolsky.inverse.settings import Settings
-
-if TYPE_CHECKING:
-    from kolsky.inverse.likely_path import MovedFront
 
 Progress = Callable[[str, int, int], None]
 """Called as ``progress(stage, runs done, runs in the stage)``."""

@@ -21,10 +21,11 @@ from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.front_noise import data_change, front_modes, noise_of
-from kolsky.inverse.likely_path import FOLLOWED, MovedFront, PathModes, credible, likely_amplitudes, size
+from kolsky.inverse.likely_path import FOLLOWED, credible, likely_amplitudes
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
 from kolsky.inverse.parameters import MOVED, PARAMETERS
+from kolsky.inverse.path_modes import MovedFront, PathModes, size
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.summits import likeliest
 from kolsky.inverse.valleys import VALLEY, likely_valleys, valley_levels

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from kolsky.inverse.likely_path import MovedFront, PathModes
+from kolsky.inverse.path_modes import MovedFront, PathModes
 from kolsky.inverse.refined_path import MOST_MOVES, SAME, follow_on_refined
 
 PATTERN = np.array([[3.0, 0.0, -4.0]])  # of the surrogate's mesh, in units of the noise: 5 in all
