@@ -13,10 +13,8 @@ from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum
 from kolsky.inverse.observations import Observations, Prediction
 from kolsky.inverse.optimum import CorrectedSurrogate, search
+from kolsky.inverse.path_modes import SMALLEST_MODE
 from kolsky.inverse.staged_runs import Replicates, StagedRuns
-
-SMALLEST_MODE = 0.3
-"""A mode that moves the whole data vector by less, in units of its noise, is left out."""
 
 
 def replicate_uncertainty(moves: FloatArray) -> FloatArray:

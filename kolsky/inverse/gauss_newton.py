@@ -27,6 +27,7 @@ from kolsky.inverse.observations import Prediction
 from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
 from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.refined_descent import descend, differences, neighbours
+from kolsky.inverse.refined_path import follow_on_refined
 from kolsky.inverse.refined_run import RefinedRun, bounds, completed_apart, cost, judged
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.refined_steps import foretold, lengthening
@@ -88,11 +89,26 @@ def search_by_gauss_newton(
     slope, centre, objective = slopes(stages, coarse)
     start = np.clip(foretold(optima, numerics.mesh, stages.settings.refined_mesh), *bounds(stages.box))
     last, other = _on_refined(stages, objective, slope, start, beside, shift=start - coarse.x)
-    if not last.confirmed:
-        last, slope = descend(stages, objective, slope, last)
+    last, slope = _at_rest(stages, objective, slope, last)
+    last, slope = follow_on_refined(stages, objective, slope, last, _found_again)
     for mesh, optimum in optima.items():
         stages.offset(mesh, optimum.x - last.x)
     return *_with_surrogate(stages, last, slope, centre, coarse), other
+
+
+def _at_rest(
+    stages: StagedRuns, objective: Objective, slope: FloatArray, last: RefinedRun
+) -> tuple[RefinedRun, FloatArray]:
+    """The run, or where steps with the refined mesh's own slopes end, and the slopes that judge it."""
+    return (last, slope) if last.confirmed else descend(stages, objective, slope, last)
+
+
+def _found_again(
+    stages: StagedRuns, objective: Objective, slope: FloatArray, start: FloatArray
+) -> tuple[RefinedRun, FloatArray]:
+    """The optimum on the refined mesh from a point near it, and the slopes that judge it."""
+    last, _ = _on_refined(stages, objective, slope, start, None, shift=np.zeros(len(start)))
+    return _at_rest(stages, objective, slope, last)
 
 
 def slopes(stages: StagedRuns, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray, Objective]:

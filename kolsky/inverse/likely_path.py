@@ -12,14 +12,11 @@ parameters, and the patterns have the small rest to explain.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
-from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.front_noise import SMALLEST_MODE
 from kolsky.inverse.objective import Objective
+from kolsky.inverse.path_modes import size
 
 FOLLOWED = 2.0
 """Root mean square of the amplitudes, each standard normal beforehand, up to which the path is left: the
@@ -28,62 +25,6 @@ path is followed, for patterns that ring at one frequency hold it there."""
 CREDIBLE = 4.0
 """The same beyond which the path is left where its record puts it [-]: such a record is not noisy but wrong,
 and no path may hide that."""
-
-
-@dataclass(frozen=True)
-class PathModes:
-    """Independent changes of the path with what each does to the data, a standard deviation a mode."""
-
-    patterns: FloatArray
-    """Changes of bins and all points, shape [q, k]."""
-    shares: FloatArray
-    """Shares of the replicates' deviations in each mode [-], shape [q, n]."""
-    deviations: FloatArray
-    """Of the replicates' jerks from the fitted path [m/s^3], shape [n, n_spans]."""
-
-    @classmethod
-    def of(cls, change: FloatArray, noise: FloatArray, deviations: FloatArray) -> PathModes:
-        """From what the replicates do to the data.
-
-        Parameters
-        ----------
-        change
-            Data under each replicate less those under the path, shape [n, k].
-        noise
-            Standard deviations of the data, shape [k].
-        deviations
-            As above, shape [n, n_spans].
-        """
-        root = np.sqrt(len(change))
-        left, size, right = np.linalg.svd(change / (noise * root), full_matrices=False)
-        kept = size > SMALLEST_MODE
-        return cls(size[kept, None] * right[kept] * noise, left[:, kept].T / root, deviations)
-
-    def as_replicates(self, shares: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        """The modes in place of the replicates that they were made of: fewer runs for the same patterns.
-
-        Parameters
-        ----------
-        shares
-            Of the replicates' deviations in a path that the modes reach, shape [n].
-
-        Returns
-        -------
-        deviations
-            Of q replicates whose mean square is that of the modes [m/s^3], shape [q, n_spans].
-        shares
-            Of them in the same path [-], shape [q].
-        size
-            What they are multiplied by to be a standard deviation each [-].
-        """
-        q = len(self.shares)
-        # Rows of `shares` are orthogonal, of length n^-1/2.
-        amplitudes = len(shares) * (self.shares @ shares)
-        return np.sqrt(q) * (self.shares @ self.deviations), amplitudes / np.sqrt(q), 1.0 / np.sqrt(q)
-
-    def moved(self, fitted: FlyerPath, amplitudes: FloatArray) -> FlyerPath:
-        """The fitted path moved by modes of some amplitudes, shape [q]; its covariance stays."""
-        return replace(fitted, jerk=fitted.jerk + (amplitudes @ self.shares) @ self.deviations)
 
 
 def likely_amplitudes(objective: Objective, residual: FloatArray) -> FloatArray:
@@ -100,11 +41,6 @@ def likely_amplitudes(objective: Objective, residual: FloatArray) -> FloatArray:
         Shape [k].
     """
     return np.asarray(objective.front_noise @ objective.whitening().precision(residual))
-
-
-def size(amplitudes: FloatArray) -> float:
-    """Root mean square of amplitudes [-]; 0 of none."""
-    return float(np.sqrt((amplitudes**2).mean())) if len(amplitudes) else 0.0
 
 
 def credible(amplitudes: FloatArray) -> bool:

@@ -16,6 +16,7 @@ from kolsky.inverse.idle_core import IdleCore
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Observations, Prediction, predict
 from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.path_modes import MovedFront
 from kolsky.inverse.prepared_shot import PreparedShot
 from kolsky.inverse.prior import Prior
 from kolsky.inverse.run_table import RunTable
@@ -81,6 +82,7 @@ class StagedRuns:
         self.idle_core = IdleCore()
         self.offsets: dict[tuple[int, int], FloatArray] = {}
         self.replicates: Replicates | None = None
+        self.front: MovedFront | None = None
         self.front_moved, self.valley_margin = 0.0, np.inf
         self.rng = np.random.default_rng(settings.seed)
         self.table = RunTable(box.names)
@@ -131,6 +133,12 @@ class StagedRuns:
         forward = replace(self.prepared.forward, paths=(path,))
         self.prepared = replace(self.prepared, forward=forward)
         self._coarse = []
+
+    def follow(self, front: MovedFront) -> None:
+        """Run everything under a moved path from now on, and take the change off by its patterns."""
+        self.front = front
+        self.move_front(front.path, front.moved)
+        self.know_front_noise(front.modes.patterns, front.offset)
 
     def front_deviations(self, n: int) -> FloatArray:
         """Jerks of `n` paths of the front face drawn from its noise, less that of the path, [n, n_spans].

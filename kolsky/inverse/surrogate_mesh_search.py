@@ -21,10 +21,11 @@ from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.front_noise import data_change, front_modes, noise_of
-from kolsky.inverse.likely_path import FOLLOWED, PathModes, credible, likely_amplitudes, size
+from kolsky.inverse.likely_path import FOLLOWED, credible, likely_amplitudes
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
 from kolsky.inverse.parameters import MOVED, PARAMETERS
+from kolsky.inverse.path_modes import MovedFront, PathModes, size
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.summits import likeliest
 from kolsky.inverse.valleys import VALLEY, likely_valleys, valley_levels
@@ -212,13 +213,13 @@ def follow_front(
         weighed = weighed.with_discrepancy(vector)
         amplitudes = likely_amplitudes(weighed, weighed.data - vector)
         if not credible(amplitudes):
+            stages.front = None
             stages.move_front(fitted, 0.0)
             stages.know_front_noise(modes.patterns)
             return first
         if shares.any() or size(amplitudes) > followed:
             shares = amplitudes @ modes.shares
-            stages.move_front(modes.moved(fitted, amplitudes), size(amplitudes))
-            stages.know_front_noise(modes.patterns, amplitudes @ modes.patterns)
+            stages.follow(MovedFront(fitted, modes, amplitudes))
         before, weighed = best, replace(objective, observations=stages.observations)
         (best,) = least_squares_on(stages, weighed, numerics, best.x[None], MOST_STEPS)
         if (np.abs(best.x - before.x) <= STILL * best.sigma).all():

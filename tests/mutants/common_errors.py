@@ -4,6 +4,7 @@ from tests.mutants.fault import Fault
 
 SLOW = ("tests/unit/inverse/test_common_errors.py",)
 PATH = ("tests/unit/inverse/test_likely_path.py",)
+REFINED_PATH = ("tests/unit/inverse/test_refined_path.py",)
 
 FAULTS = (
     Fault(
@@ -50,14 +51,14 @@ FAULTS = (
     ),
     Fault(
         name="a path moved the wrong way",
-        file="kolsky/inverse/likely_path.py",
+        file="kolsky/inverse/path_modes.py",
         right="jerk=fitted.jerk + (amplitudes @ self.shares)",
         wrong="jerk=fitted.jerk - (amplitudes @ self.shares)",
         tests=PATH,
     ),
     Fault(
         name="shares of the sum of the replicates, not of their mean square",
-        file="kolsky/inverse/likely_path.py",
+        file="kolsky/inverse/path_modes.py",
         right="left[:, kept].T / root, deviations)",
         wrong="left[:, kept].T, deviations)",
         tests=PATH,
@@ -92,21 +93,21 @@ FAULTS = (
     ),
     Fault(
         name="modes that are run as large as the replicates that stand for them",
-        file="kolsky/inverse/likely_path.py",
+        file="kolsky/inverse/path_modes.py",
         right="amplitudes / np.sqrt(q), 1.0 / np.sqrt(q)",
         wrong="amplitudes / np.sqrt(q), 1.0",
         tests=PATH,
     ),
     Fault(
         name="modes in the place of replicates with the sum of their squares",
-        file="kolsky/inverse/likely_path.py",
+        file="kolsky/inverse/path_modes.py",
         right="return np.sqrt(q) * (self.shares",
         wrong="return (self.shares",
         tests=PATH,
     ),
     Fault(
         name="a path's amplitudes as shares of the replicates",
-        file="kolsky/inverse/likely_path.py",
+        file="kolsky/inverse/path_modes.py",
         right="amplitudes = len(shares) * (self.shares @ shares)",
         wrong="amplitudes = self.shares @ shares",
         tests=PATH,
@@ -138,5 +139,40 @@ FAULTS = (
         right="flyer=(rows > 0) & (rows <= n)",
         wrong="flyer=(rows > 0) & (rows <= moved)",
         tests=("tests/unit/inverse/test_replicates.py",),
+    ),
+    Fault(
+        name="a path moved by the amplitudes of the opposite residual",
+        file="kolsky/inverse/refined_path.py",
+        right="weighed.data - last.vector",
+        wrong="last.vector - weighed.data",
+        tests=REFINED_PATH,
+    ),
+    Fault(
+        name="a path that is moved on though its amplitudes stay",
+        file="kolsky/inverse/refined_path.py",
+        right="size(amplitudes - front.amplitudes) <= SAME",
+        wrong="size(amplitudes) <= SAME",
+        tests=REFINED_PATH,
+    ),
+    Fault(
+        name="a path found again before the search has come to rest",
+        file="kolsky/inverse/refined_path.py",
+        right="if front is None or not last.confirmed:",
+        wrong="if front is None:",
+        tests=REFINED_PATH,
+    ),
+    Fault(
+        name="a moved path's change taken off once for each replicate",
+        file="kolsky/inverse/path_modes.py",
+        right="return np.asarray(self.amplitudes @ self.modes.patterns)",
+        wrong="return np.asarray(self.amplitudes.sum() * self.modes.patterns.sum(axis=0))",
+        tests=REFINED_PATH,
+    ),
+    Fault(
+        name="a moved path whose change is not taken off",
+        file="kolsky/inverse/staged_runs.py",
+        right="self.know_front_noise(front.modes.patterns, front.offset)",
+        wrong="self.know_front_noise(front.modes.patterns)",
+        tests=PATH,
     ),
 )

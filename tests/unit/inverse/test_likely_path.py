@@ -12,11 +12,13 @@ from test_several_parameters import COARSE, NOISE, TIME, TRUTH, MadeUp, ringing
 from doe import Box
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.inverse.coarse_search import CoarseOptimum
-from kolsky.inverse.likely_path import PathModes, credible, likely_amplitudes
+from kolsky.inverse.likely_path import credible, likely_amplitudes
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.optimum import CorrectedSurrogate, search
+from kolsky.inverse.path_modes import PathModes
 from kolsky.inverse.settings import Settings
+from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum, follow_front, search_meshes_for_one
 
 REST = FlyerPath(np.arange(3.0), np.zeros(2), np.eye(2), 0.0, 1.0, 1.0, 10.0, 1.0)
@@ -89,6 +91,8 @@ class Onset(MadeUp):
 
     def move_front(self, path: FlyerPath, moved: float) -> None:
         self.prepared.path, self.front_moved = path, moved
+
+    follow = StagedRuns.follow
 
 
 def off_by(share: float) -> MeshOptimum:

@@ -1,0 +1,101 @@
+"""Modes of the noise of the front face's path: independent changes of it with what each does to the data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kolsky.bars.flyer.path import FlyerPath
+from kolsky.base.arrays import FloatArray
+
+SMALLEST_MODE = 0.3
+"""A mode that moves the whole data vector by less, in units of its noise, is left out."""
+
+
+@dataclass(frozen=True)
+class PathModes:
+    """Independent changes of the path with what each does to the data, a standard deviation a mode."""
+
+    patterns: FloatArray
+    """Changes of bins and all points, shape [q, k]."""
+    shares: FloatArray
+    """Shares of the replicates' deviations in each mode [-], shape [q, n]."""
+    deviations: FloatArray
+    """Of the replicates' jerks from the fitted path [m/s^3], shape [n, n_spans]."""
+
+    @classmethod
+    def of(cls, change: FloatArray, noise: FloatArray, deviations: FloatArray) -> PathModes:
+        """From what the replicates do to the data.
+
+        Parameters
+        ----------
+        change
+            Data under each replicate less those under the path, shape [n, k].
+        noise
+            Standard deviations of the data, shape [k].
+        deviations
+            As above, shape [n, n_spans].
+        """
+        root = np.sqrt(len(change))
+        left, size, right = np.linalg.svd(change / (noise * root), full_matrices=False)
+        kept = size > SMALLEST_MODE
+        return cls(size[kept, None] * right[kept] * noise, left[:, kept].T / root, deviations)
+
+    def as_replicates(self, shares: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """The modes in place of the replicates that they were made of: fewer runs for the same patterns.
+
+        Parameters
+        ----------
+        shares
+            Of the replicates' deviations in a path that the modes reach, shape [n].
+
+        Returns
+        -------
+        deviations
+            Of q replicates whose mean square is that of the modes [m/s^3], shape [q, n_spans].
+        shares
+            Of them in the same path [-], shape [q].
+        size
+            What they are multiplied by to be a standard deviation each [-].
+        """
+        q = len(self.shares)
+        # Rows of `shares` are orthogonal, of length n^-1/2.
+        amplitudes = len(shares) * (self.shares @ shares)
+        return np.sqrt(q) * (self.shares @ self.deviations), amplitudes / np.sqrt(q), 1.0 / np.sqrt(q)
+
+    def moved(self, fitted: FlyerPath, amplitudes: FloatArray) -> FlyerPath:
+        """The fitted path moved by modes of some amplitudes, shape [q]; its covariance stays."""
+        return replace(fitted, jerk=fitted.jerk + (amplitudes @ self.shares) @ self.deviations)
+
+
+@dataclass(frozen=True)
+class MovedFront:
+    """The front face's path that the model is run under: that of the record, moved by modes of its noise."""
+
+    fitted: FlyerPath
+    """As fitted to the record."""
+    modes: PathModes
+    """Of its noise."""
+    amplitudes: FloatArray
+    """Of the modes in the path [-], shape [q]."""
+
+    @property
+    def path(self) -> FlyerPath:
+        """The path."""
+        return self.modes.moved(self.fitted, self.amplitudes)
+
+    @property
+    def moved(self) -> float:
+        """Root mean square of the amplitudes [-]."""
+        return size(self.amplitudes)
+
+    @property
+    def offset(self) -> FloatArray:
+        """The same change in terms of the patterns, which is taken off predictions, shape [k]."""
+        return np.asarray(self.amplitudes @ self.modes.patterns)
+
+
+def size(amplitudes: FloatArray) -> float:
+    """Root mean square of amplitudes [-]; 0 of none."""
+    return float(np.sqrt((amplitudes**2).mean())) if len(amplitudes) else 0.0
