@@ -112,8 +112,8 @@ def test_the_shift_is_that_of_an_identification_with_the_other_window() -> None:
     settings = Settings(
         free={"stiffness_factor": None}, numerics=Numerics(mesh=(16, 22)), refined_mesh=(24, 32), replicates=0
     )
-    # (On 12 x 16 elements, half as fine as the answer's, the ringing that is seen in the shorter window is not
-    # the refined mesh's, and the surrogate's shift is three times what the residuals leave open too small.)
+    # (On 12 x 16 elements, half as fine as the answer's, the ringing in the shorter window is not the refined
+    # mesh's, and the surrogate's shift is too small by three times what the residuals leave open.)
     found = identify(shot, settings)
     told = {(v.key, round(1e6 * v.value)): v for v in found.variations}
     assert [key for key, _ in told] == [WINDOW_END, WINDOW_END, FORCE_BINS, FORCE_BINS]
@@ -124,7 +124,7 @@ def test_the_shift_is_that_of_an_identification_with_the_other_window() -> None:
     m, n = (answer.estimates["stiffness_factor"] for answer in (found, other))
     shift = told[WINDOW_END, round(1e6 * end)].shifts["stiffness_factor"]
     # Another design about another optimum: the two agree within half of what the residuals alone leave open.
-    # Both on the mesh they were searched on. Each answer is then corrected for that mesh's error: how fine the
-    # mesh is is no choice of a window.
+    # Both on the mesh they were searched on. Each answer is then corrected for that mesh's error: how fine
+    # the mesh is is no choice of a window.
     assert shift == pytest.approx(n.on_mesh - m.on_mesh, abs=0.5 * m.noise_parts["force and shape"])
     assert shift > 0.6 * m.noise_parts["force and shape"]  # and there is something to foretell
