@@ -114,8 +114,13 @@ def inf_sup(kind: str, cells: int) -> float:
 
 
 def strip_forces() -> FloatArray:
-    """Forces [N] of the strip of `PEER_FORCES`."""
+    """Forces [N] of the strip of `PEER_FORCES`, its middle plane kept flat as the peer's stays.
+
+    A thin strip between clamps may wrinkle as it is pulled: from the third step on there is an equilibrium
+    beside the flat one, 0.04 to 0.2 % softer, and round-off decides which of them is found.
+    """
     solid = Isotropic(LAWS["neo_hookean"].of([SHEAR]), bulk(SHEAR * 2.0 * 1.45 / (3.0 * 0.1)))
     conditions = (Fixed("left"), Fixed("right", (1, 2)), Prescribed("right", 0, "pull"))
-    model = Model(box((0.1, 0.025, 0.005), (6, 3, 1)), solid, conditions)
+    strip = box((0.1, 0.025, 0.005), (6, 3, 1)).with_set("middle", lambda x: np.isclose(x[:, 2], 0.0025))
+    model = Model(strip, solid, (*conditions, Fixed("middle", (2,))))
     return np.asarray(solve(model, {"pull": 0.025 * np.arange(1, 6)}).reaction("right")[:, 0])
