@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from kolsky.inverse.result import Verdict
+from benchmarks.coverage_counts import ANSWERS, Each
 
 PAIR = ("prony_strength_1", "prony_time_1")
 NAMES = ("stiffness_factor", "poisson", "damping", *PAIR)
@@ -22,11 +22,6 @@ SYMBOLS = {
     "prony_strength_1": "strength",
     "prony_time_1": "time",
 }
-ANSWERS = frozenset(verdict.value for verdict in Verdict if verdict.identified)
-"""Verdicts that give a value as an answer."""
-
-Each = list[dict[str, Any]]
-"""Answers as `benchmarks.joint_coverage.answer` keeps them."""
 
 
 def summary(each: Each) -> dict[str, Any]:
