@@ -205,15 +205,15 @@ class StagedRuns:
         return response, rows, prediction
 
     def evaluate(
-        self, stage: str, points: FloatArray, numerics: Numerics
+        self, stage: str, points: FloatArray, numerics: Numerics, *, shifted: bool = True
     ) -> tuple[NDArray[np.intp], Prediction | None]:
         """Rows of the points whose runs completed, and their predictions, None if there are none.
 
         For a search that asks for many points beside each other: they join neither the table nor the runs
-        on the surrogate's mesh.
+        on the surrogate's mesh. `shifted` points are those at which the mesh resembles the refined one.
         """
         started, report = time.perf_counter(), self._counter(stage, len(points))
-        at = self.solver_values(points, numerics.mesh)
+        at = self.solver_values(points, numerics.mesh) if shifted else points
         values = {name: at[:, i] for i, name in enumerate(self.box.names)}
         response = self.prepared.forward.run({**self.settings.held, **values}, numerics, progress=report)
         self._clock(stage, started)

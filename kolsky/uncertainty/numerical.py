@@ -6,7 +6,7 @@ search of its own on another mesh would weigh the data anew, and what that moves
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,6 +34,37 @@ beta have root mean squares of 1.04, 1.04 and 1.03. With one window for the whol
 0.96 of the distance: what a coarse mesh does early and late was added up with one sign."""
 
 
+GRADING = 5.0
+"""Largest over smallest element of the meshes that tell the refined one's error: the edge of a face that holds
+is a singularity, and small elements there are worth more than smaller ones everywhere."""
+SHARE = 0.625
+"""Elements across the radius of the coarser of those two meshes over those of the finer one [-]."""
+GRADED_ORDER = 2.5
+"""Order of their error."""
+
+
+@dataclass(frozen=True)
+class GradedChange:
+    """Changes of the predicted data vector by meshes whose elements are small where faces end."""
+
+    graded: FloatArray
+    """Data on a graded mesh with as many elements as the refined one minus those on that, shape [k]."""
+    coarser: FloatArray
+    """Data on a coarser graded mesh minus those on the other, shape [k]."""
+    ratio: float
+    """Elements across the radius of the one over those of the other [-], > 1."""
+
+    @property
+    def left(self) -> FloatArray:
+        """Data on the finer graded mesh minus those on an infinitely fine one, by Richardson, shape [k]."""
+        return self.coarser / (self.ratio**GRADED_ORDER - 1.0)
+
+    @property
+    def error(self) -> FloatArray:
+        """Data on the refined mesh minus those on an infinitely fine one, shape [k]."""
+        return self.left - self.graded
+
+
 @dataclass(frozen=True)
 class MeshChange:
     """Changes of the predicted data vector at the answer by a coarser mesh and by the other element."""
@@ -47,6 +78,8 @@ class MeshChange:
     """Elements across the radius of the refined mesh over those of the surrogate's [-], > 1."""
     windows: IntArray | None = None
     """Window of each entry, see `windows_of`, shape [k]; None for one window."""
+    graded: GradedChange | None = None
+    """By graded meshes; None where they were not run."""
 
     def __post_init__(self) -> None:
         if not self.ratio > 1.0:
@@ -67,6 +100,8 @@ class MeshChange:
 
     def correction(self, gain: FloatArray) -> FloatArray:
         """Optimum on an infinitely fine mesh minus that on the refined one, by Richardson, shape [d]."""
+        if self.graded is not None:
+            return np.asarray(gain @ self.graded.error)
         return self.shift(gain) / (self.ratio**ORDER - 1.0)
 
     def sigma(self, gain: FloatArray) -> FloatArray:
@@ -118,17 +153,38 @@ def mesh_change(stages: StagedRuns, fine: RefinedOptimum) -> MeshChange:
     # slopes, which are right there; a run that is out of step with the data has other ones.
     offset = stages.offsets.get(numerics.mesh, np.zeros(len(fine.x)))
     # Where a surface slides the model is the quadratic, which does not follow the jumps of single runs.
+    model = fine.model(fine.x)[0]
     return MeshChange(
-        coarser=np.nan_to_num(coarse - fine.model(fine.x)[0]) - fine.jacobian @ offset,
+        graded=_graded(stages, fine, model),
+        coarser=np.nan_to_num(coarse - model) - fine.jacobian @ offset,
         element=None if element is None else np.nan_to_num(element - coarse),
         ratio=stages.settings.refined_mesh[0] / numerics.mesh[0],
         windows=windows_of(fine.objective.times),
     )
 
 
-def _vector(stages: StagedRuns, fine: RefinedOptimum, numerics: Numerics) -> FloatArray | None:
+def _graded(stages: StagedRuns, fine: RefinedOptimum, model: FloatArray) -> GradedChange | None:
+    """The answer on two graded meshes; None where a surface slides, whose single runs jump, or one is lost."""
+    if fine.roughness is not None or stages.settings.numerics.compressible is not None:
+        return None
+    refined = stages.settings.refined_mesh
+    coarser = round(SHARE * refined[0]), round(SHARE * refined[1])
+    numerics = replace(stages.settings.numerics, grading=GRADING)
+    seen = [_vector(stages, fine, numerics.with_mesh(mesh), shifted=False) for mesh in (coarser, refined)]
+    if seen[0] is None or seen[1] is None:
+        return None
+    return GradedChange(
+        graded=np.nan_to_num(seen[1] - model),
+        coarser=np.nan_to_num(seen[0] - seen[1]),
+        ratio=refined[0] / coarser[0],
+    )
+
+
+def _vector(
+    stages: StagedRuns, fine: RefinedOptimum, numerics: Numerics, *, shifted: bool = True
+) -> FloatArray | None:
     """The predicted data vector at the answer with some numerics; None if the run is lost."""
-    _, prediction = stages.evaluate("check", fine.x[None], numerics)
+    _, prediction = stages.evaluate("check", fine.x[None], numerics, shifted=shifted)
     return None if prediction is None else fine.objective.vectors(prediction)[0]
 
 
