@@ -60,9 +60,21 @@ class PathModes:
             What they are multiplied by to be a standard deviation each [-].
         """
         q = len(self.shares)
+        own = self.amplitudes(shares) / np.sqrt(q)
+        return np.sqrt(q) * (self.shares @ self.deviations), own, 1.0 / np.sqrt(q)
+
+    def amplitudes(self, shares: FloatArray) -> FloatArray:
+        """Amplitudes of the modes in a path that has some shares of the replicates' deviations, shape [q].
+
+        What of it no mode reaches is left out.
+
+        Parameters
+        ----------
+        shares
+            Shape [n].
+        """
         # Rows of `shares` are orthogonal, of length n^-1/2.
-        amplitudes = len(shares) * (self.shares @ shares)
-        return np.sqrt(q) * (self.shares @ self.deviations), amplitudes / np.sqrt(q), 1.0 / np.sqrt(q)
+        return np.asarray(len(shares) * (self.shares @ shares))
 
     def moved(self, fitted: FlyerPath, amplitudes: FloatArray) -> FlyerPath:
         """The fitted path moved by modes of some amplitudes, shape [q]; its covariance stays."""

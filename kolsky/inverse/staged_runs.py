@@ -271,7 +271,7 @@ class StagedRuns:
         return self.replicates
 
     def under_other_motions(
-        self, points: FloatArray, deviations: FloatArray, numerics: Numerics
+        self, points: FloatArray, deviations: FloatArray, numerics: Numerics, *, shifted: bool = True
     ) -> list[Prediction | None]:
         """Run each point under the path of the front face, row 0, and under others.
 
@@ -284,15 +284,15 @@ class StagedRuns:
         deviations
             Jerks of the other paths less that of the path [m/s^3], shape [n, n_spans], see
             `front_deviations`.
-        numerics
-            Of the runs.
+        numerics, shifted
+            Of the runs, and whether the mesh is run at the points at which it resembles the refined one.
         """
         path, n = self.prepared.path, len(deviations)
         others = [replace(path, jerk=path.jerk + change) for change in deviations]
         forward = replace(self.prepared.forward, paths=(path, *others))
         motion = np.tile(np.arange(n + 1), len(points))
         started, report = time.perf_counter(), self._counter("noise", len(motion))
-        at = np.repeat(self.solver_values(points, numerics.mesh), n + 1, axis=0)
+        at = np.repeat(self.solver_values(points, numerics.mesh) if shifted else points, n + 1, axis=0)
         values = {name: at[:, i] for i, name in enumerate(self.box.names)}
         response = forward.run({**self.settings.held, **values}, numerics, motion=motion, progress=report)
         self._clock("noise", started)

@@ -6,12 +6,13 @@ search of its own on another mesh would weigh the data anew, and what that moves
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.inverse.forward import Numerics
+from kolsky.inverse.graded_mesh import coarser_graded, graded
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.staged_runs import StagedRuns
 
@@ -34,11 +35,6 @@ beta have root mean squares of 1.04, 1.04 and 1.03. With one window for the whol
 0.96 of the distance: what a coarse mesh does early and late was added up with one sign."""
 
 
-GRADING = 5.0
-"""Largest over smallest element of the meshes that tell the refined one's error: the edge of a face that holds
-is a singularity, and small elements there are worth more than smaller ones everywhere."""
-SHARE = 0.625
-"""Elements across the radius of the coarser of those two meshes over those of the finer one [-]."""
 GRADED_ORDER = 2.5
 """Order of their error."""
 
@@ -164,19 +160,17 @@ def mesh_change(stages: StagedRuns, fine: RefinedOptimum) -> MeshChange:
 
 
 def _graded(stages: StagedRuns, fine: RefinedOptimum, model: FloatArray) -> GradedChange | None:
-    """The answer on two graded meshes; None where a surface slides, whose single runs jump, or one is lost."""
+    """The answer on two graded meshes; None where one is lost, or a surface slides: single runs jump there."""
     if fine.roughness is not None or stages.settings.numerics.compressible is not None:
         return None
-    refined = stages.settings.refined_mesh
-    coarser = round(SHARE * refined[0]), round(SHARE * refined[1])
-    numerics = replace(stages.settings.numerics, grading=GRADING)
-    seen = [_vector(stages, fine, numerics.with_mesh(mesh), shifted=False) for mesh in (coarser, refined)]
-    if seen[0] is None or seen[1] is None:
+    few, many = coarser_graded(stages.settings), graded(stages.settings)
+    coarse, same = (_vector(stages, fine, numerics, shifted=False) for numerics in (few, many))
+    if coarse is None or same is None:
         return None
     return GradedChange(
-        graded=np.nan_to_num(seen[1] - model),
-        coarser=np.nan_to_num(seen[0] - seen[1]),
-        ratio=refined[0] / coarser[0],
+        graded=np.nan_to_num(same - model),
+        coarser=np.nan_to_num(coarse - same),
+        ratio=many.mesh[0] / few.mesh[0],
     )
 
 
