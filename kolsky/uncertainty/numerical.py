@@ -160,7 +160,7 @@ def mesh_change(stages: StagedRuns, fine: RefinedOptimum) -> MeshChange:
 
 
 def _graded(stages: StagedRuns, fine: RefinedOptimum, model: FloatArray) -> GradedChange | None:
-    """The answer on two graded meshes; None where one is lost, or a surface slides: single runs jump there."""
+    """The answer on two graded meshes; None where one is lost or a surface slides: single runs jump."""
     if fine.roughness is not None or stages.settings.numerics.compressible is not None:
         return None
     few, many = coarser_graded(stages.settings), graded(stages.settings)
