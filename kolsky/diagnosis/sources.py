@@ -38,7 +38,8 @@ def residual_sources(sources: Sources) -> dict[str, FloatArray]:
 
 def mesh_changes(mesh: MeshChange) -> FloatArray:
     """Remaining errors of the refined mesh's data vector, those of mesh and element in quadrature, [n, k]."""
-    rows = [mesh.coarser / (mesh.ratio**ORDER - 1.0)]
+    coarser = mesh.coarser / (mesh.ratio**ORDER - 1.0)
+    rows = [coarser if mesh.graded is None else mesh.graded.error]
     if mesh.element is not None:
         rows.append(mesh.element / (BETWEEN * mesh.ratio**ELEMENT_ORDER))
     return in_quadrature(rows)

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.settings import Settings
 
 GRADING = 5.0
 """Largest over smallest element."""
@@ -19,12 +18,12 @@ SHARE = 0.625
 """Elements across the radius of the coarser graded mesh over those of the finer one [-]."""
 
 
-def graded(settings: Settings) -> Numerics:
+def graded(numerics: Numerics, refined: tuple[int, int]) -> Numerics:
     """As many elements as the refined mesh has, graded."""
-    return replace(settings.numerics, mesh=settings.refined_mesh, grading=GRADING)
+    return replace(numerics, mesh=refined, grading=GRADING)
 
 
-def coarser_graded(settings: Settings) -> Numerics:
+def coarser_graded(numerics: Numerics, refined: tuple[int, int]) -> Numerics:
     """A graded mesh of a quarter of that one's cost, whose ringing is as good as the refined mesh's."""
-    across, along = settings.refined_mesh
-    return graded(settings).with_mesh((round(SHARE * across), round(SHARE * along)))
+    across, along = refined
+    return graded(numerics, (round(SHARE * across), round(SHARE * along)))

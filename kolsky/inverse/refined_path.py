@@ -85,7 +85,7 @@ def patterns_anew(stages: StagedRuns, front: MovedFront, point: FloatArray) -> M
         Where the patterns are made, on the coarser graded mesh, shape [d].
     """
     deviations, shares, one = front.modes.as_replicates(front.amplitudes @ front.modes.shares)
-    numerics = coarser_graded(stages.settings)
+    numerics = coarser_graded(stages.settings.numerics, stages.settings.refined_mesh)
     runs = stages.under_other_motions(point[None], one * deviations, numerics, shifted=False)[0]
     if runs is None or len(runs.force_bins) <= len(deviations):
         return None

@@ -9,11 +9,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray, IntArray
+from kolsky.inverse.graded_mesh import coarser_graded, graded
+from kolsky.inverse.parameters import any_slides
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
 from kolsky.joint.weights import Stack
-from kolsky.uncertainty.numerical import ELEMENT_ORDER, ORDER, WINDOWS, MeshChange, windows_of
+from kolsky.uncertainty.numerical import (
+    ELEMENT_ORDER,
+    WINDOWS,
+    GradedChange,
+    MeshChange,
+    windows_of,
+)
 
 
 def mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
@@ -31,11 +40,26 @@ def mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
     other = numerics.with_other_element()
     element = problem.predict("check", found.x[None], other)[0]
     return MeshChange(
+        graded=_graded(problem, found),
         coarser=coarse - found.vector,
         element=None if np.isnan(element).any() else element - coarse,
         ratio=problem.settings.refined_mesh[0] / numerics.mesh[0],
         windows=_windows(problem.stack),
     )
+
+
+def _graded(problem: JointProblem, found: Optimum) -> GradedChange | None:
+    """The data at an optimum on two graded meshes; None where a surface slides, or a run is lost."""
+    faces = problem.first.shot.interface
+    laws = [contact_law(faces.faces), contact_law(faces.side)]
+    slides = any_slides([*problem.unknowns.bounds, *problem.runs.held])
+    if slides or any(law.needs_friction for law in laws) or problem.mesh.compressible is not None:
+        return None
+    few, many = (mesh(problem.mesh, problem.settings.refined_mesh) for mesh in (coarser_graded, graded))
+    coarse, same = (problem.predict("check", found.x[None], numerics)[0] for numerics in (few, many))
+    if np.isnan(coarse).any() or np.isnan(same).any():
+        return None
+    return GradedChange(same - found.vector, coarse - same, many.mesh[0] / few.mesh[0])
 
 
 def _windows(stack: Stack) -> IntArray:
@@ -49,8 +73,8 @@ def _windows(stack: Stack) -> IntArray:
 def mesh_patterns(stack: Stack, change: MeshChange) -> FloatArray:
     """Error of the refined mesh as patterns of each shot: by Richardson and by the element, shape [n, k].
 
-    Rows of one standard deviation: what is extrapolated, Δ / (q^3.2 - 1) with the change Δ between meshes of
-    the ratio q, may be missing altogether or be there twice; the two elements come together as q^-1.5.
+    Rows of one standard deviation: what is extrapolated may be missing altogether or be there twice; the two
+    elements come together as q^-1.5 with the ratio q of the meshes.
 
     Parameters
     ----------
@@ -59,7 +83,7 @@ def mesh_patterns(stack: Stack, change: MeshChange) -> FloatArray:
     change
         Changes of the data vector.
     """
-    rows = [change.coarser / (change.ratio**ORDER - 1.0)]
+    rows = [change.error]
     if change.element is not None:
         rows.append(change.element / change.ratio**ELEMENT_ORDER)
     return np.array([stack.of_shot(k, row) for row in rows for k in range(len(stack.shots))])

@@ -143,8 +143,8 @@ FAULTS = (
     Fault(
         name="a path moved by the amplitudes of the opposite residual",
         file="kolsky/inverse/refined_path.py",
-        right="weighed.data - last.vector",
-        wrong="last.vector - weighed.data",
+        right="weighed.data - vector)",
+        wrong="vector - weighed.data)",
         tests=REFINED_PATH,
     ),
     Fault(
@@ -155,10 +155,31 @@ FAULTS = (
         tests=REFINED_PATH,
     ),
     Fault(
+        name="a vector that keeps what the old patterns took off",
+        file="kolsky/inverse/refined_path.py",
+        right="(before.offset - front.offset)[",
+        wrong="(front.offset - before.offset)[",
+        tests=REFINED_PATH,
+    ),
+    Fault(
+        name="new patterns a replicate's share too large",
+        file="kolsky/inverse/refined_path.py",
+        right="PathModes.of(data_change(runs)[1:] / one,",
+        wrong="PathModes.of(data_change(runs)[1:],",
+        tests=REFINED_PATH,
+    ),
+    Fault(
+        name="a path's amplitudes lost with its old modes",
+        file="kolsky/inverse/refined_path.py",
+        right="modes.amplitudes(shares))",
+        wrong="0.0 * modes.amplitudes(shares))",
+        tests=REFINED_PATH,
+    ),
+    Fault(
         name="a path found again before the search has come to rest",
         file="kolsky/inverse/refined_path.py",
-        right="if front is None or not last.confirmed:",
-        wrong="if front is None:",
+        right="if before is None or not last.confirmed:",
+        wrong="if before is None:",
         tests=REFINED_PATH,
     ),
     Fault(

@@ -1,68 +1,123 @@
 """The path that the refined mesh's residual asks for, against the recursion of a linear response."""
 
-from dataclasses import dataclass, field, replace
+from __future__ import annotations
+
+from dataclasses import dataclass, field
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from kolsky.inverse.forward import Numerics
 from kolsky.inverse.path_modes import MovedFront, PathModes
-from kolsky.inverse.refined_path import MOST_MOVES, SAME, follow_on_refined
+from kolsky.inverse.refined_path import MOST_MOVES, SAME, follow_on_refined, patterns_anew
 
 PATTERN = np.array([[3.0, 0.0, -4.0]])  # of the surrogate's mesh, in units of the noise: 5 in all
-SHARE = 25.0 / 26.0  # what a standard normal amplitude keeps of an estimate with a noise of 1/5
+SETTINGS = SimpleNamespace(numerics=Numerics(), refined_mesh=(64, 86))
+POINT = SimpleNamespace(sigma=np.ones(1))
 
 
-@dataclass
-class Mesh:
-    """A refined mesh whose patterns are `ratio` times those of the surrogate's."""
-
-    ratio: float
-    true: float
-    front: MovedFront
-    searches: list[float] = field(default_factory=list)
-    observations: object = None
-
-    def follow(self, front: MovedFront) -> None:
-        self.front = front
-
-    def run(self, confirmed: bool = True) -> SimpleNamespace:
-        """What the model gives under the moved path, the surrogate's patterns taken off."""
-        (a,) = self.front.amplitudes
-        vector = (self.ratio - 1.0) * a * PATTERN[0]
-        data = self.ratio * self.true * PATTERN[0]
-        covariance = np.eye(3) + PATTERN.T @ PATTERN
-        weighing = SimpleNamespace(precision=lambda residual: np.linalg.solve(covariance, residual))
-        objective = SimpleNamespace(front_noise=PATTERN, data=data, whitening=lambda: weighing)
-        return SimpleNamespace(
-            step=SimpleNamespace(objective=objective), vector=vector, x=np.zeros(1), confirmed=confirmed
-        )
-
-    def search(self, stages: "Mesh", objective: object, slope: np.ndarray, x: np.ndarray):
-        self.searches.append(float(self.front.amplitudes[0]))
-        return self.run(), slope + 1.0
+@dataclass(frozen=True)
+class Path:
+    jerk: np.ndarray
 
 
 @dataclass(frozen=True)
 class Seen:
-    observations: object = None
+    front_noise: np.ndarray = field(default_factory=lambda: PATTERN)
+    front_offset: np.ndarray | None = None
+    force_sigma: np.ndarray = field(default_factory=lambda: np.ones(2))
+    centre_line: Any = field(default_factory=lambda: POINT)
 
 
-def mesh(*, ratio: float, true: float, begun: float) -> Mesh:
+@dataclass(frozen=True)
+class Weighed:
+    """An objective without discrepancies, its noise 1."""
+
+    data: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    observations: Seen = field(default_factory=Seen)
+    kept = np.array([True, True, True])
+
+    @property
+    def front_noise(self) -> np.ndarray:
+        return self.observations.front_noise
+
+    def with_discrepancy(self, vector: np.ndarray) -> Weighed:
+        return self
+
+    def whitening(self) -> Any:
+        covariance = np.eye(3) + self.front_noise.T @ self.front_noise
+        return SimpleNamespace(precision=lambda residual: np.linalg.solve(covariance, residual))
+
+
+@dataclass
+class Mesh:
+    """A refined mesh whose patterns are `ratio` times those of the surrogate's, those of the graded mesh
+    `graded` times; the path that made the data is `true` standard deviations off."""
+
+    ratio: float
+    true: float
+    graded: float
+    front: MovedFront | None
+    lost: bool = False
+    searches: list[float] = field(default_factory=list)
+    observations: Seen = field(default_factory=Seen)
+    settings: Any = field(default_factory=lambda: SETTINGS)
+
+    @property
+    def path(self) -> float:
+        """How far the path is moved, in standard deviations."""
+        assert self.front is not None
+        return float(self.front.path.jerk[0])
+
+    def follow(self, front: MovedFront) -> None:
+        self.front = front
+        self.observations = Seen(front.modes.patterns, front.offset)
+
+    def under_other_motions(
+        self, points: np.ndarray, deviations: np.ndarray, numerics: Numerics, *, shifted: bool
+    ) -> list[Any]:
+        assert (numerics.mesh, numerics.grading, shifted) == ((40, 54), 5.0, False)
+        changes = self.graded * deviations[:, :1] * PATTERN
+        rows = np.concatenate([np.zeros((1, 3)), changes])[: 1 if self.lost else None] + 7.0
+        return [SimpleNamespace(force_bins=rows[:, :2], Z=rows[:, 2:])]
+
+    def run(self, confirmed: bool = True) -> Any:
+        """What the model gives under the moved path, less what the path's patterns say of it."""
+        offset = 0.0 if self.front is None else self.front.offset
+        moved = 0.0 if self.front is None else self.ratio * self.path
+        weighed = Weighed(self.ratio * self.true * PATTERN[0], self.observations)
+        return SimpleNamespace(
+            step=SimpleNamespace(objective=weighed),
+            vector=moved * PATTERN[0] - offset,
+            x=np.zeros(1),
+            confirmed=confirmed,
+        )
+
+    def search(self, stages: Mesh, objective: Any, slope: np.ndarray, x: np.ndarray) -> Any:
+        assert objective.observations is self.observations
+        self.searches.append(self.path)
+        return self.run(), slope + 1.0
+
+
+def mesh(*, ratio: float, true: float, begun: float, graded: float = 1.0, lost: bool = False) -> Mesh:
     modes = PathModes(PATTERN, np.ones((1, 1)), np.ones((1, 2)))
-    return Mesh(ratio, true, MovedFront(SimpleNamespace(), modes, np.array([begun])))
+    front = MovedFront(Path(np.zeros(2)), modes, np.array([begun]))  # type: ignore[arg-type]
+    return Mesh(ratio, true, graded, front, lost, observations=Seen(PATTERN, front.offset))
 
 
-def next_amplitude(a: float, *, ratio: float, true: float) -> float:
-    """Most likely amplitude for the residual ratio * true - (ratio - 1) * a, in units of the pattern."""
-    return SHARE * (ratio * true - (ratio - 1.0) * a)
+def next_path(a: float, *, ratio: float, true: float, graded: float = 1.0) -> float:
+    """Most likely path for the residual ratio (true - a) + graded a, in units of the surrogate's pattern:
+    25 graded of a standard normal amplitude's 1 + 25 graded^2."""
+    return 25.0 * graded / (1.0 + 25.0 * graded**2) * (ratio * (true - a) + graded * a)
 
 
 def test_the_path_goes_to_what_the_refined_mesh_asks_for() -> None:
-    stages = mesh(ratio=1.5, true=1.0, begun=2.4)  # where the surrogate's mesh rings too little
-    last, slope = follow_on_refined(stages, Seen(), np.zeros((3, 1)), stages.run(), stages.search)
-    first = next_amplitude(2.4, ratio=1.5, true=1.0)
-    second = next_amplitude(first, ratio=1.5, true=1.0)
+    stages = mesh(ratio=1.5, true=1.0, begun=2.4)  # patterns of the graded mesh that are too small
+    last, slope = follow_on_refined(stages, Weighed(), np.zeros((3, 1)), stages.run(), stages.search)
+    first = next_path(2.4, ratio=1.5, true=1.0)
+    second = next_path(first, ratio=1.5, true=1.0)
     assert stages.searches == pytest.approx([first, second])
     assert abs(second - 1.0) < abs(first - 1.0) < abs(2.4 - 1.0)
     assert len(stages.searches) == MOST_MOVES
@@ -70,22 +125,60 @@ def test_the_path_goes_to_what_the_refined_mesh_asks_for() -> None:
     assert last.vector == pytest.approx(0.5 * second * PATTERN[0])
 
 
-def test_a_path_that_stays_is_not_moved() -> None:
-    stages = mesh(ratio=1.2, true=1.0, begun=1.0)
-    assert abs(next_amplitude(1.0, ratio=1.2, true=1.0) - 1.0) < SAME
-    first = stages.run()
-    assert follow_on_refined(stages, Seen(), np.zeros((3, 1)), first, stages.search)[0] is first
-    assert not stages.searches
+def test_with_patterns_of_the_refined_mesh_one_move_is_all() -> None:
+    stages = mesh(ratio=1.5, true=1.0, begun=2.4, graded=1.5)
+    last, _ = follow_on_refined(stages, Weighed(), np.zeros((3, 1)), stages.run(), stages.search)
+    assert stages.searches == pytest.approx([56.25 / 57.25])  # of an estimate with a noise of 1 / 7.5
+    assert last.vector == pytest.approx(np.zeros(3))  # the patterns say what the path does
+
+
+def test_the_weights_have_the_new_patterns_though_the_path_stays() -> None:
+    stages = mesh(ratio=1.2, true=1.0, begun=1.0, graded=1.2)
+    assert abs(next_path(1.0, ratio=1.2, true=1.0, graded=1.2) - 1.0) < SAME
+    follow_on_refined(stages, Weighed(), np.zeros((3, 1)), stages.run(), stages.search)
+    assert len(stages.searches) == 1
+    assert np.abs(stages.observations.front_noise) == pytest.approx(1.2 * np.abs(PATTERN))
+
+
+def test_where_a_pattern_is_lost_the_surrogates_serve() -> None:
+    stages = mesh(ratio=1.5, true=1.0, begun=2.4, graded=9.0, lost=True)
+    follow_on_refined(stages, Weighed(), np.zeros((3, 1)), stages.run(), stages.search)
+    assert stages.searches[0] == pytest.approx(next_path(2.4, ratio=1.5, true=1.0))
 
 
 @pytest.mark.parametrize("why", ["no moved path", "no rest", "no noise of a record"])
 def test_it_is_left_alone(why: str) -> None:
-    stages = mesh(ratio=1.5, true=6.0 if why == "no noise of a record" else 1.0, begun=2.4)
+    stages = mesh(ratio=1.5, true=9.0 if why == "no noise of a record" else 1.0, begun=2.4)
     first = stages.run(confirmed=why != "no rest")
     if why == "no moved path":
         stages.front = None
-    assert follow_on_refined(stages, Seen(), np.zeros((3, 1)), first, stages.search)[0] is first
+    assert follow_on_refined(stages, Weighed(), np.zeros((3, 1)), first, stages.search)[0] is first
     assert not stages.searches
+
+
+def test_new_patterns_are_of_the_same_path() -> None:
+    """Two modes of three replicates: on a mesh that answers twice as much the path is the same, its patterns
+    are twice as large."""
+    rng = np.random.default_rng(4)
+    change, deviations = rng.normal(size=(3, 3)), rng.normal(size=(3, 5))
+    change[2] = change[0] + change[1]
+    modes = PathModes.of(change, np.ones(3), deviations)
+    assert len(modes.patterns) == 2
+    front = MovedFront(Path(np.arange(5.0)), modes, np.array([0.5, -1.0]))  # type: ignore[arg-type]
+    response = np.linalg.pinv(modes.shares @ deviations) @ modes.patterns
+
+    def under_other_motions(points: Any, jerks: np.ndarray, numerics: Any, *, shifted: bool) -> list[Any]:
+        rows = np.concatenate([np.zeros((1, 3)), 2.0 * jerks @ response])
+        return [SimpleNamespace(force_bins=rows[:, :2], Z=rows[:, 2:])]
+
+    stages = SimpleNamespace(settings=SETTINGS, observations=Seen(), under_other_motions=under_other_motions)
+    again = patterns_anew(stages, front, np.zeros(1))  # type: ignore[arg-type]
+    assert again is not None
+    assert again.path.jerk == pytest.approx(front.path.jerk)
+    assert again.offset == pytest.approx(2.0 * front.offset)
+    assert again.modes.patterns.T @ again.modes.patterns == pytest.approx(
+        4.0 * modes.patterns.T @ modes.patterns
+    )
 
 
 def test_a_moved_path_and_what_is_taken_off_for_it() -> None:
@@ -93,14 +186,9 @@ def test_a_moved_path_and_what_is_taken_off_for_it() -> None:
     rng = np.random.default_rng(4)
     change, deviations = rng.normal(size=(3, 8)), rng.normal(size=(3, 5))
     modes = PathModes.of(change, np.ones(8), deviations)
-    fitted = replace(stub(), jerk=np.arange(5.0))
-    front = MovedFront(fitted, modes, np.array([0.5, -1.0, 2.0]))
+    front = MovedFront(Path(np.arange(5.0)), modes, np.array([0.5, -1.0, 2.0]))  # type: ignore[arg-type]
     shares = front.amplitudes @ modes.shares
     assert front.path.jerk == pytest.approx(np.arange(5.0) + shares @ deviations)
     assert front.offset == pytest.approx(shares @ change)  # modes are combinations of the replicates
     assert front.moved == pytest.approx(np.sqrt(5.25 / 3.0))
-
-
-@dataclass(frozen=True)
-class stub:
-    jerk: np.ndarray | None = None
+    assert modes.amplitudes(shares) == pytest.approx(front.amplitudes)

@@ -1,5 +1,6 @@
 """The numerics' part of an answer in closed form."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -7,7 +8,13 @@ import numpy as np
 import pytest
 
 from kolsky.inverse.forward import Numerics
-from kolsky.uncertainty.numerical import MeshChange, mesh_change, numerical_parts, windows_of
+from kolsky.uncertainty.numerical import (
+    GradedChange,
+    MeshChange,
+    mesh_change,
+    numerical_parts,
+    windows_of,
+)
 
 TRUTH = np.array([1.1, 3.0])
 JACOBIAN = np.array([[2.0, 0.0], [0.0, 1.0], [1.0, -1.0]])
@@ -62,6 +69,37 @@ def test_what_is_left_is_what_a_lower_order_corrects_and_the_distance_of_the_ele
     assert MeshChange(coarser, None, 8 / 3).sigma(gain)[0] == pytest.approx(3.5 * 0.0106 / 22.0724, rel=1e-4)
 
 
+def test_an_error_that_graded_meshes_tell_is_corrected_whole() -> None:
+    """Data J x + e on the refined mesh, J x + g h^2 on graded ones of sizes 1 and 1.6."""
+    e, g = np.array([0.03, -0.05, 0.02]), np.array([0.004, 0.001, -0.006])
+    data = JACOBIAN @ TRUTH
+    refined, graded, coarser = data + e, data + g, data + g * 1.6**2
+    found = MeshChange(
+        np.full(3, 9.0), None, 2.0, graded=GradedChange(graded - refined, coarser - graded, 1.6)
+    )
+    on_fine = TRUTH - GAIN @ (refined - data)
+    np.testing.assert_allclose(found.error, e, rtol=1e-13)
+    np.testing.assert_allclose(on_fine + found.correction(GAIN), TRUTH, rtol=1e-13)  # round-off
+    assert found.graded is not None
+    np.testing.assert_allclose(found.graded.left, g, rtol=1e-13)
+
+
+def test_what_graded_meshes_leave_is_their_own_error_and_a_share_of_the_elements_distance() -> None:
+    gain, windows = np.eye(2), np.array([0, 1])
+    graded = GradedChange(np.array([5.0, 5.0]), np.array([0.0156, 0.0]), 1.6)  # 1.6^2 - 1 = 1.56
+    both = MeshChange(np.zeros(2), np.array([0.0480, 0.0480]), 8 / 3, windows, graded)
+    apart = 0.4 * 0.048 / 4.3546  # (8/3)^1.5 = 4.3546
+    np.testing.assert_allclose(both.sigma(gain), [np.hypot(0.01, apart), apart], rtol=1e-4)
+    np.testing.assert_allclose(
+        MeshChange(np.zeros(2), None, 8 / 3, windows, graded).sigma(gain), [0.016, 0.0], rtol=1e-12
+    )
+    # Windows err to sides of their own: 0.01 and -0.01 are not nothing.
+    wide, opposite = np.ones((1, 2)), replace(graded, coarser=np.array([0.0156, -0.0156]))
+    assert MeshChange(np.zeros(2), None, 2.0, windows, opposite).sigma(wide)[0] == pytest.approx(
+        1.6 * 0.01 * 2.0**0.5
+    )
+
+
 def test_windows_err_to_sides_of_their_own() -> None:
     gain, element = np.ones((1, 4)), np.array([3.0, 1.0, -3.0, -1.0])
 
@@ -99,8 +137,12 @@ def test_roughness_is_a_part_of_its_own() -> None:
 def staged(lost: str = "", **offset: float) -> tuple[Any, Any]:
     """Simulations whose data vectors on the surrogate's mesh are known, and an answer."""
     vectors = {"one_point": np.array([7.0, np.nan]), "fbar": np.array([8.5, 2.0])}
+    graded = {(40, 54): np.array([9.0, 2.5]), (64, 86): np.array([6.5, np.nan])}
 
-    def evaluate(stage: str, points: np.ndarray, numerics: Numerics) -> tuple[Any, Any]:
+    def evaluate(stage: str, points: np.ndarray, numerics: Numerics, *, shifted: bool) -> tuple[Any, Any]:
+        assert shifted == (numerics.grading == 2.0)
+        if numerics.grading == 5.0:
+            return None, None if str(numerics.mesh) == lost else graded[numerics.mesh][None]
         assert numerics.mesh == (24, 32)
         return None, None if numerics.element == lost else vectors[numerics.element][None]
 
@@ -111,6 +153,7 @@ def staged(lost: str = "", **offset: float) -> tuple[Any, Any]:
     )
     fine = SimpleNamespace(
         x=np.array([1.0]),
+        roughness=np.ones(1) if lost == "smoothness" else None,
         jacobian=np.array([[3.0], [0.5]]),
         model=lambda x: np.array([[6.0, 2.0]]),
         objective=SimpleNamespace(vectors=lambda prediction: prediction, times=np.array([0.0, 1.0])),
@@ -127,5 +170,12 @@ def test_changes_are_taken_at_the_answer() -> None:
     assert mesh_change(*staged(lost="fbar")).element is None
     # A mesh that is run 0.2 higher, in step with the data: 0.2 of the slopes (3, 0.5) is taken back.
     np.testing.assert_allclose(mesh_change(*staged(m=0.2)).coarser, [0.4, -0.1], rtol=0, atol=1e-15)
+    graded = found.graded
+    assert graded is not None
+    np.testing.assert_array_equal(graded.graded, [0.5, 0.0])  # 6.5 where the refined mesh has 6
+    np.testing.assert_array_equal(graded.coarser, [2.5, 0.0])
+    assert graded.ratio == 1.6
+    for what in ("(40, 54)", "(64, 86)", "smoothness"):  # of a sliding surface single runs jump
+        assert mesh_change(*staged(lost=what)).graded is None
     with pytest.raises(ValueError, match="24 x 32 elements did not complete"):
         mesh_change(*staged(lost="one_point"))
