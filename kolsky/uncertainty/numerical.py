@@ -115,19 +115,19 @@ class MeshChange:
     def sigma(self, gain: FloatArray) -> FloatArray:
         """Standard uncertainty of the corrected optimum, shape [d]."""
         if self.graded is not None:
-            left = self._in_windows(gain, self.graded.left)
+            left = self.in_windows(gain, self.graded.left)
             if self.element is None:
                 return ALONE * left
-            apart = self._in_windows(gain, self.element) / self.ratio**ELEMENT_ORDER
+            apart = self.in_windows(gain, self.element) / self.ratio**ELEMENT_ORDER
             return np.asarray(np.hypot(left, ELEMENT_SHARE * apart))
         correction = self.correction(gain)
         if self.element is None:
             return np.asarray(UNKNOWN * np.abs(correction))
         missed = self.shift(gain) / (self.ratio**LOW_ORDER - 1.0) - correction
-        apart = self._in_windows(gain, self.element) / self.ratio**ELEMENT_ORDER
+        apart = self.in_windows(gain, self.element) / self.ratio**ELEMENT_ORDER
         return np.asarray(np.hypot(missed, apart))
 
-    def _in_windows(self, gain: FloatArray, change: FloatArray) -> FloatArray:
+    def in_windows(self, gain: FloatArray, change: FloatArray) -> FloatArray:
         """Move of the optimum by a change of the data that has a sign of its own in each window, [d]."""
         windows = np.zeros(len(change), int) if self.windows is None else self.windows
         moved = np.zeros((windows.max(initial=0) + 1, len(gain)))
