@@ -9,7 +9,8 @@ registry of the solver, ``<!-- causes kolsky -->`` the inputs that are tried as 
 ``<!-- wrong NAME -->`` the table of a study of wrong inputs, ``<!-- budget NAME -->`` that of an error
 budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` and ``<!--
 changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->`` shots and their mean,
-``<!-- coverage NAME -->`` a study of coverage, ``<!-- equilibria NAME -->`` times of equilibria,
+``<!-- coverage NAME -->`` a study of coverage, ``<!-- meshed NAME -->`` what the mesh does to answers,
+``<!-- equilibria NAME -->`` times of equilibria,
 ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` what damage and kills have
 done, ``<!-- grown NAME -->`` how work grows and ``<!-- campaigns NAME -->`` how it is shared out:
 benchmarks/results/NAME.json, ``<!-- named inputs -->`` inputs that were once answered wrongly
@@ -273,6 +274,14 @@ def coverage(name: str) -> str:
     return _not_yet(name) if made is None else table(made)
 
 
+def meshed(name: str) -> str:
+    """What the mesh does to answers, as `benchmarks.mesh_errors` prints it."""
+    from benchmarks.mesh_errors import table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else table(made["each"])
+
+
 def planted(name: str) -> str:
     """Planted shots that relax, or do not, as `benchmarks.joint_coverage_counts` prints them."""
     from benchmarks.joint_coverage_counts import table
@@ -354,6 +363,7 @@ TABLES = {
     "changes": changes,
     "pooled": pooled,
     "coverage": coverage,
+    "meshed": meshed,
     "planted": planted,
     "equilibria": equilibria,
     "budget": budget,

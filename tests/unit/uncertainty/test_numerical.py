@@ -88,7 +88,7 @@ def test_what_graded_meshes_leave_is_their_own_error_and_a_share_of_the_elements
     gain, windows = np.eye(2), np.array([0, 1])
     graded = GradedChange(np.array([5.0, 5.0]), np.array([0.0156, 0.0]), 1.6)  # 1.6^2 - 1 = 1.56
     both = MeshChange(np.zeros(2), np.array([0.0480, 0.0480]), 8 / 3, windows, graded)
-    apart = 0.4 * 0.048 / 4.3546  # (8/3)^1.5 = 4.3546
+    apart = 0.5 * 0.048 / 4.3546  # (8/3)^1.5 = 4.3546
     np.testing.assert_allclose(both.sigma(gain), [np.hypot(0.01, apart), apart], rtol=1e-4)
     np.testing.assert_allclose(
         MeshChange(np.zeros(2), None, 8 / 3, windows, graded).sigma(gain), [0.016, 0.0], rtol=1e-12
