@@ -73,7 +73,7 @@ def past_the_ends(
         for camera, track, pixels in zip(rig.cameras, body.tracks, r.pixels, strict=True):
             along, scale = axis_in_picture(camera, frame, position[valid])
             hidden = 0.0 if platen is None else platen * _steepest(camera, frame, side, end)
-            for k in np.flatnonzero(np.isfinite(end)):
+            for k in np.flatnonzero(np.isfinite(end)).tolist():
                 y = position[k, :, 1]
                 with np.errstate(invalid="ignore"):  # no point
                     near = valid[k] & (side * (end[k] - y) < 2.0 * subset / (SLACK * scale) + hidden)
