@@ -4,7 +4,9 @@ Each shot of a population is made, identified unattended as `kolsky identify` do
 truth: answered and right, refused with a reason, or confidently wrong. When all have been tried, what was
 refused is tried again with the cures of `benchmarks.forty_cures.CURES`, which are counted apart. The folder
 keeps the shots and an answer a file, and the table of those that are there: called again, the study goes on
-where it stopped. With `--exports` the outline and the flyer come from tables instead of pictures.
+where it stopped. With `--exports` the outline and the flyer come from tables instead of pictures. With
+`--true-inputs` length, diameter, density and sensitivity are declared as they are, in a folder of its own:
+how much of an error comes from what its laboratory knows a little wrongly.
 
 With `--workers` that many processes share the shots, the cores, and with `--device cuda` the GPUs.
 """
@@ -202,6 +204,9 @@ def main() -> None:
     parser.add_argument("--only", default="", help="numbers and ranges, e.g. 1-8,12")
     parser.add_argument("--seed", type=int, default=None, help="of the population, instead of its own")
     parser.add_argument("--exports", action="store_true", help="tables instead of pictures")
+    parser.add_argument(
+        "--true-inputs", action="store_true", help="declare the inputs that a laboratory measures as they are"
+    )
     parser.add_argument("--no-cures", action="store_true", help="leave refused shots alone")
     parser.add_argument("--mesh", default="24x32")
     parser.add_argument("--refined-mesh", default="64x86")
@@ -225,7 +230,8 @@ def main() -> None:
         truth_mesh=texts.mesh("--truth-mesh", given.truth_mesh) if given.truth_mesh else None,
         device=given.device,
         threads=given.threads or (1 if given.workers > 1 else None),
-        cures=not given.no_cures,
+        cures=not given.no_cures and not given.true_inputs,
+        true_inputs=given.true_inputs,
         cores=shares(available(), given.workers) if given.workers > 1 else (),
     )
     Path(given.out).mkdir(parents=True, exist_ok=True)

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
-from benchmarks.forty_cures import CURES, FINER_MESH
+from benchmarks.forty_cures import CURES, FINER_MESH, true_inputs
 from kolsky.base.errors import InputError
 from kolsky.base.process import WORKER
 from kolsky.identification import identify
@@ -45,6 +45,8 @@ class Study:
     device: str = "cpu"
     threads: int | None = None
     cures: bool = True
+    true_inputs: bool = False
+    """Whether a shot's length, diameter, density and sensitivity are declared as they are."""
     cores: tuple[tuple[int, ...], ...] = ()
     """Cores of each worker; none: all of the machine."""
 
@@ -108,6 +110,9 @@ def one(study: Study, name: str) -> Answer:
     keep_to(study.cores)
     kept = Path(study.out) / f"{name}.json"
     folder = Path(study.out) / "shots" / name
+    if study.true_inputs and not kept.exists():
+        made, folder = folder, Path(study.out) / "true-inputs" / name
+        cured_copy(made, folder, true_inputs)
     answer = Answer.read(kept) if kept.exists() else keep(attempt(study, name, folder), kept)
     if not study.cures or answer.kind != "refused" or answer.end.answered:
         return answer

@@ -1,10 +1,11 @@
 """Points of one body in one camera's series: matched between the cameras, then followed there."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import uniform_filter
 
 from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.bodies.region import Region, grid_points, polygon_mask
@@ -18,6 +19,9 @@ from dic.tracking.rigid import track_rigid
 
 EXACT = 1e-8
 """Variance of a point in the picture it was chosen in [px²]: none but that of its rounding."""
+
+STRIP = 0.75
+"""Share of what a strip holds of a subset that both pictures must show."""
 
 
 @dataclass(frozen=True)
@@ -76,11 +80,39 @@ def match_body(
     if mask is None:
         mask = polygon_mask(region.corners, pictures[0].shape)
     points, cell = grid_points(mask, step, margin=margin)
+    if rigid:
+        stereo = replace(stereo, least_pixels=least_in_strip(mask, points, stereo))
     first, second = (series.frame(material) for series in pictures)
     match = match_stereo(first, second, points, rig, stereo, noise=noise, mask=mask, device=device)
     return MatchedBody(
         pictures, points, cell, mask, material, match, tracking, noise, health, rigid, device, name
     )
+
+
+def least_in_strip(mask: BoolArray, points: FloatArray, settings: Correlation) -> float:
+    """Share of a subset that pictures must show of a body of which a strip is in view.
+
+    A subset that is wider than the strip hangs over it on both sides, and the strip holds little more of it
+    than `Correlation.least_pixels` of its area, if that: nothing would be left for what the other camera does
+    not see.
+
+    Parameters
+    ----------
+    mask
+        Pixels of the body, shape [rows, columns].
+    points
+        Its points (x, y) [px], shape [n, 2].
+    settings
+        The subset, and the share that is asked for of a body that fills it.
+
+    Returns
+    -------
+    float
+        `STRIP` of the largest share of a subset that lies inside the mask, `settings.least_pixels` at most.
+    """
+    held = uniform_filter(mask.astype(np.float64), size=settings.subset, mode="constant")
+    x, y = np.round(points).astype(int).T
+    return min(settings.least_pixels, STRIP * float(held[y, x].max()))
 
 
 def track_body(body: MatchedBody, camera: int, progress: Callable[[int, int], None] | None = None) -> Track:

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from dic.arrays import BoolArray
-from dic.bodies.ends import past_the_ends
 from dic.bodies.follow import TrackedBody
+from dic.bodies.past_ends import past_the_ends
 from dic.chain.inspect_images import Inputs
 from dic.chain.test_frame import RestState
 from dic.outcome import PointOutcome
@@ -58,7 +58,7 @@ def gate_epipolar(inputs: Inputs, body: TrackedBody, rest_state: RestState) -> T
 def gate_ends(
     inputs: Inputs, body: TrackedBody, rest_state: RestState, axial: AxialDisplacement | None
 ) -> TrackedBody:
-    """Remove points whose subset reaches past an end.
+    """Remove points whose subset reaches past an end in either camera, or behind a platen's rim.
 
     The upper end follows from the declared length and the flyer's displacement; without either it is not
     known, and only the lower one judges.
@@ -69,11 +69,12 @@ def gate_ends(
         upper = settings.length - np.interp(t, axial.t, axial.displacement)
     past = past_the_ends(
         body,
-        inputs.rig.cameras[0],
+        inputs.rig,
         rest_state.placement.frame,
         settings.subset,
         settings.direction,
         (np.zeros(t.size), upper),
+        platen=rest_state.platen,
     )
     return _without(body, past, PointOutcome.AT_END)
 

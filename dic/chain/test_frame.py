@@ -31,6 +31,8 @@ class RestState:
     """Static frames in which both cameras saw the specimen."""
     edges: int
     """Cameras in which its end was found."""
+    platen: float | None = None
+    """Radius of the platens, that of the flyer [m]; None: not known."""
 
 
 def fit_test_frame(inputs: Inputs, body: TrackedBody, flyer: TrackedBody | None = None) -> RestState:
@@ -63,8 +65,9 @@ def fit_test_frame(inputs: Inputs, body: TrackedBody, flyer: TrackedBody | None 
                 position[known], covariance[known], overlap=overlap, radius=settings.radius
             )
         means = (_mean_picture(inputs.pictures[0], rest), _mean_picture(inputs.pictures[1], rest))
+        platen = _platen(flyer, cylinder)
         zero, zero_sigma, edges = refined_end(
-            means, rig, cylinder, settings.zero, settings.direction, platen=_platen(flyer, cylinder)
+            means, rig, cylinder, settings.zero, settings.direction, platen=platen
         )
         frame = test_frame(cylinder, rig, toward_flyer=settings.direction, zero=zero, zero_sigma=zero_sigma)
     except ValueError as error:
@@ -77,7 +80,7 @@ def fit_test_frame(inputs: Inputs, body: TrackedBody, flyer: TrackedBody | None 
         chi2_per_dof=cylinder.chi2_per_dof,
         n_points=int(cylinder.used.sum()),
     )
-    return RestState(placement=placement, rest=rest, edges=edges)
+    return RestState(placement=placement, rest=rest, edges=edges, platen=platen)
 
 
 def _platen(flyer: TrackedBody | None, cylinder: Cylinder) -> float | None:

@@ -88,6 +88,9 @@ class CandidateInput:
     """The input at a coordinate."""
     allowance: float = 0.0
     """Standard uncertainty that is granted beside the declared one: what no laboratory can know better."""
+    onset: bool = False
+    """Whether what the flyer's path leaves open of its onset is granted too: where no frame shows it, a force
+    or a flyer that seems late by as much is no wrong clock."""
     declared: str = ""
     """Its key in [uncertainty]; empty if it has none."""
     value: Callable[[float], float] = _plain
@@ -137,7 +140,7 @@ class CandidateInput:
     def sigma(self, stages: StagedRuns) -> float:
         """Declared standard uncertainty in the value's unit, with what is granted; 0 if neither is."""
         declared = stages.prepared.forward.shot.uncertainty.get(self.declared, 0.0)
-        return hypot(declared, self.allowance)
+        return hypot(declared, self.allowance, stages.prepared.path.sigma_onset if self.onset else 0.0)
 
     def within(self, stages: StagedRuns) -> tuple[float, float] | None:
         """Coordinates, the smaller first, within k = 2 of what is declared; None where nothing is."""

@@ -105,6 +105,7 @@ CANDIDATES: tuple[CandidateInput, ...] = (
         step=1e-6,
         typical=3e-6,
         changed=lambda u: Changed(alteration=Alteration(force_lag=u)),
+        onset=True,
         declared="clock_offset",
         force=True,
     ),
@@ -128,6 +129,7 @@ CANDIDATES: tuple[CandidateInput, ...] = (
         step=1e-6,
         typical=2e-6,
         changed=lambda u: Changed(alteration=Alteration(force_lag=-u, outline_lag=-u)),
+        onset=True,
     ),
     CandidateInput(
         key=SCALE,

@@ -119,8 +119,11 @@ def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
 
 
 def _unusual(search: CauseSearch, t: Trial) -> float:
-    """Size of the change over its declared uncertainty, or over what is usual."""
-    scale = t.candidate.sigma(search.stages) or t.candidate.typical
+    """Size of the change over its declared uncertainty, or over what is usual or granted if that is more."""
+    c, declared = t.candidate, search.stages.prepared.forward.shot.uncertainty
+    scale = c.sigma(search.stages)
+    if not declared.get(c.declared, 0.0) > 0.0:
+        scale = max(scale, c.typical)
     start = t.candidate.held(search.stages)
     return abs(t.value - start) / scale if isfinite(start) and isfinite(scale) else float("inf")
 

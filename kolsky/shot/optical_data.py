@@ -154,7 +154,9 @@ def measured(
     result, number = found.result, pictures.frames.frame
     if result.axial_displacement is None or result.axial_displacement.t.size == 0:
         length = pictures.toml.declared.specimen.length
-        problem, cure = why_unknown(result, length, length_sigma_of(pictures.toml))
+        section = pictures.toml.declared.dic
+        assert section is not None  # shots with pictures have it
+        problem, cure = why_unknown(result, length, length_sigma_of(pictures.toml), section.subset)
         draw = f"`kolsky dic {pictures.toml.path.parent} --regions` draws one"
         raise pictures.toml.error("dic.flyer", problem, cure=f"{cure}; {draw}")
     line = result.centre

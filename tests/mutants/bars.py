@@ -9,6 +9,7 @@ BUDGET = ("tests/unit/bars/test_waves_budget.py",)
 REPEATS = ("tests/unit/bars/test_waves_repeats.py",)
 FRONT = ("tests/unit/bars/test_front_path.py::test_noise_and_scale_are_told_apart",)
 UNSEEN = ("tests/unit/bars/test_flyer_unseen.py",)
+SMOOTHNESS = ("tests/unit/bars/test_flyer_smoothness.py",)
 FLYER = "tests/unit/bars/test_flyer.py"
 FLIGHT = "tests/unit/shot/test_flight_report.py"
 CARRIED = "tests/unit/bars/test_carried_uncertainty.py"
@@ -24,7 +25,38 @@ EVENTS = "kolsky/bars/flyer/event_signals.py"
 CLOCKS = "kolsky/bars/flyer/synchronisation.py"
 VALIDITY = "kolsky/bars/reduction/validity.py"
 
+GAP = "kolsky/bars/flyer/unseen.py"
+
 FAULTS = (
+    Fault(
+        "an unseen onset as smooth as the likeliest",
+        "kolsky/bars/flyer/fit.py",
+        "    if free.any():",
+        "    if False:",
+        SMOOTHNESS,
+    ),
+    Fault(
+        "draws of the smoothness all alike",
+        GAP,
+        "+ 0.5 * (normal**2).sum(axis=1)",
+        "- 1e9 * (normal**2).sum(axis=1)",
+        SMOOTHNESS,
+    ),
+    Fault("draws weighed twice as much", GAP, "-0.5 * deviance(one)[0]", "-deviance(one)[0]", SMOOTHNESS),
+    Fault(
+        "means of the draws scatter about nothing",
+        GAP,
+        "covariance + np.outer(mean - jerk, mean - jerk)",
+        "covariance",
+        SMOOTHNESS,
+    ),
+    Fault(
+        "the smoothness of spans before an unseen frame alone",
+        GAP,
+        "hidden[:-1] | hidden[1:]",
+        "hidden[1:]",
+        SMOOTHNESS,
+    ),
     Fault(
         "a missing reflected pulse is not remarked",
         SIGNALS,

@@ -222,6 +222,27 @@ FAULTS = (
         tests=DECLARED,
     ),
     Fault(
+        name="a clock is known better than the flyer's onset",
+        file="kolsky/diagnosis/candidate_input.py",
+        right="stages.prepared.path.sigma_onset if self.onset else 0.0",
+        wrong="0.0",
+        tests=DECLARED,
+    ),
+    Fault(
+        name="the onset as uncertain as the end of the path",
+        file="kolsky/bars/flyer/path.py",
+        right="slice(first, last + 1)",
+        wrong="slice(first, None)",
+        tests=("tests/unit/bars/test_flyer_unseen.py",),
+    ),
+    Fault(
+        name="the onset by the path's least certain displacement alone",
+        file="kolsky/bars/flyer/path.py",
+        right="self.sigma_position(self.knots[while_rising]) / velocity[while_rising]",
+        wrong="self.sigma_position(self.knots[while_rising]) / velocity.max()",
+        tests=("tests/unit/bars/test_flyer_unseen.py",),
+    ),
+    Fault(
         name="an allowance of half a standard uncertainty",
         file="kolsky/diagnosis/cause_search.py",
         right="(span[1] - span[0]) / (2.0 * COVERAGE)",

@@ -3,6 +3,7 @@
 from tests.mutants.fault import Fault
 
 GATES = ("tests/unit/dic/test_dic_gates.py",)
+PAST = ("tests/unit/dic/test_dic_past_ends.py",)
 ARC = "tests/unit/dic/test_dic_rim_arc.py"
 REGIONS = "tests/unit/dic/test_dic_found_regions.py"
 ORDER = ("tests/unit/dic/test_dic_pair_order.py",)
@@ -368,6 +369,48 @@ FAULTS = (
         right="np.sqrt(max(1.0, chi2) / np.sum(w))",
         wrong="np.sqrt(1.0 / np.sum(w))",
         tests=(f"{EDGE}::test_places_are_weighted_and_disagreement_counts",),
+    ),
+    Fault(
+        name="past the ends: no rim stands before an end",
+        file="dic/bodies/past_ends.py",
+        right="before = (b**2 > a * c) & (share < 1.0)",
+        wrong="before = (b**2 > a * c) & (share > 1.0)",
+        tests=PAST,
+    ),
+    Fault(
+        name="past the ends: the rim where the ray leaves it",
+        file="dic/bodies/past_ends.py",
+        right="share = (-b - np.sqrt(",
+        wrong="share = (-b + np.sqrt(",
+        tests=PAST,
+    ),
+    Fault(
+        name="past the ends: camera 0 alone judges",
+        file="dic/bodies/past_ends.py",
+        right="zip(rig.cameras, body.tracks, r.pixels, strict=True)",
+        wrong="zip(rig.cameras[:1], body.tracks[:1], r.pixels[:1], strict=True)",
+        tests=PAST,
+    ),
+    Fault(
+        name="past the ends: subsets do not deform",
+        file="dic/bodies/past_ends.py",
+        right="step + carried(warp, step)[:, :2] - warp[:, :2]",
+        wrong="step",
+        tests=PAST,
+    ),
+    Fault(
+        name="past the ends: points behind the rim are not near an end",
+        file="dic/bodies/past_ends.py",
+        right="platen * _steepest(camera, frame, side, end)",
+        wrong="0.0",
+        tests=PAST,
+    ),
+    Fault(
+        name="strip: as much of a subset as of a body that fills it",
+        file="dic/bodies/matched.py",
+        right="min(settings.least_pixels, STRIP * float(held[y, x].max()))",
+        wrong="settings.least_pixels",
+        tests=GATES,
     ),
     Fault(
         name="end: a camera below its plane sees the specimen's own edge",

@@ -23,6 +23,20 @@ NEW = tuple(
 
 FAULTS = (
     Fault(
+        name="an even subset is proposed",
+        file="kolsky/shot/flyer_refusal.py",
+        right="across - 1 + across % 2",
+        wrong="across",
+        tests=("tests/unit/shot/test_flyer_refusal.py",),
+    ),
+    Fault(
+        name="a subset that fits is made smaller",
+        file="kolsky/shot/flyer_refusal.py",
+        right="    if fitting >= subset:",
+        wrong="    if False:",
+        tests=("tests/unit/shot/test_flyer_refusal.py",),
+    ),
+    Fault(
         name="a sample at full scale is not clipped",
         file="kolsky/shot/force.py",
         right="np.abs(scope.value) >= limit",

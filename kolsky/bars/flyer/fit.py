@@ -8,7 +8,8 @@ marginal likelihood, the noise not below the declared sigma. Where declared sigm
 the noise has two parts: the declared one, scaled, and one that is the same in all frames. Warm air before a
 camera is such a part: a scale alone would take what it adds to the well seen frames for a fault of all, and
 make the frames that show little of the flyer worse by as much. The path is the posterior mean, and its
-covariance the posterior one. The displacement's zero, which the static frames hold, is one more unknown.
+covariance the posterior one; where frames are missing, with what their unknown smoothness adds
+(`kolsky.bars.flyer.unseen`). The displacement's zero, which the static frames hold, is one more unknown.
 
 Why this way. On the known motion of two flyer shots (2.6 and 2.3 m/s within 50 and 60 us, noise 1 um,
 8 noise draws each) the errors of the candidates were, root mean square:
@@ -35,8 +36,16 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import block_diag, cholesky, solve_triangular
 
-from kolsky.bars.flyer.jerks import ZERO_PRIOR, hat_functions, maximum_likelihood, noise_parts, posterior
+from kolsky.bars.flyer.jerks import (
+    ZERO_PRIOR,
+    evidence,
+    hat_functions,
+    maximum_likelihood,
+    noise_parts,
+    posterior,
+)
 from kolsky.bars.flyer.path import FlyerPath, responses
+from kolsky.bars.flyer.unseen import mixed_covariance, unseen_controls, weighted_draws
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import FlyerMotion
 
@@ -109,6 +118,19 @@ def fit_flyer(
     dof = motion.time.size - effective
     u = prior[1:] * unit / frame**3
     spread = u[:, None] * V[1:, 1:] * u
+    free = np.append(np.zeros(log_scales.size, dtype=bool), unseen_controls(hats, t, seen, knots))
+    if free.any():
+
+        def solution(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+            tau = np.exp(hats @ theta[log_scales.size :])
+            mean, own, _ = posterior(whitened(y), whitened(G * np.append(ZERO_PRIOR, tau)))
+            size = tau * unit / frame**3
+            return size * mean[1:], size[:, None] * own[1:, 1:] * size
+
+        data = (y, weight, np.diff(knots) / frame, hats, parts, shared)
+        likeliest = np.concatenate([log_scales, log_tau])
+        draws = weighted_draws(likeliest, free, lambda theta: evidence(theta, *data))
+        spread = mixed_covariance(*draws, u * z[1:], solution)
     if covariance is not None:
         # Of the jerks by the displacements.
         gain = u[:, None] * whitened((V @ seen_by.T)[1:].T, back=True).T / sigma

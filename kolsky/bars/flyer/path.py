@@ -10,6 +10,9 @@ from scipy.interpolate import PPoly
 from kolsky.bars.records import History
 from kolsky.base.arrays import FloatArray
 
+ONSET = (0.5, 0.99)
+"""Shares of the largest velocity between which a motion sets in."""
+
 
 @dataclass(frozen=True)
 class FlyerPath:
@@ -89,6 +92,22 @@ class FlyerPath:
         """Standard uncertainty of the change of `position` between two times [m]."""
         G = responses(self._inside([last]), self.knots, 0) - responses(self._inside([first]), self.knots, 0)
         return float(np.sqrt(max((G @ self.covariance @ G.T).item(), 0.0)))
+
+    @cached_property
+    def sigma_onset(self) -> float:
+        """Standard uncertainty of when the motion sets in [s].
+
+        A displacement that is off by ``sigma_position`` is one of a record that is late by that over the
+        velocity. The largest of these counts, from where the path first has half of its largest velocity to
+        where it first has nearly all of it: what no frame of it shows there, the smoothness fills.
+        """
+        velocity = self.velocity(self.knots)
+        first, last = (int(np.argmax(velocity >= share * velocity.max())) for share in ONSET)
+        while_rising = slice(first, last + 1)
+        if not velocity.max() > 0.0:
+            return 0.0
+        late = self.sigma_position(self.knots[while_rising]) / velocity[while_rising]
+        return float(late.max())
 
     def replicates(self, n: int, rng: np.random.Generator) -> list["FlyerPath"]:
         """Paths drawn from the posterior, to carry the flyer's noise through a calculation.

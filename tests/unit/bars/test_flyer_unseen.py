@@ -5,6 +5,7 @@ import pytest
 
 from kolsky.bars.flyer.fit import _without_gaps, fit_flyer
 from kolsky.bars.flyer.jerks import evidence, hat_functions
+from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.records import FlyerMotion
 from kolsky.shot.flyer_path import fit
 
@@ -106,3 +107,36 @@ def test_the_likelihood_stays_accurate_where_a_gap_leaves_much_unknown():
             for sign in (1.0, -1.0)
         )
         assert (ahead - behind) / (2.0 * step) == pytest.approx(slope[k], abs=5e-3, rel=1e-4), k
+
+
+def risen(pattern: list[float]) -> FlyerPath:
+    """Velocities 0.5, 1.5, 2, 2, 2 after 1 to 5 s; one pattern of jerk is unknown."""
+    return FlyerPath(
+        knots=np.arange(6.0),
+        jerk=np.array([1.0, 0.0, -1.0, 0.0, 0.0]),
+        covariance=np.outer(pattern, pattern),
+        zero=0.0,
+        noise_scale=1.0,
+        chi2_per_dof=1.0,
+        dof=1.0,
+        static_scatter=1.0,
+    )
+
+
+def test_the_onset_is_known_as_the_position_over_the_velocity():
+    """From 2 s, beyond half of the largest velocity, to 3 s, where it is reached.
+
+    A jerk in the first second displaces by 7/6 after 2 s and by 19/6 after 3; one in the second by 1/6 and
+    7/6. Later times, when a displacement of 61/6 is left open, are none of the onset.
+    """
+    assert risen([1.0, 0.0, 0.0, 0.0, 0.0]).sigma_onset == pytest.approx(19.0 / 6.0 / 2.0)
+    assert risen([1.0, -19.0 / 7.0, 0.0, 0.0, 0.0]).sigma_onset == pytest.approx(30.0 / 42.0 / 1.5)
+    assert risen([0.0, 0.0, 0.0, 0.0, 1.0]).sigma_onset == 0.0
+
+
+def test_the_onset_that_no_frame_shows_is_known_less_well():
+    """Eight unseen frames, and a zero known to 2 um: at 2.5 m/s that alone is 0.8 us."""
+    seen, unseen = (fit(motion(gap), start=START).sigma_onset for gap in (slice(0, 0), slice(10, 18)))
+    assert seen < 0.2e-6 < 5.0 * seen < unseen
+    off = fit(motion(slice(10, 18), zero_sigma=2e-6), start=START).sigma_onset
+    assert off == pytest.approx(np.hypot(unseen, 0.8e-6), rel=0.25)

@@ -45,7 +45,8 @@ def trial(key: str, value: float, loss: float) -> Trial:
 
 def search() -> Any:
     shot = SimpleNamespace(uncertainty={})
-    stages = SimpleNamespace(prepared=SimpleNamespace(forward=SimpleNamespace(shot=shot)))
+    forward, path = SimpleNamespace(shot=shot), SimpleNamespace(sigma_onset=1e-7)
+    stages = SimpleNamespace(prepared=SimpleNamespace(forward=forward, path=path))
     return SimpleNamespace(stages=stages, loss=lambda misfits: float(np.log(misfits[0])))
 
 
@@ -60,6 +61,12 @@ def test_the_least_misfit_comes_first_and_of_equals_the_more_usual_error() -> No
     assert order == [SENSITIVITY, DENSITY, "force.clock_offset"]
     apart = in_groups(search(), [trial(SENSITIVITY, 0.95, 11.0), density])
     assert apart == [DENSITY, SENSITIVITY]
+
+
+def test_what_is_granted_makes_no_error_less_usual() -> None:
+    """A clock that is off by 3 us is 1 of its usual uncertainty, though the flyer's onset is known to 0.1."""
+    clock, density = trial("force.clock_offset", 3e-6, 0.0), trial(DENSITY, 1.02, 0.0)
+    assert in_groups(search(), [density, clock]) == ["force.clock_offset", DENSITY]
 
 
 def finding(**changes: Any) -> CauseFinding:

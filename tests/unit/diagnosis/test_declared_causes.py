@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from kolsky.diagnosis.candidate_input import (
     DAMPING,
     DIAMETER,
+    FLYER_CLOCK,
     FORCE_CLOCK,
     LENGTH,
+    OUTLINE_CLOCK,
     POISSON,
     SENSITIVITY,
     SPREAD,
@@ -39,9 +41,10 @@ def expected() -> ExpectedResidual:
     )
 
 
-def stages(**declared: float) -> Any:
+def stages(*, onset: float = 0.0, **declared: float) -> Any:
     shot = SimpleNamespace(uncertainty=declared)
-    prepared = SimpleNamespace(forward=SimpleNamespace(shot=shot))
+    path = SimpleNamespace(sigma_onset=onset)
+    prepared = SimpleNamespace(forward=SimpleNamespace(shot=shot), path=path)
     box = SimpleNamespace(names=("stiffness_factor",))
     return SimpleNamespace(prepared=prepared, settings=SimpleNamespace(held={}), box=box)
 
@@ -80,6 +83,10 @@ def test_an_allowance_widens_the_uncertainty_of_what_it_resembles() -> None:
         (SENSITIVITY, {"sensitivity": 0.8}, (1.0 / 2.6, 100.0)),  # a gain below 0.01 is none
         (FORCE_CLOCK, {"clock_offset": 1e-6}, (-2e-6, 2e-6)),
         (FORCE_CLOCK, {}, None),
+        (FORCE_CLOCK, {"onset": 2e-6}, (-4e-6, 4e-6)),  # granted: what the path leaves open
+        (FLYER_CLOCK, {"onset": 2e-6}, (-4e-6, 4e-6)),
+        (FORCE_CLOCK, {"onset": 2e-6, "clock_offset": 1.5e-6}, (-5e-6, 5e-6)),
+        (OUTLINE_CLOCK, {"onset": 2e-6}, None),
         (SPREAD, {}, (0.0, (16e-6) ** 2)),  # granted; its coordinate is the square
     ],
 )

@@ -9,9 +9,10 @@ from scipy.stats import norm, rayleigh
 from test_dic_reconstruct import RIG, followed
 
 from dic.bodies.follow import TrackedBody
-from dic.bodies.matched import material_frame
+from dic.bodies.matched import least_in_strip, material_frame
 from dic.chain.outliers import gate_epipolar, gate_residual
 from dic.chain.remarks import of_radius
+from dic.correlation import Correlation
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.rigid_body.adjustment import MotionPrior, Observations, adjust
 from dic.rigid_body.axial_displacement import _of_mean
@@ -346,3 +347,18 @@ def test_another_radius_is_remarked_on_beyond_both_limits(sigma, limit):
     for share, remarks in ((INSIDE, 0), (OUTSIDE, 1), (-INSIDE, 0), (-OUTSIDE, 1)):
         placement = SimpleNamespace(radius=5e-3 + share * limit, radius_sigma=sigma)
         assert len(of_radius(placement, 5e-3)) == remarks
+
+
+# --- strips of a body that are narrower than a subset -----------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rows", "share"),
+    [(16, 0.75 * 16 / 29), (19, 0.75 * 19 / 29), (20, 0.5), (29, 0.5), (120, 0.5)],
+)
+def test_of_a_strip_the_pictures_must_show_three_quarters_of_what_it_holds(rows: int, share: float) -> None:
+    """A subset of 29 px in the middle of a strip of 16 rows holds 16 of its 29; half is asked for at most."""
+    mask = np.zeros((160, 192), dtype=bool)
+    mask[:rows] = True
+    points = np.array([[96.0, min(0.5 * rows - 0.5, 60.0)], [96.0, 2.0]])
+    assert least_in_strip(mask, points, Correlation(subset=29)) == pytest.approx(share)

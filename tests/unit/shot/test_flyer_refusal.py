@@ -38,6 +38,20 @@ def test_a_flyer_that_no_two_cameras_see(result):
         assert "crop_offset" in cure
 
 
+@pytest.mark.parametrize(
+    ("rows", "subset", "fitting"),
+    [(16, 29, 15), (15, 29, 15), (21, 23, 21), (6, 29, 11), (16, 15, None), (40, 29, None), (6, 11, None)],
+)
+def test_a_strip_that_is_narrower_than_a_subset_asks_for_a_smaller_one(result, rows, subset, fitting):
+    """The largest odd number of pixels that the region is across, 11 at least, if that is smaller."""
+    strip = [[93, 0], [191, 0], [191, rows - 1], [93, rows - 1]]
+    none = replace(result, flyer=None, facts={**result.facts, "regions": {"flyer": strip}})
+    _, cure = why_unknown(none, LENGTH, 0.0, subset)
+    first = "declare a region" if fitting is None else f"set `subset = {fitting}` in [dic]"
+    assert cure.startswith(first)
+    assert "declare a region that both cameras see" in cure
+
+
 def test_a_length_that_is_not_known_well_enough(result):
     # 0.25 % of the length is allowed: 16 um; 3 and 4 in quadrature are 5
     seen = with_lower_end(late(result, 22), 0.8 * 0.0025 * LENGTH)

@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks import forty_shots
 from benchmarks.forty import SPEC, attempts, expected_beyond, kept_answers, series_of, spread, write
-from benchmarks.forty_cures import CURES, all_regions, flyer_region, with_subset
+from benchmarks.forty_cures import CURES, all_regions, flyer_region, true_inputs, with_subset
 from benchmarks.forty_shots import Answer, Study, cured_copy, cures_for, keep_to, one, said_on_purpose, shares
 from dic.forks import cores
 from kolsky.base.errors import InputError
@@ -100,6 +100,22 @@ def test_cures_change_the_shot_file_alone(tmp_path: Path) -> None:
     assert "subset = 29" in (tmp_path / "copy" / "shot.toml").read_text("utf-8")
     assert "subset = 21" in (shot / "shot.toml").read_text("utf-8")
     assert not (tmp_path / "copy" / "results").exists()
+
+
+def test_inputs_are_declared_as_they_are(tmp_path: Path) -> None:
+    """The specimen's own, and the first sensitivity, that of the transmitted force."""
+    q = {
+        "specimen": {"diameter": "8.8 mm", "length": "5.8 mm", "density": "1043 kg/m^3"},
+        "transmitted": {"sensitivity": "0.01 V/N"},
+    }
+    (tmp_path / "truth.json").write_text(json.dumps({"specification": q}), encoding="utf-8")
+    rest = 'sensitivity = "0.001 V/N"\n[calibration.target]\ndiameter = "0.58 mm"\n'
+    said = '[specimen]\ndiameter = "8.9 mm"\nlength = "5.9 mm"\ndensity = "1044 kg/m^3"\n'
+    is_so = '[specimen]\ndiameter = "8.8 mm"\nlength = "5.8 mm"\ndensity = "1043 kg/m^3"\n'
+    declared = f'{said}[force]\nsensitivity = "0.011 V/N"\n{rest}'
+    assert true_inputs(declared, tmp_path) == f'{is_so}[force]\nsensitivity = "0.01 V/N"\n{rest}'
+    with pytest.raises(ValueError, match="declares no sensitivity"):
+        true_inputs(said, tmp_path)
 
 
 def test_a_refused_answer_is_searched_with_a_finer_mesh(
