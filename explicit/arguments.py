@@ -129,7 +129,7 @@ def state_of(
         *((name, 4 * mesh.n_elements + SPARE, numbers.real) for name in ("corner_r", "corner_y")),
         *((name, n_boundary, wp.float64) for name in ("push_lower", "push_upper", "carried")),
         ("control", CONTROL_SIZE, wp.float64),
-        ("partials", Total.COUNT * WARPS, wp.float64),
+        ("partials", Total.COUNT * WARPS * kernel.cluster, wp.float64),
         ("touched", n_boundary, wp.int32),
         ("slip", n_boundary, numbers.real),
         ("memory", kernel.memory * mesh.n_elements, numbers.real),

@@ -86,7 +86,7 @@ def launch_on_gpu(batch: PreparedBatch, lanes: Sequence[Any]) -> Launched:
             stream.wait_event(ready)
         wp.launch(
             batch.kernel.kernel,
-            dim=(count, block),
+            dim=(count, block * batch.kernel.cluster),
             inputs=[body, batch.parameters, state, batch.output, first],
             stream=stream,
             block_dim=block,

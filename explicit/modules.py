@@ -26,7 +26,7 @@ from explicit.materials import MarlowLaw
 from explicit.precision import PRECISIONS, precision
 from explicit.relaxation.base import Relaxation
 from explicit.time_loop.kernel import time_loop_kernel
-from explicit.time_loop.lanes import BLOCK, SMALL_BLOCK
+from explicit.time_loop.lanes import BLOCK, CLUSTER_ARCH, CLUSTERS, SMALL_BLOCK
 
 FOLDER_VARIABLE = "KOLSKY_AOT"
 """Environment variable that names the folder of modules when `explicit.run` is not given one."""
@@ -119,11 +119,14 @@ def compile_each(
             raise ValueError(f"architecture must be one of {supported}, got {arch}")
     place = _folder_of(folder)
     # A mesh that fits keeps its state in shared memory, a larger one does not.
-    variants = ((True, BLOCK), (True, SMALL_BLOCK), (False, BLOCK))
-    for (faces, side, number, shape), (on_chip, block) in product(wanted, variants):
+    variants = [(True, BLOCK, 1), (True, SMALL_BLOCK, 1), (False, BLOCK, 1)]
+    if min(architectures) >= CLUSTER_ARCH:
+        variants += [(False, BLOCK, cluster) for cluster in CLUSTERS]
+    for (faces, side, number, shape), (on_chip, block, cluster) in product(wanted, variants):
         module = _module(
             time_loop_kernel(
-                law, faces, side, precision(number), shape, on_chip, block, relaxation=relaxation
+                law, faces, side, precision(number), shape, on_chip, block,
+                relaxation=relaxation, cluster=cluster,
             )
         )
         wp.compile_aot_module(module, arch=list(architectures), module_dir=place, use_ptx=ptx)

@@ -32,7 +32,7 @@ from explicit.precision import Precision, precision
 from explicit.response import Response
 from explicit.support import MovingSupport
 from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
-from explicit.time_loop.lanes import block_for
+from explicit.time_loop.lanes import block_for, cluster_for
 from explicit.time_loop.slots import Ending
 
 
@@ -164,11 +164,11 @@ def time_loop_of(problem: Problem, where: Any) -> tuple[TimeLoopKernel, Precisio
     """The time loop of a batch, its arithmetic, and whether a GPU keeps the state in shared memory."""
     model, stepping = problem.model, problem.stepping
     numbers = precision(stepping.precision)
-    on_chip = where.is_cuda and fits_on_chip(model.mesh, numbers)
+    on_chip, n = where.is_cuda and fits_on_chip(model.mesh, numbers), len(problem.samples)
     kernel = time_loop_kernel(
         type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
-        block_for(len(problem.samples), where, on_chip), stepping.bound, model.volumetric,
-        model.relaxation_kind,
+        block_for(n, where, on_chip), stepping.bound, model.volumetric, model.relaxation_kind,
+        cluster_for(n, model.mesh.n_elements, where, on_chip),
     )  # fmt: skip
     return kernel, numbers, on_chip
 

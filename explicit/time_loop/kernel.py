@@ -40,7 +40,9 @@ class TimeLoopKernel:
     element: ElementFunctions
     """The element it sweeps, with the types of one element's and one sample's constants."""
     block: int
-    """Threads that share a simulation on a GPU."""
+    """Threads of a block of a GPU."""
+    cluster: int
+    """Blocks that share a simulation there."""
     memory: int
     """Numbers that an element remembers of what relaxes; 0 where nothing does."""
 
@@ -57,36 +59,38 @@ def time_loop_kernel(
     bound: str = "trace",
     volumetric: str = "quadratic",
     relaxation: Relaxation | None = None,
+    cluster: int = 1,
 ) -> TimeLoopKernel:
     """Generate the time loop for a material law, two contact laws, a precision and an element.
 
     With `on_chip` a GPU keeps the state of a simulation in shared memory, where it must fit
-    (`explicit.time_loop.state_layout.fits`). `block` is the number of threads it is compiled for there;
+    (`explicit.time_loop.state_layout.fits`). It is compiled for `block` threads there, `cluster` blocks of
+    which share a simulation where its state is not on the chip;
     `bound` is that of `explicit.model.Stepping`, `volumetric` that of `explicit.Model`, `relaxation` its
     `relaxation_kind`.
     """
     element = element_named(element_name).functions(law, precision, bound, volumetric)
     structs = batch_structs(precision, element.Shape, element.Solid)
-    layout = state_layout(precision, structs, on_chip)
+    lanes = lane_functions(cluster)
+    layout = state_layout(precision, structs, on_chip, cluster)
     sums, remembered, fields_of, surface_of = layout.sums, layout.remembered, layout.fields, layout.surface
     at_rest = layout.at_rest
-    sweeps = sweep_functions(precision, element, structs, layout)
-    branch = relaxation_functions(relaxation, law, precision, bound, element, structs, layout, sweeps)
+    sweeps = sweep_functions(precision, element, structs, layout, lanes)
+    branch = relaxation_functions(relaxation, law, precision, bound, element, structs, layout, sweeps, lanes)
     element_forces, relaxed_forces, energies = sweeps.elements, branch.sweep, branch.energies
     platens = boundary_functions(faces, side, precision, structs)
-    nodes = node_sweeps(precision, structs, platens)
+    nodes = node_sweeps(precision, structs, platens, lanes)
     move_interior, move_boundary = nodes.interior, nodes.boundary
-    record = record_functions(precision, structs)
+    record = record_functions(precision, structs, lanes)
     put_stored, put_exchanged, record_ending = record.put_stored, record.put_exchanged, record.ending
-    end_of_step = end_of_step_function(precision, structs, platens, record)
-    planning = next_step_functions(precision, structs, platens, record)
+    end_of_step = end_of_step_function(precision, structs, platens, record, lanes)
+    planning = next_step_functions(precision, structs, platens, record, lanes)
     start, first_step, next_step, read_step = (
         planning.start, planning.first_step, planning.next_step, planning.read,
     )  # fmt: skip
-    failure = failure_functions(precision, element, structs)
+    failure = failure_functions(precision, element, structs, lanes)
     motion, beyond_data, failed_element = failure.motion, failure.strain, failure.failed_element
     check, check_every = planning.check, int(CHECK_EVERY)
-    lanes = lane_functions()
     sync, is_worker, is_control, empty_sum = lanes.sync, lanes.is_worker, lanes.is_control, lanes.empty_sum
     put_total, put_largest = lanes.put_total, lanes.put_largest
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
@@ -94,7 +98,7 @@ def time_loop_kernel(
     control_size = int(CONTROL_SIZE)
     residents = SHARING if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
 
-    @wp.kernel(module="unique", enable_backward=False, launch_bounds=(block, residents))
+    @wp.kernel(module="unique", enable_backward=False, launch_bounds=(block, residents), cluster_dim=cluster)
     def time_loop(body: Body, batch: Batch, state: State, output: Output, first: int):
         index, lane = wp.tid()
         sample = first + index
@@ -200,4 +204,4 @@ def time_loop_kernel(
         if lane == 0:
             record_ending(output, sample, control, failed)
 
-    return TimeLoopKernel(time_loop, structs, element, block, branch.memory)
+    return TimeLoopKernel(time_loop, structs, element, block, cluster, branch.memory)

@@ -80,7 +80,7 @@ class StateLayout:
 
 
 @cache
-def state_layout(precision: Precision, structs: Structs, on_chip: bool) -> StateLayout:
+def state_layout(precision: Precision, structs: Structs, on_chip: bool, cluster: int = 1) -> StateLayout:
     """Generate the layout of the state."""
     more = 8 // precision.dtype().itemsize
     nodes, elements = more * ON_CHIP_NODES, more * ON_CHIP_ELEMENTS
@@ -114,7 +114,7 @@ def state_layout(precision: Precision, structs: Structs, on_chip: bool) -> State
         )
 
     zero, ZERO = precision.real(0.0), wp.float64(0.0)
-    n_partials = int(Total.COUNT * WARPS)
+    n_partials = int(Total.COUNT * WARPS * cluster)
 
     @wp.func
     def at_rest(
