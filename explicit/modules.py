@@ -16,6 +16,7 @@ from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import warp as wp
 
@@ -168,14 +169,22 @@ def load_module(kernel: Any, device: Any, folder: Path | str | None) -> bool:
             f"or name none (argument `modules`, environment variable {FOLDER_VARIABLE})"
         )
     module, place = _module(kernel), _folder_of(folder)
+    known = _LOADED.setdefault(module, set())
+    if (device.alias, place) in known:
+        return True
     for arch, ptx in candidates(place, device.arch):
         try:
             wp.load_aot_module(module, device=device, arch=arch, module_dir=place, use_ptx=ptx)
         except FileNotFoundError:
             continue
+        known.add((device.alias, place))
         return True
     _missing(str(place), module.name, device.arch)
     return False
+
+
+_LOADED: WeakKeyDictionary[Any, set[tuple[str, Path]]] = WeakKeyDictionary()
+"""Devices and folders that a module has been loaded for and from."""
 
 
 def candidates(place: Path, arch: int) -> list[tuple[int, bool]]:

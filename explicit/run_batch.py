@@ -98,7 +98,7 @@ def run(
         histories = run_on_gpu(prepared, progress)
     else:
         histories = run_in_lanes(prepared, threads or os.cpu_count() or 1, progress)
-    return _response(model, sampling, prepared.output, histories, nodes)
+    return _response(model, sampling, histories, nodes)
 
 
 def load_time_loop(problem: Problem, *, device: str = "cpu") -> None:
@@ -146,8 +146,8 @@ def run_side_by_side(
     if not where.is_cuda:
         histories = run_all_in_lanes([one for one, _ in found], threads or os.cpu_count() or 1)
         return [
-            _response(problem.model, problem.sampling, one.output, kept, nodes)
-            for problem, (one, nodes), kept in zip(problems, found, histories, strict=True)
+            _response(problem.model, problem.sampling, kept, nodes)
+            for problem, (_, nodes), kept in zip(problems, found, histories, strict=True)
         ]
     for kernel, block in {(one.kernel.kernel, one.kernel.block) for one, _ in found}:
         # before the launches: loading waits for what runs, and compiling takes longer than most of it
@@ -155,7 +155,7 @@ def run_side_by_side(
     wp.synchronize_device(where)
     launched = [launch_on_gpu(one, [wp.Stream(where)]) for one, _ in found]
     return [
-        _response(one.batch.model, problem.sampling, one.batch.output, collect_from_gpu(one, None), nodes)
+        _response(one.batch.model, problem.sampling, collect_from_gpu(one, None), nodes)
         for problem, one, (_, nodes) in zip(problems, launched, found, strict=True)
     ]
 
@@ -180,11 +180,11 @@ def _prepared(problem: Problem, where: Any, modules: Path | str | None) -> tuple
     nodes = np.arange(model.mesh.n_nodes) if sampling.all_nodes else model.mesh.side
     with GENERATING:
         kernel, numbers, on_chip = time_loop_of(problem, where)
-    output = output_of(kernel, model.mesh, len(samples), sampling, nodes, where)
+    output, recorded = output_of(kernel, model.mesh, len(samples), sampling, nodes, where)
     batch = batch_of(kernel, model, samples, sampling, stepping, numbers, where)
     if where.is_cuda:
         load_module(kernel, where, modules)
-    return PreparedBatch(kernel, model, numbers, where, batch, output, len(samples), on_chip), nodes
+    return PreparedBatch(kernel, model, numbers, where, batch, output, recorded, len(samples), on_chip), nodes
 
 
 def _check(model: Model, samples: Samples, sampling: Sampling) -> None:
@@ -207,10 +207,10 @@ def _check(model: Model, samples: Samples, sampling: Sampling) -> None:
 
 
 def _response(
-    model: Model, sampling: Sampling, output: Any, histories: dict[str, FloatArray], nodes: Any
+    model: Model, sampling: Sampling, histories: dict[str, FloatArray], nodes: Any
 ) -> Response:
-    force, impulse, position, energy = (histories[name] for name in HISTORIES)
-    ending = output.ending.numpy().T
+    force, impulse, position, energy, endings = (histories[name] for name in HISTORIES)
+    ending = endings.T
     failed = ending[Ending.FAILED_ELEMENT].astype(np.int64)
     side = np.searchsorted(nodes, model.mesh.side) if sampling.all_nodes else slice(None)
     return Response(
