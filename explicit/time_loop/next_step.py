@@ -29,7 +29,8 @@ class NextStepFunctions:
     """``check(batch, sample, control, partials)``: the outcome of a failure that the workers' totals show, or
     0."""
     next_step: Any
-    """``next_step(batch, output, sample, step, control, partials)``: plan a step to come."""
+    """``next_step(batch, output, sample, step, measured, control, partials)``: plan a step to come, with a new
+    bound where one was `measured`."""
     read: Any
     """``read(control, step) -> Step``: the plan of the step under way, for every lane."""
 
@@ -98,6 +99,7 @@ def next_step_functions(
         output: Output,
         sample: int,
         step: int,
+        measured: int,
         control: wp.array(dtype=wp.float64),
         partials: wp.array(dtype=wp.float64),
     ):
@@ -110,7 +112,7 @@ def next_step_functions(
         dt = wp.float64(dt_before)
         control_sync()
         # The bound was measured one step ago, where the specimen stood before the step that is under way.
-        if step % batch.measure_every == 0:
+        if measured == 1:
             stiffest = get_largest(partials, Total.STIFFEST + step % 2)
             omega_squared = stiffest + get_largest(partials, Total.STIFFER + step % 2)
             dt = wp.min(batch.safety * TWO / wp.sqrt(omega_squared), batch.largest_step)
@@ -130,7 +132,7 @@ def next_step_functions(
                 control[Control.SMALLEST_STEP] = wp.min(control[Control.SMALLEST_STEP], dt)
         if step >= batch.max_steps:
             control[Control.FAULT] = wp.float64(limit)
-        if batch.stop_past_data == 1 and get_largest(partials, Total.BEYOND) > ZERO:
+        if batch.stop_past_data == 1 and get_largest(partials, Total.BEYOND + step % 2) > ZERO:
             control[Control.FAULT] = wp.float64(exceeded)
             control[Control.VOID] = ONE
         if step > 0 and (step - 1) % watch_every == 0:
@@ -156,10 +158,13 @@ def next_step_functions(
             control[Control.LOWER_SPEED] = control[Control.LOWER_NEXT] * rate
         flyer_next = platen_position(batch, batch.motion[sample], following)
         interval = HALF * (dt + dt_before)  # the velocity lives between the positions
+        per_interval = wp.float64(rate)
+        if dt != dt_before:
+            per_interval = ONE / interval
         control[this + Plan.STEP] = dt
         control[this + Plan.STEP_BEFORE] = dt_before
         control[this + Plan.INTERVAL] = interval
-        control[this + Plan.PER_INTERVAL] = ONE / interval
+        control[this + Plan.PER_INTERVAL] = per_interval
         control[this + Plan.RATE] = rate
         control[this + Plan.FLYER_NEXT] = flyer_next
         control[this + Plan.UPPER_SPEED] = (flyer_y - flyer_next) * rate
