@@ -1,7 +1,8 @@
 """Histories of a large batch from a GPU to the host, while others of its simulations still run.
 
-What fits into `explicit.page_locked` needs none of this. A copy into ordinary memory runs at a tenth of what the bus can do, and nothing else happens meanwhile. Here
-pieces go through page-locked memory: the device fills one piece while threads empty others.
+What fits into `explicit.page_locked` needs none of this. A copy into ordinary memory runs at a tenth of what
+the bus can do, and nothing else happens meanwhile. Here pieces go through page-locked memory: the device
+fills one piece while threads empty others.
 """
 
 from concurrent.futures import Future, ThreadPoolExecutor

@@ -72,7 +72,7 @@ def ahead_of_time(
     -------
     list of Path
         The compiled files, three for each combination and architecture: the state on the chip, for small
-        and for large batches, or not.
+        and for large batches, or not; where blocks can share a simulation, two more, for as many as may.
 
     Raises
     ------
@@ -124,12 +124,8 @@ def compile_each(
     if min(architectures) >= CLUSTER_ARCH:
         variants += [(False, BLOCK, cluster) for cluster in CLUSTERS]
     for (faces, side, number, shape), (on_chip, block, cluster) in product(wanted, variants):
-        module = _module(
-            time_loop_kernel(
-                law, faces, side, precision(number), shape, on_chip, block,
-                relaxation=relaxation, cluster=cluster,
-            )
-        )
+        numbers, shared = precision(number), {"relaxation": relaxation, "cluster": cluster}
+        module = _module(time_loop_kernel(law, faces, side, numbers, shape, on_chip, block, **shared))
         wp.compile_aot_module(module, arch=list(architectures), module_dir=place, use_ptx=ptx)
         for source in place.glob(f"wp_{module.name}_*.cu"):
             source.unlink()  # it is not needed to load a module

@@ -1,7 +1,8 @@
 """Page-locked memory for results from a GPU, lent to them and used again when they are gone.
 
-The device copies into it at the speed of the bus, on the stream of the launch, and what arrives is the result:
-nothing is copied again. To lock pages takes longer than to fill them, so a process keeps what it has locked.
+The device copies into it at the speed of the bus, on the stream of the launch, and what arrives is the
+result: nothing is copied again. To lock pages takes longer than to fill them, so a process keeps what it has
+locked.
 """
 
 from threading import Lock
@@ -33,7 +34,7 @@ class Piece:
         self._arrival: Any = None
 
     def fill(self, source: Any, stream: Any) -> Any:
-        """Copy a Warp array of a device into it, on a stream of the device; returns the event of its arrival."""
+        """Copy a Warp array of a device into it, on a stream; returns the event of its arrival."""
         wp.copy(self.memory, source, count=source.size, stream=stream)
         self._arrival = stream.record_event()
         return self._arrival
@@ -80,7 +81,9 @@ class Pool:
                 for place, piece in enumerate(tuple(self._free))
                 if count <= piece.memory.size <= 2 * count + STEP
             ]
-            piece = self._free.pop(min(fitting)[1]) if fitting else self._new(-(-max(count, 1) // STEP) * STEP)
+            piece = (
+                self._free.pop(min(fitting)[1]) if fitting else self._new(-(-max(count, 1) // STEP) * STEP)
+            )
         if piece is None:
             return None
         piece.wait()

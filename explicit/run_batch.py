@@ -206,9 +206,7 @@ def _check(model: Model, samples: Samples, sampling: Sampling) -> None:
         )
 
 
-def _response(
-    model: Model, sampling: Sampling, histories: dict[str, FloatArray], nodes: Any
-) -> Response:
+def _response(model: Model, sampling: Sampling, histories: dict[str, FloatArray], nodes: Any) -> Response:
     force, impulse, position, energy, endings = (histories[name] for name in HISTORIES)
     ending = endings.T
     failed = ending[Ending.FAILED_ELEMENT].astype(np.int64)

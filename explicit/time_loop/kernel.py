@@ -139,7 +139,9 @@ def time_loop_kernel(
                     put_total(partials, Total.WORK_DONE, worked)
                     put_largest(partials, Total.TURNED, latched)
                 if batch.stop_past_data == 1:
-                    put_largest(partials, Total.BEYOND + (step + 1) % 2, beyond_data(body, limit_s, fields, lane))
+                    put_largest(
+                        partials, Total.BEYOND + (step + 1) % 2, beyond_data(body, limit_s, fields, lane)
+                    )
                 if measure == 1:
                     put_largest(partials, Total.STIFFEST + (step + 1) % 2, latched)
                     put_largest(partials, Total.STIFFER + (step + 1) % 2, stiffer)

@@ -115,7 +115,9 @@ def cluster_for(n_samples: int, n_elements: int, device: Any, on_chip: bool) -> 
     if on_chip or not device.is_cuda or device.arch < CLUSTER_ARCH:
         return 1
     for cluster in CLUSTERS:
-        busy = n_elements > (cluster // 4) * (BLOCK - 32)  # a smaller cluster would sweep its elements in turn
+        busy = n_elements > (cluster // 4) * (
+            BLOCK - 32
+        )  # a smaller cluster would sweep its elements in turn
         if busy and n_samples * cluster <= SPREAD * device.sm_count:
             return cluster
     return 1
@@ -135,7 +137,7 @@ class LaneFunctions:
     sync: Any
     """``sync()``: every lane waits for the others; their writes are visible after it."""
     sync_workers: Any
-    """``sync_workers()``: the workers wait for each other, and the control warp for them, but they not for it;
+    """``sync_workers()``: the workers wait for each other and the control warp for them, but not they for it;
     in a cluster every lane waits."""
     empty_sum: Any
     """``empty_sum()``: where a sum over elements or nodes begins."""
@@ -262,7 +264,8 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def control_stride() -> int: ...
 
     return LaneFunctions(
-        sync=sync, sync_workers=sync_workers, empty_sum=empty_sum, add_to=add_to, is_worker=is_worker, n_workers=n_workers,
+        sync=sync, sync_workers=sync_workers, empty_sum=empty_sum, add_to=add_to,
+        is_worker=is_worker, n_workers=n_workers,
         is_control=is_control, is_writer=is_writer, put_total=put_total, put_largest=put_largest,
         get_total=get_total, get_largest=get_largest, boundary_totals=boundary_totals,
         control_sync=control_sync, boundary_first=boundary_first, first_inner=first_inner,

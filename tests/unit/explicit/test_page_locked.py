@@ -32,7 +32,8 @@ def test_a_piece_is_used_again_when_its_result_is_gone(pool: Pool) -> None:
 def test_the_numbers_are_those_of_the_piece(pool: Pool) -> None:
     piece, numbers = pool.lend(7)
     piece.memory.numpy()[:7] = np.arange(7.0)
-    assert numbers.shape == (7,) and numbers.flags.writeable
+    assert numbers.shape == (7,)
+    assert numbers.flags.writeable
     np.testing.assert_array_equal(numbers, np.arange(7.0))
 
 
