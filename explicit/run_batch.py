@@ -24,7 +24,7 @@ from explicit.drivers import (
 from explicit.energy import EnergyLedger
 from explicit.geometry import element_geometry
 from explicit.host_transfer import HISTORIES
-from explicit.mesh_arguments import fits_on_chip
+from explicit.mesh_arguments import fits_on_chip, n_boundary
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.modules import load_module
 from explicit.outcome import Outcome
@@ -168,7 +168,7 @@ def time_loop_of(problem: Problem, where: Any) -> tuple[TimeLoopKernel, Precisio
     kernel = time_loop_kernel(
         type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
         block_for(n, where, on_chip), stepping.bound, model.volumetric, model.relaxation_kind,
-        cluster_for(n, model.mesh.n_elements, where, on_chip),
+        cluster_for(n, model.mesh.n_elements, n_boundary(model.mesh), where, on_chip),
     )  # fmt: skip
     return kernel, numbers, on_chip
 

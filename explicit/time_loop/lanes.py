@@ -110,9 +110,10 @@ def block_for(n_samples: int, device: Any, on_chip: bool) -> int:
     return SMALL_BLOCK if device.is_cuda and on_chip and n_samples > device.sm_count else BLOCK
 
 
-def cluster_for(n_samples: int, n_elements: int, device: Any, on_chip: bool) -> int:
+def cluster_for(n_samples: int, n_elements: int, n_boundary: int, device: Any, on_chip: bool) -> int:
     """Blocks that share a simulation of a batch on a Warp device: as many as are free, and as have work."""
-    if on_chip or not device.is_cuda or device.arch < CLUSTER_ARCH:
+    one_block = n_boundary <= BLOCK - 32  # has them all, and control
+    if on_chip or not device.is_cuda or device.arch < CLUSTER_ARCH or not one_block:
         return 1
     for cluster in CLUSTERS:
         busy = n_elements > (cluster // 4) * (
