@@ -95,7 +95,6 @@ def time_loop_kernel(
     put_total, put_largest = lanes.put_total, lanes.put_largest
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     HALF = wp.float64(0.5)
-    meet = sync if relaxation else lanes.sync_workers  # branches ask the plan for the step's size
     control_size = int(CONTROL_SIZE)
     residents = SHARING if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
 
@@ -123,14 +122,14 @@ def time_loop_kernel(
         going, step, until_measured, latched = int(1), int(-1), int(0), wp.float64(0.0)
 
         while going == 1:  # before the first step the elements only say how large it may be
-            measure = int(0)
-            if until_measured == 0:
-                measure = 1
-                until_measured = batch.measure_every
-            until_measured -= 1
             # While the workers sweep the elements, the control warp ends the step before.
             power, artificial = empty_sum(), empty_sum()
             if is_worker(lane) == 1:
+                measure = int(0)
+                if until_measured == 0:
+                    measure = 1
+                    until_measured = batch.measure_every
+                until_measured -= 1
                 worst, power, artificial = element_forces(body, solid, row, fields, lane, measure)
                 stiffer = relaxed_forces(
                     body, solid, row, branches, memory, seen, step, fields, lane, measure
@@ -141,9 +140,7 @@ def time_loop_kernel(
                     put_total(partials, Total.WORK_DONE, worked)
                     put_largest(partials, Total.TURNED, latched)
                 if batch.stop_past_data == 1:
-                    put_largest(
-                        partials, Total.BEYOND + (step + 1) % 2, beyond_data(body, limit_s, fields, lane)
-                    )
+                    put_largest(partials, Total.BEYOND, beyond_data(body, limit_s, fields, lane))
                 if measure == 1:
                     put_largest(partials, Total.STIFFEST + (step + 1) % 2, latched)
                     put_largest(partials, Total.STIFFER + (step + 1) % 2, stiffer)
@@ -191,10 +188,10 @@ def time_loop_kernel(
                 restrained += hold_step
                 landed += land_step
             if going == 1 and is_control(lane) == 1:
-                next_step(batch, output, sample, step + 1, measure, control, partials)
+                next_step(batch, output, sample, step + 1, control, partials)
                 publish(control, seen)
             step += 1
-            meet()  # no worker needs the plan before it has swept the elements
+            sync()
 
         if int(seen[Control.STATUS]) == 0:  # a last check of what happened since the one before
             if is_worker(lane) == 1:

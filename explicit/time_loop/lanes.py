@@ -23,16 +23,6 @@ _MEET_IN_CLUSTER = (
     '    asm volatile("barrier.cluster.wait.acquire.aligned;" ::: "memory");'
 )
 
-_WORKERS_MEET = """
-#if defined(__CUDA_ARCH__)
-    if (threadIdx.x < blockDim.x - 32) {
-        asm volatile("bar.arrive 2, %0;" :: "r"(blockDim.x) : "memory");
-        asm volatile("bar.sync 1, %0;" :: "r"(blockDim.x - 32) : "memory");
-    } else {
-        asm volatile("bar.sync 2, %0;" :: "r"(blockDim.x) : "memory");
-    }
-#endif
-"""
 
 # The last warp of a GPU's block, the control warp, does the bookkeeping of each step while the others sweep
 # the elements. Totals are handed to it warp by warp and added in one order.
@@ -137,9 +127,6 @@ class LaneFunctions:
 
     sync: Any
     """``sync()``: every lane waits for the others; their writes are visible after it."""
-    sync_workers: Any
-    """``sync_workers()``: the workers wait for each other and the control warp for them, but not they for it;
-    in a cluster every lane waits."""
     empty_sum: Any
     """``empty_sum()``: where a sum over elements or nodes begins."""
     add_to: Any
@@ -208,9 +195,6 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     @wp.func_native(snippet=meet)
     def sync(): ...
 
-    @wp.func_native(snippet=_WORKERS_MEET if alone else meet)
-    def sync_workers(): ...
-
     @wp.func
     def empty_sum():
         return wp.float64(0.0)
@@ -265,7 +249,7 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def control_stride() -> int: ...
 
     return LaneFunctions(
-        sync=sync, sync_workers=sync_workers, empty_sum=empty_sum, add_to=add_to,
+        sync=sync, empty_sum=empty_sum, add_to=add_to,
         is_worker=is_worker, n_workers=n_workers,
         is_control=is_control, is_writer=is_writer, put_total=put_total, put_largest=put_largest,
         get_total=get_total, get_largest=get_largest, boundary_totals=boundary_totals,

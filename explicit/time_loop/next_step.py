@@ -29,8 +29,7 @@ class NextStepFunctions:
     """``check(batch, sample, control, partials)``: the outcome of a failure that the workers' totals show, or
     0."""
     next_step: Any
-    """``next_step(batch, output, sample, step, measured, control, partials)``: plan a step to come, by a new
-    bound where one was `measured`."""
+    """``next_step(batch, output, sample, step, control, partials)``: plan a step to come."""
     read: Any
     """``read(control, step) -> Step``: the plan of the step under way, for every lane."""
 
@@ -99,7 +98,6 @@ def next_step_functions(
         output: Output,
         sample: int,
         step: int,
-        measured: int,
         control: wp.array(dtype=wp.float64),
         partials: wp.array(dtype=wp.float64),
     ):
@@ -112,7 +110,7 @@ def next_step_functions(
         dt = wp.float64(dt_before)
         control_sync()
         # The bound was measured one step ago, where the specimen stood before the step that is under way.
-        if measured == 1:
+        if step % batch.measure_every == 0:
             stiffest = get_largest(partials, Total.STIFFEST + step % 2)
             omega_squared = stiffest + get_largest(partials, Total.STIFFER + step % 2)
             dt = wp.min(batch.safety * TWO / wp.sqrt(omega_squared), batch.largest_step)
@@ -132,7 +130,7 @@ def next_step_functions(
                 control[Control.SMALLEST_STEP] = wp.min(control[Control.SMALLEST_STEP], dt)
         if step >= batch.max_steps:
             control[Control.FAULT] = wp.float64(limit)
-        if batch.stop_past_data == 1 and get_largest(partials, Total.BEYOND + step % 2) > ZERO:
+        if batch.stop_past_data == 1 and get_largest(partials, Total.BEYOND) > ZERO:
             control[Control.FAULT] = wp.float64(exceeded)
             control[Control.VOID] = ONE
         if step > 0 and (step - 1) % watch_every == 0:

@@ -105,14 +105,14 @@ class Total(IntEnum):
     TURNED = 12
     """Largest omega^2 since the last measurement: that of a turned element stands out [1/s^2]."""
     BEYOND = 13
-    """Largest s past the data, where that ends a simulation, of even and of odd steps [-]."""
-    STIFFEST = 15
+    """Largest s past the data, where that ends a simulation [-]."""
+    STIFFEST = 14
     """Largest omega^2 of the law, of even and of odd steps [1/s^2]."""
-    STIFFER = 17
+    STIFFER = 16
     """Largest omega^2 of what relaxes, of even and of odd steps [1/s^2]."""
-    VISCOUS = 19
+    VISCOUS = 18
     """Work done on the branches that relax [J]."""
-    COUNT = 20
+    COUNT = 19
 
 
 class Ending(IntEnum):

@@ -16,7 +16,7 @@ from explicit.time_loop.lanes import BLOCK, WARPS
 from explicit.time_loop.slots import CONTROL_SIZE, Total
 from explicit.time_loop.structs import Structs, simulation_structs
 
-ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_BOUNDARY, ON_CHIP_CONTROL = 448, 384, 96, 288
+ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_BOUNDARY, ON_CHIP_CONTROL = 448, 384, 96, 272
 """Slots in shared memory for the state of a simulation in fp64; in fp32 there are twice as many nodes and
 elements. Together with what reductions need, they fill the 48 KiB a block gets without a request."""
 CLUSTER_BOUNDARY = BLOCK - 32
