@@ -4,6 +4,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+import warp as wp
 
 import explicit
 from benchmarks.problem import SAMPLING, model, samples
@@ -22,6 +23,9 @@ class Measurement:
     """Simulations of the batch."""
     seconds: float
     """Best wall time [s], to the host and with everything recorded."""
+    time_loops: float
+    """Time of a further run's time loops on a GPU, a sum where a batch is launched in parts [s]; NaN on a
+    CPU. The rest of `seconds` is the host's, and the way to it."""
     updates: float
     """Element updates a second [1/s]."""
     same_bits: bool
@@ -49,12 +53,19 @@ def measure(
         started = time.perf_counter()
         results.append(explicit.run(problem, batch, SAMPLING, stepping=stepping, device=device))
         seconds.append(time.perf_counter() - started)
+    time_loops = float("nan")
+    if device != "cpu":
+        wp.timing_begin(wp.TIMING_KERNEL)
+        explicit.run(problem, batch, SAMPLING, stepping=stepping, device=device)
+        loops = [found.elapsed for found in wp.timing_end() if "time_loop" in found.name]
+        time_loops = sum(loops) / 1e3
     first = results[0]
     return Measurement(
         contact=contact,
         precision=precision,
         runs=runs,
         seconds=min(seconds),
+        time_loops=time_loops,
         updates=float(first.steps.sum()) * problem.mesh.n_elements / min(seconds),
         same_bits=all(
             np.array_equal(first.force_transmission, other.force_transmission, equal_nan=True)

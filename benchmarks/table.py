@@ -3,6 +3,7 @@
 import os
 import platform
 from dataclasses import asdict
+from math import isnan
 from typing import Any
 
 from benchmarks.counting import Cost
@@ -11,7 +12,10 @@ from benchmarks.limits import Limit
 from benchmarks.measure import Measurement
 from benchmarks.peer import Peer
 
-HEAD = "contact  precision   runs   seconds  M element-updates/s  of the limit  same bits  first call, s"
+HEAD = (
+    "contact  precision   runs   seconds  time loops  M element-updates/s  of the limit  same bits"
+    "  first call, s"
+)
 
 
 def is_busy() -> bool:
@@ -23,8 +27,8 @@ def line(m: Measurement, limits: list[Limit]) -> str:
     """One row of the table; the fraction is that of the lowest limit, of the whole device."""
     limit = min(limits, key=lambda item: item.updates)
     return (
-        f"{m.contact:8} {m.precision:9} {m.runs:6d} {m.seconds:9.4f} {m.updates / 1e6:20.1f}"
-        f" {m.updates / limit.updates:13.1%} {m.same_bits!s:>10} {m.first_call:13.2f}"
+        f"{m.contact:8} {m.precision:9} {m.runs:6d} {m.seconds:9.4f} {m.time_loops:11.4f}"
+        f" {m.updates / 1e6:20.1f} {m.updates / limit.updates:13.1%} {m.same_bits!s:>10} {m.first_call:13.2f}"
     )
 
 
@@ -119,6 +123,7 @@ def _row(m: Measurement, limits: list[Limit], kept: Histories) -> dict[str, Any]
         "runs": m.runs,
         "steps": round(float(m.response.steps.mean()), 1),
         "seconds": round(m.seconds, 5),
+        **({} if isnan(m.time_loops) else {"time_loop_seconds": round(m.time_loops, 5)}),
         "million_element_updates_per_s": round(m.updates / 1e6, 2),
         "fraction_of": {item.name: round(m.updates / item.updates, 4) for item in limits},
         "same_bits": m.same_bits,

@@ -1,6 +1,7 @@
 """The arguments of the time loop on a device: parameters of a batch, varying state, recorded output."""
 
 from functools import cache
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -129,7 +130,7 @@ def state_of(
         *((name, 4 * mesh.n_elements + SPARE, numbers.real) for name in ("corner_r", "corner_y")),
         *((name, n_boundary, wp.float64) for name in ("push_lower", "push_upper", "carried")),
         ("control", CONTROL_SIZE, wp.float64),
-        ("partials", Total.COUNT * WARPS, wp.float64),
+        ("partials", Total.COUNT * WARPS * kernel.cluster, wp.float64),
         ("touched", n_boundary, wp.int32),
         ("slip", n_boundary, numbers.real),
         ("memory", kernel.memory * mesh.n_elements, numbers.real),
@@ -149,8 +150,10 @@ def _no_room(dtype: Any, device: str) -> Any:
     return wp.zeros((1, 1), dtype=dtype, device=device)
 
 
-def output_of(kernel: TimeLoopKernel, mesh: Mesh, n: int, sampling: Sampling, nodes: Any, where: Any) -> Any:
-    """Room for the histories, NaN where a simulation does not get to."""
+def output_of(
+    kernel: TimeLoopKernel, mesh: Mesh, n: int, sampling: Sampling, nodes: Any, where: Any
+) -> tuple[Any, Any]:
+    """Room for the histories, NaN where a simulation does not get to, and the one array that they are in."""
     n_force, n_surface = len(sampling.force_times), len(sampling.surface_times)
     output = kernel.structs.Output()
     output.n_recorded = len(nodes)
@@ -161,13 +164,21 @@ def output_of(kernel: TimeLoopKernel, mesh: Mesh, n: int, sampling: Sampling, no
     }
     for name, array in in_one_copy(wanted, where).items():
         setattr(output, name, array)
-    nan = float("nan")  # what the time loop does not reach stays marked, beside its Outcome
-    for name, shape in (
-        ("force", (n, n_force, 2)),
-        ("impulse", (n, n_force, 2)),
-        ("position", (n, n_surface, len(nodes), 2)),
-        ("energy", (n, n_surface, 9)),
-    ):
-        setattr(output, name, wp.full(shape, nan, dtype=wp.float64, device=where))
-    output.ending = wp.zeros((n, Ending.COUNT), dtype=wp.float64, device=where)
-    return output
+    shapes = {
+        "force": (n, n_force, 2),
+        "impulse": (n, n_force, 2),
+        "position": (n, n_surface, len(nodes), 2),
+        "energy": (n, n_surface, 9),
+        "ending": (n, int(Ending.COUNT)),
+    }
+    size = sum(prod(shape) for shape in shapes.values())
+    # What the time loop does not reach stays marked, beside its Outcome.
+    whole: Any = wp.full(size, float("nan"), dtype=wp.float64, device=where)
+    begin = 0
+    for name, shape in shapes.items():
+        place = whole.ptr + begin * wp.types.type_size_in_bytes(wp.float64)
+        part: Any = wp.array(ptr=place, dtype=wp.float64, shape=shape, device=where)
+        part._ref = whole  # which lives as long as its parts
+        setattr(output, name, part)
+        begin += prod(shape)
+    return output, whole

@@ -14,6 +14,8 @@ import warp as wp
 
 WORKER = "WORKER_NUMBER"
 """Variable of the environment that numbers the processes which share the GPUs of a machine, from 0."""
+KEPT = 1 << 30
+"""Bytes of a device's memory that a process keeps though nothing is in them."""
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 GENERATING = RLock()
@@ -33,7 +35,18 @@ def select_device(name: str) -> Any:
     alias = f"cuda:{own_gpu(len(wp.get_cuda_devices()))}" if name == "cuda" else name
     if alias not in known:
         raise ValueError(f"device must be one of {sorted(known)}, got {name!r}")
-    return wp.get_device(alias)
+    device = wp.get_device(alias)
+    if device.is_cuda:
+        _keep_memory(alias)
+    return device
+
+
+@cache
+def _keep_memory(alias: str) -> None:
+    """Let a process keep a device's memory from one batch to the next: to get it anew takes longer than to
+    copy into it."""
+    if wp.is_mempool_enabled(alias):
+        wp.set_mempool_release_threshold(alias, max(KEPT, wp.get_mempool_release_threshold(alias)))
 
 
 def own_gpu(count: int) -> int:

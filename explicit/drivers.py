@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
+from math import prod
 from typing import Any
 
 import warp as wp
@@ -14,6 +15,7 @@ from explicit.device import GENERATING
 from explicit.host_transfer import HISTORIES, HostTransfer, streams
 from explicit.mesh_arguments import body_of
 from explicit.model import Model
+from explicit.page_locked import POOL
 from explicit.precision import Precision
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
 from explicit.time_loop.kernel import TimeLoopKernel
@@ -44,6 +46,8 @@ class PreparedBatch:
     """Parameters of every simulation, on the device."""
     output: Any
     """Histories of every simulation, on the device."""
+    recorded: Any
+    """The one array that they are in."""
     n_samples: int
     """How many there are."""
     on_chip: bool
@@ -62,6 +66,8 @@ class Launched:
     """First simulation, how many, and the event at the end of each launch."""
     lanes: tuple[Any, ...]
     """The streams."""
+    result: FloatArray | None
+    """Where on the host the histories arrive with the end of the only launch; None where they are fetched."""
 
 
 def run_on_gpu(batch: PreparedBatch, progress: Progress | None) -> dict[str, FloatArray]:
@@ -86,17 +92,28 @@ def launch_on_gpu(batch: PreparedBatch, lanes: Sequence[Any]) -> Launched:
             stream.wait_event(ready)
         wp.launch(
             batch.kernel.kernel,
-            dim=(count, block),
+            dim=(count, block * batch.kernel.cluster),
             inputs=[body, batch.parameters, state, batch.output, first],
             stream=stream,
             block_dim=block,
         )
         parts.append((first, count, stream.record_event()))
-    return Launched(batch, state, tuple(parts), tuple(lanes))
+    lent = POOL.lend(batch.recorded.size) if len(parts) == 1 else None
+    if lent is None:
+        return Launched(batch, state, tuple(parts), tuple(lanes), None)
+    piece, result = lent
+    arrival = piece.fill(batch.recorded, lanes[0])
+    return Launched(batch, state, ((0, batch.n_samples, arrival),), tuple(lanes), result)
 
 
 def collect_from_gpu(launched: Launched, progress: Progress | None) -> dict[str, FloatArray]:
     """Wait for a launched batch and copy its histories to the host."""
+    if launched.result is not None:
+        (_, count, end), *_ = launched.parts
+        wp.synchronize_event(end)
+        if progress:
+            progress(count)
+        return _parts_of(launched.result, launched.batch.output)
     transfer = HostTransfer(launched.batch.output, launched.batch.where)
     transfer.touch_memory(launched.parts[0][1])
     for first, count, end in launched.parts:
@@ -105,6 +122,16 @@ def collect_from_gpu(launched: Launched, progress: Progress | None) -> dict[str,
             progress(count)
         transfer.send(first, count, end)
     return transfer.collect()
+
+
+def _parts_of(recorded: FloatArray, output: Any) -> dict[str, FloatArray]:
+    """The histories by name, in the one array that they are in."""
+    parts, begin = {}, 0
+    for name in HISTORIES:
+        shape = getattr(output, name).shape
+        parts[name] = recorded[begin : begin + prod(shape)].reshape(shape)
+        begin += prod(shape)
+    return parts
 
 
 def packs(n_samples: int, lanes: int, n_elements: int, threads: int = 1) -> list[tuple[Mapping, int, int]]:

@@ -1,7 +1,8 @@
-"""Histories from a GPU to the host, while other simulations of the batch still run.
+"""Histories of a large batch from a GPU to the host, while others of its simulations still run.
 
-A copy into ordinary memory runs at a tenth of what the bus can do, and nothing else happens meanwhile. Here
-pieces go through page-locked memory: the device fills one piece while threads empty others.
+What fits into `explicit.page_locked` needs none of this. A copy into ordinary memory runs at a tenth of what
+the bus can do, and nothing else happens meanwhile. Here pieces go through page-locked memory: the device
+fills one piece while threads empty others.
 """
 
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -13,8 +14,8 @@ import warp as wp
 
 from explicit.arrays import FloatArray
 
-HISTORIES = ("force", "impulse", "position", "energy")
-"""The large arrays of an output, samples first."""
+HISTORIES = ("force", "impulse", "position", "energy", "ending")
+"""The arrays of an output, samples first, one behind the other in its memory."""
 PIECE = 1 << 20
 """Numbers of float64 in a piece, 8 MiB: long enough for the bus, short enough to be locked quickly."""
 PIECES = 8

@@ -16,6 +16,7 @@ from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import warp as wp
 
@@ -26,7 +27,7 @@ from explicit.materials import MarlowLaw
 from explicit.precision import PRECISIONS, precision
 from explicit.relaxation.base import Relaxation
 from explicit.time_loop.kernel import time_loop_kernel
-from explicit.time_loop.lanes import BLOCK, SMALL_BLOCK
+from explicit.time_loop.lanes import BLOCK, CLUSTER_ARCH, CLUSTERS, SMALL_BLOCK
 
 FOLDER_VARIABLE = "KOLSKY_AOT"
 """Environment variable that names the folder of modules when `explicit.run` is not given one."""
@@ -71,7 +72,7 @@ def ahead_of_time(
     -------
     list of Path
         The compiled files, three for each combination and architecture: the state on the chip, for small
-        and for large batches, or not.
+        and for large batches, or not; where blocks can share a simulation, two more, for as many as may.
 
     Raises
     ------
@@ -119,13 +120,12 @@ def compile_each(
             raise ValueError(f"architecture must be one of {supported}, got {arch}")
     place = _folder_of(folder)
     # A mesh that fits keeps its state in shared memory, a larger one does not.
-    variants = ((True, BLOCK), (True, SMALL_BLOCK), (False, BLOCK))
-    for (faces, side, number, shape), (on_chip, block) in product(wanted, variants):
-        module = _module(
-            time_loop_kernel(
-                law, faces, side, precision(number), shape, on_chip, block, relaxation=relaxation
-            )
-        )
+    variants = [(True, BLOCK, 1), (True, SMALL_BLOCK, 1), (False, BLOCK, 1)]
+    if min(architectures) >= CLUSTER_ARCH:
+        variants += [(False, BLOCK, cluster) for cluster in CLUSTERS]
+    for (faces, side, number, shape), (on_chip, block, cluster) in product(wanted, variants):
+        numbers, shared = precision(number), {"relaxation": relaxation, "cluster": cluster}
+        module = _module(time_loop_kernel(law, faces, side, numbers, shape, on_chip, block, **shared))
         wp.compile_aot_module(module, arch=list(architectures), module_dir=place, use_ptx=ptx)
         for source in place.glob(f"wp_{module.name}_*.cu"):
             source.unlink()  # it is not needed to load a module
@@ -165,14 +165,22 @@ def load_module(kernel: Any, device: Any, folder: Path | str | None) -> bool:
             f"or name none (argument `modules`, environment variable {FOLDER_VARIABLE})"
         )
     module, place = _module(kernel), _folder_of(folder)
+    known = _LOADED.setdefault(module, set())
+    if (device.alias, place) in known:
+        return True
     for arch, ptx in candidates(place, device.arch):
         try:
             wp.load_aot_module(module, device=device, arch=arch, module_dir=place, use_ptx=ptx)
         except FileNotFoundError:
             continue
+        known.add((device.alias, place))
         return True
     _missing(str(place), module.name, device.arch)
     return False
+
+
+_LOADED: WeakKeyDictionary[Any, set[tuple[str, Path]]] = WeakKeyDictionary()
+"""Devices and folders that a module has been loaded for and from."""
 
 
 def candidates(place: Path, arch: int) -> list[tuple[int, bool]]:

@@ -24,7 +24,7 @@ from explicit.drivers import (
 from explicit.energy import EnergyLedger
 from explicit.geometry import element_geometry
 from explicit.host_transfer import HISTORIES
-from explicit.mesh_arguments import fits_on_chip
+from explicit.mesh_arguments import fits_on_chip, n_boundary
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.modules import load_module
 from explicit.outcome import Outcome
@@ -32,7 +32,7 @@ from explicit.precision import Precision, precision
 from explicit.response import Response
 from explicit.support import MovingSupport
 from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
-from explicit.time_loop.lanes import block_for
+from explicit.time_loop.lanes import block_for, cluster_for
 from explicit.time_loop.slots import Ending
 
 
@@ -98,7 +98,7 @@ def run(
         histories = run_on_gpu(prepared, progress)
     else:
         histories = run_in_lanes(prepared, threads or os.cpu_count() or 1, progress)
-    return _response(model, sampling, prepared.output, histories, nodes)
+    return _response(model, sampling, histories, nodes)
 
 
 def load_time_loop(problem: Problem, *, device: str = "cpu") -> None:
@@ -146,8 +146,8 @@ def run_side_by_side(
     if not where.is_cuda:
         histories = run_all_in_lanes([one for one, _ in found], threads or os.cpu_count() or 1)
         return [
-            _response(problem.model, problem.sampling, one.output, kept, nodes)
-            for problem, (one, nodes), kept in zip(problems, found, histories, strict=True)
+            _response(problem.model, problem.sampling, kept, nodes)
+            for problem, (_, nodes), kept in zip(problems, found, histories, strict=True)
         ]
     for kernel, block in {(one.kernel.kernel, one.kernel.block) for one, _ in found}:
         # before the launches: loading waits for what runs, and compiling takes longer than most of it
@@ -155,7 +155,7 @@ def run_side_by_side(
     wp.synchronize_device(where)
     launched = [launch_on_gpu(one, [wp.Stream(where)]) for one, _ in found]
     return [
-        _response(one.batch.model, problem.sampling, one.batch.output, collect_from_gpu(one, None), nodes)
+        _response(one.batch.model, problem.sampling, collect_from_gpu(one, None), nodes)
         for problem, one, (_, nodes) in zip(problems, launched, found, strict=True)
     ]
 
@@ -164,11 +164,11 @@ def time_loop_of(problem: Problem, where: Any) -> tuple[TimeLoopKernel, Precisio
     """The time loop of a batch, its arithmetic, and whether a GPU keeps the state in shared memory."""
     model, stepping = problem.model, problem.stepping
     numbers = precision(stepping.precision)
-    on_chip = where.is_cuda and fits_on_chip(model.mesh, numbers)
+    on_chip, n = where.is_cuda and fits_on_chip(model.mesh, numbers), len(problem.samples)
     kernel = time_loop_kernel(
         type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
-        block_for(len(problem.samples), where, on_chip), stepping.bound, model.volumetric,
-        model.relaxation_kind,
+        block_for(n, where, on_chip), stepping.bound, model.volumetric, model.relaxation_kind,
+        cluster_for(n, model.mesh.n_elements, n_boundary(model.mesh), where, on_chip),
     )  # fmt: skip
     return kernel, numbers, on_chip
 
@@ -180,11 +180,11 @@ def _prepared(problem: Problem, where: Any, modules: Path | str | None) -> tuple
     nodes = np.arange(model.mesh.n_nodes) if sampling.all_nodes else model.mesh.side
     with GENERATING:
         kernel, numbers, on_chip = time_loop_of(problem, where)
-    output = output_of(kernel, model.mesh, len(samples), sampling, nodes, where)
+    output, recorded = output_of(kernel, model.mesh, len(samples), sampling, nodes, where)
     batch = batch_of(kernel, model, samples, sampling, stepping, numbers, where)
     if where.is_cuda:
         load_module(kernel, where, modules)
-    return PreparedBatch(kernel, model, numbers, where, batch, output, len(samples), on_chip), nodes
+    return PreparedBatch(kernel, model, numbers, where, batch, output, recorded, len(samples), on_chip), nodes
 
 
 def _check(model: Model, samples: Samples, sampling: Sampling) -> None:
@@ -206,11 +206,9 @@ def _check(model: Model, samples: Samples, sampling: Sampling) -> None:
         )
 
 
-def _response(
-    model: Model, sampling: Sampling, output: Any, histories: dict[str, FloatArray], nodes: Any
-) -> Response:
-    force, impulse, position, energy = (histories[name] for name in HISTORIES)
-    ending = output.ending.numpy().T
+def _response(model: Model, sampling: Sampling, histories: dict[str, FloatArray], nodes: Any) -> Response:
+    force, impulse, position, energy, endings = (histories[name] for name in HISTORIES)
+    ending = endings.T
     failed = ending[Ending.FAILED_ELEMENT].astype(np.int64)
     side = np.searchsorted(nodes, model.mesh.side) if sampling.all_nodes else slice(None)
     return Response(

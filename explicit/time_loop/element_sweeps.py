@@ -9,7 +9,7 @@ import warp as wp
 from explicit.elements import ElementFunctions
 from explicit.precision import Precision
 from explicit.time_loop.grouped_tables import entries_function
-from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.lanes import LaneFunctions
 from explicit.time_loop.state_layout import StateLayout
 from explicit.time_loop.structs import Structs, simulation_structs
 
@@ -54,12 +54,15 @@ class SweepFunctions:
 
 @cache
 def sweep_functions(
-    precision: Precision, element: ElementFunctions, structs: Structs, layout: StateLayout
+    precision: Precision,
+    element: ElementFunctions,
+    structs: Structs,
+    layout: StateLayout,
+    lanes: LaneFunctions,
 ) -> SweepFunctions:
     """Generate the sweeps."""
     real = precision.real
     Body, Solid, Fields = structs.Body, element.Solid, simulation_structs(precision).Fields
-    lanes = lane_functions()
     empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
     corner = corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values

@@ -8,7 +8,7 @@ import warp as wp
 from explicit.outcome import Outcome
 from explicit.precision import Precision
 from explicit.time_loop.boundary import BAR_HISTORY, BoundaryFunctions
-from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.lanes import LaneFunctions
 from explicit.time_loop.record import RecordFunctions
 from explicit.time_loop.slots import NO_TIME, Control, Plan, Total
 from explicit.time_loop.structs import Structs, simulation_structs
@@ -16,7 +16,11 @@ from explicit.time_loop.structs import Structs, simulation_structs
 
 @cache
 def end_of_step_function(
-    precision: Precision, structs: Structs, boundary: BoundaryFunctions, record: RecordFunctions
+    precision: Precision,
+    structs: Structs,
+    boundary: BoundaryFunctions,
+    record: RecordFunctions,
+    lanes: LaneFunctions,
 ) -> Any:
     """Generate ``end_of_step(body, batch, state, output, sample, lane, step, control, partials, surface,
     fields)``, for the control warp."""
@@ -27,7 +31,6 @@ def end_of_step_function(
     platen_position, returned_wave = boundary.platen_position, boundary.returned_wave
     is_due, record_force = record.is_due, record.force
     record_positions, record_ledger = record.positions, record.ledger
-    lanes = lane_functions()
     control_sync, get_total, get_largest = lanes.control_sync, lanes.get_total, lanes.get_largest
     boundary_totals, is_writer = lanes.boundary_totals, lanes.is_writer
     ZERO, HALF, ONE, TWO = wp.float64(0.0), wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)

@@ -25,7 +25,7 @@ from explicit.outcome import Outcome
 from explicit.precision import Precision
 from explicit.time_loop.element_sweeps import corner_functions
 from explicit.time_loop.grouped_tables import entry_function
-from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.lanes import LaneFunctions
 from explicit.time_loop.slots import Total
 from explicit.time_loop.structs import Structs, simulation_structs
 
@@ -57,11 +57,12 @@ class FailureFunctions:
 
 
 @cache
-def failure_functions(precision: Precision, element: ElementFunctions, structs: Structs) -> FailureFunctions:
+def failure_functions(
+    precision: Precision, element: ElementFunctions, structs: Structs, lanes: LaneFunctions
+) -> FailureFunctions:
     """Generate the functions."""
     real = precision.real
     Body, Solid, Fields = structs.Body, element.Solid, simulation_structs(precision).Fields
-    lanes = lane_functions()
     empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
     sync, put_largest, get_largest = lanes.sync, lanes.put_largest, lanes.get_largest
     number, corner = entry_function(real), corner_functions(precision, structs)

@@ -40,7 +40,9 @@ class TimeLoopKernel:
     element: ElementFunctions
     """The element it sweeps, with the types of one element's and one sample's constants."""
     block: int
-    """Threads that share a simulation on a GPU."""
+    """Threads of a block of a GPU."""
+    cluster: int
+    """Blocks that share a simulation there."""
     memory: int
     """Numbers that an element remembers of what relaxes; 0 where nothing does."""
 
@@ -57,36 +59,38 @@ def time_loop_kernel(
     bound: str = "trace",
     volumetric: str = "quadratic",
     relaxation: Relaxation | None = None,
+    cluster: int = 1,
 ) -> TimeLoopKernel:
     """Generate the time loop for a material law, two contact laws, a precision and an element.
 
     With `on_chip` a GPU keeps the state of a simulation in shared memory, where it must fit
-    (`explicit.time_loop.state_layout.fits`). `block` is the number of threads it is compiled for there;
+    (`explicit.time_loop.state_layout.fits`). It is compiled for `block` threads there, `cluster` blocks of
+    which share a simulation where its state is not on the chip;
     `bound` is that of `explicit.model.Stepping`, `volumetric` that of `explicit.Model`, `relaxation` its
     `relaxation_kind`.
     """
     element = element_named(element_name).functions(law, precision, bound, volumetric)
     structs = batch_structs(precision, element.Shape, element.Solid)
-    layout = state_layout(precision, structs, on_chip)
+    lanes = lane_functions(cluster)
+    layout = state_layout(precision, structs, on_chip, cluster)
     sums, remembered, fields_of, surface_of = layout.sums, layout.remembered, layout.fields, layout.surface
-    at_rest = layout.at_rest
-    sweeps = sweep_functions(precision, element, structs, layout)
-    branch = relaxation_functions(relaxation, law, precision, bound, element, structs, layout, sweeps)
+    at_rest, seen_by_all, totals, publish = layout.at_rest, layout.seen, layout.partials, layout.publish
+    sweeps = sweep_functions(precision, element, structs, layout, lanes)
+    branch = relaxation_functions(relaxation, law, precision, bound, element, structs, layout, sweeps, lanes)
     element_forces, relaxed_forces, energies = sweeps.elements, branch.sweep, branch.energies
     platens = boundary_functions(faces, side, precision, structs)
-    nodes = node_sweeps(precision, structs, platens)
+    nodes = node_sweeps(precision, structs, platens, lanes)
     move_interior, move_boundary = nodes.interior, nodes.boundary
-    record = record_functions(precision, structs)
+    record = record_functions(precision, structs, lanes)
     put_stored, put_exchanged, record_ending = record.put_stored, record.put_exchanged, record.ending
-    end_of_step = end_of_step_function(precision, structs, platens, record)
-    planning = next_step_functions(precision, structs, platens, record)
+    end_of_step = end_of_step_function(precision, structs, platens, record, lanes)
+    planning = next_step_functions(precision, structs, platens, record, lanes)
     start, first_step, next_step, read_step = (
         planning.start, planning.first_step, planning.next_step, planning.read,
     )  # fmt: skip
-    failure = failure_functions(precision, element, structs)
+    failure = failure_functions(precision, element, structs, lanes)
     motion, beyond_data, failed_element = failure.motion, failure.strain, failure.failed_element
     check, check_every = planning.check, int(CHECK_EVERY)
-    lanes = lane_functions()
     sync, is_worker, is_control, empty_sum = lanes.sync, lanes.is_worker, lanes.is_control, lanes.empty_sum
     put_total, put_largest = lanes.put_total, lanes.put_largest
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
@@ -94,7 +98,7 @@ def time_loop_kernel(
     control_size = int(CONTROL_SIZE)
     residents = SHARING if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
 
-    @wp.kernel(module="unique", enable_backward=False, launch_bounds=(block, residents))
+    @wp.kernel(module="unique", enable_backward=False, launch_bounds=(block, residents), cluster_dim=cluster)
     def time_loop(body: Body, batch: Batch, state: State, output: Output, first: int):
         index, lane = wp.tid()
         sample = first + index
@@ -104,11 +108,13 @@ def time_loop_kernel(
         limit_s = batch.data_limit[batch.material[sample]]
         friction, alpha = batch.friction[sample], solid.mass_damping
         fields, surface = fields_of(body, state, sample), surface_of(body, state, sample)
-        control, partials = sums(state.control, sample, 0), sums(state.partials, sample, control_size)
+        control, seen = sums(state.control, sample, 0), seen_by_all(state.control, sample, 0)
+        partials = totals(state.partials, sample, control_size)
         memory = remembered(state.memory, sample, 0)
         at_rest(body, fields, surface, partials, lane)
         if is_control(lane) == 1:
             start(batch, output, sample, control)
+            publish(control, seen)
         sync()
         # Sums since the start: damping, friction, hourglass viscosity, landing, work of the platens [J].
         damped, rubbed, restrained = empty_sum(), empty_sum(), empty_sum()
@@ -126,7 +132,7 @@ def time_loop_kernel(
                 until_measured -= 1
                 worst, power, artificial = element_forces(body, solid, row, fields, lane, measure)
                 stiffer = relaxed_forces(
-                    body, solid, row, branches, memory, control, step, fields, lane, measure
+                    body, solid, row, branches, memory, seen, step, fields, lane, measure
                 )
                 latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
                 if step % check_every == 0:
@@ -145,10 +151,12 @@ def time_loop_kernel(
                 end_of_step(
                     body, batch, state, output, sample, lane, step - 1, control, partials, surface, fields
                 )
+            if is_control(lane) == 1:
+                publish(control, seen)
             sync()
-            going = int(control[Control.GOING])
+            going = int(seen[Control.GOING])
             if going == 1 and step >= 0:
-                now = read_step(control, step)
+                now = read_step(seen, step)
                 kinetic = empty_sum()
                 if now.ledger == 1:
                     elastic, hourglass, past = empty_sum(), empty_sum(), empty_sum()
@@ -181,10 +189,11 @@ def time_loop_kernel(
                 landed += land_step
             if going == 1 and is_control(lane) == 1:
                 next_step(batch, output, sample, step + 1, control, partials)
+                publish(control, seen)
             step += 1
             sync()
 
-        if int(control[Control.STATUS]) == 0:  # a last check of what happened since the one before
+        if int(seen[Control.STATUS]) == 0:  # a last check of what happened since the one before
             if is_worker(lane) == 1:
                 put_total(partials, Total.MOTION, motion(body, fields, lane))
                 put_total(partials, Total.WORK_DONE, worked)
@@ -192,12 +201,13 @@ def time_loop_kernel(
             sync()
             if is_control(lane) == 1:
                 control[Control.STATUS] = wp.float64(check(batch, sample, control, partials))
+                publish(control, seen)
         sync()
         failed = int(-1)
-        if int(control[Control.STATUS]) != 0:
-            status = int(control[Control.STATUS])
+        if int(seen[Control.STATUS]) != 0:
+            status = int(seen[Control.STATUS])
             failed = failed_element(body, solid, row, fields, partials, lane, status)
         if lane == 0:
-            record_ending(output, sample, control, failed)
+            record_ending(output, sample, seen, failed)
 
-    return TimeLoopKernel(time_loop, structs, element, block, branch.memory)
+    return TimeLoopKernel(time_loop, structs, element, block, cluster, branch.memory)

@@ -1,6 +1,7 @@
 """Lanes of one simulation: what they do together, natively.
 
-On a GPU the lanes are the threads of one block. On the CPU `explicit.simd` translates the lanes to those of
+On a GPU the lanes are the threads of one block, or of a few blocks (a cluster) where a large mesh has a
+simulation to itself. On the CPU `explicit.simd` translates the lanes to those of
 SIMD registers.
 """
 
@@ -12,10 +13,16 @@ import warp as wp
 
 BARRIER = """
 #if defined(__CUDA_ARCH__)
-    __syncthreads();
+    MEET
 #endif
 """
 """Lanes of one simulation meet here; a single lane (CPU) has nobody to wait for."""
+_MEET_IN_BLOCK = "__syncthreads();"
+_MEET_IN_CLUSTER = (
+    'asm volatile("barrier.cluster.arrive.release.aligned;" ::: "memory");\n'
+    '    asm volatile("barrier.cluster.wait.acquire.aligned;" ::: "memory");'
+)
+
 
 # The last warp of a GPU's block, the control warp, does the bookkeeping of each step while the others sweep
 # the elements. Totals are handed to it warp by warp and added in one order.
@@ -26,15 +33,18 @@ _HAND_OVER = """
         double other = __shfl_down_sync(0xffffffffu, x, offset);
         x = COMBINE;
     }
-    if ((threadIdx.x & 31) == 0) parts.data[k * WARPS + (threadIdx.x >> 5)] = x;
+    if ((threadIdx.x & 31) == 0) parts.data[k * WARPS + (THREAD >> 5)] = x;
 #else
     parts.data[k] = x;
 #endif
 """
 _TAKE = """
 #if defined(__CUDA_ARCH__)
-    const int warp = threadIdx.x & 31;
-    double x = warp < (blockDim.x >> 5) ? parts.data[k * WARPS + warp] : NOTHING;
+    double x = NOTHING;
+    for (int warp = threadIdx.x & 31; warp < (THREADS >> 5); warp += 32) {
+        const double other = parts.data[k * WARPS + warp];
+        x = COMBINE;
+    }
     #pragma unroll
     for (int step = 16; step > 0; step >>= 1) {
         const double other = __shfl_xor_sync(0xffffffffu, x, step);
@@ -73,12 +83,35 @@ SHARING = 4
 WARPS = BLOCK // 32
 """Most warps of a block; its last one is the control warp."""
 
+CLUSTERS = (16, 4)
+"""Blocks that may share a simulation whose state is in global memory, the most first."""
+CLUSTER_ARCH = 90
+"""Architecture from which blocks can share one."""
+SPREAD = 0.8
+"""Share of the multiprocessors that clusters may ask for: each lies within one group of the device, and what
+does not fill a group stays free."""
+
 _INSIDE = f"((signed)blockDim.x - (blockDim.x < {BLOCK} ? 32 : 96))"
+_INSIDE_CLUSTER = "((signed)THREADS - 256)"
 
 
 def block_for(n_samples: int, device: Any, on_chip: bool) -> int:
     """Threads that a simulation of a batch gets on a Warp device."""
     return SMALL_BLOCK if device.is_cuda and on_chip and n_samples > device.sm_count else BLOCK
+
+
+def cluster_for(n_samples: int, n_elements: int, n_boundary: int, device: Any, on_chip: bool) -> int:
+    """Blocks that share a simulation of a batch on a Warp device: as many as are free, and as have work."""
+    one_block = n_boundary <= BLOCK - 32  # has them all, and control
+    if on_chip or not device.is_cuda or device.arch < CLUSTER_ARCH or not one_block:
+        return 1
+    for cluster in CLUSTERS:
+        busy = n_elements > (cluster // 4) * (
+            BLOCK - 32
+        )  # a smaller cluster would sweep its elements in turn
+        if busy and n_samples * cluster <= SPREAD * device.sm_count:
+            return cluster
+    return 1
 
 
 def _either(cuda: str, cpu: str) -> str:
@@ -133,19 +166,33 @@ class LaneFunctions:
 
 
 @cache
-def lane_functions() -> LaneFunctions:
-    """Generate the lane functions.
+def lane_functions(cluster: int = 1) -> LaneFunctions:
+    """Generate the lane functions; on a GPU for a `cluster` of so many blocks.
 
     On the CPU `explicit.simd` gives them their meaning over packs; short sums are made one after the other
     there, in one order whatever the lanes are, so that forces keep their bits.
     """
-    total = _HAND_OVER.replace("WARPS", str(WARPS)).replace("COMBINE", _SUM)
-    largest = _HAND_OVER.replace("WARPS", str(WARPS)).replace("COMBINE", _LARGER)
-    take_total = _TAKE.replace("WARPS", str(WARPS)).replace("COMBINE", _SUM).replace("NOTHING", "0.0")
-    take_largest = _TAKE.replace("WARPS", str(WARPS)).replace("COMBINE", _LARGER).replace("NOTHING", "-1e300")
+    alone = cluster == 1
+    thread = "threadIdx.x" if alone else f"(threadIdx.x + blockIdx.x % {cluster} * blockDim.x)"
+    threads = "blockDim.x" if alone else f"({cluster} * blockDim.x)"
+
+    def native(snippet: str, **names: str) -> str:
+        names |= {"WARPS": str(WARPS * cluster), "THREADS": threads, "THREAD": thread}
+        for name, text in names.items():
+            snippet = snippet.replace(name, text)
+        return snippet
+
+    def either(cuda: str, cpu: str) -> str:
+        return native(_either(cuda, cpu))
+
+    total, largest = native(_HAND_OVER, COMBINE=_SUM), native(_HAND_OVER, COMBINE=_LARGER)
+    take_total = native(_TAKE, COMBINE=_SUM, NOTHING="0.0")
+    take_largest = native(_TAKE, COMBINE=_LARGER, NOTHING="-1e300")
+    meet = native(BARRIER, MEET=_MEET_IN_BLOCK if alone else _MEET_IN_CLUSTER)
+    inside = _INSIDE if alone else _INSIDE_CLUSTER
     parts_of: Any = wp.array(dtype=wp.float64)
 
-    @wp.func_native(snippet=BARRIER)
+    @wp.func_native(snippet=meet)
     def sync(): ...
 
     @wp.func
@@ -156,16 +203,16 @@ def lane_functions() -> LaneFunctions:
     def add_to(sofar: wp.float64, share: wp.float64, place: int):
         return sofar + share
 
-    @wp.func_native(snippet=_either("return lane < blockDim.x - 32;", "return 1;"))
+    @wp.func_native(snippet=either("return lane < THREADS - 32;", "return 1;"))
     def is_worker(lane: int) -> int: ...
 
-    @wp.func_native(snippet=_either("return blockDim.x - 32;", "return 1;"))
+    @wp.func_native(snippet=either("return THREADS - 32;", "return 1;"))
     def n_workers() -> int: ...
 
-    @wp.func_native(snippet=_either("return lane >= blockDim.x - 32;", "return 1;"))
+    @wp.func_native(snippet=either("return lane >= THREADS - 32;", "return 1;"))
     def is_control(lane: int) -> int: ...
 
-    @wp.func_native(snippet=_either("return lane == blockDim.x - 32;", "return 1;"))
+    @wp.func_native(snippet=either("return lane == THREADS - 32;", "return 1;"))
     def is_writer(lane: int) -> int: ...
 
     @wp.func_native(snippet=total)
@@ -183,26 +230,27 @@ def lane_functions() -> LaneFunctions:
     @wp.func_native(snippet=_BOUNDARY_TOTALS)
     def boundary_totals(first: parts_of, second: parts_of, n: int) -> wp.vec2d: ...
 
-    @wp.func_native(snippet=_either("__syncwarp();", ""))
+    @wp.func_native(snippet=either("__syncwarp();", ""))
     def control_sync(): ...
 
-    @wp.func_native(snippet=_either("return blockDim.x - 33 - lane;", "return lane;"))
+    @wp.func_native(snippet=either("return THREADS - 33 - lane;", "return lane;"))
     def boundary_first(lane: int) -> int: ...
 
-    @wp.func_native(snippet=_either(f"return lane < {_INSIDE} ? lane : 0x40000000;", "return lane;"))
+    @wp.func_native(snippet=either(f"return lane < {inside} ? lane : 0x40000000;", "return lane;"))
     def first_inner(lane: int) -> int: ...
 
-    @wp.func_native(snippet=_either(f"return {_INSIDE};", "return 1;"))
+    @wp.func_native(snippet=either(f"return {inside};", "return 1;"))
     def inner_stride() -> int: ...
 
-    @wp.func_native(snippet=_either("return lane & 31;", "return lane;"))
+    @wp.func_native(snippet=either("return lane & 31;", "return lane;"))
     def control_first(lane: int) -> int: ...
 
-    @wp.func_native(snippet=_either("return 32;", "return 1;"))
+    @wp.func_native(snippet=either("return 32;", "return 1;"))
     def control_stride() -> int: ...
 
     return LaneFunctions(
-        sync=sync, empty_sum=empty_sum, add_to=add_to, is_worker=is_worker, n_workers=n_workers,
+        sync=sync, empty_sum=empty_sum, add_to=add_to,
+        is_worker=is_worker, n_workers=n_workers,
         is_control=is_control, is_writer=is_writer, put_total=put_total, put_largest=put_largest,
         get_total=get_total, get_largest=get_largest, boundary_totals=boundary_totals,
         control_sync=control_sync, boundary_first=boundary_first, first_inner=first_inner,

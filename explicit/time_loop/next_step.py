@@ -11,7 +11,7 @@ from explicit.outcome import Outcome
 from explicit.precision import Precision
 from explicit.time_loop.boundary import BoundaryFunctions
 from explicit.time_loop.failure import CHECK_EVERY, MOTION_LIMIT
-from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.lanes import LaneFunctions
 from explicit.time_loop.record import RecordFunctions
 from explicit.time_loop.slots import CONTROL_SIZE, NO_TIME, Control, Plan, Total
 from explicit.time_loop.structs import Structs, simulation_structs
@@ -36,13 +36,16 @@ class NextStepFunctions:
 
 @cache
 def next_step_functions(
-    precision: Precision, structs: Structs, boundary: BoundaryFunctions, record: RecordFunctions
+    precision: Precision,
+    structs: Structs,
+    boundary: BoundaryFunctions,
+    record: RecordFunctions,
+    lanes: LaneFunctions,
 ) -> NextStepFunctions:
     """Generate the planning."""
     Batch, Output, Step = structs.Batch, structs.Output, simulation_structs(precision).Step
     platen_position = boundary.platen_position
     is_due = record.is_due
-    lanes = lane_functions()
     control_sync, get_total, get_largest = lanes.control_sync, lanes.get_total, lanes.get_largest
     ZERO, HALF, ONE, TWO = wp.float64(0.0), wp.float64(0.5), wp.float64(1.0), wp.float64(2.0)
     NEVER = wp.float64(NO_TIME)
@@ -153,10 +156,13 @@ def next_step_functions(
             control[Control.LOWER_SPEED] = control[Control.LOWER_NEXT] * rate
         flyer_next = platen_position(batch, batch.motion[sample], following)
         interval = HALF * (dt + dt_before)  # the velocity lives between the positions
+        per_interval = wp.float64(rate)
+        if dt != dt_before:
+            per_interval = ONE / interval
         control[this + Plan.STEP] = dt
         control[this + Plan.STEP_BEFORE] = dt_before
         control[this + Plan.INTERVAL] = interval
-        control[this + Plan.PER_INTERVAL] = ONE / interval
+        control[this + Plan.PER_INTERVAL] = per_interval
         control[this + Plan.RATE] = rate
         control[this + Plan.FLYER_NEXT] = flyer_next
         control[this + Plan.UPPER_SPEED] = (flyer_y - flyer_next) * rate

@@ -13,7 +13,7 @@ import warp as wp
 from explicit.precision import Precision
 from explicit.time_loop.boundary import LOWER, UPPER, BoundaryFunctions
 from explicit.time_loop.grouped_tables import entries_function
-from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.lanes import LaneFunctions
 from explicit.time_loop.structs import Structs, simulation_structs
 
 VALENCE = 4
@@ -34,13 +34,14 @@ class NodeSweeps:
 
 
 @cache
-def node_sweeps(precision: Precision, structs: Structs, platens: BoundaryFunctions) -> NodeSweeps:
+def node_sweeps(
+    precision: Precision, structs: Structs, platens: BoundaryFunctions, lanes: LaneFunctions
+) -> NodeSweeps:
     """Generate the sweeps."""
     real, vec2 = precision.real, precision.vec2
     Body, Batch, State = structs.Body, structs.Batch, structs.State
     simulation = simulation_structs(precision)
     Fields, Surface, Step = simulation.Fields, simulation.Surface, simulation.Step
-    lanes = lane_functions()
     empty_sum, add_to, boundary_first = lanes.empty_sum, lanes.add_to, lanes.boundary_first
     first_inner, inner_stride, n_workers = lanes.first_inner, lanes.inner_stride, lanes.n_workers
     contact = platens.contact

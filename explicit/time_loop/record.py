@@ -7,7 +7,7 @@ from typing import Any
 import warp as wp
 
 from explicit.precision import Precision
-from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.lanes import LaneFunctions
 from explicit.time_loop.slots import Control, Ending, Total
 from explicit.time_loop.structs import Structs, simulation_structs
 
@@ -37,11 +37,10 @@ class RecordFunctions:
 
 
 @cache
-def record_functions(precision: Precision, structs: Structs) -> RecordFunctions:
+def record_functions(precision: Precision, structs: Structs, lanes: LaneFunctions) -> RecordFunctions:
     """Generate the recorders."""
     real = precision.real
     Body, Output, Fields = structs.Body, structs.Output, simulation_structs(precision).Fields
-    lanes = lane_functions()
     control_first, control_stride = lanes.control_first, lanes.control_stride
     put_total, put_largest = lanes.put_total, lanes.put_largest
 

@@ -16,7 +16,7 @@ from explicit.elements import ElementFunctions
 from explicit.precision import Precision
 from explicit.relaxation.base import Relaxation
 from explicit.time_loop.element_sweeps import SweepFunctions, corner_functions
-from explicit.time_loop.lanes import lane_functions
+from explicit.time_loop.lanes import LaneFunctions
 from explicit.time_loop.slots import Control, Plan
 from explicit.time_loop.state_layout import StateLayout
 from explicit.time_loop.structs import Structs, simulation_structs
@@ -47,13 +47,13 @@ def relaxation_functions(
     structs: Structs,
     layout: StateLayout,
     sweeps: SweepFunctions,
+    lanes: LaneFunctions,
 ) -> RelaxationFunctions:
     """Generate the functions of a kind of branches, or those of none."""
     if kind is None:
-        return _nothing(precision, element, structs, sweeps)
+        return _nothing(precision, element, structs, sweeps, lanes)
     real = precision.real
     Body, Solid, Fields = structs.Body, element.Solid, simulation_structs(precision).Fields
-    lanes = lane_functions()
     empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
     corner = corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
@@ -150,11 +150,15 @@ def relaxation_functions(
 
 
 def _nothing(
-    precision: Precision, element: ElementFunctions, structs: Structs, sweeps: SweepFunctions
+    precision: Precision,
+    element: ElementFunctions,
+    structs: Structs,
+    sweeps: SweepFunctions,
+    lanes: LaneFunctions,
 ) -> RelaxationFunctions:
     real = precision.real
     Body, Solid, Fields = structs.Body, element.Solid, simulation_structs(precision).Fields
-    sweep_energies, empty_sum = sweeps.energies, lane_functions().empty_sum
+    sweep_energies, empty_sum = sweeps.energies, lanes.empty_sum
 
     @wp.func
     def sweep(

@@ -113,7 +113,7 @@ def test_constants_lie_at_the_places_of_their_nodes(size: tuple[int, int], on_ch
 def test_what_is_recorded_is_named_by_place() -> None:
     mesh, where = shuffled(4, 6), select_device("cpu")
     model, times = model_of(mesh), np.array([0.0, 1.0])
-    output = output_of(kernel_of(model), mesh, 3, Sampling(times, times), mesh.side, where)
+    output, _ = output_of(kernel_of(model), mesh, 3, Sampling(times, times), mesh.side, where)
     assert output.n_recorded == len(mesh.side)
     np.testing.assert_array_equal(output.nodes.numpy()[: len(mesh.side)], node_order(mesh)[0][mesh.side])
     assert output.position.shape == (3, 2, len(mesh.side), 2)

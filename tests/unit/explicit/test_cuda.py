@@ -6,18 +6,30 @@ import numpy as np
 import pytest
 import warp as wp
 
-from explicit import Model, Outcome, PlatenMotion, Response, Samples, Sampling, Stepping, cylinder, run
+from explicit import (
+    CharacteristicBar,
+    Model,
+    Outcome,
+    PlatenMotion,
+    Response,
+    Samples,
+    Sampling,
+    Stepping,
+    cylinder,
+    run,
+)
 from explicit.device import select_device
 from explicit.materials import LAWS, MaterialLaw, neo_hookean
 from explicit.relaxation import BergstromBoyce, PronySeries
 from explicit.relaxation.base import RateDependence
-from explicit.time_loop.lanes import BLOCK
+from explicit.time_loop.lanes import BLOCK, CLUSTERS
 from explicit.time_loop.state_layout import ON_CHIP_ELEMENTS
 
 TIMES = np.linspace(5e-6, 2e-4, 40)
 SAMPLES = Samples.of(stiffness_factor=[0.8, 1.0, 1.2], friction=0.3, damping=2.5e-5)
-MESHES = [(6, 8), (16, 22), (24, 32)]
-"""Fewer elements than workers, as many, and more than fit on the chip in fp64."""
+MESHES = [(6, 8), (16, 22), (24, 32), (36, 40)]
+"""Fewer elements than workers, as many, more than fit on the chip in fp64, and more than a few blocks have
+workers for."""
 APART = 1e-9
 """Sums are made in another order: round-off, 1e-16, amplified by a few hundred steps."""
 
@@ -51,8 +63,8 @@ def apart(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def test_the_meshes_are_what_they_are_for() -> None:
-    few, full, many = (across * along for across, along in MESHES)
-    assert few < BLOCK - 32 == full < ON_CHIP_ELEMENTS < many
+    few, full, many, most = (across * along for across, along in MESHES)
+    assert few < BLOCK - 32 == full < ON_CHIP_ELEMENTS < many < CLUSTERS[-1] * (BLOCK - 32) < most
 
 
 @pytest.mark.parametrize("mesh", MESHES, ids=str)
@@ -106,6 +118,60 @@ def test_a_simulation_has_the_same_bits_in_a_batch_that_shares_multiprocessors(c
     ):  # summed warp by warp, in blocks of two sizes: round-off
         expected = np.resize(getattr(alone.energy, name), getattr(among.energy, name).shape)
         assert np.nanmax(np.abs(expected - getattr(among.energy, name))) < 1e-12 * work, name
+
+
+@pytest.mark.parametrize("mesh", MESHES[2:], ids=str)
+def test_a_simulation_has_the_same_bits_on_one_multiprocessor_and_on_several(
+    mesh: tuple[int, int], cuda: str
+) -> None:
+    n = wp.get_device(cuda).sm_count  # every one has a simulation of its own
+    problem, few, sampling = model(mesh), SAMPLES, Sampling(TIMES[:8], TIMES[:8])
+    many = Samples.of(stiffness_factor=np.resize(few.stiffness_factor, n), friction=0.3, damping=2.5e-5)
+    alone, among = (run(problem, samples, sampling, device=cuda) for samples in (few, many))
+    for name in ("force_flyer", "force_transmission", "surface_r", "surface_y", "steps"):
+        expected = np.resize(getattr(alone, name), getattr(among, name).shape)
+        assert np.array_equal(expected, getattr(among, name)), name
+    work = np.nanmax(alone.energy.external)
+    for name in (field.name for field in fields(alone.energy)):  # summed warp by warp: round-off
+        expected = np.resize(getattr(alone.energy, name), getattr(among.energy, name).shape)
+        assert np.abs(expected - getattr(among.energy, name)).max() < 1e-12 * work, name
+
+
+@pytest.mark.parametrize("mesh", MESHES[1:3], ids=str)
+def test_a_support_that_yields_agrees(mesh: tuple[int, int], cuda: str) -> None:
+    problem = replace(model(mesh), support=CharacteristicBar(impedance=30.0, round_trip=8e-5))
+    here, there = (run(problem, SAMPLES, Sampling(TIMES, TIMES), device=d) for d in ("cpu", cuda))
+    rigid = run(model(mesh), SAMPLES, Sampling(TIMES, TIMES), device=cuda)
+    assert apart(rigid.surface_y, there.surface_y) > 1e3 * APART  # it does yield
+    for name in ("force_flyer", "force_transmission", "surface_r", "surface_y"):
+        assert apart(getattr(here, name), getattr(there, name)) < APART, name
+    np.testing.assert_array_equal(here.steps, there.steps)
+
+
+@pytest.mark.parametrize("every", [1, 8])
+@pytest.mark.parametrize("mesh", MESHES[:3], ids=str)
+def test_the_end_of_the_data_is_met_in_the_same_step(mesh: tuple[int, int], every: int, cuda: str) -> None:
+    problem = model(mesh, neo_hookean(27e3, last=0.3), past_data="stop")
+    steps = Stepping(measure_every=every)
+    here, there = (
+        run(problem, SAMPLES, Sampling(TIMES, TIMES), stepping=steps, device=d) for d in ("cpu", cuda)
+    )
+    assert here.outcomes == there.outcomes == (Outcome.TABLE_EXCEEDED,) * 3
+    np.testing.assert_array_equal(here.steps, there.steps)
+    np.testing.assert_array_equal(here.failed_elements, there.failed_elements)
+
+
+def test_a_result_stays_what_it_is_when_others_are_computed(cuda: str) -> None:
+    problem, sampling = model((6, 8)), Sampling(TIMES, TIMES)
+    first = run(problem, SAMPLES, sampling, device=cuda)
+    kept, copy = first.surface_r[1], first.surface_r[1].copy()
+    force, forces = first.force_flyer, first.force_flyer.copy()
+    del first
+    stiffer = Samples.of(stiffness_factor=[2.0, 3.0, 4.0], friction=0.3, damping=2.5e-5)
+    for _ in range(3):
+        run(problem, stiffer, sampling, device=cuda)
+    np.testing.assert_array_equal(kept, copy)
+    np.testing.assert_array_equal(force, forces)
 
 
 @pytest.mark.parametrize("name", list(LAWS))

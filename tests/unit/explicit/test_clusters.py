@@ -1,0 +1,51 @@
+"""How many blocks of a GPU share a simulation."""
+
+from dataclasses import dataclass
+
+import pytest
+
+from explicit.time_loop.lanes import BLOCK, CLUSTERS, SPREAD, cluster_for
+
+
+@dataclass(frozen=True)
+class Device:
+    """What is asked of a Warp device."""
+
+    is_cuda: bool = True
+    arch: int = 90
+    sm_count: int = 132
+
+
+WORKERS = BLOCK - 32
+FEW = int(SPREAD * 132)
+LARGE = 64 * 86
+
+
+def test_a_large_mesh_that_is_alone_has_the_most() -> None:
+    assert cluster_for(1, LARGE, 215, Device(), False) == CLUSTERS[0] == 16
+    assert cluster_for(FEW // 16, LARGE, 215, Device(), False) == 16
+
+
+def test_more_simulations_have_fewer_each() -> None:
+    assert cluster_for(FEW // 16 + 1, LARGE, 215, Device(), False) == 4
+    assert cluster_for(FEW // 4, LARGE, 215, Device(), False) == 4
+    assert cluster_for(FEW // 4 + 1, LARGE, 215, Device(), False) == 1
+
+
+@pytest.mark.parametrize(
+    ("n_elements", "blocks"), [(WORKERS, 1), (WORKERS + 1, 4), (4 * WORKERS, 4), (4 * WORKERS + 1, 16)]
+)
+def test_no_blocks_without_work(n_elements: int, blocks: int) -> None:
+    assert cluster_for(1, n_elements, 215, Device(), False) == blocks
+
+
+@pytest.mark.parametrize(
+    ("device", "on_chip"), [(Device(), True), (Device(is_cuda=False), False), (Device(arch=80), False)]
+)
+def test_others_have_one(device: Device, on_chip: bool) -> None:
+    assert cluster_for(1, LARGE, 215, device, on_chip) == 1
+
+
+def test_the_boundary_is_that_of_one_block() -> None:
+    assert cluster_for(1, LARGE, WORKERS, Device(), False) == 16
+    assert cluster_for(1, LARGE, WORKERS + 1, Device(), False) == 1
