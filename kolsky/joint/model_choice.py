@@ -15,6 +15,7 @@ from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
 from kolsky.joint.records import ModelChoice
 from kolsky.joint.start import relaxing_points, second_levels
+from kolsky.joint.unseen import SEEN, is_strength, rate_of
 from kolsky.joint.weights import Stack
 
 WEAK = 0.05
@@ -33,9 +34,9 @@ def with_nothing(problem: JointProblem, elastic: JointProblem, without: Optimum)
     """
     box = problem.unknowns.box
     bounds = zip(problem.unknowns.names, box.lower, strict=True)
-    if any(low > 0.0 for name, low in bounds if name.startswith(("prony_strength", "creep_ratio"))):
+    if any(low > 0.0 for name, low in bounds if is_strength(name)):
         return None
-    if not any(name.startswith(("prony_strength", "creep_ratio")) for name in problem.unknowns.names):
+    if not any(is_strength(name) for name in problem.unknowns.names):
         return None
     x = weak_branch(problem, elastic, without.x, strength=0.0)
     seen = problem.vector_for(problem.stack, x, problem.refined)
@@ -65,7 +66,7 @@ def weak_branch(
     for i, name in enumerate(elastic.unknowns.names):
         x[names.index(name)] = at[i]
     for i, name in enumerate(names):
-        if name.startswith(("prony_strength", "creep_ratio")):
+        if is_strength(name):
             x[i] = strength
     return np.clip(x, box.lower, box.upper)
 
@@ -115,7 +116,7 @@ def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without
     for i, name in enumerate(elastic.unknowns.bounds):
         base[names.index(name)] = without.start[i]
     for i, name in enumerate(names):
-        if name.startswith(("prony_strength", "creep_ratio")):
+        if is_strength(name):
             base[i] = problem.unknowns.box.lower[i]
     numerics = problem.mesh
     weak = relaxing_points(problem, base, (WEAK,), follow=False)
@@ -144,15 +145,6 @@ def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without
     )
 
 
-SEEN = 2.0
-"""Strength over its standard uncertainty, that of the mesh included, above which it is one [-]."""
-
-
-def time_of(strength: str) -> str:
-    """The parameter that says how fast what has a strength relaxes."""
-    return "creep_resistance" if strength == "creep_ratio" else strength.replace("strength", "time")
-
-
 def _inside(e: Estimate | None) -> bool:
     """Whether a parameter is held, or ends inside its range."""
     return e is None or e.outcome is not Verdict.AT_BOUND
@@ -171,19 +163,19 @@ def held_against(choice: ModelChoice, shared: Mapping[str, Estimate]) -> ModelCh
     shared
         The shared parameters, corrected for the mesh.
     """
-    sizes = [e for name, e in shared.items() if name.startswith(("prony_strength", "creep_ratio"))]
+    sizes = [e for name, e in shared.items() if is_strength(name)]
     if not choice.asked_for or not sizes:
         return choice
     strong = [e for e in sizes if e.value > SEEN * e.sigma]
-    if any(_inside(shared.get(time_of(e.name))) for e in strong):
+    if any(_inside(shared.get(rate_of(e.name))) for e in strong):
         return choice
     if strong:
         return replace(
             choice,
             asked_for=False,
-            sentence=f"the data do not ask for what relaxes: {time_of(strong[0].name)} ends at a bound of "
+            sentence=f"the data do not ask for what relaxes: {rate_of(strong[0].name)} ends at a bound of "
             "its range, where a branch is damping or a stiffer curve by another name: identify without it, "
-            f"or give another range with --free {time_of(strong[0].name)}",
+            f"or give another range with --free {rate_of(strong[0].name)}",
         )
     most = max(sizes, key=lambda e: e.value / e.sigma)
     return replace(
