@@ -110,3 +110,22 @@ def rate_advice(test: BranchTest | None, fit: BranchFit | None = None) -> tuple[
             f"{fit.aic:+.0f}): {TRY}",
         )
     return ()
+
+
+def branch_figures(test: BranchTest | None, fit: BranchFit | None) -> dict[str, float]:
+    """What the advice is given by, as figures of the search.
+
+    Parameters
+    ----------
+    test, fit
+        As of `rate_advice`.
+    """
+    found = {} if test is None else {"branch_probability": test.probability}
+    if fit is not None:
+        found |= {
+            "branch_strength": fit.strength,
+            "branch_time": fit.time,
+            "branch_share": fit.share,
+            "branch_aic": fit.aic,
+        }
+    return found
