@@ -9,7 +9,8 @@ registry of the solver, ``<!-- causes kolsky -->`` the inputs that are tried as 
 ``<!-- wrong NAME -->`` the table of a study of wrong inputs, ``<!-- budget NAME -->`` that of an error
 budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` and ``<!--
 changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->`` shots and their mean,
-``<!-- coverage NAME -->`` a study of coverage, ``<!-- equilibria NAME -->`` times of equilibria,
+``<!-- coverage NAME -->`` a study of coverage, ``<!-- planted NAME -->`` and ``<!-- advised NAME -->`` planted shots that relax,
+``<!-- equilibria NAME -->`` times of equilibria,
 ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` what damage and kills have
 done, ``<!-- grown NAME -->`` how work grows and ``<!-- campaigns NAME -->`` how it is shared out:
 benchmarks/results/NAME.json, ``<!-- named inputs -->`` inputs that were once answered wrongly
@@ -281,6 +282,14 @@ def planted(name: str) -> str:
     return _not_yet(name) if made is None else table(made)
 
 
+def advised(name: str) -> str:
+    """Single shots that relax and elastic ones, as `benchmarks.branch_advice_counts` prints them."""
+    from benchmarks.branch_advice_counts import table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else table(made)
+
+
 def equilibria(name: str) -> str:
     """Times of equilibria, as `benchmarks.implicit` measured them."""
     from benchmarks.implicit_table import table
@@ -355,6 +364,7 @@ TABLES = {
     "pooled": pooled,
     "coverage": coverage,
     "planted": planted,
+    "advised": advised,
     "equilibria": equilibria,
     "budget": budget,
     "drawn": drawn,

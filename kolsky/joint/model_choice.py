@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.diagnosis.branch_test import branch_test
+from kolsky.inverse.relaxing import same_bulk
 from kolsky.inverse.result import Estimate, Verdict
+from kolsky.inverse.valleys import VALLEY
 from kolsky.joint.mesh_errors import mesh_change, mesh_patterns
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
@@ -19,7 +21,10 @@ from kolsky.joint.unseen import SEEN, is_strength, rate_of
 from kolsky.joint.weights import Stack
 
 WEAK = 0.05
-"""Strength of the branches whose directions are taken [-]: small enough to be linear."""
+"""Strength of the branch beside the elastic optimum from which a search begins [-]."""
+LINEAR = 1e-3
+"""Strength of the branches whose directions are taken [-]: so small that the ringing stays in step also where
+Poisson's ratio is held, and the bulk modulus grows by as much."""
 
 
 def with_nothing(problem: JointProblem, elastic: JointProblem, without: Optimum) -> Optimum | None:
@@ -65,9 +70,9 @@ def weak_branch(
     x = np.sqrt(np.maximum(np.array(box.lower), 1e-12) * np.array(box.upper))
     for i, name in enumerate(elastic.unknowns.names):
         x[names.index(name)] = at[i]
-    for i, name in enumerate(names):
-        if is_strength(name):
-            x[i] = strength
+    strengths = [i for i, name in enumerate(names) if is_strength(name)]
+    x[strengths] = strength
+    x = in_step(names, x[None], strength * len(strengths))[0]
     return np.clip(x, box.lower, box.upper)
 
 
@@ -119,9 +124,9 @@ def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without
         if is_strength(name):
             base[i] = problem.unknowns.box.lower[i]
     numerics = problem.mesh
-    weak = relaxing_points(problem, base, (WEAK,), follow=False)
+    weak = in_step(names, relaxing_points(problem, base, (LINEAR,), follow=False), LINEAR)
     bare = elastic.vector_for(stack, without.start, numerics)
-    directions = [(problem.vector_for(stack, p, numerics) - bare) / WEAK for p in weak]
+    directions = [(problem.vector_for(stack, p, numerics) - bare) / LINEAR for p in weak]
     second = "prony_time_1" if "prony_time_1" in names else "creep_resistance"
     times = second_levels(problem, second) if second in names else np.full(len(weak), np.nan)
     test = branch_test(
@@ -131,6 +136,7 @@ def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without
         times,
         blocks=stack.blocks,
         seed=problem.settings.seed,
+        realised=-lower,
     )
     asked = aic < 0.0 and test.significant
     return ModelChoice(
@@ -148,6 +154,25 @@ def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without
 def _inside(e: Estimate | None) -> bool:
     """Whether a parameter is held, or ends inside its range."""
     return e is None or e.outcome is not Verdict.AT_BOUND
+
+
+def in_step(names: Sequence[str], points: FloatArray, strength: float) -> FloatArray:
+    """Points with a branch of a strength, the bulk modulus what it was without if it can be, shape [n, d].
+
+    Parameters
+    ----------
+    names
+        Of the unknowns.
+    points
+        The points with the branch, shape [n, d].
+    strength
+        Of the branch [-].
+    """
+    found = points.copy()
+    if VALLEY in names:
+        i = names.index(VALLEY)
+        found[:, i] = same_bulk(points[:, i], 1.0 + strength)
+    return found
 
 
 def held_against(choice: ModelChoice, shared: Mapping[str, Estimate]) -> ModelChoice:

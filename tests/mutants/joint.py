@@ -267,6 +267,27 @@ FAULTS = (
         "joint/test_refined_steps.py",
     ),
     _fault(
+        "directions of a branch whose ringing is out of step",
+        _RELAXING,
+        "(0.5 - np.asarray(poisson)) * np.asarray(stiffer)",
+        "(0.5 - np.asarray(poisson))",
+        "inverse/test_relaxing.py",
+    ),
+    _fault(
+        "what a search for a branch has gained left out",
+        _BRANCH,
+        "realised / float(scale.max()) ** 2)",
+        "0.0)",
+        "diagnosis/test_branch_test.py",
+    ),
+    _fault(
+        "what a search has gained by residuals that are correlated",
+        _BRANCH,
+        "realised / float(scale.max()) ** 2)",
+        "realised)",
+        "diagnosis/test_branch_test.py",
+    ),
+    _fault(
         "a branch that explains a tenth of what is left advised",
         "kolsky/diagnosis/branch_search.py",
         "HALF = 0.5",
