@@ -7,8 +7,8 @@ the same materials do not relax, and are identified as if they might. Counted is
 holds the truth, how often strength and time are both within two standard uncertainties, and how often
 relaxation is asked for. The folder keeps every answer: called again, the study goes on where it stopped.
 
-On a GPU the truths of a study run side by side, and processes share it for the answers; of two GPUs one takes
-the study and the other the control (CUDA_VISIBLE_DEVICES).
+Processes share all GPUs that there are: the truths run side by side on them, each GPU with its part of the
+shots (--truth-device cuda); an answer takes three minutes of one core of a CPU (--device cpu).
 """
 
 import argparse
@@ -88,7 +88,9 @@ class Study:
     """Largest over smallest of its elements, which lie at the faces' edges: as fine elements everywhere leave
     twice the error (docs/validation/coverage.md)."""
     device: str = "cpu"
-    """Of truths and identifications; one thread a process on a CPU."""
+    """Of the identifications; one thread a process on a CPU."""
+    truth_device: str = "cpu"
+    """Of the truths."""
     seed: int = 1
     """Of materials and noise."""
 
@@ -106,10 +108,10 @@ def truth(study: Study, number: int) -> dict[str, float]:
 
 
 def make_truths(study: Study, folder: Path, numbers: Sequence[int], workers: int) -> None:
-    """Make the shots of all draws: on a GPU their simulations run side by side, the slow curves are one."""
+    """Make the shots of all draws: on GPUs their simulations run side by side, the slow curves are one."""
     places = [place for number in numbers for place in specified(study, folder, number)]
-    threads = 1 if study.device == "cpu" else None
-    make_places(places, device=study.device, threads=threads, workers=workers)
+    threads = 1 if study.truth_device == "cpu" else None
+    make_places(places, device=study.truth_device, threads=threads, workers=workers)
     for number in numbers:
         folders = [place for _, place in specified(study, folder, number)]
         for other in folders[1:]:  # one material has one slow curve
@@ -188,7 +190,8 @@ def main() -> None:
     parser.add_argument("--refined-mesh", default="64x86", help="of the answer")
     parser.add_argument("--truth-mesh", default="96x129", help="of the truth, F-bar")
     parser.add_argument("--truth-grading", type=float, default=5.0, help="its largest over smallest element")
-    parser.add_argument("--device", default="cpu", help="of truths and identifications")
+    parser.add_argument("--device", default="cpu", help="of the identifications")
+    parser.add_argument("--truth-device", help="of the truths; that of the identifications if left out")
     parser.add_argument("--workers", type=int, default=1, help="processes that share the draws")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rows", help="FIRST:STOP, a part of the draws")
@@ -202,6 +205,7 @@ def main() -> None:
         truth_mesh=mesh("--truth-mesh", given.truth_mesh),
         truth_grading=given.truth_grading,
         device=given.device,
+        truth_device=given.truth_device or given.device,
         seed=given.seed,
     )
     first, stop = map(int, (given.rows or f"0:{given.draws}").split(":"))
@@ -233,7 +237,8 @@ def main() -> None:
 def hold(study: Study, folder: Path) -> None:
     """Keep what is asked beside the answers; refuse a folder that holds another study."""
     folder.mkdir(parents=True, exist_ok=True)
-    place, said = folder / "study.json", json.loads(json.dumps({**asdict(study), "device": ""}))
+    asked = {key: value for key, value in asdict(study).items() if "device" not in key}
+    place, said = folder / "study.json", json.loads(json.dumps({**asked, "device": ""}))
     if place.exists() and json.loads(place.read_text()) != said:
         raise SystemExit(f"{folder} holds another study: give another --out")
     place.write_text(json.dumps(said) + "\n")

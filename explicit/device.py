@@ -55,6 +55,15 @@ def own_gpu(count: int) -> int:
     return int(os.environ.get(WORKER, "0")) % max(count, 1)
 
 
+def gpus(name: str) -> tuple[str, ...]:
+    """GPUs that processes may share which are told to work on a device: all of the machine for "cuda", the
+    one named for "cuda:1", none for "cpu"."""
+    if name == "cpu":
+        return ()
+    _start()
+    return tuple(device.alias for device in wp.get_cuda_devices() if name == "cuda") or (name,)
+
+
 @cache
 def _start() -> None:
     wp.config.log_level = wp.LOG_ERROR

@@ -25,7 +25,7 @@ from kolsky.diagnosis.causes import OtherStart, find_causes
 from kolsky.diagnosis.clocks import Reruns, clock_lags
 from kolsky.diagnosis.corrected import corrected
 from kolsky.diagnosis.fit_quality import fit_quality
-from kolsky.diagnosis.rate_advice import rate_advice, shot_branch_test
+from kolsky.diagnosis.rate_advice import branch_figures, rate_advice, shot_branch_test
 from kolsky.diagnosis.sources import residual_sources
 from kolsky.diagnosis.verdicts import explained, explains, fit_warnings, judged
 from kolsky.inverse.estimates import (
@@ -170,6 +170,7 @@ def identify(
         # A strong branch is out of reach of the linear test: it is searched for.
         strong = None if rate_advice(asked) else branch_fit(stages, fine.x, fine.objective)
         of_fit = (*of_fit, *rate_advice(asked, strong))
+        result = replace(result, surrogate={**result.surrogate, **branch_figures(asked, strong)})
     replicates = stages.replicates
     warnings = collect_warnings(
         result,

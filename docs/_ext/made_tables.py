@@ -10,6 +10,7 @@ registry of the solver, ``<!-- causes kolsky -->`` the inputs that are tried as 
 budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` and ``<!--
 changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->`` shots and their mean,
 ``<!-- coverage NAME -->`` a study of coverage, ``<!-- meshed NAME -->`` what the mesh does to answers,
+``<!-- planted NAME -->`` and ``<!-- advised NAME -->`` planted shots that relax,
 ``<!-- equilibria NAME -->`` times of equilibria,
 ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` what damage and kills have
 done, ``<!-- grown NAME -->`` how work grows and ``<!-- campaigns NAME -->`` how it is shared out:
@@ -290,6 +291,14 @@ def planted(name: str) -> str:
     return _not_yet(name) if made is None else table(made)
 
 
+def advised(name: str) -> str:
+    """Single shots that relax and elastic ones, as `benchmarks.branch_advice_counts` prints them."""
+    from benchmarks.branch_advice_counts import table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else table(made)
+
+
 def equilibria(name: str) -> str:
     """Times of equilibria, as `benchmarks.implicit` measured them."""
     from benchmarks.implicit_table import table
@@ -365,6 +374,7 @@ TABLES = {
     "coverage": coverage,
     "meshed": meshed,
     "planted": planted,
+    "advised": advised,
     "equilibria": equilibria,
     "budget": budget,
     "drawn": drawn,

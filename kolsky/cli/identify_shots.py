@@ -169,6 +169,7 @@ def _relaxing(shot: "Shot", text: str) -> "Shot":
 def answers(found: "JointResult") -> list[str]:
     """The answer's first lines: shared parameters with their 95 % intervals, the scatter, what relaxes."""
     from kolsky.inverse.result import Verdict
+    from kolsky.joint.unseen import interval
     from kolsky.report import numbers
     from kolsky.report.nomenclature import name_of
     from kolsky.report.plain_text import plain
@@ -179,6 +180,9 @@ def answers(found: "JointResult") -> list[str]:
         value, half = numbers.measured(known.factor * e.value, known.factor * found.expanded[name])
         unit = "" if known.unit == "1" else f" {plain(known.unit)}"
         line = f"{_symbol(name)} = {plain(value)} +- {plain(half)}{unit} (95 %, {len(found.shots)} shots)"
+        if e.outcome is Verdict.NOT_SEEN:
+            low, high = (known.factor * end for end in interval(e, found.expanded[name]))
+            line = f"{_symbol(name)} = {low:.2g} to {high:.2g}{unit}"
         said.append(line if e.outcome is Verdict.IDENTIFIED else f"{line}: {e.outcome.value.upper()}")
     if found.scatter is not None:
         low, high = (100.0 * end for end in found.scatter.interval)

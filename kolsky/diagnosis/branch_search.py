@@ -19,6 +19,7 @@ from kolsky.base.relaxation import Relaxation, prony_names
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import MOVED, design_box
+from kolsky.inverse.relaxing import same_bulk
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.surrogate_mesh_search import from_search, search_box, to_search
 from kolsky.inverse.valleys import VALLEY
@@ -164,7 +165,7 @@ def scanned(box: Box, at: FloatArray) -> FloatArray:
         if VALLEY in box.names:
             i = box.names.index(VALLEY)
             stiffer = root if MOVED in box.names else root**2
-            point[i] = 0.5 - (0.5 - point[i]) * stiffer
+            point[i] = same_bulk(point[i], stiffer)
         found += [np.append(point, [strength, time]) for time in times]
     return np.array(found)
 

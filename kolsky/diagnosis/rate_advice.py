@@ -13,10 +13,13 @@ from kolsky.diagnosis.branch_test import BranchTest, branch_test
 from kolsky.inverse.block_covariance import BLOCKS
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
+from kolsky.inverse.relaxing import same_bulk
 from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.valleys import VALLEY
 
-WEAK = 0.05
-"""Strength of the branches whose directions are taken [-]."""
+WEAK = 1e-3
+"""Strength of the branches whose directions are taken [-]: so small that the ringing stays in step also where
+Poisson's ratio is held, and the bulk modulus grows by as much."""
 SHORTEST, TIMES = 2e-5, 7
 """Shortest relaxation time that is tried [s], and how many up to the duration of the window."""
 
@@ -57,6 +60,8 @@ def shot_branch_test(
     # The first run has no branch: the same kernel, so that nothing but the branch differs.
     columns["prony_strength_1"] = np.append(0.0, np.full(TIMES, WEAK))
     columns["prony_time_1"] = np.append(times[0], times)
+    if VALLEY in stages.box.names:
+        columns[VALLEY] = same_bulk(columns[VALLEY], 1.0 + columns["prony_strength_1"])
     stages.progress("what relaxes", 0, TIMES + 1)
     response = relaxing.run(columns, numerics)
     stages.progress("what relaxes", TIMES + 1, TIMES + 1)
@@ -110,3 +115,22 @@ def rate_advice(test: BranchTest | None, fit: BranchFit | None = None) -> tuple[
             f"{fit.aic:+.0f}): {TRY}",
         )
     return ()
+
+
+def branch_figures(test: BranchTest | None, fit: BranchFit | None) -> dict[str, float]:
+    """What the advice is given by, as figures of the search.
+
+    Parameters
+    ----------
+    test, fit
+        As of `rate_advice`.
+    """
+    found = {} if test is None else {"branch_probability": test.probability}
+    if fit is not None:
+        found |= {
+            "branch_strength": fit.strength,
+            "branch_time": fit.time,
+            "branch_share": fit.share,
+            "branch_aic": fit.aic,
+        }
+    return found

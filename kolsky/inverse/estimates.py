@@ -44,7 +44,9 @@ def estimates(
     within its own jumps over that width, and a value on it is not identified.
 
     Where one lies at a bound, the data ask for a value beyond it, and the others make up for what it may not
-    do: their values hold only if the bound is where that parameter is.
+    do: their values hold only if the bound is where that parameter is. It lies there on a finer mesh too, and
+    is not corrected; one that the correction would take past a bound lies at that bound. What the data do not
+    see has no optimum that a mesh could move.
 
     Parameters
     ----------
@@ -67,30 +69,35 @@ def estimates(
         Whether an outline was measured; without one the verdict says that the force decides alone.
     """
     good = Verdict.IDENTIFIED if outline else Verdict.FORCE_ALONE
-    bounds, found = on_edge(optimum, box), {}
-    correction = np.zeros(len(optimum)) if mesh_correction is None else mesh_correction
+    found = {}
+    totals = np.hypot.reduce([np.zeros(len(optimum)), *noise.values()])
+    lower, upper = np.array(box.lower), np.array(box.upper)
+    unseen, bounds = 4.0 * totals > upper - lower, on_edge(optimum, box)
+    wanted = optimum + (0.0 if mesh_correction is None else mesh_correction)
+    value = np.where(unseen | bounds, optimum, np.clip(wanted, lower, upper))
+    bounds |= ~unseen & ((wanted < lower) | (wanted > upper))
     for i, name in enumerate(box.names):
         parts = {source: float(sigma[i]) for source, sigma in noise.items()}
         computed = {source: float(sigma[i]) for source, sigma in numerical.items()}
-        total = float(np.hypot.reduce(list(parts.values())))
         if bounds[i]:
             verdict = Verdict.AT_BOUND
-        elif 4.0 * total > box.upper[i] - box.lower[i]:
+        elif unseen[i]:
             verdict = Verdict.NOT_SEEN
         elif not confirmed:
             verdict = Verdict.DISAGREEING
-        elif computed.get("roughness", 0.0) > total:
+        elif computed.get("roughness", 0.0) > totals[i]:
             verdict = Verdict.PLATEAU
         else:
             verdict = Verdict.CONDITIONAL if any(bounds) else good
         found[name] = Estimate(
             name=name,
             unit=PARAMETERS[name].unit,
-            value=float(optimum[i] + correction[i]),
-            sigma_noise=total,
+            value=float(value[i]),
+            sigma_noise=float(totals[i]),
             sigma_numerical=float(np.hypot.reduce(list(computed.values()))),
             mesh_shift=float(mesh_shift[i]),
-            mesh_correction=float(correction[i]),
+            mesh_correction=float(value[i] - optimum[i]),
+            searched=(float(box.lower[i]), float(box.upper[i])),
             noise_parts=parts,
             numerical_parts=computed,
             outcome=verdict,

@@ -7,7 +7,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.relaxation import (
     NETWORK,
     NETWORK_DEFAULTS,
@@ -98,6 +100,23 @@ def with_relaxation(shot: Shot, kind: Kind, branches: int = 1) -> Shot:
     constants = (*[START_STRENGTH] * branches, *times)
     values = dict(zip(prony_names(branches), constants, strict=True))
     return replace(shot, relaxation=Relaxation(kind, values, free=True))
+
+
+def same_bulk(poisson: ArrayLike, stiffer: ArrayLike) -> FloatArray:
+    """Poisson's ratio that leaves the bulk modulus where the instantaneous stiffness is a factor larger [-].
+
+    The bulk modulus goes with m (1 + c) / (1 - 2 nu), of all strengths c, and sets the pace of the ringing: a
+    branch that moved it by a percent would be out of step within the shot, which is no effect of a branch
+    where Poisson's ratio is free to follow.
+
+    Parameters
+    ----------
+    poisson
+        Poisson's ratio [-].
+    stiffer
+        The instantaneous stiffness over what it was [-].
+    """
+    return np.asarray(0.5 - (0.5 - np.asarray(poisson)) * np.asarray(stiffer), dtype=np.float64)
 
 
 def reference_words(names: Iterable[str]) -> str:

@@ -83,6 +83,8 @@ class Estimate:
     mesh_correction: float = 0.0
     """Extrapolation from the refined mesh to an infinitely fine one, which `value` contains; its standard
     uncertainty is the part "mesh" of `numerical_parts`. 0 in results that were not corrected."""
+    searched: tuple[float, float] = (-np.inf, np.inf)
+    """Range in which it was searched; infinite in results that do not know it."""
 
     @property
     def on_mesh(self) -> float:
@@ -96,8 +98,13 @@ class Estimate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The k = 2 interval."""
-        return (self.value - 2.0 * self.sigma, self.value + 2.0 * self.sigma)
+        """The k = 2 interval, see `within`."""
+        return self.within(2.0 * self.sigma)
+
+    def within(self, half: float) -> tuple[float, float]:
+        """An interval of a half width about the value, as far as it lies in the range that was searched."""
+        low, high = self.searched
+        return max(self.value - half, low), min(self.value + half, high)
 
 
 @dataclass(frozen=True)

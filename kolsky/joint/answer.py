@@ -11,9 +11,9 @@ from doe import Box
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.estimates import estimates, held_values
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.parameters import MOVED, PARAMETERS
+from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.relaxing import reference_words
-from kolsky.inverse.result import Estimate, Verdict
+from kolsky.inverse.result import Estimate
 from kolsky.joint.declared import declared_parts
 from kolsky.joint.mesh_errors import mesh_change
 from kolsky.joint.model_choice import held_against
@@ -22,6 +22,7 @@ from kolsky.joint.problem import JointProblem
 from kolsky.joint.records import CurveFound, JointResult, ModelChoice, ShotPart
 from kolsky.joint.scatter import expanded
 from kolsky.joint.unknowns import node_strains, with_factors
+from kolsky.joint.unseen import needed, unseen
 from kolsky.joint.weights import CLOCK, GAIN, SCATTER, Stack, covariance, information
 from kolsky.uncertainty.numerical import numerical_parts
 
@@ -79,7 +80,7 @@ def answered(
         )
     choice = None if choice is None else held_against(choice, shared)
     if choice is not None and not choice.asked_for:
-        shared = {name: _unasked(e) for name, e in shared.items()}
+        shared = {name: unseen(e) for name, e in shared.items()}
     half = {
         name: expanded(e.sigma, e.noise_parts["scatter between shots"], len(stack.shots))
         for name, e in shared.items()
@@ -118,11 +119,6 @@ def _without(stack: Stack, problem: JointProblem, found: Optimum, name: str) -> 
         )
     rows = stack.whitening(bare).apply(found.slopes.T)
     return np.diag(np.linalg.inv(information(rows, problem.unknowns.widths)))
-
-
-def _unasked(e: Estimate) -> Estimate:
-    """A constant of what relaxes that the data do not ask for is not seen by them."""
-    return replace(e, outcome=Verdict.NOT_SEEN) if PARAMETERS[e.name].relaxes else e
 
 
 def _parts(
@@ -219,7 +215,7 @@ def _warnings(
             "or refine --mesh, whose slopes the steps take"
         )
     if choice is not None and not choice.asked_for:
-        said.append(choice.sentence)
+        said += [choice.sentence, *needed(shared)]
     reference = reference_words(shared)
     if reference:
         said.append(f"m refers to {reference}")

@@ -8,7 +8,7 @@ from kolsky.base.hdf5_records import Named, Part, Parts, Record
 from kolsky.joint.records import CurveFound, JointResult, ModelChoice, Scatter, ShotPart
 from kolsky.results.layout import ESTIMATE
 
-FORMAT = Format("kolsky joint identification", version=3, readable=(3,))
+FORMAT = Format("kolsky joint identification", version=4, readable=(3, 4))
 """Its first version is 3, that of an identification, whose records of a parameter it shares."""
 
 SHOT = Record(

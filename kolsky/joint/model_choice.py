@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.diagnosis.branch_test import branch_test
+from kolsky.inverse.relaxing import same_bulk
 from kolsky.inverse.result import Estimate, Verdict
+from kolsky.inverse.valleys import VALLEY
 from kolsky.joint.mesh_errors import mesh_change, mesh_patterns
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
 from kolsky.joint.records import ModelChoice
 from kolsky.joint.start import relaxing_points, second_levels
+from kolsky.joint.unseen import SEEN, is_strength, rate_of
 from kolsky.joint.weights import Stack
 
 WEAK = 0.05
-"""Strength of the branches whose directions are taken [-]: small enough to be linear."""
+"""Strength of the branch beside the elastic optimum from which a search begins [-]."""
+LINEAR = 1e-3
+"""Strength of the branches whose directions are taken [-]: so small that the ringing stays in step also where
+Poisson's ratio is held, and the bulk modulus grows by as much."""
 
 
 def with_nothing(problem: JointProblem, elastic: JointProblem, without: Optimum) -> Optimum | None:
@@ -33,9 +39,9 @@ def with_nothing(problem: JointProblem, elastic: JointProblem, without: Optimum)
     """
     box = problem.unknowns.box
     bounds = zip(problem.unknowns.names, box.lower, strict=True)
-    if any(low > 0.0 for name, low in bounds if name.startswith(("prony_strength", "creep_ratio"))):
+    if any(low > 0.0 for name, low in bounds if is_strength(name)):
         return None
-    if not any(name.startswith(("prony_strength", "creep_ratio")) for name in problem.unknowns.names):
+    if not any(is_strength(name) for name in problem.unknowns.names):
         return None
     x = weak_branch(problem, elastic, without.x, strength=0.0)
     seen = problem.vector_for(problem.stack, x, problem.refined)
@@ -64,9 +70,9 @@ def weak_branch(
     x = np.sqrt(np.maximum(np.array(box.lower), 1e-12) * np.array(box.upper))
     for i, name in enumerate(elastic.unknowns.names):
         x[names.index(name)] = at[i]
-    for i, name in enumerate(names):
-        if name.startswith(("prony_strength", "creep_ratio")):
-            x[i] = strength
+    strengths = [i for i, name in enumerate(names) if is_strength(name)]
+    x[strengths] = strength
+    x = in_step(names, x[None], strength * len(strengths))[0]
     return np.clip(x, box.lower, box.upper)
 
 
@@ -115,12 +121,12 @@ def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without
     for i, name in enumerate(elastic.unknowns.bounds):
         base[names.index(name)] = without.start[i]
     for i, name in enumerate(names):
-        if name.startswith(("prony_strength", "creep_ratio")):
+        if is_strength(name):
             base[i] = problem.unknowns.box.lower[i]
     numerics = problem.mesh
-    weak = relaxing_points(problem, base, (WEAK,), follow=False)
+    weak = in_step(names, relaxing_points(problem, base, (LINEAR,), follow=False), LINEAR)
     bare = elastic.vector_for(stack, without.start, numerics)
-    directions = [(problem.vector_for(stack, p, numerics) - bare) / WEAK for p in weak]
+    directions = [(problem.vector_for(stack, p, numerics) - bare) / LINEAR for p in weak]
     second = "prony_time_1" if "prony_time_1" in names else "creep_resistance"
     times = second_levels(problem, second) if second in names else np.full(len(weak), np.nan)
     test = branch_test(
@@ -130,6 +136,7 @@ def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without
         times,
         blocks=stack.blocks,
         seed=problem.settings.seed,
+        realised=-lower,
     )
     asked = aic < 0.0 and test.significant
     return ModelChoice(
@@ -144,18 +151,28 @@ def chosen(problem: JointProblem, found: Optimum, elastic: JointProblem, without
     )
 
 
-SEEN = 2.0
-"""Strength over its standard uncertainty, that of the mesh included, above which it is one [-]."""
-
-
-def time_of(strength: str) -> str:
-    """The parameter that says how fast what has a strength relaxes."""
-    return "creep_resistance" if strength == "creep_ratio" else strength.replace("strength", "time")
-
-
 def _inside(e: Estimate | None) -> bool:
     """Whether a parameter is held, or ends inside its range."""
     return e is None or e.outcome is not Verdict.AT_BOUND
+
+
+def in_step(names: Sequence[str], points: FloatArray, strength: float) -> FloatArray:
+    """Points with a branch of a strength, the bulk modulus what it was without if it can be, shape [n, d].
+
+    Parameters
+    ----------
+    names
+        Of the unknowns.
+    points
+        The points with the branch, shape [n, d].
+    strength
+        Of the branch [-].
+    """
+    found = points.copy()
+    if VALLEY in names:
+        i = names.index(VALLEY)
+        found[:, i] = same_bulk(points[:, i], 1.0 + strength)
+    return found
 
 
 def held_against(choice: ModelChoice, shared: Mapping[str, Estimate]) -> ModelChoice:
@@ -171,19 +188,19 @@ def held_against(choice: ModelChoice, shared: Mapping[str, Estimate]) -> ModelCh
     shared
         The shared parameters, corrected for the mesh.
     """
-    sizes = [e for name, e in shared.items() if name.startswith(("prony_strength", "creep_ratio"))]
+    sizes = [e for name, e in shared.items() if is_strength(name)]
     if not choice.asked_for or not sizes:
         return choice
     strong = [e for e in sizes if e.value > SEEN * e.sigma]
-    if any(_inside(shared.get(time_of(e.name))) for e in strong):
+    if any(_inside(shared.get(rate_of(e.name))) for e in strong):
         return choice
     if strong:
         return replace(
             choice,
             asked_for=False,
-            sentence=f"the data do not ask for what relaxes: {time_of(strong[0].name)} ends at a bound of "
+            sentence=f"the data do not ask for what relaxes: {rate_of(strong[0].name)} ends at a bound of "
             "its range, where a branch is damping or a stiffer curve by another name: identify without it, "
-            f"or give another range with --free {time_of(strong[0].name)}",
+            f"or give another range with --free {rate_of(strong[0].name)}",
         )
     most = max(sizes, key=lambda e: e.value / e.sigma)
     return replace(

@@ -9,6 +9,7 @@ from kolsky.base.json_types import jsonable
 from kolsky.inverse.relaxing import reference_words
 from kolsky.joint.hdf5 import write_joint_hdf5
 from kolsky.joint.records import JointResult
+from kolsky.joint.unseen import interval
 
 STEM = "joint"
 
@@ -20,7 +21,8 @@ def to_json(found: JointResult) -> dict[str, Any]:
         "estimates": {
             name: {
                 "value": e.value,
-                "interval_95": (e.value - found.expanded[name], e.value + found.expanded[name]),
+                "interval_95": interval(e, found.expanded[name]),
+                "searched": e.searched,
                 "sigma": e.sigma,
                 "sigma_noise": e.sigma_noise,
                 "sigma_numerical": e.sigma_numerical,
@@ -75,12 +77,15 @@ def write_joint(folder: Path, found: JointResult) -> None:
 def parameters(found: JointResult) -> dict[str, list[Any]]:
     """Columns of the shared parameters, SI."""
     rows = found.estimates.values()
+    ends = [interval(e, found.expanded[e.name]) for e in rows]
     return {
         "parameter": [e.name for e in rows],
         "unit": [e.unit for e in rows],
         "value (SI)": [e.value for e in rows],
         "standard uncertainty (SI)": [e.sigma for e in rows],
         "half width at 95 % (SI)": [found.expanded[e.name] for e in rows],
+        "lower end, 95 % (SI)": [low for low, _ in ends],
+        "upper end, 95 % (SI)": [high for _, high in ends],
         "verdict": [e.outcome.value for e in rows],
     }
 

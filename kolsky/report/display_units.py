@@ -64,6 +64,7 @@ def estimate_in_display_units(e: Estimate) -> Estimate:
         sigma_systematic=e.sigma_systematic * factor,
         mesh_shift=e.mesh_shift * factor,
         mesh_correction=e.mesh_correction * factor,
+        searched=(e.searched[0] * factor, e.searched[1] * factor),
         noise_parts={source: sigma * factor for source, sigma in e.noise_parts.items()},
         numerical_parts={source: sigma * factor for source, sigma in e.numerical_parts.items()},
     )

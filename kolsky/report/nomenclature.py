@@ -261,6 +261,11 @@ QUALITY = {
     "force_discrepancy": ("discrepancy of the model, force", 1.0, " N"),
     "shape_discrepancy": ("discrepancy of the model, outline", 1e6, " µm"),
     "slow_discrepancy": ("common to many points of the outline", 1e6, " µm"),
+    "branch_probability": ("planted elastic data that a weak branch improves as much", 1.0, ""),
+    "branch_strength": ("strength of the branch that was searched for", 1.0, ""),
+    "branch_time": ("its relaxation time", 1e6, "µs"),
+    "branch_share": ("share of what is left that it explains", 1.0, ""),
+    "branch_aic": ("Akaike’s criterion with it, less that without", 1.0, ""),
     "valley_margin": ("next valley of Poisson’s ratio, −2 ln L above this one", 1.0, ""),
     "front_moved": ("front face’s path moved by, over its noise, rms", 1.0, ""),
 }

@@ -22,6 +22,9 @@ def answer(e: Estimate) -> str:
     value, uncertainty = numbers.measured(e.value, 2.0 * e.sigma)
     unit = "" if e.unit == "1" else f" {plain(e.unit)}"
     line = f"{_symbol(e.name)} = {plain(value)} ± {plain(uncertainty)}{unit} (k = 2)"
+    if e.outcome is Verdict.NOT_SEEN:
+        low, high = (plain(numbers.like(end, 2.0 * e.sigma)) for end in e.interval)
+        line = f"{_symbol(e.name)} = {low} to {high}{unit} (k = 2)"
     return line if e.outcome is Verdict.IDENTIFIED else f"{line}: {e.outcome.value.upper()}"
 
 

@@ -42,9 +42,10 @@ from kolsky.inverse.uncertainty_results import (
 )
 from kolsky.results.layout_fit import CAUSE, CLOCK, FIT, HELD
 
-FORMAT = Format("kolsky identification", version=3, readable=(1, 2, 3))
+FORMAT = Format("kolsky identification", version=4, readable=(1, 2, 3, 4))
 """Version 1 knows no other choices, numbers of image correlation and parts of the numerical uncertainty;
-version 2 no goodness of fit, no lags of clocks and no causes of a misfit."""
+version 2 no goodness of fit, no lags of clocks and no causes of a misfit; version 3 not the ranges in which
+parameters were searched."""
 
 ESTIMATE = Record(
     Estimate,
@@ -60,6 +61,7 @@ ESTIMATE = Record(
         "noise_parts": numbers(OWN),
         "numerical_parts": numbers(OWN, since=2),
         "mesh_correction": Floats(OWN, since=3),
+        "searched": Floats(OWN, "2", as_tuple=True, since=4),
         "outcome": Choice(Verdict),
     },
     derived={

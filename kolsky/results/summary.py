@@ -13,9 +13,9 @@ from kolsky.uncertainty.sensitivities import elasticity, relative_moves, unseen
 def to_json(identification: Identification) -> dict[str, Any]:
     """The result as one object of JSON types.
 
-    Every free parameter is a key with `value`, `interval` (k = 2), `sigma`, `sigma_noise`,
-    `sigma_numerical`, `sigma_systematic`, `mesh_shift`, `on_mesh` (the optimum on the refined mesh),
-    `mesh_correction` (what `value` adds to it), `noise_parts`, `numerical_parts`, `unit` and `outcome`;
+    Every free parameter is a key with `value`, `interval` (k = 2, inside the range `searched`), `sigma`,
+    `sigma_noise`, `sigma_numerical`, `sigma_systematic`, `mesh_shift`, `on_mesh` (the optimum on the refined
+    mesh), `mesh_correction` (what `value` adds to it), `noise_parts`, `numerical_parts`, `unit`, `outcome`;
     `fit` and `clocks` are null where they were not recorded; `failed_runs` lists the runs that did not
     complete. Numbers that are not finite become null.
 
@@ -64,6 +64,7 @@ def to_json(identification: Identification) -> dict[str, Any]:
         name: {
             "value": e.value,
             "interval": e.interval,
+            "searched": e.searched,
             "sigma": e.sigma,
             "sigma_noise": e.sigma_noise,
             "sigma_numerical": e.sigma_numerical,

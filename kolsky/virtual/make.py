@@ -1,10 +1,12 @@
 """The shots of a specification, made: truths simulated together, folders written by several processes."""
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, as_completed, wait
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from explicit.device import gpus
 from kolsky.base.errors import InputError
 from kolsky.virtual.records import Truth
 from kolsky.virtual.shot_folder import is_there, write_shot
@@ -133,44 +135,82 @@ def make_places(
 def _all_made(
     todo: Sequence[Place], device: str, threads: int | None, workers: int
 ) -> Iterator[Made | NotMade]:
-    """Make shots one batch after the other, or over processes; on a GPU the truths of a batch come first,
-    side by side, for its processes would take turns."""
-    batches = _batches(todo, workers, device)
+    """Make shots one batch after the other, or over processes."""
+    jobs = [_job(shot) for shot, _ in todo]
+    shared = gpus(device) if workers > 1 else gpus(device)[:1]
+    batches = side_by_side(todo, jobs, len(shared)) if shared else _of_one_model(todo, jobs, workers)
     if workers == 1:
         for batch in batches:
             yield from _made(batch, device, threads)
         return
-    from concurrent.futures import as_completed
-
     from kolsky.base.process import process_pool
 
     share = threads or 1
     with process_pool(workers) as pool:
-        if device == "cpu":
-            for future in as_completed([pool.submit(_made, batch, device, share) for batch in batches]):
-                yield from future.result()
+        if shared:
+            yield from _over_gpus(pool, batches, shared, device, share)
             return
-        for batch in batches:
-            pairs = zip(batch, _truths(batch, device, threads), strict=True)
-            jobs = [pool.submit(_written, place, truth, device, share) for place, truth in pairs]
-            for job in as_completed(jobs):
-                yield job.result()
+        for future in as_completed([pool.submit(_made, batch, device, share) for batch in batches]):
+            yield from future.result()
 
 
-def _batches(todo: Sequence[Place], workers: int, device: str) -> list[list[Place]]:
-    """Shots whose truths are simulated together: those of one model, at most a share of a worker; on a GPU
-    any shots."""
+def _job(shot: ShotSpecification) -> Job:
+    try:
+        return Job.of(shot.quantities, shot.folder)
+    except ValueError as error:
+        raise _refused(shot, error) from None
+
+
+def _of_one_model(todo: Sequence[Place], jobs: Sequence[Job], workers: int) -> list[list[Place]]:
+    """Shots whose truths a CPU simulates together: those of one model, at most a share of a worker."""
     groups: dict[Any, list[Place]] = {}
-    for shot, folder in todo:
-        try:
-            key = Job.of(shot.quantities, shot.folder).group
-        except ValueError as error:
-            raise _refused(shot, error) from None
-        groups.setdefault(key if device == "cpu" else None, []).append((shot, folder))
+    for place, job in zip(todo, jobs, strict=True):
+        groups.setdefault(job.group, []).append(place)
     size = max(1, -(-len(todo) // (4 * workers))) if workers > 1 else 8
-    if device != "cpu":
-        size = SIDE_BY_SIDE
     return [group[i : i + size] for group in groups.values() for i in range(0, len(group), size)]
+
+
+def side_by_side(todo: Sequence[Place], jobs: Sequence[Job], count: int) -> list[list[Place]]:
+    """Shots whose truths a GPU simulates at the same time, of any models.
+
+    Equally many batches for every GPU, and the shots dealt out by the time that they simulate: a GPU is
+    busy as long as the longest of its shots, however many stand beside it.
+
+    Parameters
+    ----------
+    todo
+        The shots and their folders.
+    jobs
+        Their simulations.
+    count
+        GPUs that share them.
+    """
+    rounds = -(-len(todo) // (count * SIDE_BY_SIDE))
+    order = sorted(range(len(todo)), key=lambda k: -jobs[k].last)
+    parts = [order[k :: rounds * count] for k in range(rounds * count)]
+    return [[todo[k] for k in part] for part in parts if part]
+
+
+def _over_gpus(
+    pool: Executor, batches: Sequence[Sequence[Place]], shared: Sequence[str], device: str, threads: int
+) -> Iterator[Made | NotMade]:
+    """Simulate one batch a GPU at a time, and write the folders of each as soon as it is there."""
+    waiting, idle = list(batches), list(shared)
+    running: dict[Future[Any], tuple[str, Sequence[Place]]] = {}
+    writing: set[Future[Any]] = set()
+    while waiting or running or writing:
+        while waiting and idle:
+            gpu, batch = idle.pop(0), waiting.pop(0)
+            running[pool.submit(_truths, batch, gpu, threads)] = gpu, batch
+        done, _ = wait({*running, *writing}, return_when=FIRST_COMPLETED)
+        for future in done & writing:
+            writing.remove(future)
+            yield future.result()
+        for future in done & running.keys():
+            gpu, batch = running.pop(future)
+            idle.append(gpu)
+            for place, truth in zip(batch, future.result(), strict=True):
+                writing.add(pool.submit(_written, place, truth, device, threads))
 
 
 def _made(batch: Sequence[Place], device: str, threads: int | None) -> list[Made | NotMade]:

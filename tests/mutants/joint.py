@@ -5,6 +5,7 @@ from tests.mutants.fault import Fault
 _SCATTER, _WEIGHTS = "kolsky/joint/scatter.py", "kolsky/joint/weights.py"
 _BRANCH, _NODES = "kolsky/diagnosis/branch_test.py", "kolsky/joint/unknowns.py"
 _SLOW, _RELAXING = "kolsky/joint/slow_schema.py", "kolsky/inverse/relaxing.py"
+_UNSEEN = "kolsky/joint/unseen.py"
 _ANSWER, _STEPS = "kolsky/joint/answer.py", "kolsky/joint/refined_steps.py"
 
 
@@ -162,10 +163,45 @@ FAULTS = (
     ),
     _fault(
         "a strength within one standard uncertainty of nothing asked for",
-        "kolsky/joint/model_choice.py",
+        _UNSEEN,
         "SEEN = 2.0",
         "SEEN = 1.0",
         "joint/test_model_choice_words.py",
+    ),
+    _fault(
+        "the time of a branch without strength corrected for the mesh",
+        _UNSEEN,
+        "value=e.on_mesh,",
+        "value=e.value,",
+        "joint/test_unseen.py",
+    ),
+    _fault(
+        "the time of a branch without strength known to a third of its range",
+        _UNSEEN,
+        "(high - low) / 12.0**0.5",
+        "(high - low) / 12.0",
+        "joint/test_unseen.py",
+    ),
+    _fault(
+        "a strength of one standard uncertainty said to be seen",
+        _UNSEEN,
+        "{SEEN * e.sigma:.2g}",
+        "{e.sigma:.2g}",
+        "joint/test_unseen.py",
+    ),
+    _fault(
+        "a value corrected past a bound of its range",
+        "kolsky/inverse/estimates.py",
+        "np.where(unseen | bounds, optimum, np.clip(wanted, lower, upper))",
+        "wanted",
+        "inverse/test_estimates.py",
+    ),
+    _fault(
+        "an interval that goes on where nothing was searched",
+        "kolsky/inverse/result.py",
+        "return max(self.value - half, low), min(self.value + half, high)",
+        "return self.value - half, self.value + half",
+        "inverse/test_estimates.py",
     ),
     _fault(
         "a branch at a bound of its times asked for",
@@ -229,6 +265,27 @@ FAULTS = (
         "np.outer(missed, step / sigma) / float(step @ step)",
         "np.outer(missed, step * sigma) / float((step * sigma) @ (step * sigma))",
         "joint/test_refined_steps.py",
+    ),
+    _fault(
+        "directions of a branch whose ringing is out of step",
+        _RELAXING,
+        "(0.5 - np.asarray(poisson)) * np.asarray(stiffer)",
+        "(0.5 - np.asarray(poisson))",
+        "inverse/test_relaxing.py",
+    ),
+    _fault(
+        "what a search for a branch has gained left out",
+        _BRANCH,
+        "realised / float(scale.max()) ** 2)",
+        "0.0)",
+        "diagnosis/test_branch_test.py",
+    ),
+    _fault(
+        "what a search has gained by residuals that are correlated",
+        _BRANCH,
+        "realised / float(scale.max()) ** 2)",
+        "realised)",
+        "diagnosis/test_branch_test.py",
     ),
     _fault(
         "a branch that explains a tenth of what is left advised",

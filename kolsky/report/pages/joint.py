@@ -4,7 +4,9 @@ from pathlib import Path
 from typing import Any
 
 from kolsky.inverse.relaxing import reference_words
+from kolsky.inverse.result import Verdict
 from kolsky.joint.records import JointResult
+from kolsky.joint.unseen import interval
 from kolsky.report import numbers
 from kolsky.report.figures import JOINT
 from kolsky.report.nomenclature import name_of
@@ -67,6 +69,9 @@ def _parameter(found: JointResult, name: str) -> dict[str, Any]:
     e, known = found.estimates[name], name_of(name)
     factor = known.factor
     value, half = numbers.measured(factor * e.value, factor * found.expanded[name])
+    if e.outcome is Verdict.NOT_SEEN:
+        low, high = (factor * end for end in interval(e, found.expanded[name]))
+        value, half = f"{numbers.plain(low, 2)} to {numbers.plain(high, 2)}", numbers.NOTHING
     return {
         "words": known.words,
         "symbol": known.symbol,

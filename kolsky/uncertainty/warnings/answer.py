@@ -100,7 +100,7 @@ def bounds(result: Identification) -> Iterator[str]:
     for i, name in enumerate(design.names):
         e, low, high = result.estimates[name], design.lower[i], design.upper[i]
         judged = e.outcome.identified or e.outcome is Verdict.BOUND_REACHED
-        if judged and not low <= e.interval[0] <= e.interval[1] <= high:
+        if judged and not low <= e.value - 2.0 * e.sigma <= e.value + 2.0 * e.sigma <= high:
             yield (
                 f"the k = 2 interval of {name} reaches past the bounds of its design ({low:g} to {high:g}); "
                 f"widen them with --free {name}=LOW:HIGH, if a value beyond is possible"

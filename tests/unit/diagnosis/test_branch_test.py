@@ -31,6 +31,28 @@ def test_one_direction_has_the_tail_of_half_a_normal() -> None:
     assert branch_test(-residual, elsewhere, unit[None], [0.1]).gain == 0.0  # a strength is >= 0
 
 
+def test_a_strong_branch_counts_by_what_its_search_has_gained() -> None:
+    unit, elsewhere = 4.0 * np.eye(K)[:1], np.eye(K)[:, 100:101]
+    residual = np.zeros(K)
+    residual[0] = 1.5
+    # 4 is above the score's 2.25, 1 below.
+    found = branch_test(residual, elsewhere, unit, [0.1], realised=4.0)
+    assert found.gain == pytest.approx(4.0)
+    assert found.probability == pytest.approx(norm.sf(2.0), rel=0.15)  # 20000 draws: 5 % (k = 1)
+    assert branch_test(residual, elsewhere, unit, [0.1], realised=1.0).gain == pytest.approx(2.25)
+    # Residuals that are one value in blocks of 20: the gain is over the variance of a sum of them, about 20.
+    rng = np.random.default_rng(9)
+    label = np.arange(K) // 20
+    blocked = rng.standard_normal(K // 20)[label]
+    direction = decays(TIMES)[-1:]
+    plain, known = (
+        branch_test(blocked, SLOPES[:, :1], direction, [1.0], realised=900.0, blocks=blocks).gain
+        for blocks in ((), [label])
+    )
+    assert plain == pytest.approx(900.0)
+    assert 900.0 / 60.0 < known < 900.0 / 5.0
+
+
 def test_what_the_parameters_follow_is_no_evidence() -> None:
     found = branch_test(3.0 * SLOPES[:, 1] - 5.0, SLOPES, decays(TIMES), TIMES)
     assert found.gain == pytest.approx(0.0, abs=1e-18)

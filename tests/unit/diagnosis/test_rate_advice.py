@@ -9,7 +9,8 @@ import pytest
 from doe import Box
 from kolsky.diagnosis.branch_search import STRENGTHS, TIMES, BranchFit, explained, scanned
 from kolsky.diagnosis.branch_test import BranchTest
-from kolsky.diagnosis.rate_advice import rate_advice
+from kolsky.diagnosis.rate_advice import branch_figures, rate_advice
+from kolsky.report.nomenclature import QUALITY
 
 FIT = BranchFit(strength=0.3, time=2e-4, aic=-50.0, share=0.6, inside=True)
 WEAK = BranchTest(gain=30.0, time=1e-4, strength=0.05, probability=0.001)
@@ -36,6 +37,15 @@ def test_it_is_given_for_a_branch_that_explains_half_of_what_is_left() -> None:
 def test_a_branch_that_does_not_is_not_advised(but: dict[str, Any]) -> None:
     assert rate_advice(None, BranchFit(**{**vars(FIT), **but})) == ()
     assert rate_advice(None, FIT) != ()
+
+
+def test_what_it_is_given_by_is_kept() -> None:
+    assert branch_figures(None, None) == {}
+    assert branch_figures(WEAK, None) == {"branch_probability": 0.001}
+    kept = branch_figures(CHANCE, FIT)
+    assert kept == {"branch_probability": 0.09, "branch_strength": 0.3, "branch_time": 2e-4,
+                    "branch_share": 0.6, "branch_aic": -50.0}  # fmt: skip
+    assert set(kept) <= set(QUALITY)  # the page has words for each
 
 
 def box(*names: str) -> Box:

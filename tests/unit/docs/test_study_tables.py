@@ -38,7 +38,7 @@ def test_budget_of_the_paper(tables: ModuleType) -> None:
 
 def test_a_study_that_was_not_run_says_so(tables: ModuleType) -> None:
     assert "not made yet" in tables.budget("no_such_study")
-    for name in ("drawn", "answers", "changes", "pooled", "equilibria", "planted"):
+    for name in ("drawn", "answers", "changes", "pooled", "equilibria", "planted", "advised"):
         assert "not run yet" in tables.TABLES[name]("no_such_study")
 
 

@@ -4,7 +4,7 @@ import re
 import struct
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from explicit import modules as aot
 from explicit.aot import main
 from explicit.materials import MarlowLaw, neo_hookean
 from explicit.precision import PRECISIONS
+from explicit.relaxation import BergstromBoyce, PronySeries
 from explicit.time_loop.kernel import time_loop_kernel
 from explicit.time_loop.lanes import BLOCK
 
@@ -43,6 +44,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+def model() -> Model:
+    motion = PlatenMotion.sampled(lambda t: t, np.ones_like, start=0.0, end=2e-5, n_knots=3)
+    mesh = cylinder(4.75e-3, 6.5e-3, n_radial=2, n_axial=3)
+    return Model(mesh=mesh, density=870.0, materials=(neo_hookean(27e3),), motions=(motion,))
+
+
 def files(folder: Path) -> dict[str, int]:
     return {path.name: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
 
@@ -66,6 +73,24 @@ def test_another_process_finds_them_again(folder):
     assert done.returncode == 0, done.stderr
     assert files(folder) == before  # the names are hashes of source and options: the same, so nothing is new
     assert str(next(folder.rglob("*.cubin"))) in done.stdout
+
+
+def test_what_relaxes_can_be_named(tmp_path, monkeypatch):
+    asked = []
+
+    def compile_each(*arguments: Any, **options: Any) -> list[Path]:
+        asked.append(options["relaxation"])
+        return []
+
+    monkeypatch.setattr("explicit.aot.compile_each", compile_each)
+    main(["--out", str(tmp_path), *ONE])
+    main(["--out", str(tmp_path), *ONE, "--relaxation", "none", "prony", "prony:2", "bergstrom_boyce"])
+    series = PronySeries((0.3,), (1e-4,))
+    relaxing = replace(model(), relaxation=(series,))
+    assert asked[:2] == [None, None]
+    # the kinds of time loop that a batch asks for
+    assert asked[2] == relaxing.relaxation_kind == PronySeries.kind(1)
+    assert asked[3:] == [PronySeries.kind(2), BergstromBoyce.kind(1)]
 
 
 def test_a_device_is_given_what_it_can_run(folder, tmp_path, monkeypatch):
@@ -115,6 +140,8 @@ def test_ptx_names_its_target(tmp_path):
         (["--contacts", "bonded/glued"], "contact law must be one of .*'glued'"),
         (["--precision", "fp16"], "precision must be one of"),
         (["--element", "cax8"], "element must be one of"),
+        (["--relaxation", "maxwell"], "what relaxes must be none or one of .*'maxwell'"),
+        (["--relaxation", "prony:0"], "number above 0, .*'prony:0'"),
     ],
 )
 def test_what_is_not_known_is_refused(arguments, message, tmp_path, capsys):
@@ -126,11 +153,8 @@ def test_what_is_not_known_is_refused(arguments, message, tmp_path, capsys):
 
 def test_a_cpu_does_not_look_at_modules(tmp_path, monkeypatch):
     times = np.linspace(0.0, 2e-5, 3)
-    motion = PlatenMotion.sampled(lambda t: t, np.ones_like, start=0.0, end=2e-5, n_knots=3)
-    mesh = cylinder(4.75e-3, 6.5e-3, n_radial=2, n_axial=3)
-    model = Model(mesh=mesh, density=870.0, materials=(neo_hookean(27e3),), motions=(motion,))
-    plain = run(model, Samples.of(), Sampling(times, times))
+    plain = run(model(), Samples.of(), Sampling(times, times))
     monkeypatch.setenv(aot.FOLDER_VARIABLE, str(tmp_path / "none"))
-    again = run(model, Samples.of(), Sampling(times, times), modules=tmp_path / "none")
+    again = run(model(), Samples.of(), Sampling(times, times), modules=tmp_path / "none")
     assert np.array_equal(plain.force_flyer, again.force_flyer)
     assert (plain.force_flyer[0, 1:] > 0.0).all()

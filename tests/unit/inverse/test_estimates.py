@@ -83,6 +83,32 @@ def test_verdicts_in_their_order(x: list[float], options: dict[str, Any], expect
     assert [e.outcome for e in made(x, **options).values()] == expected
 
 
+def test_a_mesh_moves_what_is_seen_and_inside_and_nothing_past_a_bound() -> None:
+    correction = np.array([0.02, -0.3])
+
+    def found(x: list[float], sigma: float = 0.01) -> list[tuple[float, float, Verdict]]:
+        each = made(x, sigma=sigma, mesh_correction=correction).values()
+        assert [e.searched for e in each] == [(1.0, 2.0), (0.0, 4.0)]
+        assert all(e.on_mesh == pytest.approx(at) for e, at in zip(each, x, strict=True))
+        return [(e.value, e.mesh_correction, e.outcome) for e in each]
+
+    good, bound, other = Verdict.IDENTIFIED, Verdict.AT_BOUND, Verdict.CONDITIONAL
+    assert found([1.5, 2.0]) == [(1.52, pytest.approx(0.02), good), (1.7, pytest.approx(-0.3), good)]
+    # The correction would take the second below nothing: it lies at nothing.
+    assert found([1.5, 0.25]) == [(1.52, pytest.approx(0.02), other), (0.0, -0.25, bound)]
+    assert found([1.99, 2.0]) == [(2.0, pytest.approx(0.01), bound), (1.7, pytest.approx(-0.3), other)]
+    # At a bound it stays, also where the correction leads inside; what is not seen has no correction.
+    assert found([1.5, 4.0]) == [(1.52, pytest.approx(0.02), other), (4.0, 0.0, bound)]
+    assert found([1.5, 0.25], sigma=0.3) == [(x, 0.0, Verdict.NOT_SEEN) for x in (1.5, 0.25)]
+
+
+def test_an_interval_ends_where_the_search_does() -> None:
+    e = replace(made([1.1, 2.0])["stiffness_factor"], sigma_noise=0.3, sigma_numerical=0.4)
+    assert e.interval == pytest.approx((1.0, 2.0))
+    assert e.within(0.05) == pytest.approx((1.05, 1.15))
+    assert replace(e, searched=Estimate.searched).interval == pytest.approx((0.1, 2.1))
+
+
 def test_a_coordinate_lies_on_a_bound_within_a_hundred_thousandth_of_the_edge() -> None:
     assert on_edge(np.array([1.0 + 0.9e-5, 4.0 - 3.9e-5]), BOX).tolist() == [True, True]
     assert on_edge(np.array([1.0 + 1.1e-5, 4.0 - 4.1e-5]), BOX).tolist() == [False, False]

@@ -15,7 +15,7 @@ from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.free_parameters import choose
 from kolsky.inverse.parameters import PARAMETERS, require_declared
 from kolsky.inverse.prepared_shot import prepare_shot
-from kolsky.inverse.relaxing import parsed_kind, reference_words, what_relaxes, with_relaxation
+from kolsky.inverse.relaxing import parsed_kind, reference_words, same_bulk, what_relaxes, with_relaxation
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.surrogate_mesh_search import from_search, search_box, to_search
 from kolsky.shot.load import load_shot
@@ -194,3 +194,10 @@ def test_a_specification_declares_it_once_and_writes_it() -> None:
         )
     assert "material.prony_times" in twice.value.errors()[0]["ctx"]["message"]
     assert Specification().relaxing == ()
+
+
+def test_the_bulk_modulus_stays_where_poissons_ratio_follows_the_branch() -> None:
+    """K goes with m (1 + c) / (1 - 2 nu)."""
+    poisson = same_bulk(np.array([0.4985, 0.49]), np.array([1.3, 1.001]))
+    np.testing.assert_allclose(np.array([1.3, 1.001]) / (1.0 - 2.0 * poisson), 1.0 / np.array([0.003, 0.02]))
+    assert float(same_bulk(0.4985, 1.0)) == 0.4985

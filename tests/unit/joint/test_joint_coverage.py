@@ -127,6 +127,6 @@ def test_the_relaxation_test_falls_from_all_to_the_long_term(tmp_path: Path) -> 
 
 def test_a_folder_of_another_study_is_refused(tmp_path: Path) -> None:
     hold(Study(seed=1), tmp_path)
-    hold(Study(seed=1, device="cuda"), tmp_path)  # where it runs is no part of the study
+    hold(Study(seed=1, device="cuda", truth_device="cuda"), tmp_path)  # where it runs is no part of the study
     with pytest.raises(SystemExit, match="holds another study"):
         hold(Study(seed=2), tmp_path)

@@ -9,8 +9,9 @@ import pytest
 from doe.whitening import Whitening
 from kolsky.inverse.result import Verdict
 from kolsky.joint.mesh_errors import mesh_patterns
-from kolsky.joint.model_choice import held_against, judged, sentence, time_of
+from kolsky.joint.model_choice import held_against, in_step, judged, sentence
 from kolsky.joint.records import ModelChoice
+from kolsky.joint.unseen import rate_of
 from kolsky.uncertainty.numerical import MeshChange
 
 ASKED = ModelChoice(-8.0, -2.0, {}, 20.0, 1e-3, 1e-4, asked_for=True, sentence="the data ask for it")
@@ -52,8 +53,18 @@ def test_a_time_at_a_bound_is_no_relaxation() -> None:
     said = held_against(ASKED, {**strong, "prony_time_1": at_bound})
     assert not said.asked_for
     assert "prony_time_1 ends at a bound" in said.sentence
-    assert time_of("prony_strength_2") == "prony_time_2"
-    assert time_of("creep_ratio") == "creep_resistance"
+    assert rate_of("prony_strength_2") == "prony_time_2"
+    assert rate_of("creep_ratio") == "creep_resistance"
+
+
+def test_a_weak_branch_leaves_the_ringing_in_step() -> None:
+    """The bulk modulus, with m (1 + c) / (1 - 2 nu), is what it was; where nu is held nothing moves."""
+    points = np.array([[1.2, 0.4985, 0.1], [1.2, 0.499, 0.1]])
+    moved = in_step(["stiffness_factor", "poisson", "prony_strength_1"], points, 0.1)
+    np.testing.assert_allclose(1.1 / (1.0 - 2.0 * moved[:, 1]), 1.0 / (1.0 - 2.0 * points[:, 1]))
+    np.testing.assert_array_equal(moved[:, [0, 2]], points[:, [0, 2]])
+    held = in_step(["stiffness_factor", "damping", "prony_strength_1"], points, 0.1)
+    np.testing.assert_array_equal(held, points)
 
 
 def test_an_error_of_the_mesh_is_each_shots_own_and_of_known_size() -> None:

@@ -21,9 +21,10 @@ SENSITIVITY = ("/amount", "/moves/", "/visible", "/alike")
 """Of each declared input."""
 INTERVAL = ("mesh_correction", "on_mesh", "correction", "budget", "route_difference")
 NEW_IN_3 = ("fit", "clocks", "causes", *INTERVAL, *SENSITIVITY)
+NEW_IN_4 = ("searched",)
 NEW = {
-    1: ("image_correlation", "numerical_parts", "variations", *NEW_IN_3),
-    2: NEW_IN_3,
+    1: ("image_correlation", "numerical_parts", "variations", *NEW_IN_3, *NEW_IN_4),
+    2: (*NEW_IN_3, *NEW_IN_4),
 }
 """Groups that today's version has beside those of an earlier one."""
 
@@ -58,7 +59,7 @@ def test_an_identification_written_again_holds_the_same(version: int, tmp_path: 
     write_identification(tmp_path / "again.h5", read_identification(old))
     before, after = contents(old), contents(tmp_path / "again.h5")
     # Written as today's version, whose further groups are empty.
-    assert (before.pop("/")[0]["format_version"], after.pop("/")[0]["format_version"]) == (version, 3)
+    assert (before.pop("/")[0]["format_version"], after.pop("/")[0]["format_version"]) == (version, 4)
     after = {name: found for name, found in after.items() if not any(new in name for new in NEW[version])}
     assert after == before
 

@@ -247,6 +247,7 @@ def test_json_has_the_agreed_keys() -> None:
         assert set(one) == {
             "value",
             "interval",
+            "searched",
             "sigma",
             "sigma_noise",
             "sigma_numerical",

@@ -3,8 +3,15 @@
 import json
 import re
 import tomllib
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Lock
+from time import sleep
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,10 +22,10 @@ from kolsky.cli import app
 from kolsky.cli.virtual_new import template
 from kolsky.shot.load import load_shot
 from kolsky.virtual import make as make_module
-from kolsky.virtual.make import make
+from kolsky.virtual.make import make, side_by_side
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.specification import read_specification
-from kolsky.virtual.truth import TruthError
+from kolsky.virtual.truth import TruthError, try_truths
 
 ROOT = Path(__file__).parents[3]
 TINY = """
@@ -91,6 +98,58 @@ def test_a_shot_that_cannot_be_made_leaves_the_others(
     there = {path.name for path in (tmp_path / "out").iterdir()}
     assert 0 < len(there) < 3
     assert there == {name for name, length in lengths.items() if length < 6.9e-3}
+
+
+def test_gpus_get_equally_long_batches(tmp_path: Path) -> None:
+    """150 shots of four GPUs are one batch each, of every duration; the longest of each are as long."""
+    speeds = np.random.default_rng(1).uniform(1.2, 3.5, 150)
+    jobs = [SimpleNamespace(last=2.6e-3 / speed) for speed in speeds]
+    todo = [(SimpleNamespace(number=k), tmp_path) for k in range(150)]
+
+    def numbers(batches: list[list[Any]]) -> list[list[int]]:
+        return [[shot.number for shot, _ in batch] for batch in batches]
+
+    found = numbers(side_by_side(todo, jobs, 4))  # type: ignore[arg-type]
+    assert sorted(k for batch in found for k in batch) == list(range(150))
+    assert [len(batch) for batch in found] == [38, 38, 37, 37]
+    slowest = np.argsort(speeds)
+    assert [batch[0] for batch in found] == slowest[:4].tolist()
+    # One GPU takes more than it simulates at a time in two rounds, alike in number.
+    alone = numbers(side_by_side(todo, jobs, 1))  # type: ignore[arg-type]
+    assert [len(batch) for batch in alone] == [75, 75]
+    assert [batch[0] for batch in alone] == slowest[:2].tolist()
+    assert len(side_by_side(todo[:3], jobs[:3], 4)) == 3  # type: ignore[arg-type]
+
+
+def test_every_gpu_has_one_batch_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The shots of three batches on two stand-ins for GPUs: all written, none on a busy one."""
+    busy: dict[str, int] = {"cuda:0": 0, "cuda:1": 0}
+    most, used = dict(busy), []
+    lock = Lock()
+
+    def truths(batch: list[Any], gpu: str, threads: int) -> list[Any]:
+        with lock:
+            busy[gpu] += 1
+            most[gpu] = max(most[gpu], busy[gpu])
+            used.append(gpu)
+        sleep(0.05)
+        with lock:
+            busy[gpu] -= 1
+        return list(try_truths([shot.quantities for shot, _ in batch], folder=tmp_path, threads=1))
+
+    @contextmanager
+    def threads_for_processes(workers: int) -> Iterator[ThreadPoolExecutor]:
+        with ThreadPoolExecutor(workers) as pool:
+            yield pool
+
+    monkeypatch.setattr(make_module, "gpus", lambda name: tuple(busy))
+    monkeypatch.setattr(make_module, "SIDE_BY_SIDE", 1)
+    monkeypatch.setattr(make_module, "_truths", truths)
+    monkeypatch.setattr("kolsky.base.process.process_pool", threads_for_processes)
+    out = made(tmp_path, "[population]\nshots = 4\n", device="cuda", workers=3)
+    assert {path.name for path in out.iterdir()} == {f"virtual-{k}" for k in range(1, 5)}
+    assert sorted(used) == ["cuda:0", "cuda:0", "cuda:1", "cuda:1"]
+    assert most == {"cuda:0": 1, "cuda:1": 1}
 
 
 def test_what_is_there_is_kept_and_another_shot_refused(tmp_path: Path) -> None:
