@@ -20,6 +20,7 @@ from dic import following
 
 __all__ = [
     "infrequent_gc",
+    "last_work",
     "one_blas_thread",
     "process_pool",
     "run_program",
@@ -32,20 +33,41 @@ WORKER = "WORKER_NUMBER"
 """Variable of the environment with a worker's number, as `explicit.device` and `dic` read it."""
 GC_THRESHOLD = 100_000
 """Objects made, less those gone, from one look for cycles to the next; Python looks after some hundred."""
+GC_THRESHOLD_OF_COMMAND = 20_000
+"""The same in what a command does besides, where a cycle may hold large arrays."""
 
 
 @contextmanager
-def infrequent_gc() -> Iterator[None]:
+def infrequent_gc(threshold: int = GC_THRESHOLD) -> Iterator[None]:
     """Look for cycles seldom: each look goes through all young objects, every so many through all there are.
 
     A page of figures took an eighth of its time for it. Objects that no cycle holds go at once, as ever.
+
+    Parameters
+    ----------
+    threshold
+        Objects made, less those gone, from one look to the next.
     """
     before = gc.get_threshold()
-    gc.set_threshold(GC_THRESHOLD, *before[1:])
+    gc.set_threshold(max(threshold, before[0]), *before[1:])
     try:
         yield
     finally:
         gc.set_threshold(*before)
+
+
+@contextmanager
+def last_work() -> Iterator[None]:
+    """Work with which this process ends: cycles are looked for seldom, and no more when it is done.
+
+    Python goes through all objects before it ends, half a second after a correlation with its page, and finds
+    memory that the system takes back in any case.
+    """
+    with infrequent_gc(GC_THRESHOLD_OF_COMMAND):
+        try:
+            yield
+        finally:
+            gc.freeze()
 
 
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")

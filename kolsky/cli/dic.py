@@ -7,10 +7,12 @@ from typing import Annotated
 
 import typer
 
+from kolsky.base.process import infrequent_gc
 from kolsky.cli import texts
 from kolsky.cli.options import AsJson, Figures, Out, ShotPath
 
 
+@infrequent_gc()
 def dic(
     shot: ShotPath,
     out: Out = None,

@@ -147,7 +147,7 @@ class FlyerPath:
     def _sigma(self, time: ArrayLike, order: int) -> FloatArray:
         t = self._inside(time)
         G = responses(t.ravel(), self.knots, order)
-        return np.sqrt(np.einsum("ij,jk,ik->i", G, self.covariance, G).clip(min=0.0)).reshape(t.shape)
+        return np.sqrt(np.sum((G @ self.covariance) * G, axis=1).clip(min=0.0)).reshape(t.shape)
 
 
 def responses(time: FloatArray, knots: FloatArray, order: int) -> FloatArray:
