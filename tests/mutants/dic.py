@@ -18,6 +18,15 @@ AHEAD = ("tests/unit/dic/test_dic_ahead.py",)
 
 FAULTS = (
     Fault(
+        name="synchronisation: the upper of two middle values counted from the wrong end",
+        file="dic/stereo/synchronisation.py",
+        right="(np.maximum(count - 1, 0) // 2, count // 2)",
+        wrong="(np.maximum(count - 1, 0) // 2, np.maximum(count - 1, 0) // 2)",
+        tests=(
+            "tests/unit/dic/test_dic_speed_parts.py::test_medians_are_those_of_the_numbers_that_are_there",
+        ),
+    ),
+    Fault(
         name="epipolar gate: the larger of two limits taken for the least",
         file="dic/chain/outliers.py",
         right="gate = max(LEAST_GATE,",

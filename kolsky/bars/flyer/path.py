@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import PPoly
 
 from kolsky.bars.records import History
 from kolsky.base.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,9 @@ class FlyerPath:
         return float(self.knots[-1])
 
     @cached_property
-    def _spline(self) -> PPoly:
+    def _spline(self) -> "PPoly":
+        from scipy.interpolate import PPoly  # loaded where it is of use
+
         h = np.diff(self.knots)
         state = np.zeros((3, h.size))  # x, v, a at the left knot of each span
         for i in range(h.size - 1):
