@@ -29,7 +29,6 @@ from dic.correlation import Correlation, Noise, Shape
 from dic.correlation.warp import identity
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.stereo.epipolar_search import search
-from dic.stereo.kernels import launch as curve_launch
 from dic.stereo.template import subsets
 from dic.tracking import Tracking
 
@@ -162,15 +161,11 @@ def curves(side: int, points: int, device: str) -> dict[str, Any]:
     reach = 60.0 * PIXEL / np.sin(ANGLE)  # 60 px of the curve
     limits = (DISTANCE - reach, DISTANCE + reach)
     best = np.inf
-    all_cores, curve_launch.THREADS = curve_launch.THREADS, 1
     clock = process_time if device == "cpu" else perf_counter
-    try:
-        for _ in range(4):  # the first compiles
-            started = clock()
-            found = search(rig, wanted, second, limits=limits, gradients=A, device=device)
-            best = min(best, clock() - started)
-    finally:
-        curve_launch.THREADS = all_cores
+    for _ in range(4):  # the first compiles
+        started = clock()
+        found = search(rig, wanted, second, limits=limits, gradients=A, device=device, threads=1)
+        best = min(best, clock() - started)
     return {
         "points": points,
         "device": device,
