@@ -182,11 +182,23 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=200)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--curves", action="store_true", help="the search along epipolar curves alone")
+    parser.add_argument("--json", type=Path, help="write the result here, beside those of other sizes")
     o = parser.parse_args()
     if not o.curves and o.device != "cpu":
         whole(256, 300, 3, o.device)  # compiles, or loads
     found = curves(o.side, o.points, o.device) if o.curves else whole(o.side, o.points, o.frames, o.device)
     print(json.dumps(found))
+    if o.json:
+        put(o.json, found)
+
+
+def put(path: Path, found: dict[str, Any]) -> None:
+    """Put a result into a file of them, in the place of one of the same size and device."""
+    kept = json.loads(path.read_text()) if path.exists() else []
+    like = ("picture", "frames", "points", "device")
+    kept = [one for one in kept if any(one.get(name) != found.get(name) for name in like)]
+    lines = ",\n ".join(json.dumps(one) for one in [*kept, found])
+    path.write_text(f"[{lines}]\n")
 
 
 if __name__ == "__main__":
