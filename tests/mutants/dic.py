@@ -401,21 +401,21 @@ FAULTS = (
     ),
     Fault(
         name="flyer by its edge: what the rows share left out of the frames that move",
-        file="dic/rigid_body/axial_displacement.py",
+        file="dic/rigid_body/axial_translations.py",
         right="edge.sigma if static[k] else of_moving(edge)",
         wrong="edge.sigma",
         tests=BY_EDGE,
     ),
     Fault(
         name="flyer by its edge: what the rows share counted at rest and in its place",
-        file="dic/rigid_body/axial_displacement.py",
+        file="dic/rigid_body/axial_translations.py",
         right="edge.sigma if static[k] else of_moving(edge)",
         wrong="of_moving(edge)",
         tests=BY_EDGE,
     ),
     Fault(
         name="flyer by its edge: half of what the rows share taken for the reference's",
-        file="dic/rigid_body/axial_displacement.py",
+        file="dic/rigid_body/axial_translations.py",
         right="edge.common / OWN_SHARE**0.5",
         wrong="edge.common",
         tests=BY_EDGE,
@@ -739,8 +739,8 @@ FAULTS = (
     Fault(
         name="tracks of any size are sent by a fork",
         file="dic/bodies/follow.py",
-        right="<= MOST_SENT and all(",
-        wrong="> 0 and all(",
+        right="for body in bodies) <= MOST_SENT",
+        wrong="for body in bodies) >= 0",
         tests=TOGETHER,
     ),
     Fault(
