@@ -14,7 +14,6 @@ per second. Let nothing else run meanwhile.
 """
 
 import argparse
-import json
 import os
 import platform
 import time
@@ -66,12 +65,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.whole:
         found = dic_whole.runs(options.whole, min(options.repeats, WHOLE), device=options.device)
         if options.json:
-            dic_whole.merged(options.json, found)
+            dic_whole.put(options.json, whole=dic_whole.as_json(found))
         return
     if options.rates is not None:
+        rates: dict[str, int] = {}
         for n in options.rates or RATES:
             row, _ = measure(problems()[0], Correlation(), options.device, n, min(options.repeats, WHOLE))
+            rates[str(n)] = round(row.rate)
             print(f"{n:9d} points a call: {row.rate:12.0f} points/s, transfers included", flush=True)
+        if options.json:
+            dic_whole.put(options.json, rates=rates)
         return
     rows, calls = [], []
     print(HEAD)
@@ -90,10 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 parser.exit(1, f"{trouble}\n")
             print(line(rows[-1]), flush=True)
     if options.json:
-        kept = json.loads(options.json.read_text()) if options.json.exists() else {}
-        whole = {"whole": kept["whole"]} if "whole" in kept else {}
-        table = {**as_json(options.device, rows, calls), **whole}
-        options.json.write_text(json.dumps(table, indent=1) + "\n")
+        dic_whole.put(options.json, **as_json(options.device, rows, calls))
 
 
 def measure(

@@ -147,7 +147,7 @@ def as_json(found: list[Whole]) -> dict[str, Any]:
     }
 
 
-def merged(path: Path, found: list[Whole]) -> None:
-    """Put the quickest run into a file of results, beside what else it holds."""
+def put(path: Path, **parts: Any) -> None:
+    """Put parts into a file of results, beside what else it holds."""
     kept = json.loads(path.read_text()) if path.exists() else {}
-    path.write_text(json.dumps({**kept, "whole": as_json(found)}, indent=1) + "\n")
+    path.write_text(json.dumps({**kept, **parts}, indent=1) + "\n")

@@ -136,8 +136,10 @@ def follow_bodies(
             for body in bodies
         ]
 
-    small = sum(body.size for body in bodies) <= MOST_SENT and all(body.device == "cpu" for body in bodies)
-    with beside(partial(seen_by, 1), fork=None if small else False) as second:
+    small = sum(body.size for body in bodies) <= MOST_SENT
+    # a fork cannot use the GPU that this process has opened
+    forked = small and all(body.device == "cpu" for body in bodies)
+    with beside(partial(seen_by, 1), fork=None if forked else False) as second:
         tracks = list(zip(seen_by(0), second(), strict=True))
     for body in bodies:
         told(f"{body.name}, camera 1", len(body.health[1]), len(body.health[1]))

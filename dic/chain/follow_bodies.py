@@ -1,6 +1,6 @@
 """Tracking of specimen and flyer through both series; the flyer's displacement and poses."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from dic.chain.inspect_images import Inputs
 from dic.chain.settings import ChainError
 from dic.outcome import Remark
 from dic.result import Placement
-from dic.rigid_body.axial_displacement import AxialDisplacement, axial_displacement
+from dic.rigid_body.axial_displacement import AxialDisplacement, from_rest
+from dic.rigid_body.axial_translations import Translations, rim_of, translations
 from dic.rigid_body.body_motion import BodyMotion
 from dic.rigid_body.poses import flyer_poses
 from dic.rigid_body.rest_from_rim import RestGeometry
@@ -82,18 +83,11 @@ def usable_region(inputs: Inputs, region: Region, name: str) -> Region:
     return carried
 
 
-def displacement_of(
-    inputs: Inputs, flyer: TrackedBody | None, placement: Placement
-) -> AxialDisplacement | None:
-    """Axial displacement of the flyer, if there is one."""
+def translations_of(inputs: Inputs, flyer: TrackedBody | None, placement: Placement) -> Translations | None:
+    """Translations of the flyer along the axis, if there is one."""
     if flyer is None:
         return None
-    settings, geometry = inputs.settings, None
-    if settings.length is not None:
-        radius = placement.radius if settings.radius is None else settings.radius
-        lower = float(np.sqrt(placement.frame.covariance[4, 4]))
-        geometry = RestGeometry(settings.length, float(np.hypot(settings.length_sigma, lower)), radius)
-    return axial_displacement(
+    return translations(
         flyer,
         inputs.rig,
         placement.frame,
@@ -101,8 +95,35 @@ def displacement_of(
         inputs.static,
         subset=inputs.settings.subset,
         pictures=inputs.pictures,
-        geometry=geometry,
     )
+
+
+def displacement_of(
+    inputs: Inputs,
+    flyer: TrackedBody | None,
+    placement: Placement,
+    seen: Callable[[], Translations | None] | None = None,
+) -> AxialDisplacement | None:
+    """Axial displacement of the flyer, if there is one.
+
+    Parameters
+    ----------
+    inputs, flyer, placement
+        The pictures, the flyer followed, and the specimen at rest.
+    seen
+        Gives its translations, of which the rim of its face needs none; None: `translations_of`.
+    """
+    if flyer is None:
+        return None
+    settings, geometry = inputs.settings, None
+    if settings.length is not None:
+        radius = placement.radius if settings.radius is None else settings.radius
+        lower = float(np.sqrt(placement.frame.covariance[4, 4]))
+        geometry = RestGeometry(settings.length, float(np.hypot(settings.length_sigma, lower)), radius)
+    rig, frame = inputs.rig, placement.frame
+    rim = None if geometry is None else rim_of(flyer, rig, frame, inputs.pictures, geometry)
+    found = translations_of(inputs, flyer, placement) if seen is None else seen()
+    return from_rest(found, rim, rig, frame, inputs.t, inputs.static, geometry)
 
 
 def poses_of(

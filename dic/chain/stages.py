@@ -13,7 +13,14 @@ from dic.bodies.region import Region
 from dic.camera import StereoRig
 from dic.chain import remarks
 from dic.chain.facts import facts_of, speckles_of
-from dic.chain.follow_bodies import displacement_of, follow, match_flyer, match_specimen, poses_of
+from dic.chain.follow_bodies import (
+    displacement_of,
+    follow,
+    match_flyer,
+    match_specimen,
+    poses_of,
+    translations_of,
+)
 from dic.chain.inspect_images import Inputs, Inspection, check_cameras, inspect_images, inspect_pictures
 from dic.chain.outliers import gate_ends, gate_epipolar, gate_residual, gate_surface
 from dic.chain.reduce import outline_of, strains_of, surface_of, surface_of_flyer
@@ -128,14 +135,17 @@ def measure(
         said = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]
         raise ChainError("; ".join(said)) from error
     placement, rest = rest_state.placement, rest_state.rest
-    with beside(partial(timed, displacement_of, inputs, tracked_flyer, placement)) as axial_later:
+    with beside(partial(timed, translations_of, inputs, tracked_flyer, placement)) as later:
         in_time = clock(
             "synchronisation of the cameras", partial(check_setup, rig, *body.reconstruction.pixels)
         )
         body = clock("gates", partial(gate_epipolar, inputs, body, rest_state))
         flyer_surface = surface_of_flyer(inputs, tracked_flyer, placement)
         idle()
-        axial = clock.of("flyer's displacement", axial_later())
+        # the rim of its face is found here meanwhile
+        axial = displacement_of(
+            inputs, tracked_flyer, placement, lambda: clock.of("flyer's displacement", later())
+        )
     with beside(partial(timed, poses_of, inputs, tracked_flyer, placement, axial)) as motion_later:
         body = gate_ends(inputs, body, rest_state, axial)
         body = gate_residual(body)  # one by one: each holds the places of all points anew

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from dic.images.series import Grey, Pictures
 
-MOST_KEPT = 512 * 2**20
-"""Pictures of one series that are kept in memory [bytes]; those beyond are read again when asked for."""
+MOST_KEPT = 128 * 2**20
+"""Pictures of one series that are kept in memory [bytes]; those beyond are read again when asked for. A large
+picture is decoded in a small part of the time in which its points are matched."""
 
 
 def kept(pictures: Pictures) -> "KeptPictures":

@@ -8,17 +8,10 @@ from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.bodies.follow import TrackedBody
 from dic.camera import StereoRig
 from dic.images import Pictures
-from dic.outcome import PointOutcome
-from dic.rigid_body.edge_registration import RegisteredEdge
-from dic.rigid_body.frames_before import SEARCH_RANGE, consistent_frames, registered_edges
-from dic.rigid_body.rest_from_rim import RestGeometry, find_rim, glance
-from dic.rigid_body.translation import FREE, lateral_places, translation_in
-from dic.stereo.rays import pixels_per_length
+from dic.rigid_body.axial_translations import OWN_SHARE, Translations, rim_of, translations
+from dic.rigid_body.rest_from_rim import RestGeometry, Rim, glance
 from dic.surfaces import SpecimenFrame
-from dic.surfaces.overlap import overlap_matrix
 
-OWN_SHARE = 0.5
-"""Share of the variance of a match that is the frame's own; the rest is the reference's, common to all."""
 MODEL = 0.015
 """Standard deviation of the mean place at rest for what the static frames share: warm air, interpolation
 [px]."""
@@ -29,8 +22,6 @@ FEWEST_AT_REST = 3
 """With fewer static frames that show the body, the others are given its place at rest too."""
 MOST_APART = 4.0
 """Largest disagreement of two places at rest that are joined, in standard deviations."""
-ROUNDS = 4
-"""Alternating estimates of places on the body and translations."""
 
 
 @dataclass(frozen=True)
@@ -101,62 +92,33 @@ def axial_displacement(
         None if no point was ever seen by both cameras, or the place at rest, which displacements count from,
         is not known: the body is seen in no static frame, and its rim in too few.
     """
-    r = body.reconstruction
-    seen_twice = r.outcome == PointOutcome.VALID
-    if not seen_twice.any():
+    seen = translations(body, rig, frame, t, static, subset=subset, pictures=pictures)
+    rim = None if pictures is None or geometry is None else rim_of(body, rig, frame, pictures, geometry)
+    return from_rest(seen, rim, rig, frame, t, static, geometry)
+
+
+def from_rest(
+    seen: Translations | None,
+    rim: Rim | None,
+    rig: StereoRig,
+    frame: SpecimenFrame,
+    t: FloatArray,
+    static: BoolArray,
+    geometry: RestGeometry | None,
+) -> AxialDisplacement | None:
+    """Displacement from the place at rest, of what `translations` and `rim_of` gave; the other arguments and
+    the result as of `axial_displacement`."""
+    if seen is None:
         return None
-    places, moves = _places(frame.positions(np.where(seen_twice[..., None], r.position, np.nan)))
-    known = np.asarray(np.isfinite(places).all(axis=1))
-    rows, found, sigma, counts, common = [], [], [], [], 0.0
-    twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
-    overlap = overlap_matrix(body.points, subset)
-    middle = frame.in_rig(np.median(places[known], axis=0) + moves[twice[0]])
-    pixel = 1.0 / float(np.linalg.norm(pixels_per_length(rig.cameras[0], middle, frame.rotation[1])))
-    across, lateral, place_sigma = lateral_places(t, moves, seen_twice.sum(axis=1), pixel)
-    for k in range(len(t)):
-        near = moves[twice[np.argmin(np.abs(twice - k))]]
-        sure = FREE * pixel
-        if not np.isfinite(moves[k]).all():
-            near, sure = np.array([across[k, 0], near[1], across[k, 1]]), float(lateral[k])
-        fit = translation_in(body, rig, frame, k, places, known, near, sure, overlap)
-        if fit is not None and static[k] and k not in twice and not common:
-            beside = near + np.array([place_sigma[0], 0.0, place_sigma[1]])
-            other = translation_in(body, rig, frame, k, places, known, beside, sure, overlap)
-            common = 0.0 if other is None else abs(other[0] - fit[0])
-        if fit is not None:
-            rows.append(k)
-            found.append(fit[0])
-            sigma.append(fit[1])
-            counts.append(fit[2])
-    fine = np.flatnonzero(consistent_frames(rows, found, counts, static, SEARCH_RANGE * pixel)).tolist()
-    rows, found = [rows[i] for i in fine], [found[i] for i in fine]
-    sigma, counts = [sigma[i] for i in fine], [counts[i] for i in fine]
-    if body.material in rows and len(rows) > 1:  # exact there, but not against all others
-        at = rows.index(body.material)
-        beside = [sigma[k] for k in (at - 1, at + 1) if 0 <= k < len(rows)]
-        sigma[at] = max(sigma[at], min(beside))
-    by_edge = bool(rows) and not static[rows].any() and pictures is not None
-    if by_edge and pictures is not None:
-        for k, edge in registered_edges(
-            pictures, body, rig, frame, places[known], moves, rows, found, static
-        ):
-            rows.insert(0, k)
-            found.insert(0, edge.y)
-            sigma.insert(0, edge.sigma if static[k] else of_moving(edge))
-            counts.insert(0, 0)
-            common = edge.common  # the last is the first frame's, at rest
-    index = np.array(rows, dtype=np.int64)
-    y = np.array(found)
+    index, y, sigma, counts = seen.frame, seen.y, seen.sigma, seen.n_points
     at_rest = static[index]
     from_rim = not at_rest.any()
-    rim, disagreement = None, None
-    if geometry is not None and pictures is not None:
-        rim = find_rim(pictures, body, rig, frame, places, moves, geometry)
+    disagreement = None
     if at_rest.any():
         rest = float(np.mean(y[at_rest]))
-        face = 0.0 if geometry is None else _widest_face(rig, frame, places[known], geometry) / pixel
+        face = 0.0 if geometry is None else _widest_face(rig, frame, seen.places, geometry) / seen.pixel
         rest_sigma = float(
-            np.hypot(np.hypot(_of_mean(np.array(sigma)[at_rest]), common), shared(face) * pixel)
+            np.hypot(np.hypot(_of_mean(np.array(sigma)[at_rest]), seen.common), shared(face) * seen.pixel)
         )
         if rim is not None and geometry is not None:
             by_end = geometry.length - rim.y
@@ -184,16 +146,6 @@ def axial_displacement(
         from_rim=from_rim,
         rim_disagreement=disagreement,
     )
-
-
-def of_moving(edge: RegisteredEdge) -> float:
-    """Standard deviation of the registration of a frame that moves, with what frames at rest share [m].
-
-    Static frames show the same rows, and what these are off by is in the place at rest. A body that moves
-    shows others in every frame, and the last of its own at another place between two rows of the picture:
-    there it is the frame's own, all of it, where of a match only `OWN_SHARE` of the variance is.
-    """
-    return float(np.hypot(edge.sigma, edge.common / OWN_SHARE**0.5))
 
 
 def with_rest(
@@ -257,23 +209,3 @@ def joined_rest(seen: tuple[float, float], by_end: tuple[float, float]) -> tuple
 def _of_mean(sigma: FloatArray) -> float:
     """Sigma of the mean of static frames, in which the reference's part does not average out."""
     return float(np.sqrt(np.mean(sigma**2) * (1.0 - OWN_SHARE + OWN_SHARE / sigma.size)))
-
-
-def _places(position: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places of points on the body [n_points, 3] and translations of the frames [n_frames, 3]; NaN if
-    unknown."""
-    moves = np.full((len(position), 3), np.nan)
-    start = int(np.argmax(np.isfinite(position[..., 0]).sum(axis=1)))
-    places = position[start].copy()
-    for _ in range(ROUNDS):
-        moves = _mean(position - places, axis=1)
-        places = _mean(position - moves[:, None], axis=0)
-    return places, moves
-
-
-def _mean(values: FloatArray, axis: int) -> FloatArray:
-    """Mean of what is finite, NaN where nothing is."""
-    good = np.isfinite(values)
-    count = good.sum(axis=axis)
-    total = np.where(good, values, 0.0).sum(axis=axis)
-    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))

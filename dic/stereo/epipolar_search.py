@@ -60,6 +60,7 @@ def search(
     turns: FloatArray | None = None,
     gradients: FloatArray | None = None,
     device: str = "cpu",
+    threads: int | None = None,
 ) -> Candidates:
     """The best place of each subset on its epipolar curve, and the second peak.
 
@@ -80,6 +81,8 @@ def search(
         [n, 2, 2], the same all along its curve.
     device
         Where the curves are walked, "cpu" or "cuda".
+    threads
+        CPU threads; None: all cores the process may use. A result does not depend on it.
 
     Returns
     -------
@@ -109,7 +112,7 @@ def search(
         template=wanted.template,
         weight=wanted.weight,
     )
-    found = search_kernel(curves, device)
+    found = search_kernel(curves, device, threads)
     nowhere = found[:, 6] <= -1.0
     warp = np.zeros((n, 12))
     warp[:, :2] = found[:, :2] - wanted.points

@@ -1,5 +1,6 @@
 """Two tracks of the same points, one a camera, to positions in space."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.camera import StereoRig
 from dic.correlation.warp import apply, gradient
+from dic.forks import cores
 from dic.outcome import PointOutcome
 from dic.stereo.rays import inverse, largest_eigenvalue, projection_slope
 from dic.stereo.triangulation import Triangulation, triangulate
@@ -19,6 +21,8 @@ GATE, GATE_SIGMAS = 0.5, 5.0
 """Epipolar distance that a calibration is allowed [px], and that noise is, in its standard deviations."""
 AT_ONCE = 50_000
 """Points of some frames that are reconstructed at once, which bounds the memory."""
+THREADS = 4
+"""Threads at most that do so side by side: what lies between takes some 80 MB in each."""
 TINY = 1e-10
 """Variance that stands for none [px²]: that of triangulation for places that were chosen."""
 
@@ -112,9 +116,17 @@ def reconstruct(
         epipolar_sigma=(sigma := np.full(shape, np.nan)),
     )
     frames = max(1, AT_ONCE // max(shape[1], 1))
-    for first in range(0, shape[0], frames):  # some at a time: what lies between is ten times the result
-        part = slice(first, first + frames)
+    # some at a time: what lies between is ten times the result
+    parts = [slice(first, first + frames) for first in range(0, shape[0], frames)]
+
+    def fill(part: slice) -> None:
         sigma[part] = _reconstruct_part(result, part, rig, (track0, track1), (gate, gate_sigmas), common)
+
+    if len(parts) == 1:
+        fill(parts[0])
+    else:
+        with ThreadPoolExecutor(min(THREADS, cores(), len(parts))) as pool:
+            list(pool.map(fill, parts))
     return result
 
 

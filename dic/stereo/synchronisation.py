@@ -141,9 +141,12 @@ def _moved(values: FloatArray, by: int) -> FloatArray:
 
 def _median(values: FloatArray, axis: int) -> FloatArray:
     """Medians of what is finite, NaN where nothing is."""
-    some = np.any(np.isfinite(values), axis=axis)
-    filled = np.where(np.expand_dims(some, axis), values, 0.0)
-    return np.where(some, np.nanmedian(filled, axis=axis), np.nan)
+    # NaN is sorted behind all numbers; `numpy.nanmedian` goes through the lines one by one
+    ordered = np.sort(np.where(np.isfinite(values), values, np.nan), axis=axis)
+    count = np.sum(np.isfinite(values), axis=axis, keepdims=True)
+    pair = [np.take_along_axis(ordered, k, axis) for k in (np.maximum(count - 1, 0) // 2, count // 2)]
+    both = np.squeeze(0.5 * (pair[0] + pair[1]), axis)
+    return np.where(np.squeeze(count, axis) > 0, both, np.nan)
 
 
 def _regression(e: FloatArray, w: FloatArray) -> tuple[float, float, float]:

@@ -1,5 +1,6 @@
 """The running process and its workers: garbage collector, threads, how they end."""
 
+import ctypes
 import gc
 import os
 import signal
@@ -7,7 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from multiprocessing import get_context, parent_process
 from pathlib import Path
@@ -20,6 +21,8 @@ from dic import following
 
 __all__ = [
     "infrequent_gc",
+    "keep_freed_memory",
+    "last_work",
     "one_blas_thread",
     "process_pool",
     "run_program",
@@ -32,20 +35,60 @@ WORKER = "WORKER_NUMBER"
 """Variable of the environment with a worker's number, as `explicit.device` and `dic` read it."""
 GC_THRESHOLD = 100_000
 """Objects made, less those gone, from one look for cycles to the next; Python looks after some hundred."""
+GC_THRESHOLD_OF_COMMAND = 20_000
+"""The same in what a command does besides, where a cycle may hold large arrays."""
 
 
 @contextmanager
-def infrequent_gc() -> Iterator[None]:
+def infrequent_gc(threshold: int = GC_THRESHOLD) -> Iterator[None]:
     """Look for cycles seldom: each look goes through all young objects, every so many through all there are.
 
     A page of figures took an eighth of its time for it. Objects that no cycle holds go at once, as ever.
+
+    Parameters
+    ----------
+    threshold
+        Objects made, less those gone, from one look to the next.
     """
     before = gc.get_threshold()
-    gc.set_threshold(GC_THRESHOLD, *before[1:])
+    gc.set_threshold(max(threshold, before[0]), *before[1:])
     try:
         yield
     finally:
         gc.set_threshold(*before)
+
+
+@contextmanager
+def last_work() -> Iterator[None]:
+    """Work with which this process ends: cycles are looked for seldom, and no more when it is done.
+
+    Python goes through all objects before it ends, half a second after a correlation with its page, and finds
+    memory that the system takes back in any case.
+    """
+    with infrequent_gc(GC_THRESHOLD_OF_COMMAND):
+        try:
+            yield
+        finally:
+            gc.freeze()
+
+
+TRIM_THRESHOLD, TOP_PAD, MMAP_THRESHOLD = (-1, 256 * 2**20), (-2, 16 * 2**20), (-3, 32 * 2**20)
+"""Parameters of glibc's `mallopt` by number, and their values here [bytes]. The last is the value that glibc
+itself comes to when a program frees a large array."""
+
+
+def keep_freed_memory() -> None:
+    """Have the C library keep freed memory for the next array, up to 256 MB; with glibc, elsewhere nothing.
+
+    By default it gives every array beyond 128 kB back to the system and takes the next one from there, page
+    by page and all zero: a third of the time that a correlation of small pictures spends in the system, and
+    more where forks copy pages that are written to.
+    """
+    if sys.platform == "linux":
+        with suppress(AttributeError, OSError):  # another C library
+            library = ctypes.CDLL("libc.so.6")
+            for number, value in (TRIM_THRESHOLD, TOP_PAD, MMAP_THRESHOLD):
+                library.mallopt(number, value)
 
 
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")

@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 from kolsky.base.errors import InputError
-from kolsky.base.process import set_blas_threads
+from kolsky.base.process import last_work, set_blas_threads
 from kolsky.cli.actuator_control import actuator_control
 from kolsky.cli.actuator_invert import actuator_invert
 from kolsky.cli.actuator_simulate import actuator_simulate
@@ -160,7 +160,8 @@ def main() -> None:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # a background job ignores it
         signal.signal(signal.SIGINT, _ending(told))
     try:
-        app()
+        with last_work():
+            app()
     except Exception:
         if not told:
             raise

@@ -7,10 +7,12 @@ from typing import Annotated
 
 import typer
 
+from kolsky.base.process import infrequent_gc
 from kolsky.cli import texts
 from kolsky.cli.options import AsJson, Figures, Out, ShotPath
 
 
+@infrequent_gc()
 def dic(
     shot: ShotPath,
     out: Out = None,
@@ -58,11 +60,12 @@ def dic(
         return
     from dic.forks import forking
     from kolsky.base.files import usable_folder
-    from kolsky.base.process import single_threaded_libraries
+    from kolsky.base.process import keep_freed_memory, single_threaded_libraries
     from kolsky.cli.terminal import print_result, progress_bars, since
     from kolsky.shot.load import load_pictures
     from kolsky.shot.rig import calibrated_beside
 
+    keep_freed_memory()
     loaded = load_pictures(shot)
     folder = usable_folder(out or loaded.folder / "results")
     kept = not again and (folder / "dic.h5").exists()  # may be read back; the cameras are found if not

@@ -38,8 +38,10 @@ def load(shot: Path, out: Path | None, *inside: str) -> "tuple[Shot, Path]":
 
     def measure(pictures: "PictureSet") -> "OpticalData":
         from dic.forks import forking
+        from kolsky.base.process import keep_freed_memory
         from kolsky.shot.optical_data import measured
 
+        keep_freed_memory()
         with progress_bars() as progress, forking():
             return measured(pictures, usable_folder(place), progress=progress)
 

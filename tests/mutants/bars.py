@@ -289,6 +289,13 @@ FAULTS = (
         (f"{CARRIED}::test_symmetry_ends_beyond_two_sigmas",),
     ),
     Fault(
+        name="a flight's own noise: variance of second differences over 2",
+        file="kolsky/bars/flyer/flight.py",
+        right="n=2, axis=1)) / 6.0",
+        wrong="n=2, axis=1)) / 2.0",
+        tests=("tests/unit/bars/test_flight.py::test_a_frames_own_noise_is_what_no_smooth_error_explains",),
+    ),
+    Fault(
         "intervals compared in their unit",
         "kolsky/bars/budget/monte_carlo.py",
         "np.max(off / u)",
@@ -333,8 +340,8 @@ FAULTS = (
     Fault(
         name="a flyer's path: round-off of a gap in the likelihood",
         file="kolsky/bars/flyer/jerks.py",
-        right="P = left[k].dot(P).dot(left[k].T) + own[k] * K[k, :, None] * K[k]",
-        wrong="P = P - K[k, :, None] * column",
+        right="P = rest.dot(P).dot(rest.T) + noise_k * upright * gain",
+        wrong="P = P - upright * column",
         tests=UNSEEN,
     ),
     Fault(

@@ -19,6 +19,15 @@ AHEAD = ("tests/unit/dic/test_dic_ahead.py",)
 
 FAULTS = (
     Fault(
+        name="synchronisation: the upper of two middle values counted from the wrong end",
+        file="dic/stereo/synchronisation.py",
+        right="(np.maximum(count - 1, 0) // 2, count // 2)",
+        wrong="(np.maximum(count - 1, 0) // 2, np.maximum(count - 1, 0) // 2)",
+        tests=(
+            "tests/unit/dic/test_dic_speed_parts.py::test_medians_are_those_of_the_numbers_that_are_there",
+        ),
+    ),
+    Fault(
         name="epipolar gate: the larger of two limits taken for the least",
         file="dic/chain/outliers.py",
         right="gate = max(LEAST_GATE,",
@@ -435,21 +444,21 @@ FAULTS = (
     ),
     Fault(
         name="flyer by its edge: what the rows share left out of the frames that move",
-        file="dic/rigid_body/axial_displacement.py",
+        file="dic/rigid_body/axial_translations.py",
         right="edge.sigma if static[k] else of_moving(edge)",
         wrong="edge.sigma",
         tests=BY_EDGE,
     ),
     Fault(
         name="flyer by its edge: what the rows share counted at rest and in its place",
-        file="dic/rigid_body/axial_displacement.py",
+        file="dic/rigid_body/axial_translations.py",
         right="edge.sigma if static[k] else of_moving(edge)",
         wrong="of_moving(edge)",
         tests=BY_EDGE,
     ),
     Fault(
         name="flyer by its edge: half of what the rows share taken for the reference's",
-        file="dic/rigid_body/axial_displacement.py",
+        file="dic/rigid_body/axial_translations.py",
         right="edge.common / OWN_SHARE**0.5",
         wrong="edge.common",
         tests=BY_EDGE,
@@ -773,8 +782,8 @@ FAULTS = (
     Fault(
         name="tracks of any size are sent by a fork",
         file="dic/bodies/follow.py",
-        right="<= MOST_SENT and all(",
-        wrong="> 0 and all(",
+        right="for body in bodies) <= MOST_SENT",
+        wrong="for body in bodies) >= 0",
         tests=TOGETHER,
     ),
     Fault(

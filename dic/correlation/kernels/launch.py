@@ -206,6 +206,7 @@ def search(
     kernel = search_kernel(int(settings.shape))
     job, _mask = prepare(reference, deformed, batch, settings)
     if device.is_cuda:
+        load_kernel(kernel, device.alias, BLOCK)
         return in_parts(columns, n, device, partial(_launch_on_device, kernel, job))
     given, found = np.empty(sum(column.size for column in columns)), np.empty(FOUND * n)
     fill(given, columns, slice(None))
@@ -243,7 +244,7 @@ def _launch_on_device(kernel: Any, job: Any, lane: Lane, n: int) -> None:
 def _launch_on_host(kernel: Any, job: Any, n: int, device: Any, threads: int) -> None:
     """Search all points of a job, shared out over threads."""
     threads = min(threads, -(-n // SHARE))
-    _load(kernel, device.alias)
+    load_kernel(kernel, device.alias, 1)
     if threads == 1:
         _share(kernel, job, device, range(0, n, SHARE), n)
         return
@@ -253,10 +254,19 @@ def _launch_on_host(kernel: Any, job: Any, n: int, device: Any, threads: int) ->
             done.result()
 
 
+_loading = threading.Lock()
+
+
 @cache
-def _load(kernel: Any, device: str) -> None:
-    """Have the kernel compiled, by one thread."""
-    wp.load_module(kernel.module, device=device, block_dim=1)
+def load_kernel(kernel: Any, device: str, block: int) -> None:
+    """Have the kernel compiled and loaded once: cameras that are followed in two threads come here together,
+    and a module that is loaded twice is taken from under the first one's launches.
+
+    Not by `warp.load_module`, which asks for the context of CUDA: in a fork, whose parent may have one, it
+    has none, and Warp says so on stderr.
+    """
+    with _loading:
+        kernel.module.load(wp.get_device(device), block)
 
 
 def _share(kernel: Any, job: Any, device: Any, firsts: range, n: int) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dic.correlation.kernels.device import select_device
 from dic.correlation.kernels.lanes import BLOCK
-from dic.correlation.kernels.launch import FLAGS, WARPS_PER_PROCESSOR
+from dic.correlation.kernels.launch import FLAGS, WARPS_PER_PROCESSOR, load_kernel
 from dic.forks import cores
 from dic.stereo.kernels.curve import FOUND, curve_source
 
@@ -144,7 +144,7 @@ def _search(
         job.profile = wp.empty(slots * longest, dtype=wp.float64, device=device)
         wp.launch(kernel, dim=slots * 32, inputs=[job, slots, 0, n, 32], device=device, block_dim=BLOCK)
         return np.asarray(job.found.numpy().reshape(n, FOUND))
-    wp.load_module(kernel.module, device=device, block_dim=1)
+    load_kernel(kernel, device.alias, 1)
     workers = max(1, min(threads, -(-n // SHARE)))
     job.profile = wp.empty(workers * longest, dtype=wp.float64, device=device)
 

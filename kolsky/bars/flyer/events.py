@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from scipy.optimize import brentq
 
 from kolsky.bars.flyer.event_signals import (
     CERTAIN,
@@ -165,6 +164,8 @@ def _turning(motion: FlyerMotion) -> int | None:
 
 def _full_speed(path: FlyerPath) -> Event:
     """The acceleration's fall through zero at the largest velocity."""
+    from scipy.optimize import brentq  # loaded where it is of use
+
     name, t = "full speed", np.linspace(path.start, path.end, 8 * path.knots.size)
     top = int(np.argmax(path.velocity(t)))
     if top in (0, t.size - 1):

@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
 
 from kolsky.bars.flyer.jerks import posterior
 from kolsky.bars.flyer.path import FlyerPath, responses
@@ -112,6 +111,8 @@ def front_path(motion: FrontVelocity) -> FlyerPath:
 
 def _most_likely(y: FloatArray, G: FloatArray) -> tuple[float, float]:
     """Log noise scale (>= 0) and log tau of largest marginal likelihood of ``y = G u + e``."""
+    from scipy.optimize import minimize  # loaded where it is of use
+
     U, S, _ = np.linalg.svd(G, full_matrices=False)
     along = (U.T @ y) ** 2
     across = max(float(y @ y - along.sum()), 0.0)

@@ -6,7 +6,6 @@ in each of the n_spans spans between the knots; tau is the jerks' prior standard
 
 import numpy as np
 from scipy.linalg import lapack, qr, solve_triangular
-from scipy.optimize import minimize
 
 from kolsky.base.arrays import FloatArray
 
@@ -139,6 +138,8 @@ def _searched(
     x: FloatArray, data: tuple[object, ...], bounds: list[tuple[float, float]]
 ) -> tuple[FloatArray, float, str]:
     """Where the search for the least `evidence` from x settles, its value, and why it did not (or "")."""
+    from scipy.optimize import minimize  # loaded where it is of use
+
     value = np.inf
     for _ in range(MOST_STARTS):
         best = minimize(
@@ -214,26 +215,33 @@ def evidence(
     if shared is not None:
         seen[:, 4], steps[:, 4, 4] = shared
         growth[:, 4, 4] = 1.0 - shared[1] ** 2
-    for k, (z, step, new) in enumerate(zip(seen, steps, growth, strict=True)):
-        P = step.dot(P).dot(step.T) + new
+    # Views of the frames are made once: to make one takes as long as to multiply two of these matrices.
+    rows, turns = seen[:, None], np.swapaxes(steps, 1, 2)
+    forward = list(zip(seen, rows, steps, turns, growth, own.tolist(), strict=True))
+    for k, (z, row, step, turned, new, noise_k) in enumerate(forward):
+        P = step.dot(P).dot(turned) + new
         column = P.dot(z)
-        S[k] = z.dot(column) + own[k]
-        K[k] = column / S[k]
-        left[k] = eye - K[k, :, None] * z
-        P = left[k].dot(P).dot(left[k].T) + own[k] * K[k, :, None] * K[k]  # round-off stays below own
+        S[k] = total = float(z.dot(column)) + noise_k
+        K[k] = gain = column / total
+        upright = gain[:, None]
+        left[k] = rest = eye - upright * row
+        P = rest.dot(P).dot(rest.T) + noise_k * upright * gain  # round-off stays below own
     state, expected = np.zeros(m), np.empty((n, m))
     for k, (step, rest, gain) in enumerate(zip(steps, left, K * y[:, None], strict=True)):
-        expected[k] = step.dot(state)
-        state = rest.dot(expected[k]) + gain
+        expected[k] = now = step.dot(state)
+        state = rest.dot(now) + gain
     miss = (y - np.sum(seen * expected, axis=1)) / S
     # Back: what all later frames say, r and N, as it stands after each frame.
     back = left @ steps
     r, N = np.zeros((n, m)), np.zeros((n, m, m))
     ahead = np.einsum("kj,kji->ki", seen, steps)
     by_miss, by_frame = miss[:, None] * ahead, ahead[:, :, None] * ahead[:, None] / S[:, None, None]
+    later, N_later = r[-1], N[-1]
+    backward = list(zip(by_miss, by_frame, back, np.swapaxes(back, 1, 2), strict=True))
     for k in range(n - 1, 0, -1):
-        r[k - 1] = by_miss[k] + r[k].dot(back[k])
-        N[k - 1] = by_frame[k] + back[k].T.dot(N[k]).dot(back[k])
+        missed, framed, step, turned = backward[k]
+        r[k - 1] = later = missed + later.dot(step)
+        N[k - 1] = N_later = framed + turned.dot(N_later).dot(step)
     value = float(np.sum(np.log(S) + S * miss**2))
     by_frame_noise = 1.0 / S + np.einsum("ki,kij,kj->k", K, N, K) - (miss - np.sum(K * r, axis=1)) ** 2
     by_noise = by_frame_noise[data] @ noise[data]

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from kolsky.base.arrays import FloatArray
 
@@ -73,6 +72,8 @@ def find_kink(
         since = np.maximum(since, 0.0)
         parts = [since ** (power + more) / sigma for more in range(1 + bends)]
         return np.column_stack([smooth, *parts])
+
+    from scipy.optimize import minimize_scalar  # loaded where it is of use
 
     def chi2(at: float) -> float:
         G = equations(at)

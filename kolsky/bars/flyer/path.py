@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import PPoly
 
 from kolsky.bars.records import History
 from kolsky.base.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 ONSET = (0.5, 0.99)
 """Shares of the largest velocity between which a motion sets in."""
@@ -47,7 +50,9 @@ class FlyerPath:
         return float(self.knots[-1])
 
     @cached_property
-    def _spline(self) -> PPoly:
+    def _spline(self) -> "PPoly":
+        from scipy.interpolate import PPoly  # loaded where it is of use
+
         h = np.diff(self.knots)
         state = np.zeros((3, h.size))  # x, v, a at the left knot of each span
         for i in range(h.size - 1):
@@ -166,7 +171,7 @@ class FlyerPath:
     def _sigma(self, time: ArrayLike, order: int) -> FloatArray:
         t = self._inside(time)
         G = responses(t.ravel(), self.knots, order)
-        return np.sqrt(np.einsum("ij,jk,ik->i", G, self.covariance, G).clip(min=0.0)).reshape(t.shape)
+        return np.sqrt(np.sum((G @ self.covariance) * G, axis=1).clip(min=0.0)).reshape(t.shape)
 
 
 def responses(time: FloatArray, knots: FloatArray, order: int) -> FloatArray:

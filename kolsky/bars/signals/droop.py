@@ -5,8 +5,6 @@ fall. This is a high-pass filter of first order, whose inverse is Eq. (U.6).
 """
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
-from scipy.optimize import OptimizeWarning, curve_fit
 
 from kolsky.bars.records import Quantity
 from kolsky.bars.signals.signal_zero import estimate_noise
@@ -41,6 +39,8 @@ def compensate_droop(
     first = int(np.searchsorted(time, start))
     lost = np.zeros(time.size)
     if first < time.size:
+        from scipy.integrate import cumulative_trapezoid  # loaded where it is of use
+
         lost[first:] = cumulative_trapezoid(value[first:], time[first:], initial=0.0) / time_constant
     return value + lost
 
@@ -97,6 +97,8 @@ def fit_time_constant(
         raise ValueError(
             f"{name}: {place} holds {t.size} samples, at least {FEWEST_TAIL} are needed; widen it"
         )
+    from scipy.optimize import OptimizeWarning, curve_fit  # loaded where it is of use
+
     x = (t - t[0]) / (t[-1] - t[0])
     slope, level = np.polyfit(x, v, 1)
     rate = -slope / (level + 0.5 * slope)

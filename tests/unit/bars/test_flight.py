@@ -8,7 +8,7 @@ import pytest
 from dic import FrameOutcome
 from dic.rigid_body.body_motion import BodyMotion
 from kolsky.bars.flyer.fit import fit_flyer
-from kolsky.bars.flyer.flight import fit_flight, flyer_motion, symmetry_end
+from kolsky.bars.flyer.flight import _own_noise, fit_flight, flyer_motion, symmetry_end
 
 FRAMES, STATIC, RATE = 100, 10, 120e3
 T = (np.arange(FRAMES) - STATIC + 1) / RATE
@@ -109,3 +109,11 @@ def test_bad_options_and_times_are_refused():
     for options in ({"share": 0.0}, {"over": -1.0}, {"times_in_row": 0}):
         with pytest.raises(ValueError, match="share must be"):
             symmetry_end(flight, T[STATIC:], **({"separation": 0.0, "over": 1e-5, "share": 0.1} | options))
+
+
+def test_a_frames_own_noise_is_what_no_smooth_error_explains():
+    """Variance 1 + 4 + 1 of a second difference of independent errors; none of a line's offset and slope."""
+    frames = np.arange(12.0)
+    line = np.stack([np.ones(12), frames - 5.5])
+    covariance = 0.3**2 * np.eye(12) + line.T @ np.diag([4.0, 0.25]) @ line
+    np.testing.assert_allclose(_own_noise(covariance), 0.3, rtol=1e-12)

@@ -1,5 +1,6 @@
 """Workers of this machine: each has a number, by which they share out its GPUs."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -10,7 +11,17 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import explicit.device
 from dic.correlation.kernels import device as dic_device
-from kolsky.base.process import BLAS_THREADS, WORKER, one_blas_thread, process_pool
+from kolsky.base import process
+from kolsky.base.process import (
+    BLAS_THREADS,
+    GC_THRESHOLD_OF_COMMAND,
+    WORKER,
+    infrequent_gc,
+    keep_freed_memory,
+    last_work,
+    one_blas_thread,
+    process_pool,
+)
 
 
 def number(pause: float) -> tuple[int, str]:
@@ -80,3 +91,47 @@ def test_commands_start_before_blas_with_one_thread_unless_told_otherwise() -> N
             [sys.executable, "-c", program], env={**plain, **told}, capture_output=True, text=True, check=True
         )
         assert said.stdout.splitlines()[-1] == wanted
+
+
+def test_what_a_command_leaves_is_not_searched_for_cycles_at_its_end() -> None:
+    before, within = gc.get_threshold(), []
+
+    @last_work()
+    def command() -> None:
+        within.append(gc.get_threshold())
+        with infrequent_gc():
+            within.append(gc.get_threshold())
+        raise SystemExit(2)
+
+    try:
+        with pytest.raises(SystemExit):
+            command()
+        assert gc.get_freeze_count() > 0
+        assert gc.get_count()[0] < before[0]  # so that the old threshold begins no search at once
+    finally:
+        gc.unfreeze()
+    assert within[0] == (GC_THRESHOLD_OF_COMMAND, *before[1:])
+    assert within[1][0] > within[0][0]
+    assert gc.get_threshold() == before
+
+
+def test_less_frequent_searches_are_not_made_more_frequent_within() -> None:
+    with infrequent_gc(), infrequent_gc(GC_THRESHOLD_OF_COMMAND):
+        assert gc.get_threshold()[0] == process.GC_THRESHOLD
+
+
+def test_freed_memory_is_kept_where_the_library_can(monkeypatch: pytest.MonkeyPatch) -> None:
+    set_: dict[int, int] = {}
+
+    class Library:
+        def mallopt(self, number: int, value: int) -> int:
+            set_[number] = value
+            return 1
+
+    monkeypatch.setattr(process.sys, "platform", "linux")
+    monkeypatch.setattr(process.ctypes, "CDLL", lambda name: Library())
+    keep_freed_memory()
+    # M_TRIM_THRESHOLD, M_TOP_PAD and M_MMAP_THRESHOLD of malloc.h; glibc refuses more than 32 MB of the last
+    assert set_ == {-1: 256 * 2**20, -2: 16 * 2**20, -3: 32 * 2**20}
+    monkeypatch.setattr(process.ctypes, "CDLL", lambda name: object())  # one without mallopt
+    keep_freed_memory()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks import dic as benchmark
-from benchmarks import dic_peers, dic_whole
+from benchmarks import dic_large, dic_peers, dic_whole
 from benchmarks.dic_problem import PAIRS, Problem, errors, problems
 from dic.correlation import Correlation
 from kolsky.shot.schema.reading import shot_toml
@@ -100,8 +100,17 @@ def test_the_quickest_run_is_kept_beside_the_table(tmp_path):
     found = [dic_whole.Whole(9.0, 14.0, stages), dic_whole.Whole(8.0, 15.0, stages)]
     path = tmp_path / "dic.json"
     path.write_text('{"rows": [1]}')
-    dic_whole.merged(path, found)
+    dic_whole.put(path, whole=dic_whole.as_json(found))
     kept = json.loads(path.read_text())
     assert kept["rows"] == [1]
     assert (kept["whole"]["wall_seconds"], kept["whole"]["runs"]) == (8.0, 2)
     assert "files and page 1.00" in dic_whole.line(found[1])
+
+
+def test_a_result_of_large_pictures_takes_the_place_of_its_like(tmp_path):
+    path = tmp_path / "large.json"
+    size = {"picture": [8, 8], "points": 3, "device": "cpu"}
+    for frames, seconds in ((2, 1.0), (4, 2.0), (2, 3.0)):
+        dic_large.put(path, {**size, "frames": frames, "seconds": seconds})
+    kept = json.loads(path.read_text())
+    assert [(one["frames"], one["seconds"]) for one in kept] == [(4, 2.0), (2, 3.0)]

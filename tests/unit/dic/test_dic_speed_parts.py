@@ -26,6 +26,7 @@ from dic.images import PictureError
 from dic.images.kept import KeptPictures, kept
 from dic.rigid_body.adjustment import MotionPrior, Observations, adjust
 from dic.stereo.rays import inverse, largest_eigenvalue
+from dic.stereo.synchronisation import _median
 from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking.rigid import _in_view, _nothing
 from kolsky.base.process import single_threaded_libraries
@@ -359,3 +360,13 @@ def test_the_response_of_the_filter_adds_up_to_one_and_is_the_inverse_of_the_spl
     spline = np.array([1.0, 26.0, 66.0, 26.0, 1.0]) / 120.0  # the quintic B-spline at whole numbers
     impulse = np.eye(1, len(whole) + 4, len(whole) // 2 + 2)[0]
     assert np.convolve(whole, spline) == pytest.approx(impulse, abs=1e-7)
+
+
+@pytest.mark.filterwarnings("ignore:All-NaN")
+@pytest.mark.parametrize("axis", [0, 1, -1])
+def test_medians_are_those_of_the_numbers_that_are_there(axis):
+    rng = np.random.default_rng(6)
+    values = rng.normal(size=(31, 12, 5))
+    values[rng.random(values.shape) < 0.4] = np.nan
+    values[3], values[:, 4] = np.nan, np.nan
+    np.testing.assert_array_equal(_median(values, axis), np.nanmedian(values, axis=axis))
