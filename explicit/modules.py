@@ -121,15 +121,17 @@ def compile_each(
     place = _folder_of(folder)
     # A mesh that fits keeps its state in shared memory, a larger one does not.
     variants = [(True, BLOCK, 1), (True, SMALL_BLOCK, 1), (False, BLOCK, 1)]
-    if min(architectures) >= CLUSTER_ARCH:
-        variants += [(False, BLOCK, cluster) for cluster in CLUSTERS]
+    variants += [(False, BLOCK, cluster) for cluster in CLUSTERS]
     for (faces, side, number, shape), (on_chip, block, cluster) in product(wanted, variants):
+        able = [arch for arch in architectures if cluster == 1 or arch >= CLUSTER_ARCH]
         numbers, shared = precision(number), {"relaxation": relaxation, "cluster": cluster}
+        if not able:
+            continue
         module = _module(time_loop_kernel(law, faces, side, numbers, shape, on_chip, block, **shared))
-        wp.compile_aot_module(module, arch=list(architectures), module_dir=place, use_ptx=ptx)
+        wp.compile_aot_module(module, arch=able, module_dir=place, use_ptx=ptx)
         for source in place.glob(f"wp_{module.name}_*.cu"):
             source.unlink()  # it is not needed to load a module
-        for arch in architectures:
+        for arch in able:
             yield from place.glob(f"wp_{module.name}_*.sm{arch}.{'ptx' if ptx else 'cubin'}")
 
 

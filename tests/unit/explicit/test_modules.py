@@ -32,6 +32,7 @@ class Gpu:
 
     arch: int
     is_cuda: bool = True
+    alias: str = "cuda:0"
 
 
 @pytest.fixture(scope="module")
@@ -110,8 +111,11 @@ def test_a_device_is_given_what_it_can_run(folder, tmp_path, monkeypatch):
     assert not aot.load_module(kernel, Gpu(90), None)
     monkeypatch.setenv(aot.FOLDER_VARIABLE, str(folder))
     assert aot.load_module(kernel, Gpu(90), None)
+    assert len(asked) == 1  # loaded already
+    assert aot.load_module(kernel, Gpu(90, alias="cuda:1"), None)
+    assert len(asked) == 2
     with pytest.warns(RuntimeWarning, match="no module .* for architecture 80"):
-        assert not aot.load_module(kernel, Gpu(80), folder)
+        assert not aot.load_module(kernel, Gpu(80, alias="cuda:2"), folder)
     with pytest.raises(ValueError, match=f"'{tmp_path}/none'.*python -m explicit.aot"):
         aot.load_module(kernel, Gpu(90), tmp_path / "none")
 
@@ -127,8 +131,8 @@ def test_ptx_serves_later_architectures(tmp_path):
 def test_ptx_names_its_target(tmp_path):
     only = {"contacts": [("bonded", "rough")], "precisions": ["fp32"], "elements": ["one_point"]}
     paths = ahead_of_time(tmp_path, architectures=[80, 90], ptx=True, **only)
-    assert [path.suffix for path in paths] == [".ptx"] * 6
-    for path, arch in zip(paths, (80, 90) * 3, strict=True):
+    assert [path.suffix for path in paths] == [".ptx"] * 8
+    for path, arch in zip(paths, (80, 90) * 3 + (90, 90), strict=True):
         assert f".target sm_{arch}" in path.read_text()
 
 
