@@ -9,8 +9,8 @@ registry of the solver, ``<!-- causes kolsky -->`` the inputs that are tried as 
 ``<!-- wrong NAME -->`` the table of a study of wrong inputs, ``<!-- budget NAME -->`` that of an error
 budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` and ``<!--
 changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->`` shots and their mean,
-``<!-- coverage NAME -->`` a study of coverage, ``<!-- planted NAME -->`` and ``<!-- advised NAME -->`` planted shots that relax,
-``<!-- equilibria NAME -->`` times of equilibria,
+``<!-- coverage NAME -->`` a study of coverage, ``<!-- planted NAME -->`` and ``<!-- advised NAME -->``
+planted shots that relax, ``<!-- equilibria NAME -->`` times of equilibria,
 ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` what damage and kills have
 done, ``<!-- grown NAME -->`` how work grows and ``<!-- campaigns NAME -->`` how it is shared out:
 benchmarks/results/NAME.json, ``<!-- named inputs -->`` inputs that were once answered wrongly
