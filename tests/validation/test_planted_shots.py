@@ -103,6 +103,8 @@ def test_strength_and_time_are_found_by_the_command(tmp_path: Path) -> None:
 def test_an_elastic_material_stays_one(tmp_path: Path) -> None:
     found = identified(tmp_path / "elastic", elastic=True)
     assert not found["model_choice"]["asked_for"]
+    # One right model in a hundred is below; with directions out of step it was 23 of 36.
+    assert found["model_choice"]["probability"] > 0.01
     assert "do not ask for what relaxes" in " ".join(found["warnings"])
     for name in ("prony_strength_1", "prony_time_1"):
         assert found["estimates"][name]["outcome"] == "not seen by the data"
