@@ -62,8 +62,7 @@ def infrequent_gc(threshold: int = GC_THRESHOLD) -> Iterator[None]:
 def last_work() -> Iterator[None]:
     """Work with which this process ends: cycles are looked for seldom, and no more when it is done.
 
-    Python goes through all objects before it ends, half a second after a correlation with its page, and finds
-    memory that the system takes back in any case.
+    Python goes through all objects before it ends, and finds memory that the system takes back in any case.
     """
     with infrequent_gc(GC_THRESHOLD_OF_COMMAND):
         try:

@@ -7,6 +7,7 @@ import pytest
 
 from dic import Camera, PointOutcome, StereoRig
 from dic.stereo import reconstruct
+from dic.stereo import reconstruction as subject
 from dic.stereo.reconstruction import narrow_gates
 from dic.tracking.history import Track
 
@@ -171,3 +172,17 @@ def test_narrower_gates_end_what_a_reconstruction_with_them_ends(X: np.ndarray) 
     assert after[1] == N_POINTS  # 3 sigma of 0.1 px, over both cameras, are more than any distance
     with pytest.raises(ValueError, match="not known"):
         narrow_gates(replace(found, epipolar_sigma=None), **options)
+
+
+def test_frames_shared_out_over_threads_are_those_of_one(X: np.ndarray, monkeypatch: pytest.MonkeyPatch):
+    first, second = (followed(camera, X) for camera in RIG.cameras)
+    first.outcome[1, 2] = PointOutcome.LOW_CONTRAST
+    whole = reconstruct(RIG, first, second)
+    monkeypatch.setattr(subject, "AT_ONCE", N_POINTS)  # a frame at a time
+    monkeypatch.setattr(subject, "cores", lambda: 3)
+    parts = reconstruct(RIG, first, second)
+    for name in ("position", "covariance", "epipolar", "pixels", "outcome", "epipolar_sigma"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name), err_msg=name)
+    second.warp[2, 1] = np.nan  # VALID without a place: refused from any thread
+    with pytest.raises(ValueError, match="camera 1, frame 2, point 1"):
+        reconstruct(RIG, first, second)
