@@ -45,7 +45,8 @@ class InputChanges:
 
     replicates: Mapping[str, FloatArray]
     """Source -> data of each replicate minus the reference's, shape [n, k]: "flyer motion", "material
-    curve"; of what is known as patterns of one standard deviation each, `OUTLINE`, these times root n."""
+    curve"; of what is known as patterns of one standard deviation each, these times root n (`as_drawn`):
+    `OUTLINE`, and "flyer motion" where the path is a nuisance of the fit."""
     scales: Mapping[str, FloatArray]
     """Source -> change by one standard uncertainty of a common scale, shape [k]: "force scale", "motion
     scale"."""
@@ -66,6 +67,11 @@ class InputChanges:
         return found
 
 
+def as_drawn(patterns: FloatArray) -> FloatArray:
+    """Patterns of one standard deviation each as replicates with the same mean square, shape [n, k]."""
+    return np.asarray(np.sqrt(len(patterns)) * patterns)
+
+
 def input_changes(objective: Objective, replicates: Replicates | None) -> InputChanges:
     """Changes of the data vector by every source that is known.
 
@@ -75,18 +81,22 @@ def input_changes(objective: Objective, replicates: Replicates | None) -> InputC
         Whose data vector, and the force's scale.
     replicates
         Runs under other motions and curves, the reference first; None leaves their noise out. A point that a
-        replicate leaves adds nothing.
+        replicate leaves adds nothing. Where the front face's path is moved, the patterns of its noise in the
+        weights stand for the other motions: the replicates' ring out of step with the answer, on a mesh that
+        rings otherwise, and the weights would take nothing of that away.
     """
     scales = {}
     if objective.observations.force_sigma_gain > 0.0:
         scales["force scale"] = objective.scale_error
     outline = objective.outline_errors
-    known = {OUTLINE: np.sqrt(len(outline)) * outline} if len(outline) else {}
+    known = {OUTLINE: as_drawn(outline)} if len(outline) else {}
     if replicates is None:
         return InputChanges(known, scales)
     vectors = objective.vectors(replicates.prediction)
     change = np.nan_to_num(vectors - vectors[0])
     if replicates.scale.any():
         scales["motion scale"] = change[replicates.scale][0]
-    drawn = {"flyer motion": change[replicates.flyer], "material curve": change[replicates.curve]}
+    moved = objective.observations.front_offset is not None
+    motions = as_drawn(objective.front_noise) if moved else change[replicates.flyer]
+    drawn = {"flyer motion": motions, "material curve": change[replicates.curve]}
     return InputChanges({**drawn, **known}, scales)

@@ -94,8 +94,8 @@ FAULTS = (
     Fault(
         name="modes that are run as large as the replicates that stand for them",
         file="kolsky/inverse/path_modes.py",
-        right="amplitudes / np.sqrt(q), 1.0 / np.sqrt(q)",
-        wrong="amplitudes / np.sqrt(q), 1.0",
+        right="own, 1.0 / np.sqrt(q)",
+        wrong="own, 1.0",
         tests=PATH,
     ),
     Fault(
@@ -108,8 +108,8 @@ FAULTS = (
     Fault(
         name="a path's amplitudes as shares of the replicates",
         file="kolsky/inverse/path_modes.py",
-        right="amplitudes = len(shares) * (self.shares @ shares)",
-        wrong="amplitudes = self.shares @ shares",
+        right="np.asarray(len(shares) * (self.shares @ shares))",
+        wrong="np.asarray(self.shares @ shares)",
         tests=PATH,
     ),
     Fault(

@@ -82,6 +82,20 @@ FAULTS = (
         tests=NUMERICAL,
     ),
     Fault(
+        name="patterns of the flyer's noise as if each were a draw of many",
+        file="kolsky/uncertainty/input_noise.py",
+        right="np.asarray(np.sqrt(len(patterns)) * patterns)",
+        wrong="np.asarray(patterns)",
+        tests=NOISE,
+    ),
+    Fault(
+        name="replicates of a coarse mesh's ringing beside weights of another's",
+        file="kolsky/uncertainty/input_noise.py",
+        right="if moved else change[replicates.flyer]",
+        wrong="if not moved else change[replicates.flyer]",
+        tests=NOISE,
+    ),
+    Fault(
         name="what is left of a graded mesh's error added to what it cures",
         file="kolsky/uncertainty/numerical.py",
         right="return self.left - self.graded",

@@ -49,7 +49,8 @@ def made_up(force_sigma_gain: float) -> tuple[Any, Replicates]:
     vectors = np.array([[5.0, 5.0, 5.0], [6.0, 5.0, 5.0], [5.0, 8.0, np.nan], [5.5, 5.0, 5.0]])
     row = np.arange(4)
     objective = SimpleNamespace(
-        observations=SimpleNamespace(force_sigma_gain=force_sigma_gain),
+        observations=SimpleNamespace(force_sigma_gain=force_sigma_gain, front_offset=None),
+        front_noise=np.array([[0.3, 0.0, 0.0], [0.0, 0.4, 0.0]]),
         scale_error=np.array([0.5, 0.0, 0.0]),
         outline_errors=np.zeros((0, 3)),
         vectors=lambda prediction: prediction,
@@ -71,3 +72,12 @@ def test_sources_are_those_that_are_there() -> None:
     parts = input_changes(made_up(0.0)[0], unscaled).parts(GAIN)
     assert list(parts) == ["flyer motion", "material curve"]
     assert input_changes(made_up(0.0)[0], None).parts(GAIN) == {}
+
+
+def test_where_the_path_is_moved_the_patterns_of_its_noise_are_its_part() -> None:
+    objective, replicates = made_up(0.0)
+    objective.observations.front_offset = np.zeros(3)
+    found = input_changes(objective, replicates)
+    # Two patterns of a standard deviation each: 2 x 0.3, and 1 x 0.4.
+    np.testing.assert_allclose(found.parts(GAIN)["flyer motion"], [0.6, 0.4], rtol=1e-12)
+    np.testing.assert_allclose(found.parts(GAIN)["material curve"], [0.0, 3.0])  # that of its replicates
