@@ -1,8 +1,7 @@
 """Lanes of one simulation: what they do together, natively.
 
-On a GPU the lanes are the threads of one block, or of a few blocks (a cluster) where a large mesh has a
-simulation to itself. On the CPU `explicit.simd` translates the lanes to those of
-SIMD registers.
+On a GPU the lanes are the threads of one block, or of the few blocks of a cluster
+(`explicit.time_loop.blocks`). On the CPU `explicit.simd` translates the lanes to those of SIMD registers.
 """
 
 from dataclasses import dataclass
@@ -83,35 +82,8 @@ SHARING = 4
 WARPS = BLOCK // 32
 """Most warps of a block; its last one is the control warp."""
 
-CLUSTERS = (16, 4)
-"""Blocks that may share a simulation whose state is in global memory, the most first."""
-CLUSTER_ARCH = 90
-"""Architecture from which blocks can share one."""
-SPREAD = 0.8
-"""Share of the multiprocessors that clusters may ask for: each lies within one group of the device, and what
-does not fill a group stays free."""
-
 _INSIDE = f"((signed)blockDim.x - (blockDim.x < {BLOCK} ? 32 : 96))"
 _INSIDE_CLUSTER = "((signed)THREADS - 256)"
-
-
-def block_for(n_samples: int, device: Any, on_chip: bool) -> int:
-    """Threads that a simulation of a batch gets on a Warp device."""
-    return SMALL_BLOCK if device.is_cuda and on_chip and n_samples > device.sm_count else BLOCK
-
-
-def cluster_for(n_samples: int, n_elements: int, n_boundary: int, device: Any, on_chip: bool) -> int:
-    """Blocks that share a simulation of a batch on a Warp device: as many as are free, and as have work."""
-    one_block = n_boundary <= BLOCK - 32  # has them all, and control
-    if on_chip or not device.is_cuda or device.arch < CLUSTER_ARCH or not one_block:
-        return 1
-    for cluster in CLUSTERS:
-        busy = n_elements > (cluster // 4) * (
-            BLOCK - 32
-        )  # a smaller cluster would sweep its elements in turn
-        if busy and n_samples * cluster <= SPREAD * device.sm_count:
-            return cluster
-    return 1
 
 
 def _either(cuda: str, cpu: str) -> str:
@@ -249,8 +221,7 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def control_stride() -> int: ...
 
     return LaneFunctions(
-        sync=sync, empty_sum=empty_sum, add_to=add_to,
-        is_worker=is_worker, n_workers=n_workers,
+        sync=sync, empty_sum=empty_sum, add_to=add_to, is_worker=is_worker, n_workers=n_workers,
         is_control=is_control, is_writer=is_writer, put_total=put_total, put_largest=put_largest,
         get_total=get_total, get_largest=get_largest, boundary_totals=boundary_totals,
         control_sync=control_sync, boundary_first=boundary_first, first_inner=first_inner,
