@@ -39,11 +39,9 @@ _HAND_OVER = """
 """
 _TAKE = """
 #if defined(__CUDA_ARCH__)
-    double x = NOTHING;
-    for (int warp = threadIdx.x & 31; warp < (THREADS >> 5); warp += 32) {
-        const double other = parts.data[k * WARPS + warp];
-        x = COMBINE;
-    }
+    const int warp = threadIdx.x & 31;
+    double x = warp < (THREADS >> 5) ? parts.data[k * WARPS + warp] : NOTHING;
+    FURTHER
     #pragma unroll
     for (int step = 16; step > 0; step >>= 1) {
         const double other = __shfl_xor_sync(0xffffffffu, x, step);
@@ -54,6 +52,10 @@ _TAKE = """
     return parts.data[k];
 #endif
 """
+_FURTHER = """for (int next = warp + 32; next < (THREADS >> 5); next += 32) {
+        const double other = parts.data[k * WARPS + next];
+        x = COMBINE;
+    }"""
 _SUM, _LARGER = "x + other", "x > other ? x : other"
 _BOUNDARY_TOTALS = """
     wp::vec_t<2, wp::float64> sums(0.0, 0.0);
@@ -158,8 +160,9 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
         return native(_either(cuda, cpu))
 
     total, largest = native(_HAND_OVER, COMBINE=_SUM), native(_HAND_OVER, COMBINE=_LARGER)
-    take_total = native(_TAKE, COMBINE=_SUM, NOTHING="0.0")
-    take_largest = native(_TAKE, COMBINE=_LARGER, NOTHING="-1e300")
+    take = _TAKE.replace("FURTHER", "" if alone else _FURTHER)  # a block has no more warps than a warp lanes
+    take_total = native(take, COMBINE=_SUM, NOTHING="0.0")
+    take_largest = native(take, COMBINE=_LARGER, NOTHING="-1e300")
     meet = native(BARRIER, MEET=_MEET_IN_BLOCK if alone else _MEET_IN_CLUSTER)
     inside = _INSIDE if alone else _INSIDE_CLUSTER
     parts_of: Any = wp.array(dtype=wp.float64)
