@@ -87,13 +87,9 @@ def nodal_mass(mesh: Mesh, density: float) -> FloatArray:
 
 def fits_on_chip(mesh: Mesh, numbers: Precision) -> bool:
     """True if the state of one simulation fits into a GPU's shared memory."""
-    boundary = n_boundary(mesh)
-    return fits(node_order(mesh)[2] + boundary, mesh.n_elements, boundary, numbers)
-
-
-def n_boundary(mesh: Mesh) -> int:
-    """How many nodes can meet a platen."""
-    return mesh.n_nodes - node_order(mesh)[1]
+    _, n_inner, first_boundary = node_order(mesh)
+    n_boundary = mesh.n_nodes - n_inner
+    return fits(first_boundary + n_boundary, mesh.n_elements, n_boundary, numbers)
 
 
 def node_order(mesh: Mesh) -> tuple[IntArray, int, int]:

@@ -26,8 +26,9 @@ from explicit.elements import ELEMENTS, element
 from explicit.materials import MarlowLaw
 from explicit.precision import PRECISIONS, precision
 from explicit.relaxation.base import Relaxation
+from explicit.time_loop.blocks import CLUSTER_ARCH, CLUSTERS
 from explicit.time_loop.kernel import time_loop_kernel
-from explicit.time_loop.lanes import BLOCK, CLUSTER_ARCH, CLUSTERS, SMALL_BLOCK
+from explicit.time_loop.lanes import BLOCK, SMALL_BLOCK
 
 FOLDER_VARIABLE = "KOLSKY_AOT"
 """Environment variable that names the folder of modules when `explicit.run` is not given one."""

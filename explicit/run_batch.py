@@ -24,15 +24,15 @@ from explicit.drivers import (
 from explicit.energy import EnergyLedger
 from explicit.geometry import element_geometry
 from explicit.host_transfer import HISTORIES
-from explicit.mesh_arguments import fits_on_chip, n_boundary
+from explicit.mesh_arguments import fits_on_chip
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.modules import load_module
 from explicit.outcome import Outcome
 from explicit.precision import Precision, precision
 from explicit.response import Response
 from explicit.support import MovingSupport
+from explicit.time_loop.blocks import block_for, cluster_for
 from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
-from explicit.time_loop.lanes import block_for, cluster_for
 from explicit.time_loop.slots import Ending
 
 
@@ -168,7 +168,7 @@ def time_loop_of(problem: Problem, where: Any) -> tuple[TimeLoopKernel, Precisio
     kernel = time_loop_kernel(
         type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
         block_for(n, where, on_chip), stepping.bound, model.volumetric, model.relaxation_kind,
-        cluster_for(n, model.mesh.n_elements, n_boundary(model.mesh), where, on_chip),
+        cluster_for(n, model.mesh.n_elements, where, on_chip),
     )  # fmt: skip
     return kernel, numbers, on_chip
 

@@ -74,7 +74,7 @@ def time_loop_kernel(
     lanes = lane_functions(cluster)
     layout = state_layout(precision, structs, on_chip, cluster)
     sums, remembered, fields_of, surface_of = layout.sums, layout.remembered, layout.fields, layout.surface
-    at_rest, seen_by_all, totals, publish = layout.at_rest, layout.seen, layout.partials, layout.publish
+    at_rest = layout.at_rest
     sweeps = sweep_functions(precision, element, structs, layout, lanes)
     branch = relaxation_functions(relaxation, law, precision, bound, element, structs, layout, sweeps, lanes)
     element_forces, relaxed_forces, energies = sweeps.elements, branch.sweep, branch.energies
@@ -108,13 +108,11 @@ def time_loop_kernel(
         limit_s = batch.data_limit[batch.material[sample]]
         friction, alpha = batch.friction[sample], solid.mass_damping
         fields, surface = fields_of(body, state, sample), surface_of(body, state, sample)
-        control, seen = sums(state.control, sample, 0), seen_by_all(state.control, sample, 0)
-        partials = totals(state.partials, sample, control_size)
+        control, partials = sums(state.control, sample, 0), sums(state.partials, sample, control_size)
         memory = remembered(state.memory, sample, 0)
         at_rest(body, fields, surface, partials, lane)
         if is_control(lane) == 1:
             start(batch, output, sample, control)
-            publish(control, seen)
         sync()
         # Sums since the start: damping, friction, hourglass viscosity, landing, work of the platens [J].
         damped, rubbed, restrained = empty_sum(), empty_sum(), empty_sum()
@@ -132,7 +130,7 @@ def time_loop_kernel(
                 until_measured -= 1
                 worst, power, artificial = element_forces(body, solid, row, fields, lane, measure)
                 stiffer = relaxed_forces(
-                    body, solid, row, branches, memory, seen, step, fields, lane, measure
+                    body, solid, row, branches, memory, control, step, fields, lane, measure
                 )
                 latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
                 if step % check_every == 0:
@@ -151,12 +149,10 @@ def time_loop_kernel(
                 end_of_step(
                     body, batch, state, output, sample, lane, step - 1, control, partials, surface, fields
                 )
-            if is_control(lane) == 1:
-                publish(control, seen)
             sync()
-            going = int(seen[Control.GOING])
+            going = int(control[Control.GOING])
             if going == 1 and step >= 0:
-                now = read_step(seen, step)
+                now = read_step(control, step)
                 kinetic = empty_sum()
                 if now.ledger == 1:
                     elastic, hourglass, past = empty_sum(), empty_sum(), empty_sum()
@@ -189,11 +185,10 @@ def time_loop_kernel(
                 landed += land_step
             if going == 1 and is_control(lane) == 1:
                 next_step(batch, output, sample, step + 1, control, partials)
-                publish(control, seen)
             step += 1
             sync()
 
-        if int(seen[Control.STATUS]) == 0:  # a last check of what happened since the one before
+        if int(control[Control.STATUS]) == 0:  # a last check of what happened since the one before
             if is_worker(lane) == 1:
                 put_total(partials, Total.MOTION, motion(body, fields, lane))
                 put_total(partials, Total.WORK_DONE, worked)
@@ -201,13 +196,12 @@ def time_loop_kernel(
             sync()
             if is_control(lane) == 1:
                 control[Control.STATUS] = wp.float64(check(batch, sample, control, partials))
-                publish(control, seen)
         sync()
         failed = int(-1)
-        if int(seen[Control.STATUS]) != 0:
-            status = int(seen[Control.STATUS])
+        if int(control[Control.STATUS]) != 0:
+            status = int(control[Control.STATUS])
             failed = failed_element(body, solid, row, fields, partials, lane, status)
         if lane == 0:
-            record_ending(output, sample, seen, failed)
+            record_ending(output, sample, control, failed)
 
     return TimeLoopKernel(time_loop, structs, element, block, cluster, branch.memory)

@@ -1,8 +1,7 @@
 """Lanes of one simulation: what they do together, natively.
 
-On a GPU the lanes are the threads of one block, or of a few blocks (a cluster) where a large mesh has a
-simulation to itself. On the CPU `explicit.simd` translates the lanes to those of
-SIMD registers.
+On a GPU the lanes are the threads of one block, or of the few blocks of a cluster
+(`explicit.time_loop.blocks`). On the CPU `explicit.simd` translates the lanes to those of SIMD registers.
 """
 
 from dataclasses import dataclass
@@ -40,11 +39,9 @@ _HAND_OVER = """
 """
 _TAKE = """
 #if defined(__CUDA_ARCH__)
-    double x = NOTHING;
-    for (int warp = threadIdx.x & 31; warp < (THREADS >> 5); warp += 32) {
-        const double other = parts.data[k * WARPS + warp];
-        x = COMBINE;
-    }
+    const int warp = threadIdx.x & 31;
+    double x = warp < (THREADS >> 5) ? parts.data[k * WARPS + warp] : NOTHING;
+    FURTHER
     #pragma unroll
     for (int step = 16; step > 0; step >>= 1) {
         const double other = __shfl_xor_sync(0xffffffffu, x, step);
@@ -55,6 +52,10 @@ _TAKE = """
     return parts.data[k];
 #endif
 """
+_FURTHER = """for (int next = warp + 32; next < (THREADS >> 5); next += 32) {
+        const double other = parts.data[k * WARPS + next];
+        x = COMBINE;
+    }"""
 _SUM, _LARGER = "x + other", "x > other ? x : other"
 _BOUNDARY_TOTALS = """
     wp::vec_t<2, wp::float64> sums(0.0, 0.0);
@@ -83,35 +84,8 @@ SHARING = 4
 WARPS = BLOCK // 32
 """Most warps of a block; its last one is the control warp."""
 
-CLUSTERS = (16, 4)
-"""Blocks that may share a simulation whose state is in global memory, the most first."""
-CLUSTER_ARCH = 90
-"""Architecture from which blocks can share one."""
-SPREAD = 0.8
-"""Share of the multiprocessors that clusters may ask for: each lies within one group of the device, and what
-does not fill a group stays free."""
-
 _INSIDE = f"((signed)blockDim.x - (blockDim.x < {BLOCK} ? 32 : 96))"
 _INSIDE_CLUSTER = "((signed)THREADS - 256)"
-
-
-def block_for(n_samples: int, device: Any, on_chip: bool) -> int:
-    """Threads that a simulation of a batch gets on a Warp device."""
-    return SMALL_BLOCK if device.is_cuda and on_chip and n_samples > device.sm_count else BLOCK
-
-
-def cluster_for(n_samples: int, n_elements: int, n_boundary: int, device: Any, on_chip: bool) -> int:
-    """Blocks that share a simulation of a batch on a Warp device: as many as are free, and as have work."""
-    one_block = n_boundary <= BLOCK - 32  # has them all, and control
-    if on_chip or not device.is_cuda or device.arch < CLUSTER_ARCH or not one_block:
-        return 1
-    for cluster in CLUSTERS:
-        busy = n_elements > (cluster // 4) * (
-            BLOCK - 32
-        )  # a smaller cluster would sweep its elements in turn
-        if busy and n_samples * cluster <= SPREAD * device.sm_count:
-            return cluster
-    return 1
 
 
 def _either(cuda: str, cpu: str) -> str:
@@ -186,8 +160,9 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
         return native(_either(cuda, cpu))
 
     total, largest = native(_HAND_OVER, COMBINE=_SUM), native(_HAND_OVER, COMBINE=_LARGER)
-    take_total = native(_TAKE, COMBINE=_SUM, NOTHING="0.0")
-    take_largest = native(_TAKE, COMBINE=_LARGER, NOTHING="-1e300")
+    take = _TAKE.replace("FURTHER", "" if alone else _FURTHER)  # a block has no more warps than a warp lanes
+    take_total = native(take, COMBINE=_SUM, NOTHING="0.0")
+    take_largest = native(take, COMBINE=_LARGER, NOTHING="-1e300")
     meet = native(BARRIER, MEET=_MEET_IN_BLOCK if alone else _MEET_IN_CLUSTER)
     inside = _INSIDE if alone else _INSIDE_CLUSTER
     parts_of: Any = wp.array(dtype=wp.float64)
@@ -249,8 +224,7 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def control_stride() -> int: ...
 
     return LaneFunctions(
-        sync=sync, empty_sum=empty_sum, add_to=add_to,
-        is_worker=is_worker, n_workers=n_workers,
+        sync=sync, empty_sum=empty_sum, add_to=add_to, is_worker=is_worker, n_workers=n_workers,
         is_control=is_control, is_writer=is_writer, put_total=put_total, put_largest=put_largest,
         get_total=get_total, get_largest=get_largest, boundary_totals=boundary_totals,
         control_sync=control_sync, boundary_first=boundary_first, first_inner=first_inner,

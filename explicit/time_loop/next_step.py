@@ -156,13 +156,10 @@ def next_step_functions(
             control[Control.LOWER_SPEED] = control[Control.LOWER_NEXT] * rate
         flyer_next = platen_position(batch, batch.motion[sample], following)
         interval = HALF * (dt + dt_before)  # the velocity lives between the positions
-        per_interval = wp.float64(rate)
-        if dt != dt_before:
-            per_interval = ONE / interval
         control[this + Plan.STEP] = dt
         control[this + Plan.STEP_BEFORE] = dt_before
         control[this + Plan.INTERVAL] = interval
-        control[this + Plan.PER_INTERVAL] = per_interval
+        control[this + Plan.PER_INTERVAL] = ONE / interval
         control[this + Plan.RATE] = rate
         control[this + Plan.FLYER_NEXT] = flyer_next
         control[this + Plan.UPPER_SPEED] = (flyer_y - flyer_next) * rate

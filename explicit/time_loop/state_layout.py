@@ -12,15 +12,13 @@ from typing import Any
 import warp as wp
 
 from explicit.precision import Precision
-from explicit.time_loop.lanes import BLOCK, WARPS
-from explicit.time_loop.slots import CONTROL_SIZE, Total
+from explicit.time_loop.lanes import WARPS
+from explicit.time_loop.slots import Total
 from explicit.time_loop.structs import Structs, simulation_structs
 
 ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_BOUNDARY, ON_CHIP_CONTROL = 448, 384, 96, 272
 """Slots in shared memory for the state of a simulation in fp64; in fp32 there are twice as many nodes and
 elements. Together with what reductions need, they fill the 48 KiB a block gets without a request."""
-CLUSTER_BOUNDARY = BLOCK - 32
-"""Boundary nodes of a cluster at most: those that the workers of its last block take at once."""
 
 
 _FIELD = """
@@ -44,12 +42,6 @@ _FIELD_ON_CHIP = """
     row.ndim = 1;
     return row;
 """
-_PUBLISH = f"""
-#if defined(__CUDA_ARCH__)
-    __syncwarp();
-    for (int k = threadIdx.x & 31; k < {CONTROL_SIZE}; k += 32) seen.data[k] = control.data[k];
-#endif
-"""
 _STRIDE = """
 #if defined(__CUDA_ARCH__)
     return COUNT;
@@ -67,14 +59,7 @@ class StateLayout:
     """``field(fields, sample, offset)``: a simulation's row of an array of fields or corner forces; in shared
     memory at an offset in numbers, where the state is on the chip."""
     sums: Any
-    """The same for sums of the boundary and for the control record, which the blocks of a cluster have on the
-    chip too: control and all that the boundary's workers hand it are in the last of them."""
-    seen: Any
-    """The same for the control record as every lane reads it."""
-    partials: Any
-    """The same for the workers' totals."""
-    publish: Any
-    """``publish(control, seen)``: control shows its record to the lanes of other blocks."""
+    """The same for sums of the boundary."""
     marks: Any
     """The same for its marks."""
     remembered: Any
@@ -100,10 +85,8 @@ def state_layout(precision: Precision, structs: Structs, on_chip: bool, cluster:
     more = 8 // precision.dtype().itemsize
     nodes, elements = more * ON_CHIP_NODES, more * ON_CHIP_ELEMENTS
     field = _field(precision.real, 4 * nodes + 8 * elements + 2, on_chip)
-    boundary = CLUSTER_BOUNDARY if cluster > 1 else ON_CHIP_BOUNDARY
-    sums = _field(wp.float64, 3 * boundary + ON_CHIP_CONTROL, on_chip or cluster > 1)
-    marks = _field(wp.int32, boundary, on_chip or cluster > 1)
-    shared = _field(wp.float64, 0, False) if cluster > 1 else sums
+    sums = _field(wp.float64, 3 * ON_CHIP_BOUNDARY + ON_CHIP_CONTROL, on_chip)
+    marks = _field(wp.int32, ON_CHIP_BOUNDARY, on_chip)
     node_stride, corner_stride = _stride(nodes, on_chip), _stride(elements, on_chip)
     Body, State = structs.Body, structs.State
     simulation = simulation_structs(precision)
@@ -130,9 +113,6 @@ def state_layout(precision: Precision, structs: Structs, on_chip: bool, cluster:
             sums(state.carried, sample, ON_CHIP_CONTROL + 2 * body.n_boundary),
         )
 
-    @wp.func_native(snippet=_PUBLISH if cluster > 1 else "")
-    def publish(control: wp.array(dtype=wp.float64), seen: wp.array(dtype=wp.float64)): ...
-
     zero, ZERO = precision.real(0.0), wp.float64(0.0)
     n_partials = int(Total.COUNT * WARPS * cluster)
 
@@ -147,7 +127,7 @@ def state_layout(precision: Precision, structs: Structs, on_chip: bool, cluster:
             fields.v_r[n] = zero
             fields.v_y[n] = zero
             n += wp.block_dim()
-        b = lane % wp.block_dim()  # a block has marks of its own
+        b = lane
         while b < body.n_boundary:
             surface.touched[b] = body.at_rest[b]
             b += wp.block_dim()
@@ -163,9 +143,6 @@ def state_layout(precision: Precision, structs: Structs, on_chip: bool, cluster:
     return StateLayout(
         field=field,
         sums=sums,
-        seen=shared,
-        partials=shared,
-        publish=publish,
         marks=marks,
         remembered=_field(precision.real, 0, False),
         fields=fields,

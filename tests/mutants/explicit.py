@@ -166,4 +166,18 @@ FAULTS = (
         wrong="end += max(numbers.nbytes, 1) // APART * APART",
         tests=("tests/unit/explicit/test_one_copy.py",),
     ),
+    Fault(
+        name="page-locked memory is used again while its result lives",
+        file="explicit/page_locked.py",
+        right="finalize(owner, self._free.append, piece).atexit = False",
+        wrong="self._free.append(piece)",
+        tests=("tests/unit/explicit/test_page_locked.py",),
+    ),
+    Fault(
+        name="more blocks are asked for than multiprocessors are free",
+        file="explicit/time_loop/blocks.py",
+        right="n_samples * cluster <= SPREAD * device.sm_count",
+        wrong="n_samples <= SPREAD * device.sm_count",
+        tests=("tests/unit/explicit/test_clusters.py",),
+    ),
 )

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from explicit.time_loop.lanes import BLOCK, CLUSTERS, SPREAD, cluster_for
+from explicit.time_loop.blocks import CLUSTERS, SPREAD, cluster_for
+from explicit.time_loop.lanes import BLOCK
 
 
 @dataclass(frozen=True)
@@ -22,30 +23,25 @@ LARGE = 64 * 86
 
 
 def test_a_large_mesh_that_is_alone_has_the_most() -> None:
-    assert cluster_for(1, LARGE, 215, Device(), False) == CLUSTERS[0] == 16
-    assert cluster_for(FEW // 16, LARGE, 215, Device(), False) == 16
+    assert cluster_for(1, LARGE, Device(), False) == CLUSTERS[0] == 16
+    assert cluster_for(FEW // 16, LARGE, Device(), False) == 16
 
 
 def test_more_simulations_have_fewer_each() -> None:
-    assert cluster_for(FEW // 16 + 1, LARGE, 215, Device(), False) == 4
-    assert cluster_for(FEW // 4, LARGE, 215, Device(), False) == 4
-    assert cluster_for(FEW // 4 + 1, LARGE, 215, Device(), False) == 1
+    assert cluster_for(FEW // 16 + 1, LARGE, Device(), False) == 4
+    assert cluster_for(FEW // 4, LARGE, Device(), False) == 4
+    assert cluster_for(FEW // 4 + 1, LARGE, Device(), False) == 1
 
 
 @pytest.mark.parametrize(
     ("n_elements", "blocks"), [(WORKERS, 1), (WORKERS + 1, 4), (4 * WORKERS, 4), (4 * WORKERS + 1, 16)]
 )
 def test_no_blocks_without_work(n_elements: int, blocks: int) -> None:
-    assert cluster_for(1, n_elements, 215, Device(), False) == blocks
+    assert cluster_for(1, n_elements, Device(), False) == blocks
 
 
 @pytest.mark.parametrize(
     ("device", "on_chip"), [(Device(), True), (Device(is_cuda=False), False), (Device(arch=80), False)]
 )
 def test_others_have_one(device: Device, on_chip: bool) -> None:
-    assert cluster_for(1, LARGE, 215, device, on_chip) == 1
-
-
-def test_the_boundary_is_that_of_one_block() -> None:
-    assert cluster_for(1, LARGE, WORKERS, Device(), False) == 16
-    assert cluster_for(1, LARGE, WORKERS + 1, Device(), False) == 1
+    assert cluster_for(1, LARGE, device, on_chip) == 1

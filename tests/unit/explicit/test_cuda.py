@@ -22,7 +22,8 @@ from explicit.device import select_device
 from explicit.materials import LAWS, MaterialLaw, neo_hookean
 from explicit.relaxation import BergstromBoyce, PronySeries
 from explicit.relaxation.base import RateDependence
-from explicit.time_loop.lanes import BLOCK, CLUSTERS
+from explicit.time_loop.blocks import CLUSTERS
+from explicit.time_loop.lanes import BLOCK
 from explicit.time_loop.state_layout import ON_CHIP_ELEMENTS
 
 TIMES = np.linspace(5e-6, 2e-4, 40)
