@@ -59,7 +59,8 @@ def verdict(result: Identification, e: Estimate) -> Verdict:
 def reaches_bound(result: Identification, e: Estimate) -> bool:
     """True if the k = 2 interval reaches past a bound of the parameter's design, which no run has seen."""
     i = result.design.names.index(e.name)
-    low, high = e.interval
+    # The interval that is printed ends where the search did.
+    low, high = e.value - 2.0 * e.sigma, e.value + 2.0 * e.sigma
     return low < result.design.lower[i] or high > result.design.upper[i]
 
 

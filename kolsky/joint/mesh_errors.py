@@ -24,6 +24,11 @@ from kolsky.uncertainty.numerical import (
     windows_of,
 )
 
+ELEMENT_SHARE = 1.0
+"""Share of the elements' distance that is uncertain [-]: the mesh errs alike in all shots, whose noise is
+small together. With half of it, as for one shot, the errors of m, nu and beta over what was said had root
+mean squares of 1.26, 1.64 and 1.45 in fifty planted draws of seed 52631, whose truths are of one element."""
+
 
 def mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
     """The data at an optimum on the search's mesh, with both elements, beside those on the refined mesh.
@@ -45,6 +50,7 @@ def mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
         element=None if np.isnan(element).any() else element - coarse,
         ratio=problem.settings.refined_mesh[0] / numerics.mesh[0],
         windows=_windows(problem.stack),
+        element_share=ELEMENT_SHARE,
     )
 
 

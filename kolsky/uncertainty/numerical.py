@@ -85,6 +85,8 @@ class MeshChange:
     """Window of each entry, see `windows_of`, shape [k]; None for one window."""
     graded: GradedChange | None = None
     """By graded meshes; None where they were not run."""
+    element_share: float = ELEMENT_SHARE
+    """Share of the elements' distance that counts beside what is extrapolated from graded meshes [-]."""
 
     def __post_init__(self) -> None:
         if not self.ratio > 1.0:
@@ -119,7 +121,7 @@ class MeshChange:
             if self.element is None:
                 return ALONE * left
             apart = self.in_windows(gain, self.element) / self.ratio**ELEMENT_ORDER
-            return np.asarray(np.hypot(left, ELEMENT_SHARE * apart))
+            return np.asarray(np.hypot(left, self.element_share * apart))
         correction = self.correction(gain)
         if self.element is None:
             return np.asarray(UNKNOWN * np.abs(correction))

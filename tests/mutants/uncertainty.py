@@ -119,7 +119,7 @@ FAULTS = (
     Fault(
         name="the elements' whole distance beside graded meshes",
         file="kolsky/uncertainty/numerical.py",
-        right="np.hypot(left, ELEMENT_SHARE * apart)",
+        right="np.hypot(left, self.element_share * apart)",
         wrong="np.hypot(left, apart)",
         tests=NUMERICAL,
     ),

@@ -112,4 +112,5 @@ def test_faces_that_open_and_meet_again_are_answered_rightly_or_not_at_all(tmp_p
     for name, true in TRUE.items():
         e = found[name]
         assert not e["outcome"].startswith("identified") or abs(e["value"] - true) < 3.0 * e["sigma"], name
-    assert "does not explain the force" in " ".join(found["warnings"])
+    told = " ".join(found["warnings"])
+    assert "the model does not explain the" in told or "does not confirm the surrogate" in told

@@ -90,6 +90,8 @@ def test_what_graded_meshes_leave_is_their_own_error_and_a_share_of_the_elements
     both = MeshChange(np.zeros(2), np.array([0.0480, 0.0480]), 8 / 3, windows, graded)
     apart = 0.5 * 0.048 / 4.3546  # (8/3)^1.5 = 4.3546
     np.testing.assert_allclose(both.sigma(gain), [np.hypot(0.01, apart), apart], rtol=1e-4)
+    whole = replace(both, element_share=1.0).sigma(gain)
+    np.testing.assert_allclose(whole, [np.hypot(0.01, 2.0 * apart), 2.0 * apart], rtol=1e-4)
     np.testing.assert_allclose(
         MeshChange(np.zeros(2), None, 8 / 3, windows, graded).sigma(gain), [0.016, 0.0], rtol=1e-12
     )
