@@ -116,8 +116,8 @@ FAULTS = (
     Fault(
         "a value counts, not its interval",
         VERDICT,
-        "    low, high = e.interval\n",
-        "    low = high = e.value\n",
+        "low, high = e.value - 2.0 * e.sigma, e.value + 2.0 * e.sigma",
+        "low = high = e.value",
         VERDICTS,
     ),
     Fault("the lag of least evidence leads", VERDICT, "max(clocks, key", "min(clocks, key", VERDICTS),

@@ -85,15 +85,15 @@ FAULTS = (
     Fault(
         name="not seen where forty sigma are the whole design",
         file="kolsky/inverse/estimates.py",
-        right="elif 4.0 * total > box.upper[i] - box.lower[i]:",
-        wrong="elif 40.0 * total > box.upper[i] - box.lower[i]:",
+        right="= 4.0 * totals > upper - lower,",
+        wrong="= 40.0 * totals > upper - lower,",
         tests=ESTIMATES,
     ),
     Fault(
         name="parts of the noise added, not their squares",
         file="kolsky/inverse/estimates.py",
-        right="total = float(np.hypot.reduce(list(parts.values())))",
-        wrong="total = float(np.sum(list(parts.values())))",
+        right="totals = np.hypot.reduce([np.zeros(len(optimum)), *noise.values()])",
+        wrong="totals = np.add.reduce([np.zeros(len(optimum)), *noise.values()])",
         tests=ESTIMATES,
     ),
     Fault(
@@ -120,8 +120,8 @@ FAULTS = (
     Fault(
         name="the interval's upper end at one sigma",
         file="kolsky/inverse/result.py",
-        right="return (self.value - 2.0 * self.sigma, self.value + 2.0 * self.sigma)",
-        wrong="return (self.value - 2.0 * self.sigma, self.value + self.sigma)",
+        right="return max(self.value - half, low), min(self.value + half, high)",
+        wrong="return max(self.value - half, low), min(self.value + 0.5 * half, high)",
         tests=ESTIMATES,
     ),
     Fault(

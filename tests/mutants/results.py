@@ -67,8 +67,8 @@ FAULTS = (
     Fault(
         "interval of one sigma",
         "kolsky/inverse/result.py",
-        "self.value + 2.0 * self.sigma",
-        "self.value + 1.0 * self.sigma",
+        "self.within(2.0 * self.sigma)",
+        "self.within(1.0 * self.sigma)",
         JSON,
     ),
     Fault(

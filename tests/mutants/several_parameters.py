@@ -78,8 +78,8 @@ FAULTS = (
     Fault(
         name="a value on a plateau is called identified",
         file="kolsky/inverse/estimates.py",
-        right='elif computed.get("roughness", 0.0) > total:',
-        wrong='elif computed.get("roughness", 0.0) > 2.0 * total:',
+        right='elif computed.get("roughness", 0.0) > totals[i]:',
+        wrong='elif computed.get("roughness", 0.0) > 2.0 * totals[i]:',
         tests=("tests/unit/inverse/test_estimates.py",),
     ),
     Fault(

@@ -238,8 +238,8 @@ FAULTS = (
     Fault(
         name="the curve's replicates counted as the flyer's",
         file="kolsky/uncertainty/input_noise.py",
-        right='"flyer motion": change[replicates.flyer]',
-        wrong='"flyer motion": change[replicates.curve]',
+        right="else change[replicates.flyer]\n",
+        wrong="else change[replicates.curve]\n",
         tests=NOISE,
     ),
     Fault(

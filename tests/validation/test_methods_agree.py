@@ -22,8 +22,8 @@ def distances(found: Identification, name: str) -> dict[str, float]:
 @pytest.mark.slow
 def test_stiffness_alone_by_every_method() -> None:
     found = identify(load_shot(OPEN_01), Settings(free={"stiffness_factor": None}, methods="all"))
-    # To two of the 0.0021 that the mesh of the program that made it is worth (`benchmarks.open_courses`).
-    assert found.estimates["stiffness_factor"].value == pytest.approx(TRUTH["m"], abs=2.0 * 2.1e-3)
+    # To two of the 0.0017 that the mesh of the program that made it is worth (`benchmarks.open_courses`).
+    assert found.estimates["stiffness_factor"].value == pytest.approx(TRUTH["m"], abs=2.0 * 1.7e-3)
     by_method = distances(found, "stiffness_factor")
     assert {SIMPLEX, LEAST_SQUARES, PROFILE} <= set(by_method)
     assert all(abs(distance) < AGREEMENT for distance in by_method.values())
