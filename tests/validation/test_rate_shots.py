@@ -56,8 +56,8 @@ def made(maker: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Callabl
     @cache
     def folder(number: int, m: float) -> Path:
         place = tmp_path_factory.mktemp("rates") / f"shot-{number}"
-        # Half as fine again as the mesh of the answers, which are corrected to an infinitely fine one.
-        numerics = Numerics(mesh=(36, 48), element="fbar")
+        # Answers are corrected to an infinitely fine mesh: the truth's is twice as fine, and graded.
+        numerics = Numerics(mesh=(48, 64), element="fbar", grading=5.0)
         maker.make(place, SPEEDS[number], m, seed=number, numerics=numerics)
         return place
 
