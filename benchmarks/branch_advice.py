@@ -97,7 +97,7 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=20, help="two shots each")
     parser.add_argument("--mesh", default="24x32", help="of the surrogate")
     parser.add_argument("--refined-mesh", default="64x86", help="of the answer")
-    parser.add_argument("--truth-mesh", default="96x129", help="of the truth, F-bar")
+    parser.add_argument("--truth-mesh", default="96x129", help="of the truth, the middle of both elements")
     parser.add_argument("--device", default="cpu", help="of the identifications")
     parser.add_argument("--truth-device", help="of the truths; that of the identifications if left out")
     parser.add_argument("--workers", type=int, default=1, help="processes that share the shots")

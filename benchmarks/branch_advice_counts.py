@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.coverage_counts import ANSWERS, Each
-from benchmarks.joint_coverage_counts import share
+from benchmarks.joint_coverage_counts import element_of, share
 from kolsky.material.relaxation.rate_fit import SIGNIFICANT
 
 KINDS = ("relaxing", "elastic")
@@ -62,7 +62,7 @@ def table(said: dict[str, Any]) -> str:
     truth = " × ".join(map(str, study["truth_mesh"]))
     shots = ", ".join(f"{said['kinds'][kind]['shots']} {kind}" for kind in KINDS)
     lines = [
-        f"{shots} shots of seed {study['seed']} (meshes {meshes}; truth {truth}, F-bar, graded "
+        f"{shots} shots of seed {study['seed']} (meshes {meshes}; truth {truth}, {element_of(study)}, graded "
         f"{study['truth_grading']:g} to 1).",
         "",
         f"| | {' | '.join(f'{kind}' for kind in KINDS)} |",

@@ -56,6 +56,7 @@ compression = "40 %"
 [truth]
 mesh = [{across}, {along}]
 grading = {grading:.9g}
+element = "{element}"
 {relaxation}
 [population]
 shots = {shots}
@@ -83,10 +84,12 @@ class Study:
     refined_mesh: tuple[int, int] = (64, 86)
     """Mesh of the answer."""
     truth_mesh: tuple[int, int] = (96, 129)
-    """Mesh of the truth, of F-bar elements."""
+    """Mesh of the truth."""
     truth_grading: float = 5.0
     """Largest over smallest of its elements, which lie at the faces' edges: as fine elements everywhere leave
     twice the error (docs/validation/coverage.md)."""
+    truth_element: str = "middle"
+    """Its element: a truth of F-bar elements alone is as far off as the answer of three shots is uncertain."""
     device: str = "cpu"
     """Of the identifications; one thread a process on a CPU."""
     truth_device: str = "cpu"
@@ -130,6 +133,7 @@ def specified(study: Study, folder: Path, number: int) -> list[Place]:
         across=across,
         along=along,
         grading=study.truth_grading,
+        element=study.truth_element,
         relaxation=relaxation,
         shots=SHOTS,
     )
@@ -188,8 +192,9 @@ def main() -> None:
     parser.add_argument("--without-slow", action="store_true", help="the shots alone")
     parser.add_argument("--mesh", default="24x32", help="of the search")
     parser.add_argument("--refined-mesh", default="64x86", help="of the answer")
-    parser.add_argument("--truth-mesh", default="96x129", help="of the truth, F-bar")
+    parser.add_argument("--truth-mesh", default="96x129", help="of the truth")
     parser.add_argument("--truth-grading", type=float, default=5.0, help="its largest over smallest element")
+    parser.add_argument("--truth-element", default="middle", choices=("fbar", "one_point", "middle"))
     parser.add_argument("--device", default="cpu", help="of the identifications")
     parser.add_argument("--truth-device", help="of the truths; that of the identifications if left out")
     parser.add_argument("--workers", type=int, default=1, help="processes that share the draws")
@@ -204,6 +209,7 @@ def main() -> None:
         refined_mesh=mesh("--refined-mesh", given.refined_mesh),
         truth_mesh=mesh("--truth-mesh", given.truth_mesh),
         truth_grading=given.truth_grading,
+        truth_element=given.truth_element,
         device=given.device,
         truth_device=given.truth_device or given.device,
         seed=given.seed,

@@ -108,8 +108,8 @@ def table(said: dict[str, Any]) -> str:
     meshes = " → ".join(f"{study[key][0]} × {study[key][1]}" for key in ("mesh", "refined_mesh"))
     truth = " × ".join(map(str, study["truth_mesh"]))
     lines = [
-        f"{said['draws']} draws of seed {study['seed']} (meshes {meshes}; truth {truth}, F-bar, graded "
-        f"{study['truth_grading']:g} to 1), {said['answered']} answered. Relaxation asked for: "
+        f"{said['draws']} draws of seed {study['seed']} (meshes {meshes}; truth {truth}, {element_of(study)}, "
+        f"graded {study['truth_grading']:g} to 1), {said['answered']} answered. Relaxation asked for: "
         f"{_counted(asked)}; not decided: {said['not decided']}."
     ]
     names = NAMES[: -len(PAIR)] if study["elastic"] else NAMES  # the control has no pair to be found
@@ -130,6 +130,12 @@ def table(said: dict[str, Any]) -> str:
     ]
     lines += ["", f"| | {heads} |", "| --- |" + " --- |" * len(names)]
     return "\n".join([*lines, *(f"| {words} | {' | '.join(cells)} |" for words, cells in rows)])
+
+
+def element_of(study: dict[str, Any]) -> str:
+    """The element of a study's truths in words; studies from before it was asked for had F-bar alone."""
+    words = {"fbar": "F-bar", "one_point": "one point", "middle": "the middle of both elements"}
+    return words[study.get("truth_element", "fbar")]
 
 
 def _counted(one: dict[str, Any]) -> str:

@@ -8,10 +8,10 @@ from typing import Any
 
 from explicit.device import gpus
 from kolsky.base.errors import InputError
-from kolsky.virtual.records import Truth
+from kolsky.virtual.records import Truth, TruthError
 from kolsky.virtual.shot_folder import is_there, write_shot
 from kolsky.virtual.specification import Series, ShotSpecification
-from kolsky.virtual.truth import TruthError, try_truths
+from kolsky.virtual.truth import try_truths
 from kolsky.virtual.truth_job import Job
 
 SIDE_BY_SIDE = 128

@@ -39,3 +39,7 @@ class Truth:
     """Of the transmission platen away from the specimen [m/s^2], shape [n]."""
     flyer_radius: float
     """Radius of the flyer's side that the cameras see [m]."""
+
+
+class TruthError(Exception):
+    """A simulation of a truth that did not reach its end; the message says why."""

@@ -213,7 +213,8 @@ class TruthTable(Section):
 
     mesh: v.Mesh = (96, 129)
     grading: f.Number = 2.0
-    element: f.Name = "fbar"
+    element: Literal["fbar", "one_point", "middle"] = "fbar"
+    """An element of the solver, or the middle of both, which is nearer to the limit of fine meshes."""
 
 
 class Specification(Section):

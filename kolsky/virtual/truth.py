@@ -10,16 +10,13 @@ import explicit
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import FloatArray
 from kolsky.virtual.material import law_of
-from kolsky.virtual.records import SurfaceHistory, Truth
+from kolsky.virtual.middle import elements_of, middle
+from kolsky.virtual.records import SurfaceHistory, Truth, TruthError
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.truth_job import Job
 
 KNOT = 2.5e-7
 """Distance of the knots of the platen's motion, and of the force's samples [s]."""
-
-
-class TruthError(Exception):
-    """A simulation of a truth that did not reach its end; the message says why."""
 
 
 def simulate_truths(
@@ -77,6 +74,15 @@ def try_truths(
     ValueError
         If a specification cannot be simulated.
     """
+    elements = [elements_of(quantities) for quantities in specifications]
+    each = iter(_try_each([one for both in elements for one in both], folder, device, threads))
+    return [middle([next(each) for _ in both]) for both in elements]
+
+
+def _try_each(
+    specifications: Sequence[Specification], folder: Path, device: str, threads: int | None
+) -> list[Truth | TruthError]:
+    """The truths of specifications that name one element each."""
     all_jobs = [Job.of(quantities, folder) for quantities in specifications]
     groups: dict[Hashable, list[int]] = {}
     for number, job in enumerate(all_jobs):

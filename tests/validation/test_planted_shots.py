@@ -33,6 +33,7 @@ compression = "40 %"
 [truth]
 mesh = [48, 65]
 grading = 5
+element = "middle"
 [population]
 shots = 3
 [population.draw]

@@ -10,8 +10,9 @@ from scipy.integrate import trapezoid
 from kolsky.virtual.bar_motion import flyer_samples, static_curve
 from kolsky.virtual.instruments import free_outline, measure_curve, measure_outline, seen_displacement
 from kolsky.virtual.material import law_of, uniaxial_stress
+from kolsky.virtual.middle import middle
 from kolsky.virtual.motion import Ramp, path_of, ramp_of
-from kolsky.virtual.records import SurfaceHistory
+from kolsky.virtual.records import SurfaceHistory, TruthError
 from kolsky.virtual.schema import MotionTable, Specification
 from kolsky.virtual.shot_file import shot_tables
 from kolsky.virtual.truth import KNOT, Job, simulate_truths
@@ -64,6 +65,34 @@ def test_curve_is_the_quasi_static_one_whatever_m() -> None:
     strain, stress = measure_curve(q, shot=0)
     law = law_of(q.material.law, q.material.parameters, q.material.shear_modulus)
     assert stress == pytest.approx(0.95 * uniaxial_stress(law, 1.0 + strain), abs=1e-9)
+
+
+def test_a_truth_of_both_elements_is_their_mean() -> None:
+    """Forces, outline and the tilt of an off-centre specimen; the flyer's path is one."""
+    kinds = ("fbar", "one_point", "middle")
+    first, second, both = simulate_truths(
+        [
+            specification(truth={"mesh": [8, 11], "element": kind}, imperfections={"off_centre": "1 mm"})
+            for kind in kinds
+        ]
+    )
+    for name in ("transmitted", "incident"):
+        ends = [getattr(one, name) for one in (first, second)]
+        assert np.ptp(ends, axis=0).max() > 0.0
+        assert getattr(both, name) == pytest.approx(np.mean(ends, axis=0), rel=1e-14)
+    for name in ("r", "y", "tilt"):
+        ends = [getattr(one.surface, name) for one in (first, second)]
+        assert np.ptp(ends, axis=0).max() > 0.0
+        assert getattr(both.surface, name) == pytest.approx(np.mean(ends, axis=0), rel=1e-14)
+    for one in (first, second):
+        assert np.array_equal(both.surface.displacement, one.surface.displacement)
+
+
+def test_a_truth_of_both_elements_says_which_run_ended_early() -> None:
+    lost = TruthError("gel: the simulation ended INVERTED")
+    (reached,) = simulate_truths([specification()])
+    assert middle([reached, lost]) is lost
+    assert middle([lost, reached]) is lost
 
 
 def test_tilt_moves_the_camera_side_and_leaves_the_force() -> None:
