@@ -89,7 +89,7 @@ class Study:
     """Largest over smallest of its elements, which lie at the faces' edges: as fine elements everywhere leave
     twice the error (docs/validation/coverage.md)."""
     truth_element: str = "middle"
-    """Its element: a truth of F-bar elements alone is as far off as the answer of three shots is uncertain."""
+    """Its element: F-bar elements alone are as far off as the answer of three shots is uncertain."""
     device: str = "cpu"
     """Of the identifications; one thread a process on a CPU."""
     truth_device: str = "cpu"

@@ -108,8 +108,8 @@ def table(said: dict[str, Any]) -> str:
     meshes = " → ".join(f"{study[key][0]} × {study[key][1]}" for key in ("mesh", "refined_mesh"))
     truth = " × ".join(map(str, study["truth_mesh"]))
     lines = [
-        f"{said['draws']} draws of seed {study['seed']} (meshes {meshes}; truth {truth}, {element_of(study)}, "
-        f"graded {study['truth_grading']:g} to 1), {said['answered']} answered. Relaxation asked for: "
+        f"{said['draws']} draws of seed {study['seed']} (meshes {meshes}; truth {truth}, "
+        f"{element_of(study)}, graded {study['truth_grading']:g} to 1), {said['answered']} answered. Relaxation asked for: "
         f"{_counted(asked)}; not decided: {said['not decided']}."
     ]
     names = NAMES[: -len(PAIR)] if study["elastic"] else NAMES  # the control has no pair to be found
