@@ -109,7 +109,8 @@ def table(said: dict[str, Any]) -> str:
     truth = " × ".join(map(str, study["truth_mesh"]))
     lines = [
         f"{said['draws']} draws of seed {study['seed']} (meshes {meshes}; truth {truth}, "
-        f"{element_of(study)}, graded {study['truth_grading']:g} to 1), {said['answered']} answered. Relaxation asked for: "
+        f"{element_of(study)}, graded {study['truth_grading']:g} to 1), "
+        f"{said['answered']} answered. Relaxation asked for: "
         f"{_counted(asked)}; not decided: {said['not decided']}."
     ]
     names = NAMES[: -len(PAIR)] if study["elastic"] else NAMES  # the control has no pair to be found
