@@ -13,6 +13,7 @@ SIGNALS = "kolsky/bars/reduction/signal_remarks.py"
 SUMMARY = "kolsky/bars/reduction/summary.py"
 VARIED = "kolsky/bars/reduction/varied_test.py"
 WINDOWS = "kolsky/bars/reduction/windows.py"
+PULSE_CHECKS = "kolsky/bars/reduction/pulse_checks.py"
 VALIDITY = "kolsky/bars/reduction/validity.py"
 
 FAULTS = (
@@ -120,7 +121,7 @@ FAULTS = (
         "OTHER_SIGN = 2.0",
         THRESHOLDS,
     ),
-    Fault("faint reflected pulses taken", WINDOWS, "VISIBLE = 0.05", "VISIBLE = 0.005", THRESHOLDS),
+    Fault("faint reflected pulses taken", PULSE_CHECKS, "VISIBLE = 0.05", "VISIBLE = 0.005", THRESHOLDS),
     Fault(
         "one way instead of two to the far end",
         WINDOWS,
