@@ -22,16 +22,17 @@ SUMMARY = "kolsky/bars/reduction/summary.py"
 WINDOWS = "kolsky/bars/reduction/windows.py"
 PULSE_CHECKS = "kolsky/bars/reduction/pulse_checks.py"
 SHOT = "kolsky/shot/bars.py"
+BAR_STATIONS = "kolsky/shot/bar_stations.py"
 
 FAULTS = (
     Fault(
         "the shot's wanted unit overrides the file's",
-        SHOT,
+        BAR_STATIONS,
         "layout = recorder.as_layout(full_scale=gauge.full_scale)",
         "layout = recorder.as_layout(full_scale=gauge.full_scale, unit=recorder.unit or wanted)",
         UNITS,
     ),
-    Fault("contradicting units not said", SHOT, "if taken == written:", "if taken:", UNITS),
+    Fault("contradicting units not said", BAR_STATIONS, "if taken == written:", "if taken:", UNITS),
     Fault(
         "any strain of a bar taken",
         ELASTIC_LIMIT,

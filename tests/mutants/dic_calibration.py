@@ -8,7 +8,7 @@ TOGETHER = ("tests/unit/dic/test_dic_side_by_side.py",)
 FAULTS = (
     Fault(
         name="calibration: pairs that do not fit are used",
-        file="kolsky/shot/rig.py",
+        file="kolsky/shot/calibration_pictures.py",
         right="LARGEST_RMS = 1.0",
         wrong="LARGEST_RMS = 100.0",
         tests=ORDER,
