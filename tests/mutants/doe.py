@@ -72,8 +72,8 @@ FAULTS = (
     ),
     Fault(
         name="a row of the ledger is believed whatever its digest",
-        file="doe/ledger.py",
-        right="digest == _digest(row[:-2])\n        and key",
+        file="doe/ledger_rows.py",
+        right="digest == digest_of(row[:-2])\n        and key",
         wrong="len(digest) == 32\n        and key",
         tests=LEDGER,
     ),
