@@ -17,6 +17,41 @@ def _fault(name: str, file: str, right: str, wrong: str, test: str) -> Fault:
 
 FAULTS = (
     _fault(
+        "runs on a graded mesh taken for those on an even one of its size",
+        "kolsky/joint/runs.py",
+        "(*map(float, numerics.mesh), numerics.grading, element,",
+        "(*map(float, numerics.mesh), element,",
+        "joint/test_refined_patterns.py",
+    ),
+    _fault(
+        "arithmetic that a ledger does not tell apart",
+        "kolsky/joint/runs.py",
+        'float(int.from_bytes(digest, "big"))',
+        "0.0",
+        "joint/test_refined_patterns.py",
+    ),
+    _fault(
+        "patterns of the noise made anew on the mesh of the search",
+        "kolsky/joint/refined_patterns.py",
+        "problem.learn_noise(found.x, numerics)",
+        "problem.learn_noise(found.x, problem.mesh)",
+        "joint/test_refined_patterns.py",
+    ),
+    _fault(
+        "no search with the patterns made anew",
+        "kolsky/joint/refined_patterns.py",
+        "replace(refined_optimum(problem, found.x, found.slopes), start=found.start)",
+        "found",
+        "joint/test_refined_patterns.py",
+    ),
+    _fault(
+        "a graded mesh's error by the wrong one of the two",
+        "kolsky/joint/mesh_errors.py",
+        "GradedChange(same - found.vector, coarse - same,",
+        "GradedChange(coarse - found.vector, coarse - same,",
+        "joint/test_refined_patterns.py",
+    ),
+    _fault(
         "a scatter of the plain likelihood, too small for few shots",
         _SCATTER,
         "+ float(np.linalg.slogdet(normal)[1])",
