@@ -1,5 +1,6 @@
 """Pixels of an edge strip: what a camera sees of a body beside its edge, and how alike two strips are."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,12 @@ EDGE_ROWS = 12
 
 FEWEST = 40
 """Pixels of both cameras that must show the body."""
+LEAST_ZNCC = 0.9
+"""Least ZNCC of a strip that is taken for the body, whatever it has in other frames."""
+UNLIKE, TIMES = 0.03, 6.0
+"""Least 1 - ZNCC at which it is not, and in medians of those of frames whose translation is known [-]. A
+strip of speckles of some four pixels that is half a pixel off leaves 0.03; what noise leaves, it leaves in
+all frames."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +76,19 @@ def zncc_of(parts: list[VisiblePixels]) -> float:
     f, g = grey - grey.mean(), reference - reference.mean()
     energy = float((f @ f) * (g @ g))
     return float(f @ g) / float(np.sqrt(energy)) if energy > 0.0 else -1.0
+
+
+def least_zncc(known: Sequence[float]) -> float:
+    """Least ZNCC at which a strip is taken for the body.
+
+    Parameters
+    ----------
+    known
+        Those of frames in which its translation is known.
+    """
+    if not known:
+        return LEAST_ZNCC
+    return max(LEAST_ZNCC, 1.0 - max(UNLIKE, TIMES * (1.0 - float(np.median(known)))))
 
 
 def fitted(grey: FloatArray, reference: FloatArray, slope: FloatArray) -> tuple[float, float]:

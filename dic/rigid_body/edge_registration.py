@@ -22,9 +22,11 @@ from dic.camera import StereoRig
 from dic.rigid_body.edge_pixels import (
     EDGE_ROWS,
     FEWEST,
+    LEAST_ZNCC,
     VisiblePixels,
     edge_view,
     fitted,
+    least_zncc,
     visible_pixels,
     zncc_of,
 )
@@ -40,8 +42,6 @@ FEWEST_FRAMES = 3
 """Frames in which a row must have shown it."""
 SEARCH_STEP = 0.18
 """Distance of the translations that are tried [px]: a fraction of a speckle."""
-LEAST_ZNCC = 0.9
-"""Least ZNCC of the translation that is accepted."""
 MOST_STEPS, CONVERGED = 10, 2e-4
 """Gauss-Newton steps at most, and the step at which they end [px]."""
 LARGEST_CORRECTION = 0.54
@@ -107,11 +107,13 @@ class EdgeRegistration:
             edge_view(*both, frame, radius, along) for both in zip(rig.cameras, material, strict=True)
         ]
         self._offset, self._offset_sigma = np.zeros((2, EDGE_ROWS)), np.zeros((2, EDGE_ROWS))
+        self._least = LEAST_ZNCC
 
     def fit_row_offsets(
         self, known: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]
     ) -> tuple[FloatArray, FloatArray]:
-        """Offset with which each row at the border shows the body; `register` then subtracts it.
+        """Offset with which each row at the border shows the body; `register` then subtracts it, and accepts
+        no strip that looks much less like the body than these frames.
 
         Parameters
         ----------
@@ -126,9 +128,9 @@ class EdgeRegistration:
         sigma : array
             Its standard deviation, from the scatter of the frames [m], same shape.
         """
-        found = np.stack(
-            [self._row_offsets(pictures, move) for pictures, move in known]
-        )  # frame, camera, row
+        seen = [self._row_offsets(pictures, move) for pictures, move in known]
+        self._least = least_zncc([zncc for _, zncc in seen if zncc > 0.0])
+        found = np.stack([offsets for offsets, _ in seen])  # frame, camera, row
         count = np.isfinite(found).sum(axis=0)
         enough = count >= FEWEST_FRAMES
         values = np.where(np.isfinite(found), found, 0.0)
@@ -167,7 +169,7 @@ class EdgeRegistration:
         if not is_clear:
             y, fit = self._converged(pictures, near, float(tried[best]), whole)
         zncc, _, variance, offset, n = fit
-        if zncc < LEAST_ZNCC or abs(y - tried[best]) > LARGEST_CORRECTION * self.pixel:
+        if zncc < self._least or abs(y - tried[best]) > LARGEST_CORRECTION * self.pixel:
             return None
         return RegisteredEdge(
             y=y,
@@ -218,10 +220,12 @@ class EdgeRegistration:
             y += step
         return y, fit
 
-    def _row_offsets(self, pictures: tuple[FloatArray, FloatArray], move: FloatArray) -> FloatArray:
+    def _row_offsets(
+        self, pictures: tuple[FloatArray, FloatArray], move: FloatArray
+    ) -> tuple[FloatArray, float]:
         """Offset along y from `move` at which each row shows the body [m], shape [2, `EDGE_ROWS`]; NaN: not
-        known."""
-        off = np.full((2, EDGE_ROWS), np.nan)
+        known. And the strip's ZNCC, -1 for too few pixels."""
+        off, parts = np.full((2, EDGE_ROWS), np.nan), []
         for camera, (view, picture) in enumerate(zip(self._views, pictures, strict=True)):
             visible = visible_pixels(
                 view,
@@ -232,13 +236,14 @@ class EdgeRegistration:
                 self._move - move,
                 np.zeros(EDGE_ROWS),
             )
+            parts.append(visible)
             slope = visible.slope(self._frame, BESIDE * self.pixel)
             for k in range(EDGE_ROWS):
                 of = visible.row == k
                 if of.sum() >= FEWEST_ROW:
                     step, variance = fitted(visible.grey[of], visible.reference[of], slope[of])
                     off[camera, k] = step if np.isfinite(variance) else np.nan
-        return off
+        return off, zncc_of(parts)
 
     def _visible(
         self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray

@@ -5,6 +5,7 @@ from tests.mutants.fault import Fault
 GATES = ("tests/unit/dic/test_dic_gates.py",)
 RIM = ("tests/unit/dic/test_dic_rest_from_rim.py",)
 BY_EDGE = ("tests/unit/dic/test_dic_seen_by_edge.py",)
+STRIP = "tests/unit/dic/test_dic_edge_registration.py"
 
 FAULTS = (
     Fault(
@@ -117,6 +118,27 @@ FAULTS = (
             "tests/unit/dic/test_dic_edge_registration.py"
             "::test_the_offset_of_the_last_row_is_found_from_frames_that_show_more",
         ),
+    ),
+    Fault(
+        name="edge strip: known frames say nothing of what it looks like",
+        file="dic/rigid_body/edge_registration.py",
+        right="if zncc < self._least or",
+        wrong="if zncc < LEAST_ZNCC or",
+        tests=(f"{STRIP}::test_a_strip_that_looks_unlike_the_body_is_not_taken_for_it",),
+    ),
+    Fault(
+        name="edge strip: noise has no share in how unlike it may look",
+        file="dic/rigid_body/edge_pixels.py",
+        right="max(UNLIKE, TIMES * (1.0 - float(np.median(known))))",
+        wrong="UNLIKE",
+        tests=(f"{STRIP}::test_a_strip_looks_like_the_body_where_it_is_known",),
+    ),
+    Fault(
+        name="edge strip: the smaller of two limits",
+        file="dic/rigid_body/edge_pixels.py",
+        right="max(LEAST_ZNCC, 1.0 - max(UNLIKE",
+        wrong="min(LEAST_ZNCC, 1.0 - max(UNLIKE",
+        tests=(f"{STRIP}::test_a_strip_looks_like_the_body_where_it_is_known",),
     ),
     Fault(
         name="frames before: a static frame may be anywhere",

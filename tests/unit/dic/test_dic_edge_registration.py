@@ -7,6 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 
+from dic.rigid_body.edge_pixels import least_zncc
 from dic.rigid_body.edge_registration import LARGEST_EDGE, EdgeRegistration
 from dic.rigid_body.frames_before import at_rest_before, consistent_frames
 from dic.surfaces import SpecimenFrame
@@ -114,6 +115,32 @@ def test_another_pattern_is_not_found():
     rng = np.random.default_rng(3)
     other = (rng.uniform(size=SHAPE), rng.uniform(size=SHAPE))
     assert search(edge).register(other, np.zeros(3), np.arange(-40e-6, 45e-6, 10e-6)) is None
+
+
+EDGE = TOP - 8.0 / SCALE
+"""The body's rim at rest: eight rows of it are in view."""
+
+
+def test_a_strip_looks_like_the_body_where_it_is_known():
+    assert least_zncc([]) == 0.9  # nothing is known
+    assert least_zncc([0.999, 0.998, 0.9995]) == pytest.approx(0.97)
+    assert least_zncc([0.985, 0.999, 0.991]) == pytest.approx(1.0 - 6.0 * 0.009)
+    assert least_zncc([0.95, 0.9, 0.93]) == 0.9
+
+
+def test_a_strip_that_looks_unlike_the_body_is_not_taken_for_it():
+    """Once frames have shown what the body looks like, a strip a tenth of which is another's is not."""
+    edge_strip = search(EDGE)
+    rng = np.random.default_rng(7)
+    resting = [picture + rng.normal(0.0, 0.07, SHAPE) for picture in scene(0.0, EDGE, 2)]
+    tried = np.arange(-40e-6, 45e-6, 10e-6)
+    before = edge_strip.register((resting[0], resting[1]), np.zeros(3), tried)
+    assert before is not None
+    assert 0.9 < before.zncc < 0.97
+    known = [(scene(y, EDGE, 40 + k), np.array([0.0, y, 0.0])) for k, y in enumerate((-4e-4, -6e-4, -8e-4))]
+    edge_strip.fit_row_offsets(known)
+    assert edge_strip.register((resting[0], resting[1]), np.zeros(3), tried) is None
+    assert edge_strip.register(scene(0.0, EDGE, 2), np.zeros(3), tried) is not None
 
 
 def test_a_wrong_place_agreed_on_by_few_points_is_left_out():
