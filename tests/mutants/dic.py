@@ -16,6 +16,8 @@ NOISE = ("tests/unit/dic/test_dic_noise_floor.py",)
 FORKS = ("tests/unit/dic/test_dic_forks.py",)
 TOGETHER = ("tests/unit/dic/test_dic_side_by_side.py",)
 AHEAD = ("tests/unit/dic/test_dic_ahead.py",)
+PAST_RIM = ("tests/unit/dic/test_dic_past_rim.py",)
+BESIDE = ("tests/unit/dic/test_dic_beside_strip.py",)
 
 FAULTS = (
     Fault(
@@ -631,6 +633,34 @@ FAULTS = (
         right="np.square(sigmas))), 0.5 * apart))",
         wrong="np.square(sigmas))), 0.05 * apart))",
         tests=(f"{RIM[0]}::test_cameras_that_disagree_widen_the_rim",),
+    ),
+    Fault(
+        name="region past the rim: kept to a pixel beyond it",
+        file="dic/rigid_body/past_rim.py",
+        right="* scale >= CLEAR",
+        wrong="* scale >= -CLEAR",
+        tests=PAST_RIM,
+    ),
+    Fault(
+        name="region past the rim: the flyer looked for on the axis",
+        file="dic/rigid_body/past_rim.py",
+        right="np.array([move[0], 0.0, move[2]])",
+        wrong="np.zeros(3)",
+        tests=PAST_RIM,
+    ),
+    Fault(
+        name="outline beside the strip: one side alone",
+        file="dic/surfaces/beside_strip.py",
+        right="0.5 * (left + other)",
+        wrong="left",
+        tests=BESIDE,
+    ),
+    Fault(
+        name="outline beside the strip: noise counted with what departs",
+        file="dic/surfaces/beside_strip.py",
+        right="1.0 - 1.0 / chi2",
+        wrong="1.0 - 0.1 / chi2",
+        tests=BESIDE,
     ),
     Fault(
         name="start of a track: variances of two shape functions added",
