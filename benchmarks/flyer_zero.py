@@ -19,7 +19,16 @@ from numpy.typing import NDArray
 
 from dic.bodies.found_regions import find_regions
 from dic.camera import StereoRig
-from dic.chain.follow_bodies import displacement_of, follow, match_flyer, match_specimen
+from dic.chain.follow_bodies import (
+    clear_of_rim,
+    displacement_of,
+    follow,
+    follow_before_rim,
+    match_flyer,
+    match_specimen,
+    rim_in,
+    translations_of,
+)
 from dic.chain.inspect_images import inspect_images
 from dic.chain.settings import ChainSettings
 from dic.chain.test_frame import fit_test_frame
@@ -198,7 +207,12 @@ def measured(
         placement = fit_test_frame(
             still, follow(still, [match_specimen(still, regions.specimen)])[0], flyer
         ).placement
-        axial = displacement_of(inputs, flyer, placement)
+        rim = rim_in(inputs, flyer, placement)
+        before, past = clear_of_rim(inputs, flyer, placement, rim)
+        narrower = follow_before_rim(inputs, regions.flyer, before) if past > 0.0 else None
+        if narrower is not None:
+            flyer, rim = narrower, rim_in(inputs, narrower, placement)
+        axial = displacement_of(inputs, flyer, placement, rim, translations_of(inputs, flyer, placement))
     except ValueError as error:
         return replace(result, why=f"refused: {error}")
     first = made.stereo.cameras[0]

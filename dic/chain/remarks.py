@@ -83,6 +83,24 @@ def of_flyer(wanted: bool, axial: AxialDisplacement | None) -> list[Remark]:
     ]
 
 
+def of_rim(past: float, narrower: bool) -> list[Remark]:
+    """Remark on a region of the flyer that reaches `past` px past the rim of its face [px]; `narrower`: the
+    flyer was followed by what lies before it."""
+    if past <= 0.0:
+        return []
+    return [
+        Remark(
+            name="region of the flyer past its rim",
+            text=f"the region of the flyer reaches {past:.1f} px past the rim of its face, where the face or "
+            "the specimen is seen, and no longer its side; "
+            + ("what lies past it was left out" if narrower else "too little of it lies before the rim"),
+            cure="nothing to do; a region that ends before the rim is used as it is"
+            if narrower
+            else "declare a region of it, clear of its edge, in a frame that shows more of it",
+        )
+    ]
+
+
 def of_missing_points(outcome: IntArray) -> list[Remark]:
     """Remark on points that both cameras found in no static frame, given their outcomes."""
     if outcome.size == 0:

@@ -14,11 +14,14 @@ from dic.camera import StereoRig
 from dic.chain import remarks
 from dic.chain.facts import facts_of, speckles_of
 from dic.chain.follow_bodies import (
+    clear_of_rim,
     displacement_of,
     follow,
+    follow_before_rim,
     match_flyer,
     match_specimen,
     poses_of,
+    rim_in,
     translations_of,
 )
 from dic.chain.inspect_images import Inputs, Inspection, check_cameras, inspect_images, inspect_pictures
@@ -59,7 +62,7 @@ def timed(work: Callable[..., Result], *given: Any) -> tuple[Result, float]:
     return work(*given), perf_counter() - started
 
 
-VERSION = 19
+VERSION = 20
 """Raised when the same pictures and settings give other numbers: results kept from before are made
 anew."""
 
@@ -140,12 +143,19 @@ def measure(
             "synchronisation of the cameras", partial(check_setup, rig, *body.reconstruction.pixels)
         )
         body = clock("gates", partial(gate_epipolar, inputs, body, rest_state))
-        flyer_surface = surface_of_flyer(inputs, tracked_flyer, placement)
         idle()
-        # the rim of its face is found here meanwhile
-        axial = displacement_of(
-            inputs, tracked_flyer, placement, lambda: clock.of("flyer's displacement", later())
-        )
+        rim = rim_in(inputs, tracked_flyer, placement)  # meanwhile
+        before, past = clear_of_rim(inputs, tracked_flyer, placement, rim)
+        narrower = None
+        if flyer is not None and past > 0.0:
+            narrower = clock("flyer again", partial(follow_before_rim, inputs, flyer, before, progress))
+        if narrower is None:
+            travel = clock.of("flyer's displacement", later())
+        else:
+            tracked_flyer, rim = narrower, rim_in(inputs, narrower, placement)
+            travel = clock("flyer's displacement", partial(translations_of, inputs, tracked_flyer, placement))
+        axial = displacement_of(inputs, tracked_flyer, placement, rim, travel)
+        flyer_surface = surface_of_flyer(inputs, tracked_flyer, placement)
     with beside(partial(timed, poses_of, inputs, tracked_flyer, placement, axial)) as motion_later:
         body = gate_ends(inputs, body, rest_state, axial)
         body = gate_residual(body)  # one by one: each holds the places of all points anew
@@ -173,6 +183,7 @@ def measure(
             *remarks.of_findings(found.values()),
             *remarks.of_edge(rest_state.edges),
             *remarks.of_flyer(flyer is not None, axial),
+            *remarks.of_rim(past, narrower is not None),
             *of_travel(axial, surface),
             *unposed,
             *remarks.of_radius(placement, settings.radius),

@@ -55,11 +55,12 @@ def rim_of(
     `dic.rigid_body.axial_displacement.axial_displacement`."""
     if not (body.reconstruction.outcome == PointOutcome.VALID).any():
         return None
-    return find_rim(pictures, body, rig, frame, *_seen_twice(body, frame), geometry)
+    return find_rim(pictures, body, rig, frame, *seen_twice(body, frame), geometry)
 
 
-def _seen_twice(body: TrackedBody, frame: SpecimenFrame) -> tuple[FloatArray, FloatArray]:
-    """`_places` of what both cameras saw."""
+def seen_twice(body: TrackedBody, frame: SpecimenFrame) -> tuple[FloatArray, FloatArray]:
+    """Places of the points on the body [m], shape [n_points, 3], and translations of the frames [m], shape
+    [n_frames, 3], by what both cameras saw; NaN where unknown."""
     seen = body.reconstruction.outcome == PointOutcome.VALID
     return _places(frame.positions(np.where(seen[..., None], body.reconstruction.position, np.nan)))
 
@@ -76,17 +77,17 @@ def translations(
 ) -> Translations | None:
     """Translations of a body along the axis; arguments as of
     `dic.rigid_body.axial_displacement.axial_displacement`, None if no point was ever seen by both cameras."""
-    seen_twice = body.reconstruction.outcome == PointOutcome.VALID
-    if not seen_twice.any():
+    both = body.reconstruction.outcome == PointOutcome.VALID
+    if not both.any():
         return None
-    places, moves = _seen_twice(body, frame)
+    places, moves = seen_twice(body, frame)
     known = np.asarray(np.isfinite(places).all(axis=1))
     rows, found, sigma, counts, common = [], [], [], [], 0.0
     twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
     overlap = overlap_matrix(body.points, subset)
     middle = frame.in_rig(np.median(places[known], axis=0) + moves[twice[0]])
     pixel = 1.0 / float(np.linalg.norm(pixels_per_length(rig.cameras[0], middle, frame.rotation[1])))
-    across, lateral, place_sigma = lateral_places(t, moves, seen_twice.sum(axis=1), pixel)
+    across, lateral, place_sigma = lateral_places(t, moves, both.sum(axis=1), pixel)
     for k in range(len(t)):
         near = moves[twice[np.argmin(np.abs(twice - k))]]
         sure = FREE * pixel

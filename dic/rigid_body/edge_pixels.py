@@ -105,6 +105,39 @@ def fitted(grey: FloatArray, reference: FloatArray, slope: FloatArray) -> tuple[
     return 1e-6 * float(solution[0]), 1e-12 * scatter * float(inverse[0, 0])
 
 
+def rays_on_body(
+    camera: Camera,
+    pixels: FloatArray,
+    frame: SpecimenFrame,
+    radius: float,
+    across: FloatArray | tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> FloatArray:
+    """Where the rays of pixels meet a cylinder about the axis, in the test frame [m], shape [n, 3]; NaN for
+    those that miss it.
+
+    Parameters
+    ----------
+    camera, frame
+        The camera and the test frame.
+    pixels
+        Pixels (x, y) [px], shape [n, 2].
+    radius
+        Of the cylinder [m].
+    across
+        A point of its axis in the test frame [m], shape [3].
+    """
+    ideal = camera.undistort(pixels)
+    rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1) @ camera.rotation
+    centre = frame.positions(camera.centre)
+    start = centre - np.asarray(across)
+    d = rays @ frame.rotation.T
+    a = d[:, 0] ** 2 + d[:, 2] ** 2
+    b = d[:, 0] * start[0] + d[:, 2] * start[2]
+    under = b * b - a * (start[0] ** 2 + start[2] ** 2 - radius**2)
+    depth = np.where(under >= 0.0, (-b - np.sqrt(np.maximum(under, 0.0))) / a, np.nan)
+    return np.asarray(centre + depth[:, None] * d)
+
+
 def edge_view(
     camera: Camera, material: FloatArray, frame: SpecimenFrame, radius: float, outward: FloatArray
 ) -> EdgeView:
@@ -116,16 +149,8 @@ def edge_view(
     row = (columns, rows)[axis] - 1 - along if outward[axis] > 0.0 else along
     near = row < EDGE_ROWS
     pixels = np.stack([x[near], y[near]], axis=1).astype(np.float64)
-    ideal = camera.undistort(pixels)
-    rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1) @ camera.rotation
-    start = frame.positions(camera.centre)
-    d = rays @ frame.rotation.T
-    a = d[:, 0] ** 2 + d[:, 2] ** 2
-    b = d[:, 0] * start[0] + d[:, 2] * start[2]
-    under = b * b - a * (start[0] ** 2 + start[2] ** 2 - radius**2)
-    depth = np.where(under >= 0.0, (-b - np.sqrt(np.maximum(under, 0.0))) / a, np.nan)
+    X = rays_on_body(camera, pixels, frame, radius)
     smooth = ndimage.spline_filter(np.asarray(material, dtype=np.float64), order=5, mode="mirror")
-    X = start + depth[:, None] * d
     hit = np.isfinite(X).all(axis=1)
     return EdgeView(camera, smooth, pixels[hit].astype(np.int64), X[hit], row[near][hit].astype(np.int64))
 

@@ -21,6 +21,7 @@ from kolsky.shot.rig import Calibrated
 from kolsky.shot.shared_errors import (
     outline_offsets,
     picture_errors,
+    with_departures,
     with_flyer_errors,
     with_outline_errors,
 )
@@ -171,6 +172,8 @@ def measured(
     if errors is not None:
         flyer = with_flyer_errors(flyer, result, errors)
         outline = with_outline_errors(outline, result, errors)
+    assert pictures.toml.declared.dic is not None  # shots with pictures have it
+    outline = with_departures(outline, result, pictures.toml.declared.dic.strip_half_width)
     return OpticalData(
         flyer=flyer,
         centre_line=outline,

@@ -15,6 +15,7 @@ from dic.result import Body, StereoResult
 from dic.stereo.rays import pixels_per_length
 from dic.stereo.shared_error import SharedError, shared_error
 from dic.stereo.triangulation import triangulate
+from dic.surfaces.beside_strip import beyond_noise, departures
 from kolsky.base.arrays import FloatArray
 from kolsky.base.correlated import patterns
 from kolsky.base.records import CentreLine, FlyerMotion
@@ -131,6 +132,30 @@ def with_outline_errors(line: CentreLine, result: StereoResult, errors: PictureE
         line.time, line.y, sigma=errors.outline_sigma, memory=errors.memory, length=errors.length
     )
     return replace(line, sigma=np.hypot(line.sigma, left), modes=modes)
+
+
+def with_departures(line: CentreLine, result: StereoResult, half_width: float) -> CentreLine:
+    """The outline with one more mode: how far it departs from the surface beside its strip, beyond noise.
+
+    A highlight moves the points of the strip alike, for as long as it lies there, and no epipolar distance
+    tells it where the cameras stand along the axis (`dic.surfaces.beside_strip`).
+
+    Parameters
+    ----------
+    line
+        The outline, point by point that of the result.
+    result
+        What its pictures gave.
+    half_width
+        Half width of the strip [m].
+    """
+    body = result.specimen
+    found = departures(body.surface, body.points, result.centre, half_width=half_width)
+    pattern = beyond_noise(*found)
+    if not pattern.any():
+        return line
+    modes = pattern[None] if line.modes is None else np.vstack([line.modes, pattern])
+    return replace(line, modes=modes)
 
 
 def outline_offsets(result: StereoResult, errors: PictureErrors | None) -> dict[str, float]:

@@ -4,10 +4,25 @@ from tests.mutants.fault import Fault
 
 GATES = ("tests/unit/dic/test_dic_gates.py",)
 RIM = ("tests/unit/dic/test_dic_rest_from_rim.py",)
+PAST_RIM = ("tests/unit/dic/test_dic_past_rim.py",)
 BY_EDGE = ("tests/unit/dic/test_dic_seen_by_edge.py",)
 STRIP = "tests/unit/dic/test_dic_edge_registration.py"
 
 FAULTS = (
+    Fault(
+        name="region past the rim: kept to a pixel beyond it",
+        file="dic/rigid_body/past_rim.py",
+        right="* scale >= CLEAR",
+        wrong="* scale >= -CLEAR",
+        tests=PAST_RIM,
+    ),
+    Fault(
+        name="region past the rim: the flyer looked for on the axis",
+        file="dic/rigid_body/past_rim.py",
+        right="np.array([move[0], 0.0, move[2]])",
+        wrong="np.zeros(3)",
+        tests=PAST_RIM,
+    ),
     Fault(
         name="flyer: a lateral motion of a scene of any size",
         file="dic/rigid_body/translation.py",

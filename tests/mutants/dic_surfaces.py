@@ -5,8 +5,23 @@ from tests.mutants.fault import Fault
 GATES = ("tests/unit/dic/test_dic_gates.py",)
 SIGMAS = ("tests/unit/dic/test_dic_sigmas.py",)
 NOISE = ("tests/unit/dic/test_dic_noise_floor.py",)
+BESIDE = ("tests/unit/dic/test_dic_beside_strip.py",)
 
 FAULTS = (
+    Fault(
+        name="outline beside the strip: one side alone",
+        file="dic/surfaces/beside_strip.py",
+        right="0.5 * (left + other)",
+        wrong="left",
+        tests=BESIDE,
+    ),
+    Fault(
+        name="outline beside the strip: noise counted with what departs",
+        file="dic/surfaces/beside_strip.py",
+        right="1.0 - 1.0 / chi2",
+        wrong="1.0 - 0.1 / chi2",
+        tests=BESIDE,
+    ),
     Fault(
         name="off the surface: fifty sigmas",
         file="dic/surfaces/smoothness.py",

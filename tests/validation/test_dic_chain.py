@@ -15,7 +15,14 @@ import tifffile
 from dic import Camera, FrameOutcome, PointOutcome, StereoRig
 from dic.bodies.region import Region
 from dic.chain import ChainError, ChainSettings, measure
-from dic.chain.follow_bodies import displacement_of, follow, match_flyer, match_specimen
+from dic.chain.follow_bodies import (
+    displacement_of,
+    follow,
+    match_flyer,
+    match_specimen,
+    rim_in,
+    translations_of,
+)
 from dic.chain.inspect_images import inspect_images
 from dic.chain.test_frame import fit_test_frame
 from dic.correlation import Correlation, Shape
@@ -272,7 +279,8 @@ def test_the_travel_with_camera_1_cut_off_is_right_or_refused(shared, case):
     except ChainError:
         return  # refused; what an error says has tests of its own (`test_dic_travel_checks.py`)
     rest = fit_test_frame(still, follow(still, [match_specimen(still, SPECIMEN)])[0], body)
-    axial = displacement_of(inputs, body, rest.placement)
+    rim, seen = rim_in(inputs, body, rest.placement), translations_of(inputs, body, rest.placement)
+    axial = displacement_of(inputs, body, rest.placement, rim, seen)
     assert axial is not None
     off = axial.displacement - np.interp(axial.t, case.truth["t"], case.truth["d"])
     assert np.abs(off).max() < 5.0 * np.hypot(axial.rest_sigma, 1e-6)

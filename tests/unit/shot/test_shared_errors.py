@@ -8,11 +8,13 @@ import pytest
 
 from dic.stereo.shared_error import SharedError
 from kolsky.base.records import CentreLine, FlyerMotion
+from kolsky.shot import shared_errors
 from kolsky.shot.shared_errors import (
     PictureErrors,
     alike,
     mean_over_time,
     outline_offsets,
+    with_departures,
     with_flyer_errors,
     with_outline_errors,
 )
@@ -70,3 +72,19 @@ def test_offsets_of_the_frame() -> None:
     assert found["y_offset"] == pytest.approx(2e-6)
     assert found["Z_offset"] == pytest.approx(np.sqrt(1e-12 + 9e-12 * share))
     assert outline_offsets(result(), None)["Z_offset"] == pytest.approx(1e-6)
+
+
+def test_the_outline_has_what_departs_from_the_surface_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Departures of three and one standard deviations, mean square 5: four fifths are beyond noise."""
+    line = CentreLine(T[:2], np.arange(2), np.full(2, 1e-3), np.full(2, 5e-3), np.full(2, 1e-6))
+    gave = [(np.array([6e-6, -2e-6]), np.full(2, 2e-6))]
+    monkeypatch.setattr(shared_errors, "departures", lambda *given, half_width: gave[0])
+    shot = SimpleNamespace(specimen=SimpleNamespace(surface=None, points=None), centre=None)
+    found = with_departures(line, shot, 6e-4)  # type: ignore[arg-type]
+    assert found.modes is not None
+    np.testing.assert_allclose(found.modes, [[6e-6 * 0.8**0.5, -2e-6 * 0.8**0.5]])
+    both = with_departures(found, shot, 6e-4)  # type: ignore[arg-type]
+    assert both.modes is not None
+    np.testing.assert_allclose(both.modes, np.repeat(found.modes, 2, axis=0))
+    gave[0] = np.full(2, 1e-6), np.full(2, 2e-6)
+    assert with_departures(line, shot, 6e-4) is line  # type: ignore[arg-type]
