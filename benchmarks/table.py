@@ -115,16 +115,16 @@ def as_json(
 def page_table(made: dict[str, Any]) -> str:
     """What `as_json` has made, as a page shows it: a row a batch, and the ratio of the peer if it ran."""
     ratios = made.get("peer", {}).get("times_as_long", {})
-    heads = ["contact", "precision", "runs", "seconds", "of these in time loops",
-             "million element updates a second", "of the limit", *(["CalculiX takes"] if ratios else [])]  # fmt: skip
+    heads = ["contact", "precision", "runs", "seconds", "of these in time loops"]
+    heads += ["million element updates a second", "of the limit", *(["CalculiX takes"] if ratios else [])]
     lines = [f"{made['machine']['device']}, {made['mesh']} elements:", "", f"| {' | '.join(heads)} |"]
     lines.append("| --- " * len(heads) + "|")
     for row in made["rows"]:
         updates, loops = row["million_element_updates_per_s"], row.get("time_loop_seconds")
         fraction = max(row["fraction_of"].values())  # the lower limit is the nearer one
-        cells = [row["contact"], row["precision"], str(row["runs"]), f"{row['seconds']:.3g}",
-                 "–" if loops is None else f"{loops:.3g}",
-                 f"{updates:.3g}" if updates < 1000.0 else f"{updates:.0f}", f"{100.0 * fraction:.2g} %"]  # fmt: skip
+        cells = [row["contact"], row["precision"], str(row["runs"]), f"{row['seconds']:.3g}"]
+        cells += ["–" if loops is None else f"{loops:.3g}"]
+        cells += [f"{updates:.3g}" if updates < 1000.0 else f"{updates:.0f}", f"{100.0 * fraction:.2g} %"]
         if ratios:
             peer = ratios.get(str(row["runs"])) if _is_peers(row["contact"], row["precision"]) else None
             cells.append("–" if peer is None else f"{peer} times as long")

@@ -150,7 +150,10 @@ def test_the_speed_of_the_solver_has_its_limit_and_its_peer(
     tables: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     row = {"contact": "bonded", "precision": "fp64", "runs": 1, "seconds": 0.1234, "time_loop_seconds": 0.1}
-    row |= {"million_element_updates_per_s": 1234.5, "fraction_of": {"arithmetic": 0.02, "shared memory": 0.01}}
+    row |= {
+        "million_element_updates_per_s": 1234.5,
+        "fraction_of": {"arithmetic": 0.02, "shared memory": 0.01},
+    }
     sliding = {**row, "contact": "coulomb", "runs": 100}
     del sliding["time_loop_seconds"]
     made = {"machine": {"device": "GPU"}, "mesh": "64x86", "rows": [row, sliding]}
