@@ -66,7 +66,12 @@ class InputError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle with all that it says: workers send it."""
-        said = {"line": self.line, "key": self.key, "value": self.value, "allowed": self.allowed}
+        said: dict[str, Any] = {
+            "line": self.line,
+            "key": self.key,
+            "value": self.value,
+            "allowed": self.allowed,
+        }
         return partial(type(self), self.path, self.message, **said, cure=self.cure), ()
 
     @property
