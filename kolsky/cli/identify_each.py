@@ -1,8 +1,10 @@
 """`kolsky identify SHOT... --each`: every shot by itself, side by side in processes or on a cluster."""
 
+import sys
 from collections.abc import Callable, Sequence
-from concurrent.futures import BrokenExecutor, as_completed
+from concurrent.futures import BrokenExecutor, CancelledError, as_completed
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -116,13 +118,20 @@ def shared(executor: Callable[[], Any], tasks: Sequence[Alone], told: Callable[[
             for future in as_completed(flying):
                 found[flying[future]] = future.result()
                 told(len(found))
-    except BrokenExecutor as error:
+    except _losses() as error:
         raise InputError(
             texts.COMMAND_LINE,
             f"a worker was lost with {len(found)} of {len(tasks)} shots answered ({error})",
             cure="take fewer workers or more memory; the shots that were answered have their results",
         ) from error
     return [found[i] for i in range(len(tasks))]
+
+
+def _losses() -> tuple[type[BaseException], ...]:
+    """What is raised where a worker died, of this machine or, once it is in use, of Dask."""
+    if "distributed" not in sys.modules:
+        return BrokenExecutor, CancelledError
+    return BrokenExecutor, CancelledError, import_module("distributed").scheduler.KilledWorker
 
 
 def _in_worker(task: Alone) -> Answer:
