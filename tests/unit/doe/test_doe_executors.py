@@ -15,7 +15,8 @@ import pytest
 from dask_processes import dask_processes
 
 from doe.executors import Pace, run_chunks
-from doe.ledger import Ledger, Run
+from doe.ledger import Ledger
+from doe.ledger_rows import Run
 
 POINTS = ledger_sweep.POINTS[:400]
 
