@@ -1,14 +1,38 @@
-"""What is made ready while a lone run leaves a core idle: libraries and time loops that are of use later."""
+"""Work beside other work that leaves a core idle: libraries and time loops of use later, lone runs."""
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import TypeVar
 
-from dic.forks import beside
+from dic.forks import Later, beside
+
+Result = TypeVar("Result")
 
 SWITCH = 1e-4
 """Longest wait for the interpreter beside a run [s]. A run begins with a hundred calls that let go of it, and
 would wait Python's 5 ms for it after each."""
+
+
+@contextmanager
+def in_thread(work: Callable[[], Result], *, idle: bool = True) -> Iterator[Later[Result]]:
+    """Do work in a thread beside the block, if a core is idle in it; else when its result is asked for.
+
+    Yields
+    ------
+    Later
+        Gives the result, or raises what the work raised.
+    """
+    if not idle:
+        yield Later(work)
+        return
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH)
+    try:
+        with beside(work, fork=False) as done:
+            yield done
+    finally:
+        sys.setswitchinterval(before)
 
 
 class IdleCore:
@@ -33,11 +57,6 @@ class IdleCore:
         if not works:
             yield
             return
-        before = sys.getswitchinterval()
-        sys.setswitchinterval(SWITCH)
-        try:
-            with beside(lambda: [work() for work in works], fork=False) as done:
-                yield
-                done()
-        finally:
-            sys.setswitchinterval(before)
+        with in_thread(lambda: [work() for work in works]) as done:
+            yield
+            done()

@@ -176,7 +176,7 @@ FAULTS = (
     Fault(
         name="an error beside a lone run is lost",
         file="kolsky/inverse/idle_core.py",
-        right="                done()\n",
+        right="            done()\n",
         wrong="",
         tests=IDLE,
     ),

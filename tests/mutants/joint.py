@@ -218,6 +218,20 @@ FAULTS = (
         "joint/test_model_choice_words.py",
     ),
     _fault(
+        "a lost graded run of several shots without a word",
+        "kolsky/joint/mesh_errors.py",
+        "lost=(*lost, *more)",
+        "lost=tuple(lost)",
+        "joint/test_mesh_errors.py",
+    ),
+    _fault(
+        "a lost run of the other shots",
+        "kolsky/joint/mesh_errors.py",
+        "if np.isnan(part).any()]",
+        "if not np.isnan(part).any()]",
+        "joint/test_mesh_errors.py",
+    ),
+    _fault(
         "a mesh error that is one for all shots",
         "kolsky/joint/mesh_errors.py",
         "stack.of_shot(k, row) for row in rows for k in range(len(stack.shots))",

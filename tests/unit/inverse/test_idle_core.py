@@ -13,7 +13,7 @@ from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.inverse.search import search_shot
 from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
-from kolsky.uncertainty.numerical import mesh_change
+from kolsky.uncertainty.mesh_runs import mesh_change
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 
