@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -10,11 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from explicit.device import select_device
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.graded_mesh import coarser_graded, graded
-from kolsky.inverse.idle_core import in_thread
+from kolsky.inverse.idle_core import in_thread, leaves_a_core
 from kolsky.inverse.launches import Launch, run_side_by_side
 from kolsky.inverse.observations import Prediction, predict
 from kolsky.inverse.refined_search import RefinedOptimum
@@ -48,9 +46,8 @@ def mesh_change_beside(stages: StagedRuns, fine: RefinedOptimum) -> Iterator[Beg
     GPU, or with one thread, they are made when they are first asked for.
     """
     numerics = stages.settings.numerics
-    many = (numerics.threads or os.cpu_count() or 1) > 1 and not select_device(numerics.device).is_cuda
-    runs = wanted(stages, fine)
-    with in_thread(lambda: made(stages, fine.x, runs), idle=many) as found:
+    runs, idle = wanted(stages, fine), leaves_a_core(numerics.device, numerics.threads)
+    with in_thread(lambda: made(stages, fine.x, runs), idle=idle) as found:
 
         def told() -> MeshChange:
             started = time.perf_counter()
