@@ -22,12 +22,12 @@ def lost_mesh_runs(lost: Sequence[LostRun], coarse: tuple[int, int]) -> Iterator
             yield (
                 f"the run at the answer on the graded mesh of {across} x {along} elements was lost{why}, so "
                 "that the correction for the mesh and its part of the interval come from the coarser mesh of "
-                f"{coarse[0]} x {coarse[1]} elements, by which that part is longer: give another "
+                f"{coarse[0]} x {coarse[1]} elements, by which that part is longer as a rule: give another "
                 "--refined-mesh, or end the [window] before it"
             )
         else:
             yield (
                 f"the run at the answer with {run.numerics.element} elements on {across} x {along} was lost"
-                f"{why}, so that the mesh's part of the interval is longer, in place of the distance of the "
-                "two elements: give another --mesh, or end the [window] before it"
+                f"{why}, so that a multiple of what is extrapolated stands in the mesh's part of the "
+                "interval for the distance of the two elements: give another --mesh, or end the [window] before it"
             )
