@@ -29,5 +29,6 @@ def lost_mesh_runs(lost: Sequence[LostRun], coarse: tuple[int, int]) -> Iterator
             yield (
                 f"the run at the answer with {run.numerics.element} elements on {across} x {along} was lost"
                 f"{why}, so that a multiple of what is extrapolated stands in the mesh's part of the "
-                "interval for the distance of the two elements: give another --mesh, or end the [window] before it"
+                "interval for the distance of the two elements: give another --mesh, or end the [window] "
+                "before it"
             )
