@@ -6,7 +6,6 @@ map, is corrected as an answer is, and set over what `kolsky.uncertainty.numeric
 elements' distance taken to one side over the whole test, a half of it, a quarter and so on.
 """
 
-import argparse
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,7 +15,7 @@ import numpy as np
 
 from benchmarks.coverage_problem import GROUP, FloatArray, drawn, middle, template
 from benchmarks.mesh_order import DISCREPANCY, MESHES, STEPS, data_vector, kept_vectors, slope_of
-from benchmarks.truth_meshes import TRUTH, Variant, keep, read
+from benchmarks.truth_meshes import TRUTH, Variant, keep, options, read
 from kolsky.uncertainty.numerical import MeshChange
 
 COARSE, REFINED = MESHES[0], MESHES[3]
@@ -41,13 +40,7 @@ class Case:
 
 def main() -> None:
     """Simulate what is missing, compare and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=31)
-    parser.add_argument("--groups", type=int, nargs="+", default=[1, 3, 7, 8], help="specimens and rates")
-    parser.add_argument("--each", type=int, default=5, help="materials and flyers of each")
-    parser.add_argument("--device", default="cpu", help="minutes a run of a truth on a CPU")
-    parser.add_argument("--out", type=Path, required=True)
-    given = parser.parse_args()
+    given = options(__doc__).parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     cases = []
     for group in given.groups:

@@ -53,13 +53,8 @@ VARIANTS = (
 
 def main() -> None:
     """Simulate what is missing, compare and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=31)
-    parser.add_argument("--groups", type=int, nargs="+", default=[1, 3, 7, 8], help="specimens and rates")
-    parser.add_argument("--each", type=int, default=5, help="materials and flyers of each")
-    parser.add_argument("--device", default="cpu", help="minutes a run on a CPU")
+    parser = options(__doc__)
     parser.add_argument("--only-kept", action="store_true", help="simulate nothing, compare what is there")
-    parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     rows = []
@@ -79,6 +74,17 @@ def main() -> None:
             f"| {row['grading']:g} | {row['m_alone']:+.5f} | {row['stiffness_factor']:+.5f} "
             f"| {' | '.join(figures)} | {row['rms_um']:.2f} |"
         )
+
+
+def options(description: str | None) -> argparse.ArgumentParser:
+    """The options of a study of these truths: its experiments, where they run, where they are kept."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--seed", type=int, default=31)
+    parser.add_argument("--groups", type=int, nargs="+", default=[1, 3, 7, 8], help="specimens and rates")
+    parser.add_argument("--each", type=int, default=5, help="materials and flyers of each")
+    parser.add_argument("--device", default="cpu", help="minutes a run of a truth on a CPU")
+    parser.add_argument("--out", type=Path, required=True)
+    return parser
 
 
 def keep(variant: Variant, numbers: list[int], seed: int, folder: Path, device: str) -> None:

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from doe.arrays import FloatArray
-from doe.ledger import Ledger, Run
+from doe.ledger import Ledger
+from doe.ledger_rows import Run
 
 ChunkFunction = Callable[[FloatArray], Sequence[Run]]
 """Takes points, shape [n, d], and returns what became of each, length n."""

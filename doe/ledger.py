@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import sqlite3
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -18,63 +17,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from doe.arrays import FloatArray
+from doe.ledger_rows import (
+    APPLICATION,
+    COLUMNS,
+    FIRST_TABLE,
+    MARKS,
+    TABLE,
+    VERSION,
+    Run,
+    bytes_of,
+    digest_of,
+    row_of,
+    run_key,
+    run_of,
+)
 
-APPLICATION = 0x6B6F6C73
-"""SQLite's application id of a ledger: "kols"."""
-VERSION = 2
-"""Version of the table."""
-TABLE = """CREATE TABLE runs (
-  key BLOB PRIMARY KEY NOT NULL CHECK (length(key) = 32),
-  model BLOB NOT NULL CHECK (length(model) = 32),
-  parameters BLOB NOT NULL,
-  completed INTEGER NOT NULL CHECK (completed IN (0, 1)),
-  outcome TEXT NOT NULL,
-  reason TEXT NOT NULL,
-  results BLOB NOT NULL,
-  digest BLOB NOT NULL CHECK (length(digest) = 32),
-  seconds REAL NOT NULL
-) STRICT, WITHOUT ROWID"""
-FIRST_TABLE = """CREATE TABLE runs (
-  key BLOB PRIMARY KEY NOT NULL CHECK (length(key) = 32),
-  model BLOB NOT NULL CHECK (length(model) = 32),
-  parameters BLOB NOT NULL,
-  completed INTEGER NOT NULL CHECK (completed IN (0, 1)),
-  outcome TEXT NOT NULL,
-  reason TEXT NOT NULL,
-  results BLOB NOT NULL,
-  seconds REAL NOT NULL
-) STRICT, WITHOUT ROWID"""
-"""The table of version 1, which had no digests; it is rewritten when it is opened."""
 OLDEST = (3, 37, 0)
 """The first SQLite with STRICT tables."""
-LITTLE = np.dtype("<f8")
-"""Floats on disk, whatever the machine's byte order."""
 
 
 class LedgerError(Exception):
     """A file that is no ledger, is damaged, or is in use."""
-
-
-@dataclass(frozen=True)
-class Run:
-    """The record of one run."""
-
-    completed: bool
-    """Whether it ended as it should."""
-    outcome: str
-    """How it ended, one word."""
-    results: FloatArray
-    """Its numbers, shape [k]; NaN is kept."""
-    reason: str = ""
-    """Why it did not complete; empty if it did."""
-    seconds: float = 0.0
-    """Its share of the time of the chunk it was run in [s]; the only field that a repeat may change."""
-
-
-def run_key(model: bytes, point: ArrayLike) -> bytes:
-    """SHA-256 of a model's hash and a point's float64 bytes, 32 bytes; -0.0 and 0.0 are one value."""
-    return hashlib.sha256(model + _floats(np.asarray(point, dtype=np.float64) + 0.0)).digest()
 
 
 class Ledger:
@@ -152,8 +115,8 @@ class Ledger:
         with self._refusing():
             for point in np.asarray(points, dtype=np.float64):
                 key = run_key(self.model, point)
-                row = self._sql.execute(f"SELECT {_COLUMNS} FROM runs WHERE key = ?", (key,)).fetchone()
-                run = None if row is None else _run(row)
+                row = self._sql.execute(f"SELECT {COLUMNS} FROM runs WHERE key = ?", (key,)).fetchone()
+                run = None if row is None else run_of(row)
                 if row is not None and run is None:
                     self.damaged.append(key.hex()[:12])
                 found.append(run)
@@ -175,20 +138,20 @@ class Ledger:
             If the file cannot be written.
         """
         rows = [
-            _row(
+            row_of(
                 run_key(self.model, point),
                 self.model,
-                _floats(point + 0.0),
+                bytes_of(point + 0.0),
                 int(run.completed),
                 run.outcome,
                 run.reason,
-                _floats(run.results),
+                bytes_of(run.results),
                 float(run.seconds),
             )
             for point, run in zip(np.asarray(points, dtype=np.float64), runs, strict=True)
         ]
         with self._transaction():
-            self._sql.executemany(f"INSERT OR REPLACE INTO runs ({_COLUMNS}) VALUES ({_MARKS})", rows)
+            self._sql.executemany(f"INSERT OR REPLACE INTO runs ({COLUMNS}) VALUES ({MARKS})", rows)
 
     def merge(self, path: Path) -> int:
         """Take over the runs of another ledger, of every model in it, all or none.
@@ -211,13 +174,13 @@ class Ledger:
         taken = 0
         with Ledger(path, self.model) as other, self._transaction():
             for row in other._rows():
-                theirs = _run(row)
+                theirs = run_of(row)
                 if theirs is None:
                     raise LedgerError(
                         f"{path}: run {row[0].hex()[:12]} is damaged; run its sweep again: it is made anew"
                     )
-                mine = self._sql.execute(f"SELECT {_COLUMNS} FROM runs WHERE key = ?", (row[0],)).fetchone()
-                if mine is not None and (ours := _run(mine)) is not None:
+                mine = self._sql.execute(f"SELECT {COLUMNS} FROM runs WHERE key = ?", (row[0],)).fetchone()
+                if mine is not None and (ours := run_of(mine)) is not None:
                     if ours.completed and theirs.completed and mine[:-1] != row[:-1]:
                         raise LedgerError(
                             f"{path}: run {row[0].hex()[:12]} has other results than in {self.path}; "
@@ -225,7 +188,7 @@ class Ledger:
                         )
                     if ours.completed or not theirs.completed:
                         continue
-                self._sql.execute(f"INSERT OR REPLACE INTO runs ({_COLUMNS}) VALUES ({_MARKS})", row)
+                self._sql.execute(f"INSERT OR REPLACE INTO runs ({COLUMNS}) VALUES ({MARKS})", row)
                 taken += 1
         return taken
 
@@ -233,12 +196,12 @@ class Ledger:
         """SHA-256 of every row but its seconds, in the order of the keys: equal for equal contents."""
         total = hashlib.sha256()
         for row in self._rows():
-            total.update(_digest(row[:-1]))
+            total.update(digest_of(row[:-1]))
         return total.hexdigest()
 
     def _rows(self) -> Iterator[tuple[Any, ...]]:
         with self._refusing():
-            yield from self._sql.execute(f"SELECT {_COLUMNS} FROM runs ORDER BY key")
+            yield from self._sql.execute(f"SELECT {COLUMNS} FROM runs ORDER BY key")
 
     def _open(self) -> None:
         # Exclusive before WAL: no shared memory, so the file may lie on a network drive, and a second
@@ -274,11 +237,11 @@ class Ledger:
 
     def _rewrite_first(self) -> None:
         """Give the rows of version 1 their digests: they are believed as they stand."""
-        rows = self._sql.execute(f"SELECT {_COLUMNS.replace('digest, ', '')} FROM runs").fetchall()
+        rows = self._sql.execute(f"SELECT {COLUMNS.replace('digest, ', '')} FROM runs").fetchall()
         self._sql.execute("DROP TABLE runs")
         self._sql.execute(TABLE)
         self._sql.executemany(
-            f"INSERT INTO runs ({_COLUMNS}) VALUES ({_MARKS})", [_row(*row) for row in rows]
+            f"INSERT INTO runs ({COLUMNS}) VALUES ({MARKS})", [row_of(*row) for row in rows]
         )
         self._sql.execute(f"PRAGMA user_version = {VERSION}")
 
@@ -307,44 +270,6 @@ class Ledger:
             raise LedgerError(f"{self.path}: {used if busy else f'{_line(error)}; {cure}'}") from error
 
 
-_COLUMNS = "key, model, parameters, completed, outcome, reason, results, digest, seconds"
-_MARKS = ", ".join("?" * 9)
-
-
 def _line(text: object) -> str:
     """What SQLite says, in one line."""
     return " ".join(str(text).split())[:200]
-
-
-def _row(*entries: Any) -> tuple[Any, ...]:
-    """The entries of a row with their digest before the seconds."""
-    return (*entries[:-1], _digest(entries[:-1]), entries[-1])
-
-
-def _run(row: tuple[Any, ...]) -> Run | None:
-    """A row as a run; None if its digest is not its contents', or its key not its parameters'."""
-    key, model, parameters, completed, outcome, reason, results, digest, seconds = row
-    sound = (
-        digest == _digest(row[:-2])
-        and key == hashlib.sha256(model + parameters).digest()
-        and len(parameters) % 8 == 0
-        and len(results) % 8 == 0
-        and seconds >= 0.0
-    )
-    if not sound:
-        return None
-    numbers = np.frombuffer(results, dtype=LITTLE).astype(np.float64)
-    return Run(bool(completed), outcome, numbers, reason, seconds)
-
-
-def _digest(entries: Iterable[Any]) -> bytes:
-    """SHA-256 of entries, each behind its length."""
-    total = hashlib.sha256()
-    for entry in entries:
-        data = entry if isinstance(entry, bytes) else str(entry).encode()
-        total.update(len(data).to_bytes(8, "little") + data)
-    return total.digest()
-
-
-def _floats(values: ArrayLike) -> bytes:
-    return np.ascontiguousarray(values, dtype=LITTLE).tobytes()

@@ -23,8 +23,15 @@ from scipy.spatial import cKDTree
 
 from explicit.arrays import BoolArray, FloatArray, IntArray
 from implicit.conditions import SelfContact
-from implicit.elements.reference import Element, complete, tensor
-from implicit.loads.surface import faces_on
+from implicit.loads.contact_faces import (
+    areas,
+    contact_rule,
+    face_element,
+    face_nodes,
+    inside_face,
+    normals,
+    sizes,
+)
 from implicit.model import Model
 
 STIFFNESS = 500.0
@@ -35,8 +42,6 @@ NEAREST = 12
 """Faces that are tried for a closest point."""
 PROJECTIONS = 12
 """Iterations for a closest point."""
-OUTSIDE = 0.01
-"""How far a closest point may lie outside of a face, in its coordinates [-]."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +64,8 @@ class SurfaceContact:
     def __init__(self, model: Model, condition: SelfContact) -> None:
         self.model, self.condition = model, condition
         self.element = face_element(model.mesh.element)
-        self.first = _face_nodes(model, condition.where, self.element)
-        self.second = _face_nodes(model, condition.other, self.element)
+        self.first = face_nodes(model, condition.where, self.element)
+        self.second = face_nodes(model, condition.other, self.element)
         if np.intersect1d(self.first, self.second).size:
             raise ValueError(f"the surfaces of {condition} share points: they cannot touch there")
         d = model.dimension
@@ -72,8 +77,8 @@ class SurfaceContact:
         self.values = self.element.values(points)
         slopes = self.element.gradients(points)
         X = model.mesh.points[self.first]
-        self.areas = _areas(model, X, self.values, slopes, weights).ravel()
-        lengths = _sizes(np.einsum("gkt,fkd->fgtd", slopes, X)) @ weights
+        self.areas = areas(model, X, self.values, slopes, weights).ravel()
+        lengths = sizes(np.einsum("gkt,fkd->fgtd", slopes, X)) @ weights
         self.size = float(np.mean(lengths)) ** (1.0 / (d - 1))
         self.stiffness = 0.5 * condition.penalty * model.solid.shear_modulus / self.size
         self.depth = DEPTH * self.size if condition.depth is None else condition.depth
@@ -147,7 +152,7 @@ class SurfaceContact:
         second = self.second[near.faces]
         slopes = self.element.gradients(near.places)
         tangents = np.einsum("tka,tkd->tad", slopes, x[second])
-        n = _normals(tangents)
+        n = normals(tangents)
         bent = np.einsum("tkab,tkd->tabd", self.element.curvatures(near.places), x[second])
         D = np.concatenate([self.values[g], -self.element.values(near.places)], axis=1)
         nodes = np.concatenate([self.first[own], second], axis=1)
@@ -188,8 +193,8 @@ class SurfaceContact:
         places, ended = self._closest(own[points], corners[flat])
         tangents = np.einsum("tka,tkd->tad", self.element.gradients(places), corners[flat])
         at = np.einsum("tk,tkd->td", self.element.values(places), corners[flat])
-        gaps = np.einsum("td,td->t", own[points] - at, _normals(tangents))
-        good = ended & _inside(self.element, places) & (np.abs(gaps) <= self.reach)
+        gaps = np.einsum("td,td->t", own[points] - at, normals(tangents))
+        good = ended & inside_face(self.element, places) & (np.abs(gaps) <= self.reach)
         kept = np.flatnonzero(good)
         kept = kept[np.lexsort((np.abs(gaps[kept]), points[kept]))]
         best = kept[np.unique(points[kept], return_index=True)[1]]  # the nearest of each point
@@ -231,82 +236,3 @@ def surface_contacts(model: Model) -> list[SurfaceContact]:
             turned = replace(c, where=c.other, other=c.where)
             found += [SurfaceContact(model, one) for one in (c, turned)]
     return found
-
-
-def face_element(element: Element) -> Element:
-    """The Lagrange element of a face, its nodes in the order of their coordinates."""
-    face = element.faces[0]
-    place = (element.nodes[element.nodes_on(face)] - np.asarray(face.origin)) @ np.linalg.pinv(
-        np.asarray(face.tangents)
-    )
-    place = np.round(place[_order(place)], 9)
-    degree = int(element.exponents.max())
-    space = (tensor if element.shape == "hypercube" else complete)(degree, place.shape[1])
-    return Element(f"face of {element.name}", element.shape, place, space, (), element.gauss, None, 0)
-
-
-def contact_rule(item: Element) -> tuple[FloatArray, FloatArray]:
-    """Points [g, d - 1] and weights [g] on a face, its corners among them: walls may touch in an edge first.
-
-    Four points of Lobatto's rule in each coordinate (degree 5); on a triangle corners, middles of the edges
-    and centre (degree 3; Zienkiewicz and Taylor 2000, table 5.3).
-    """
-    if item.shape == "simplex" and item.dimension == 2:
-        points = [[0, 0], [1, 0], [0, 1], [0.5, 0], [0, 0.5], [0.5, 0.5], [1 / 3, 1 / 3]]
-        return np.array(points, dtype=float), 0.5 * np.repeat([1 / 20, 2 / 15, 9 / 20], [3, 3, 1])
-    inner = 1.0 / np.sqrt(5.0)
-    line, of_line = np.array([-1.0, -inner, inner, 1.0]), np.array([1.0, 5.0, 5.0, 1.0]) / 6.0
-    if item.shape == "simplex":
-        return 0.5 * (line[:, None] + 1.0), 0.5 * of_line
-    lines = np.stack(np.meshgrid(*[line] * item.dimension, indexing="ij"), axis=-1)
-    weights = np.stack(np.meshgrid(*[of_line] * item.dimension, indexing="ij"), axis=-1)
-    return lines.reshape(-1, item.dimension), weights.reshape(-1, item.dimension).prod(axis=1)
-
-
-def _order(places: FloatArray) -> IntArray:
-    return np.lexsort(np.round(places, 6).T)
-
-
-def _face_nodes(model: Model, where: str, item: Element) -> IntArray:
-    """Points of each face of a set in the order of the face's element, shape [f, k]."""
-    mesh, found = model.mesh, []
-    for faces in faces_on(mesh, where):
-        local = mesh.element.nodes_on(faces.face)
-        place = (mesh.element.nodes[local] - np.asarray(faces.face.origin)) @ np.linalg.pinv(
-            np.asarray(faces.face.tangents)
-        )
-        found.append(mesh.cells[faces.cells][:, local[_order(place)]])
-    return np.concatenate(found)
-
-
-def _normals(tangents: FloatArray) -> FloatArray:
-    """Outward unit normals of tangents [t, d - 1, d]."""
-    if tangents.shape[-1] == 3:
-        n = np.cross(tangents[:, 0], tangents[:, 1])
-    else:
-        n = np.stack([tangents[:, 0, 1], -tangents[:, 0, 0]], axis=-1)
-    return np.asarray(n / np.linalg.norm(n, axis=-1, keepdims=True))
-
-
-def _sizes(tangents: FloatArray) -> FloatArray:
-    """Areas (lengths) of tangents [..., d - 1, d]."""
-    if tangents.shape[-1] == 3:
-        return np.asarray(np.linalg.norm(np.cross(tangents[..., 0, :], tangents[..., 1, :]), axis=-1))
-    return np.asarray(np.linalg.norm(tangents[..., 0, :], axis=-1))
-
-
-def _areas(
-    model: Model, X: FloatArray, values: FloatArray, slopes: FloatArray, weights: FloatArray
-) -> FloatArray:
-    """Undeformed area of each point [m2], shape [f, g]."""
-    area = weights * _sizes(np.einsum("gkt,fkd->fgtd", slopes, X))
-    if model.kinematics == "axisymmetric":
-        return np.asarray(area * 2.0 * np.pi * np.einsum("gk,fk->fg", values, X[..., 0]))
-    return np.asarray(area if model.dimension == 3 else area * model.thickness)
-
-
-def _inside(item: Element, places: FloatArray) -> BoolArray:
-    if item.shape == "hypercube" or item.dimension == 1:
-        low, high = item.nodes.min(), item.nodes.max()
-        return np.asarray(((places >= low - OUTSIDE) & (places <= high + OUTSIDE)).all(axis=1))
-    return np.asarray((places >= -OUTSIDE).all(axis=1) & (places.sum(axis=1) <= 1.0 + OUTSIDE))

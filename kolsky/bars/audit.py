@@ -1,6 +1,6 @@
 """The audit log: every correction with its switch, its size and its reason, applied or not."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from types import MappingProxyType
@@ -213,18 +213,19 @@ class AuditLog:
         self.compare(name, key, before, after, applied=on, unit=unit, reason=why, over=over)
         return after if on else before
 
-    def columns(self) -> dict[str, list[Any]]:
-        """The log as a table, ready for `kolsky.base.files.write_table`."""
-        rows = self._entries
-        return {
-            "correction": [row.name for row in rows],
-            "switch": [row.key for row in rows],
-            "applied": ["yes" if row.applied else "no" for row in rows],
-            "largest change": [row.size for row in rows],
-            "rms change": [row.rms for row in rows],
-            "unit": [row.unit for row in rows],
-            "reason": [row.reason for row in rows],
-        }
+
+def table_of(corrections: Iterable[Correction]) -> dict[str, list[Any]]:
+    """Corrections as the columns of a table, ready for `kolsky.base.files.write_table`."""
+    rows = tuple(corrections)
+    return {
+        "correction": [row.name for row in rows],
+        "switch": [row.key for row in rows],
+        "applied": ["yes" if row.applied else "no" for row in rows],
+        "largest change": [row.size for row in rows],
+        "rms change": [row.rms for row in rows],
+        "unit": [row.unit for row in rows],
+        "reason": [row.reason for row in rows],
+    }
 
 
 def samples_in(time: FloatArray, span: tuple[float, float]) -> NDArray[np.bool_]:

@@ -52,8 +52,9 @@ def calibrate(
     from kolsky.base.process import single_threaded_libraries
     from kolsky.cli.terminal import print_result, progress_bars, since
     from kolsky.report.pages.calibration import summary, warnings
+    from kolsky.shot.calibration_file import read_calibration_toml
     from kolsky.shot.calibration_output import to_json, write_points
-    from kolsky.shot.rig import calibration_of, read_calibration_toml
+    from kolsky.shot.calibration_pictures import calibration_of
 
     toml, section = read_calibration_toml(source)
     folder = usable_folder(out or toml.path.parent / "results")

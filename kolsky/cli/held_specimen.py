@@ -85,7 +85,7 @@ def fit_held_specimen(
     import numpy as np
 
     from kolsky.base.files import filling, write_table
-    from kolsky.cli.reference_curve import ends_of
+    from kolsky.cli.reference_curve_options import ends_of
     from kolsky.cli.terminal import print_result
     from kolsky.material.curves.uniaxial import UniaxialTest
     from kolsky.material.end_friction.problem import CorrectionNumerics

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kolsky.base.errors import InputError
+from kolsky.cli.new_file import beginning
 from kolsky.cli.options import AsJson
 
 if TYPE_CHECKING:
@@ -39,22 +40,12 @@ def new(
         raise InputError(folder, "--bars, --pictures and --from exclude each other", cure="give one of them")
     path = folder / "shot.toml"
     last = None if previous is None else _text_of(previous)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    with beginning(path):
         found = survey(folder)
         series = _pictures(folder, found) if pictures else None
         text = written(found, folder, bars=bars, pictures=series, last=last)
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
-    except FileExistsError as error:
-        at_fault = path if folder.is_dir() else Path(error.filename)
-        raise InputError(
-            at_fault, "exists already and is left as it is", cure="edit it, or choose another folder"
-        ) from None
-    except OSError as error:
-        raise InputError(
-            folder, f"cannot be written ({error.strerror})", cure="give another folder, or make it writable"
-        ) from None
     if as_json:
         typer.echo(json.dumps(_said(path, text, found, bars=bars, pictures=series), indent=2))
         return

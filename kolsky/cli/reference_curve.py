@@ -8,11 +8,9 @@ import typer
 from kolsky.base.errors import InputError
 from kolsky.cli import texts
 from kolsky.cli.options import AsJson, Figures, HeaderLine
+from kolsky.cli.reference_curve_options import ends_of, refuse_columns, specimen_of, toe_of, units_of
 
 if TYPE_CHECKING:
-    from kolsky.base.apparatus import Specimen
-    from kolsky.material.curves.uniaxial import Toe
-    from kolsky.material.end_friction.problem import EndFriction
     from kolsky.material.reference_curve import Pull, ReferenceCurve
 
 Column = typer.Option(metavar="COLUMN", help="By name or number.", show_default=False)
@@ -110,10 +108,10 @@ def reference_curve(
         )
     if (bulge != "") != (bulge_sigma is not None):
         raise InputError(texts.COMMAND_LINE, "--bulge and --bulge-sigma belong together", cure="give both")
-    size = _specimen(diameter, length)
+    size = specimen_of(diameter, length)
     try:
         treatment = curves.Treatment(
-            toe=_toe(toe),
+            toe=toe_of(toe),
             compliance=0.0 if compliance is None else texts.physical("--compliance", compliance, "m/N"),
             scale_sigma=texts.physical("--scale-sigma", scale_sigma, "1"),
             specimen=size,
@@ -145,8 +143,8 @@ def reference_curve(
         )
         if column
     }
-    _refuse_columns(columns, size)
-    units = _units(unit or [], columns)
+    refuse_columns(columns, size)
+    units = units_of(unit or [], columns)
     tests, hashes = [], {}
     for path in files:
         test, digest = read_uniaxial_test(
@@ -193,100 +191,6 @@ def reference_curve(
         rest={"curve": out, "for shot.toml": folder / f"{out.stem}.toml"},
         warnings=list(dict.fromkeys(remark for made in found.values() for remark in made.remarks)),
     )
-
-
-def _specimen(diameter: str | None, length: str | None) -> "Specimen | None":
-    """Undeformed size of the specimen, if it is given."""
-    from kolsky.base.apparatus import Specimen
-
-    if diameter is None and length is None:
-        return None
-    if diameter is None or length is None:
-        raise InputError(
-            texts.COMMAND_LINE,
-            "needs both --diameter and --length or neither",
-            cure="give both, or leave both out",
-        )
-    return Specimen(
-        diameter=texts.physical("--diameter", diameter, "m", positive=True),
-        length=texts.physical("--length", length, "m", positive=True),
-        density=0.0,
-    )
-
-
-def _refuse_columns(columns: dict[str, str], size: "Specimen | None") -> None:
-    """Refuse columns that make no test."""
-    pair = {"strain", "stress"} if "stress" in columns else {"displacement", "force"}
-    if (set(columns) & {"strain", "stress", "displacement", "force"}) != pair:
-        raise InputError(
-            texts.COMMAND_LINE,
-            "a test needs --strain and --stress, or --displacement and --force",
-            cure="name two columns, or give their numbers",
-        )
-    if "force" in pair and size is None:
-        raise InputError(
-            texts.COMMAND_LINE,
-            "--displacement and --force need --diameter and --length",
-            cure="give the size of the specimen",
-        )
-
-
-def ends_of(text: str, sigma: float) -> "EndFriction | None":
-    """ "bonded" or "0.3" as what held the specimen at its ends."""
-    from kolsky.material.end_friction.problem import EndFriction
-
-    number = None
-    if text not in ("none", "bonded", "rough", "free"):
-        try:
-            number = float(text)
-        except ValueError:
-            texts.one_of("--friction", text, ("none", "bonded", "rough", "free", "a number"))
-    if number is None and sigma > 0.0:
-        raise InputError(
-            texts.COMMAND_LINE,
-            "--friction-sigma goes with a number as --friction",
-            cure="give --friction NUMBER, or leave --friction-sigma out",
-        )
-    if text == "none":
-        return None
-    if text in ("bonded", "rough"):
-        return EndFriction("bonded" if text == "bonded" else "rough")
-    return EndFriction("coulomb", number, sigma)
-
-
-def _toe(text: str) -> "Toe":
-    """ "gaussian:0.03:0.12" as a toe."""
-    from kolsky.material.curves.uniaxial import Toe
-
-    if text == "none":
-        return Toe()
-    kind, *ends = text.split(":")
-    try:
-        if kind not in ("line", "gaussian") or len(ends) != 2:
-            raise ValueError
-        low, high = (float(end) for end in ends)
-    except ValueError:
-        raise InputError(
-            texts.COMMAND_LINE,
-            f"--toe {text!r} cannot be read",
-            cure="write none, or line:LOW:HIGH or gaussian:LOW:HIGH with strains, e.g. gaussian:0.03:0.12",
-        ) from None
-    return Toe("line" if kind == "line" else "gaussian", low, high)
-
-
-def _units(given: list[str], columns: dict[str, str]) -> dict[str, str]:
-    """["Load=N"] as units by column."""
-    found = {}
-    for text in given:
-        column, equals, unit = text.rpartition("=")
-        if not equals or column not in columns.values():
-            raise InputError(
-                texts.COMMAND_LINE,
-                f"--unit {text!r} names no column that is read",
-                cure="write COLUMN=UNIT",
-            )
-        found[column] = unit
-    return found
 
 
 def _rows(made: "ReferenceCurve", before: str) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from kolsky.base.errors import InputError
+from kolsky.cli.new_file import beginning
 from kolsky.cli.options import AsJson
 
 
@@ -17,18 +17,8 @@ def virtual_new(
 ) -> None:
     """Write an annotated SPEC.toml of a virtual shot; an existing one is left as it is."""
     path = folder / "SPEC.toml"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with path.open("x", encoding="utf-8") as file:
-            file.write(template())
-    except FileExistsError:
-        raise InputError(
-            path, "exists already and is left as it is", cure="edit it, or choose another folder"
-        ) from None
-    except OSError as error:
-        raise InputError(
-            folder, f"cannot be written ({error.strerror})", cure="give another folder, or make it writable"
-        ) from None
+    with beginning(path), path.open("x", encoding="utf-8") as file:
+        file.write(template())
     if as_json:
         typer.echo(json.dumps({"file": str(path)}, indent=2))
         return

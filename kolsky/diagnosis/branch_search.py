@@ -20,8 +20,8 @@ from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import MOVED, design_box
 from kolsky.inverse.relaxing import same_bulk
+from kolsky.inverse.search_coordinates import from_search, search_box, to_search
 from kolsky.inverse.staged_runs import StagedRuns
-from kolsky.inverse.surrogate_mesh_search import from_search, search_box, to_search
 from kolsky.inverse.valleys import VALLEY
 
 STRENGTH, TIME = prony_names(1)

@@ -15,11 +15,12 @@ from doe.refine import Refinement, refine
 from doe.surrogates import ProcessSurrogate, ResponseSurrogate, SurrogateError, SurrogateKind
 from doe.surrogates.quality import Fitness, fitness
 from kolsky.base.arrays import FloatArray
+from kolsky.inverse.completed_runs import CompletedRuns
 from kolsky.inverse.method_comparison import AGREEMENT
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.optimum import CorrectedSurrogate, at_inner_face, jacobian, search
-from kolsky.inverse.staged_runs import CompletedRuns, StagedRuns
+from kolsky.inverse.staged_runs import StagedRuns
 
 SMOOTH, ROUGH = "response", "process"
 """Surrogates, by their names in `doe.SURROGATES`: for one free parameter, and for several in a small box

@@ -11,10 +11,11 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum
+from kolsky.inverse.completed_runs import Replicates
 from kolsky.inverse.observations import Observations, Prediction
 from kolsky.inverse.optimum import CorrectedSurrogate, search
 from kolsky.inverse.path_modes import SMALLEST_MODE
-from kolsky.inverse.staged_runs import Replicates, StagedRuns
+from kolsky.inverse.staged_runs import StagedRuns
 
 
 def replicate_uncertainty(moves: FloatArray) -> FloatArray:

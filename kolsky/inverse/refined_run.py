@@ -8,11 +8,12 @@ import numpy as np
 
 from doe import Box
 from kolsky.base.arrays import FloatArray
+from kolsky.inverse.completed_runs import CompletedRuns
 from kolsky.inverse.linear_step import Step, gauss_newton_step
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
 from kolsky.inverse.refined_search import CONFIRMED, refined_numerics
-from kolsky.inverse.staged_runs import CompletedRuns, StagedRuns
+from kolsky.inverse.staged_runs import StagedRuns
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,12 @@ from doe import Box, from_points
 from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum
+from kolsky.inverse.completed_runs import CompletedRuns
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import CorrectedSurrogate, Model, at_inner_face, jacobian, search
 from kolsky.inverse.parameters import any_slides
-from kolsky.inverse.staged_runs import CompletedRuns, StagedRuns
+from kolsky.inverse.staged_runs import StagedRuns
 
 CONFIRMED = 0.2
 """An optimum is confirmed when the check run moves it by less than this share of the residuals' sigma."""

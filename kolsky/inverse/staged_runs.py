@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from doe import Box, Design, full_factorial, latin_hypercube
 from explicit import Response
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.arrays import FloatArray
+from kolsky.inverse.completed_runs import CompletedRuns, Replicates, first_lost, lost_in_words
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.idle_core import IdleCore, leaves_a_core
 from kolsky.inverse.objective import Objective
@@ -25,40 +26,6 @@ from kolsky.inverse.settings import Settings
 
 Progress = Callable[[str, int, int], None]
 """Called as ``progress(stage, runs done, runs in the stage)``."""
-
-
-@dataclass(frozen=True)
-class CompletedRuns:
-    """Completed runs of one stage."""
-
-    points: FloatArray
-    """Parameters, shape [n, d]."""
-    rows: NDArray[np.intp]
-    """Their rows in the design, shape [n]."""
-    prediction: Prediction
-    """What the instruments would have seen."""
-    response: Response
-    """The solver's full answer."""
-    lost: str
-    """What became of the runs that did not complete, the first of them in full; empty if there are none."""
-
-
-@dataclass(frozen=True)
-class Replicates:
-    """Runs at one point under other motions of the flyer and other curves, drawn from their noise."""
-
-    prediction: Prediction
-    """Row 0 is the reference, with the fitted motion and curve."""
-    flyer: NDArray[np.bool_]
-    """Which rows have another motion."""
-    lesson: NDArray[np.bool_]
-    """Which rows have still other motions: the weights learn from these, so that `flyer` judges them."""
-    curve: NDArray[np.bool_]
-    """Which rows have another curve."""
-    scale: NDArray[np.bool_]
-    """Which row has a motion larger by one standard uncertainty of its scale; at most one."""
-    lost: int
-    """How many did not complete."""
 
 
 class StagedRuns:
@@ -167,9 +134,9 @@ class StagedRuns:
         """
         response, rows, prediction = self.run(stage, design.points, numerics, all_nodes=all_nodes)
         if prediction is None:
-            raise ValueError(f"no run of the {stage} completed: {_first_lost(design, response)}")
+            raise ValueError(f"no run of the {stage} completed: {first_lost(design, response)}")
         kept = response.select(rows)
-        return CompletedRuns(design.points[rows], rows, prediction, kept, _lost(design, response))
+        return CompletedRuns(design.points[rows], rows, prediction, kept, lost_in_words(design, response))
 
     def vectors(self, stage: str, points: FloatArray, numerics: Numerics, objective: Objective) -> FloatArray:
         """Data vectors of runs at points of shape [n, d], shape [n, k]; NaN in the row of a lost run.
@@ -329,18 +296,3 @@ class StagedRuns:
 
     def _clock(self, stage: str, started: float) -> None:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - started
-
-
-def _lost(design: Design, response: Response) -> str:
-    """The runs that did not complete, in words: their number and the first one's ending; empty if none."""
-    lost = len(design) - int(response.completed.sum())
-    told = f"{lost} of {len(design)} runs did not complete"
-    return f"{told}; {_first_lost(design, response)}" if lost else ""
-
-
-def _first_lost(design: Design, response: Response) -> str:
-    """The first run that did not complete in words: its parameters and its ending."""
-    first = int(np.argmin(response.completed))
-    values = design.box.as_dict(design.points[first])
-    point = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
-    return f"the one at {point} ended {response.describe(first)}"

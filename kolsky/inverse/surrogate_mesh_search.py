@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from doe import Box, from_points, latin_hypercube
+from doe import from_points, latin_hypercube
 from doe.least_squares import least_squares
 from doe.whitening import Whitening
 from kolsky.base.arrays import BoolArray, FloatArray
@@ -24,8 +24,9 @@ from kolsky.inverse.front_noise import data_change, front_modes, noise_of
 from kolsky.inverse.likely_path import FOLLOWED, credible, likely_amplitudes
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
-from kolsky.inverse.parameters import MOVED, PARAMETERS
+from kolsky.inverse.parameters import MOVED
 from kolsky.inverse.path_modes import MovedFront, PathModes, size
+from kolsky.inverse.search_coordinates import from_search, search_box, to_search
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.summits import likeliest
 from kolsky.inverse.valleys import VALLEY, likely_valleys, valley_levels
@@ -60,38 +61,6 @@ class MeshOptimum:
     """-2 ln L up to a constant [-]."""
     converged: bool
     """Whether the search came to rest."""
-
-
-def search_box(box: Box) -> Box:
-    """The box in the coordinates of the search: 1 - 2 nu, logarithmic, in place of Poisson's ratio.
-
-    What spans decades is logarithmic too.
-    """
-    bounds = {name: (low, high) for name, low, high in zip(box.names, box.lower, box.upper, strict=True)}
-    decades = [name for name in box.names if PARAMETERS[name].logarithmic]
-    if VALLEY in bounds:
-        low, high = bounds[VALLEY]
-        bounds[VALLEY] = 1.0 - 2.0 * high, 1.0 - 2.0 * low
-        decades.append(VALLEY)
-    return Box.of(bounds, logarithmic=decades) if decades else box
-
-
-def to_search(box: Box, points: FloatArray) -> FloatArray:
-    """Points in the coordinates of the search, shape [..., d]."""
-    x = np.array(points, dtype=np.float64)
-    if VALLEY in box.names:
-        i = box.names.index(VALLEY)
-        x[..., i] = 1.0 - 2.0 * x[..., i]
-    return x
-
-
-def from_search(box: Box, points: FloatArray) -> FloatArray:
-    """The inverse of `to_search`."""
-    x = np.array(points, dtype=np.float64)
-    if VALLEY in box.names:
-        i = box.names.index(VALLEY)
-        x[..., i] = 0.5 * (1.0 - x[..., i])
-    return x
 
 
 def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int], MeshOptimum]:

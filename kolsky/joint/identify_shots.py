@@ -4,11 +4,12 @@
 2. Scans of the stiffness, of what relaxes and of Poisson's valleys on the mesh of the search, then least
    squares over all shots and slow tests together (`kolsky.joint.problem`).
 3. The weights learn the front faces' noise, clocks and scales at that point; least squares again.
-4. The optimum is moved to the refined mesh (`kolsky.joint.refined_steps`). There the scatter between the
-   shots is estimated (`kolsky.joint.scatter`); the weights know it from then on.
+4. The optimum is moved to the refined mesh (`kolsky.joint.refined_steps`). What relaxes is held against the
+   same shots without it (`kolsky.joint.model_choice`). The weights learn the noise once more at the optimum
+   (`kolsky.joint.refined_patterns`), and there the scatter between the shots is estimated
+   (`kolsky.joint.scatter`); the weights know it from then on.
 5. Its uncertainty: weights, residuals correlated in time, the curve's noise, the mesh
-   (`kolsky.joint.answer`); the curve, if it is free; what relaxes against the same shots without it
-   (`kolsky.joint.model_choice`).
+   (`kolsky.joint.answer`); the curve, if it is free.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from kolsky.joint.model_choice import chosen, weak_branch, with_nothing
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
 from kolsky.joint.records import JointResult, JointSettings, Scatter, Slow
+from kolsky.joint.refined_patterns import with_patterns_anew
 from kolsky.joint.refined_steps import refined_optimum
 from kolsky.joint.runs import JointRuns
 from kolsky.joint.scatter import estimated
@@ -83,7 +85,8 @@ def identify_shots(
     relaxing = [name for name in problem.unknowns.bounds if PARAMETERS[name].relaxes]
     kept = {n: b for n, b in problem.unknowns.bounds.items() if n not in relaxing}
     if not relaxing or not (kept or settings.curve_nodes) or not settings.choose:
-        return answered(problem, scattered(problem, search(problem)), None, tuple(said))
+        found = with_patterns_anew(problem, search(problem))
+        return answered(problem, scattered(problem, found), None, tuple(said))
     bare = [
         replace(p, forward=replace(p.forward, shot=replace(p.forward.shot, relaxation=None)))
         for p in prepared
@@ -93,6 +96,7 @@ def identify_shots(
     found = search(problem, beside=weak_branch(problem, elastic, without.start))
     found = _not_above(problem, found, elastic, without)
     choice = chosen(problem, found, elastic, without)
+    found = with_patterns_anew(problem, found)
     return answered(problem, scattered(problem, found), choice, tuple(said))
 
 

@@ -11,13 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.graded_mesh import coarser_graded, graded
-from kolsky.inverse.parameters import any_slides
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
+from kolsky.joint.refined_patterns import slides
 from kolsky.joint.weights import Stack
 from kolsky.uncertainty.numerical import (
     ELEMENT_ORDER,
@@ -66,10 +65,7 @@ def _graded(problem: JointProblem, found: Optimum) -> tuple[GradedChange | None,
     None where one is, and on purpose where a surface slides, since single runs jump, or where runs are
     corrected for Poisson's ratio, since that correction has meshes of its own.
     """
-    faces = problem.first.shot.interface
-    laws = [contact_law(faces.faces), contact_law(faces.side)]
-    slides = any_slides([*problem.unknowns.bounds, *problem.runs.held])
-    if slides or any(law.needs_friction for law in laws) or problem.mesh.compressible is not None:
+    if slides(problem) or problem.mesh.compressible is not None:
         return None, []
     few, many = (mesh(problem.mesh, problem.settings.refined_mesh) for mesh in (coarser_graded, graded))
     coarse, same = (problem.predict("check", found.x[None], numerics)[0] for numerics in (few, many))

@@ -98,7 +98,7 @@ class JointRuns:
         n = len(points)
         motions = np.zeros(n, int) if motion is None else np.asarray(motion)
         curves = np.zeros(n, int) if material is None else np.asarray(material)
-        kind = (*map(float, numerics.mesh), float(ELEMENTS.index(numerics.element)))
+        kind = kind_of(numerics)
         keys = [
             [(float(k), *kind, float(motions[i]), float(curves[i]), *points[i].tolist()) for i in range(n)]
             for k in range(len(self.prepared))
@@ -158,7 +158,7 @@ class JointRuns:
 
     @cached_property
     def model_hash(self) -> bytes:
-        """SHA-256 of all that a run depends on but its point, mesh and element."""
+        """SHA-256 of all that a run depends on but its point and its numerics, see `kind_of`."""
         said = {
             "inputs": [dict(p.forward.shot.inputs) for p in self.prepared],
             "shots": [repr((p.forward.shot.specimen, p.forward.shot.interface)) for p in self.prepared],
@@ -191,6 +191,17 @@ class JointRuns:
         with Ledger(self.ledger, self.model_hash) as book:
             book.record(np.array(list(fresh)), runs)
         self._file = True
+
+
+def kind_of(numerics: Numerics) -> tuple[float, ...]:
+    """Numbers that two runs share only if all numerical choices that move a result are the same.
+
+    The mesh, its grading and the element as they are, the rest as 48 bits of a digest, which a float holds.
+    """
+    rest = replace(numerics, mesh=(0, 0), grading=0.0, element="", device="", threads=None)
+    digest = hashlib.sha256(repr(rest).encode()).digest()[:6]
+    element = float(ELEMENTS.index(numerics.element))
+    return (*map(float, numerics.mesh), numerics.grading, element, float(int.from_bytes(digest, "big")))
 
 
 def _outcome(row: FloatArray) -> str:

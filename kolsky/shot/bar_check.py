@@ -10,8 +10,9 @@ from kolsky.bars.audit import CORRECTIONS
 from kolsky.bars.records import BarSignal, Windows
 from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, StationInput, WavesInput
 from kolsky.bars.reduction.overlap import overlapping_windows
+from kolsky.bars.reduction.pulse_checks import PulseCheck, check_windows
 from kolsky.bars.reduction.varied_test import station_of
-from kolsky.bars.reduction.windows import PulseCheck, check_windows, find_windows, incident_arrival
+from kolsky.bars.reduction.windows import find_windows, incident_arrival
 from kolsky.bars.signals.arrival import Arrival
 from kolsky.bars.signals.bridge import Bridge, Linear
 from kolsky.base.apparatus import Bar

@@ -10,15 +10,10 @@ from typing import Any
 from kolsky.bars.audit import Switches
 from kolsky.bars.guides.polymer_waveguide import PronyModulus
 from kolsky.bars.records import Windows
-from kolsky.bars.reduction.common_clock import on_one_clock
 from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, StationInput, WavesInput
-from kolsky.bars.signals.bridge import Bridge, Calibration, Linear
-from kolsky.bars.signals.shunt import Shunt, with_shunt
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.errors import InputError, refuse
-from kolsky.base.records import Recording
-from kolsky.readers.recordings import read_recordings
-from kolsky.readers.signalunits import si_unit
+from kolsky.shot.bar_stations import gauges_of, recording_notes, recordings_of, shot_file_table, station_of
 from kolsky.shot.schema.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
 from kolsky.shot.schema.reading import Source, TomlFile, parsed
 
@@ -127,24 +122,18 @@ def _record(
 ) -> tuple[dict[str, Bar], dict[str, StationInput], dict[str, str], tuple[str, ...]]:
     """Bars, stations, the hashes of their files and notes about them."""
     folder = file.path.parent
-    gauges = _gauges(declared)
+    gauges = gauges_of(declared)
     _all_there(file, declared, gauges, folder)
     bars = {side: _bar(getattr(declared.bars, side)) for side in SIDES}
     _on_its_bar(file, gauges, bars)
-    recordings, hashes = _recordings(file, declared, gauges, folder)
+    recordings, hashes = recordings_of(file, declared, gauges, folder)
     stations = {}
     for key, gauge in gauges.items():
         try:
-            stations[key] = _station(gauge, recordings[key], bars[key.removesuffix(" far")], declared)
+            stations[key] = station_of(gauge, recordings[key], bars[key.removesuffix(" far")], declared)
         except ValueError as error:
-            raise file.error(f"{_table(key)}.bridge", str(error)) from error
+            raise file.error(f"{shot_file_table(key)}.bridge", str(error)) from error
     return bars, stations, hashes, recording_notes(declared, recordings)
-
-
-def _gauges(declared: BarsShotFile) -> dict[str, GaugeSection]:
-    """The declared stations by the chain's keys."""
-    found = {side: getattr(declared.gauges, side) for side in SIDES}
-    return found if declared.gauges.incident_far is None else found | {FAR: declared.gauges.incident_far}
 
 
 def _bar(section: WaveBarSection) -> Bar:
@@ -158,107 +147,13 @@ def _bar(section: WaveBarSection) -> Bar:
     )
 
 
-def _recordings(
-    file: TomlFile, declared: BarsShotFile, gauges: Mapping[str, GaugeSection], folder: Path
-) -> tuple[dict[str, tuple[Recording, ...]], dict[str, str]]:
-    """The channels of all stations, and the hashes of their files.
-
-    A channel's unit is that of its file. One that the shot file states is taken instead; where both are
-    there and differ, `recording_notes` says so.
-    """
-    found, hashes = {}, {}
-    for key, gauge in gauges.items():
-        wanted = "1" if gauge.strain else "V"
-        channels = []
-        for channel, recorder_name in zip(map(str, gauge.channels), gauge.recorders, strict=True):
-            recorder = declared.recorders[recorder_name]
-            layout = recorder.as_layout(full_scale=gauge.full_scale)
-            recording = read_recordings(folder / recorder.file, [channel], layout=layout)[channel]
-            hashes[recorder.file] = recording.sha256
-            if recording.unit != wanted:
-                raise file.error(
-                    _table(key),
-                    f"needs a signal in {wanted!r}, channel {recording.channel!r} is in {recording.unit!r}",
-                    cure="state the unit of the samples in the recorder's table, or strain = true",
-                )
-            channels.append(recording)
-        found[key] = tuple(channels)
-    return found, hashes
-
-
-def recording_notes(
-    declared: BarsShotFile, recordings: Mapping[str, tuple[Recording, ...]]
-) -> tuple[str, ...]:
-    """Stated units that contradict their file's, and channels that were interpolated to uniform times."""
-    notes: list[str] = []
-    for key, channels in recordings.items():
-        gauge = getattr(declared.gauges, key.replace(" ", "_"))
-        for recording, name in zip(channels, gauge.recorders, strict=True):
-            stated = declared.recorders[name].unit
-            notes += [recording.note] if recording.note else []
-            if stated is None or recording.file_unit is None:
-                continue
-            taken, written = si_unit(stated), si_unit(recording.file_unit)
-            if taken == written:
-                continue
-            notes.append(
-                f"channel '{recording.channel}' of {recording.path.name} is in '{recording.file_unit}' by "
-                f"the file and in '{stated}' by recorders.{name}.unit, which was taken; cure: remove "
-                f"recorders.{name}.unit unless the file is wrong"
-            )
-    return tuple(dict.fromkeys(notes))
-
-
-def _table(key: str) -> str:
-    """The table of a station in the shot file."""
-    return "gauges." + key.replace(" ", "_")
-
-
-def _station(
-    gauge: GaugeSection, recordings: tuple[Recording, ...], bar: Bar, declared: BarsShotFile
-) -> StationInput:
-    offsets = [declared.recorders[name].clock_offset for name in gauge.recorders]
-    if len(set(gauge.recorders)) > 1:
-        recordings = on_one_clock(recordings, offsets)
-    return StationInput(
-        recordings=recordings,
-        calibration=_calibration(gauge, bar),
-        position=gauge.distance,
-        baseline=gauge.baseline,
-        clock_offset=offsets[0],
-        compression=gauge.signs,
-        full_scale=gauge.full_scale,
-    )
-
-
-def _calibration(gauge: GaugeSection, bar: Bar) -> Calibration:
-    if gauge.strain:
-        return Linear(1.0, unit="1")
-    if gauge.strain_per_volt is not None:
-        return Linear(gauge.strain_per_volt)
-    assert gauge.bridge is not None  # the validator saw to it
-    across = "Poisson" in gauge.bridge.kind
-    stated = gauge.bridge.model_dump(exclude={"shunt"})
-    bridge = Bridge(**stated, poisson=bar.poisson if across else None)
-    if gauge.bridge.shunt is None:
-        return bridge
-    found, check = with_shunt(bridge, Shunt(**gauge.bridge.shunt.model_dump()))
-    if check.compression_sign not in gauge.signs:
-        raise ValueError(
-            f"the shunt's step of {gauge.bridge.shunt.step:g} V says that compression gives "
-            f"{'positive' if check.compression_sign > 0 else 'negative'} volts, declared is "
-            f"{gauge.compression!r}; correct the sign of the step or of compression"
-        )
-    return found
-
-
 def _all_there(
     file: TomlFile, declared: BarsShotFile, gauges: Mapping[str, GaugeSection], folder: Path
 ) -> None:
     """Unknown recorders and missing files, all at once."""
     problems: list[InputError] = [
         file.error(
-            f"{_table(key)}.recorder",
+            f"{shot_file_table(key)}.recorder",
             f"names no recorder; there are {', '.join(declared.recorders)}",
             cure=f"add a table [recorders.{name}], or correct the name",
         )
@@ -283,7 +178,7 @@ def _on_its_bar(file: TomlFile, gauges: Mapping[str, GaugeSection], bars: Mappin
     refuse(
         [
             file.error(
-                f"{_table(key)}.distance",
+                f"{shot_file_table(key)}.distance",
                 "lies beyond the bar's other end",
                 allowed=f"below the bar's length, {1e3 * bar.length:.6g} mm",
             )

@@ -34,7 +34,14 @@ def force_channel(folder: Path, rest: float, toml: ShotToml) -> ForceChannel:
     recording = force_recording(folder / section.file, section)
     check_range(recording, toml)
     check_signal(recording, toml)
-    channel = ForceChannel(
+    channel = channel_of(recording, section)
+    check_baseline(channel.baseline_volts(), rest, toml)
+    return channel
+
+
+def channel_of(recording: Recording, section: ForceSection) -> ForceChannel:
+    """A recording with the transducer, the baseline and the clock that its section declares."""
+    return ForceChannel(
         recording=recording,
         transducer=Transducer(
             sensitivity=section.sensitivity,
@@ -45,8 +52,6 @@ def force_channel(folder: Path, rest: float, toml: ShotToml) -> ForceChannel:
         baseline=section.baseline,
         clock_offset=section.clock_offset,
     )
-    check_baseline(channel.baseline_volts(), rest, toml)
-    return channel
 
 
 def force_recording(path: Path, section: ForceSection) -> Recording:

@@ -1,13 +1,10 @@
 """[incident_force]: the channel of the flyer's own transducer, for classical means and for simulations."""
 
-from math import inf
-
 import numpy as np
 
-from kolsky.base.apparatus import Transducer
 from kolsky.base.errors import InputError
 from kolsky.base.units import in_us
-from kolsky.shot.force import SMALLEST_BASELINE, force_recording
+from kolsky.shot.force import SMALLEST_BASELINE, channel_of, force_recording
 from kolsky.shot.records import ForceChannel, IncidentForce
 from kolsky.shot.schema.reading import ShotToml
 
@@ -34,17 +31,7 @@ def incident_channel(toml: ShotToml) -> ForceChannel | None:
             line=int(clipped[0]) + 2,
             cure="a clipped force is lost; repeat the test at a coarser range, or correct the full scale",
         )
-    channel = ForceChannel(
-        recording=recording,
-        transducer=Transducer(
-            sensitivity=section.sensitivity,
-            compression_sign=1 if section.compression == "positive" else -1,
-            full_scale=section.full_scale,
-            time_constant=inf if section.time_constant is None else section.time_constant,
-        ),
-        baseline=section.baseline,
-        clock_offset=section.clock_offset,
-    )
+    channel = channel_of(recording, section)
     if channel.baseline_volts().size < SMALLEST_BASELINE:
         raise toml.error(
             "incident_force.baseline",

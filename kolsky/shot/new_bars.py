@@ -9,8 +9,9 @@ from kolsky.base.errors import InputError
 from kolsky.readers.contents import Channel, Contents
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.signalunits import si_unit
+from kolsky.shot.found_table import FoundTable, quoted
 from kolsky.shot.new_file import COLUMN, filled, microseconds, noted
-from kolsky.shot.survey import FoundTable, Survey, quoted
+from kolsky.shot.survey import Survey
 
 _INCIDENT = re.compile(r"(?<![a-z])(inc|input|eingang|einfall|entr|in(?![a-z]))", re.IGNORECASE)
 _TRANSMITTED = re.compile(r"(?<![a-z])(tra(?!in|ck|ce)|out|ausgang|sortie)", re.IGNORECASE)

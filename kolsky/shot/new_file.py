@@ -13,17 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from kolsky.base.units import unit_factor
-from kolsky.shot.survey import (
-    FoundColumn,
-    FoundTable,
-    Survey,
-    displacement_of,
-    quoted,
-    sigma_of,
-    strain_of,
-    stress_of,
-    voltage_of,
-)
+from kolsky.shot.found_table import FoundColumn, FoundTable, quoted
+from kolsky.shot.survey import Survey, displacement_of, sigma_of, strain_of, stress_of, voltage_of
 
 BLANK = '""'
 """A value that is to be filled in."""

@@ -11,8 +11,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from kolsky.shot.found_table import quoted
 from kolsky.shot.new_file import BLANK
-from kolsky.shot.survey import Survey, quoted
+from kolsky.shot.survey import Survey
 
 ONE_FILE = (".tif", ".tiff", ".cine", ".mraw", ".h5", ".hdf5")
 """Endings of files that may hold a whole series."""

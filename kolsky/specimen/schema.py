@@ -15,7 +15,7 @@ Acceleration = Annotated[float, BeforeValidator(f.number)]
 class ForceColumn(ColumnSection):
     """A column of forces."""
 
-    unit: Annotated[float, BeforeValidator(f._factor("N"))]
+    unit: Annotated[float, BeforeValidator(f.factor("N"))]
 
 
 class MaterialSection(Section):

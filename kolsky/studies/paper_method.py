@@ -21,13 +21,22 @@ from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse import simulate as single
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import SCALE_FORCE, Terms
+from kolsky.inverse.misfit import Terms
 from kolsky.inverse.parameters import MOVED, design_box
 from kolsky.shot.records import Shot
 from kolsky.studies import sweep as sweeping
 from kolsky.studies.paper_interval import CostInterval, cost_interval
+from kolsky.studies.paper_surface import (
+    FRICTION,
+    Surface,
+    box_around,
+    cost_of,
+    delta_of,
+    friction_told,
+    profile,
+    surface_of,
+)
 
-FRICTION = "friction"
 BOUNDS = {FRICTION: (0.0, 2.0), MOVED: (0.75, 1.5)}
 """The paper's designs: its Fig. 9, and for the stiffness factor the wider range of its Fig. 10."""
 LEVELS, LEVELS_ALONE = 10, 16
@@ -43,24 +52,8 @@ CONFIRMED = 0.005
 the paper gives."""
 SAME = 1e-6
 """Points of the unit box closer than this are one run."""
-GRID = 101
-"""Places along each parameter at which the surface is looked at for the interval."""
 
 Progress = Callable[[str, int, int], None]
-
-
-@dataclass(frozen=True)
-class Surface:
-    """Runs of one mesh and radial basis functions through their cost."""
-
-    runs: sweeping.Sweep
-    """The runs."""
-    fit: CostSurrogate
-    """Through the cost of those that completed."""
-    optimum: FloatArray
-    """Where the simplex found its least, in parameter units, shape [d]."""
-    least: float
-    """The cost there by the surface [-]."""
 
 
 @dataclass(frozen=True)
@@ -105,16 +98,6 @@ class PaperAnswer:
     def delta(self) -> float:
         """Its uncertainty [-], see `delta_of`."""
         return delta_of(self.terms)
-
-
-def cost_of(found: Terms) -> float:
-    """Phi, Eq. (M.5) [-]; its force term where no outline was measured."""
-    return found.phi if found.has_shape else found.phi_force / SCALE_FORCE
-
-
-def delta_of(found: Terms) -> float:
-    """delta Phi, Eq. (M.8) [-]; its force term, Eq. (M.7), where no outline was measured."""
-    return found.sigma_phi if found.has_shape else found.sigma_phi_force / SCALE_FORCE
 
 
 def paper_method(
@@ -200,25 +183,6 @@ def at_bound(value: float, bounds: tuple[float, float]) -> bool:
     return value - bounds[0] <= CONFIRMED or bounds[1] - value <= CONFIRMED
 
 
-def profile(fit: CostSurrogate, name: str = MOVED) -> tuple[FloatArray, FloatArray]:
-    """Values of a parameter and the least cost over the other at each, shape [GRID] each."""
-    box = fit.box
-    axes = [np.linspace(0.0, 1.0, GRID)] * box.dimension
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    points = box.scale(grid.reshape(-1, box.dimension))
-    cost = fit.predict(points)[:, 0].reshape(grid.shape[:-1])
-    own = box.names.index(name)
-    others = tuple(axis for axis in range(box.dimension) if axis != own)
-    low, high = box.lower[own], box.upper[own]
-    return np.linspace(low, high, GRID), cost.min(axis=others)
-
-
-def friction_told(fit: CostSurrogate, delta: float) -> bool:
-    """True if the largest friction of the design costs more than delta Phi over the least."""
-    _, cost = profile(fit, FRICTION)
-    return bool(cost[-1] - cost.min() > delta)
-
-
 class _Search:
     """Designs, surfaces and runs of one shot."""
 
@@ -285,33 +249,3 @@ class _Search:
                 break
             x = best
         return surface, tuple(checks), last, predicted, moved
-
-
-def surface_of(runs: sweeping.Sweep) -> Surface:
-    """Radial basis functions through the costs of completed runs, and where a simplex finds their least.
-
-    Raises
-    ------
-    ValueError
-        If fewer than four runs completed.
-    """
-    table = runs.table
-    box = Box.of({n: (a, b) for n, a, b in zip(table.names, table.lower, table.upper, strict=True)})
-    cost = sweeping.costs(table)
-    done = np.flatnonzero(np.isfinite(cost))
-    if len(done) < 4:
-        first = f"; the first ended {table.ending(table.lost[0]).sentence}" if table.lost else ""
-        raise ValueError(f"{len(done)} of {len(cost)} runs of the design completed, 4 are needed{first}")
-    fit = CostSurrogate.fit(box, table.points[done], cost[done])
-    found = nelder_mead(fit.cost, box, start=table.points[done[np.argmin(cost[done])]])
-    return Surface(runs, fit, found.x, found.value)
-
-
-def box_around(whole: Box, x: FloatArray, shares: list[float]) -> Box:
-    """A box about a point with these shares of the edges, moved to lie inside the whole one."""
-    bounds = {}
-    for i, (name, share) in enumerate(zip(whole.names, shares, strict=True)):
-        edge = share * (whole.upper[i] - whole.lower[i])
-        low = float(np.clip(x[i] - 0.5 * edge, whole.lower[i], whole.upper[i] - edge))
-        bounds[name] = (low, low + edge)
-    return Box.of(bounds)

@@ -10,7 +10,8 @@ from kolsky.base.files import filling, write_table
 from kolsky.base.json_types import jsonable
 from kolsky.inverse.parameters import MOVED
 from kolsky.results.tables import ends
-from kolsky.studies.paper_method import CONFIRMED, FRICTION, PaperAnswer, at_bound
+from kolsky.studies.paper_method import CONFIRMED, PaperAnswer, at_bound
+from kolsky.studies.paper_surface import FRICTION
 from kolsky.studies.sweep import costs
 
 STEM = "paper_method"

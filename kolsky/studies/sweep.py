@@ -13,7 +13,8 @@ import numpy as np
 
 from doe import Design
 from doe.executors import ExecutorFactory, Pace, run_chunks
-from doe.ledger import Ledger, LedgerError, Run
+from doe.ledger import Ledger, LedgerError
+from doe.ledger_rows import Run
 from explicit import Outcome
 from kolsky.base.arrays import FloatArray
 from kolsky.base.files import missing, remove_empty, write_table

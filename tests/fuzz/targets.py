@@ -257,7 +257,8 @@ def results() -> list[Target]:
     from synthetic import synthetic
     from synthetic_dic import synthetic_result
 
-    from doe.ledger import Ledger, Run
+    from doe.ledger import Ledger
+    from doe.ledger_rows import Run
     from kolsky.results.hdf5 import read_identification, write_identification
     from kolsky.shot.surfaces_file import read_stereo_result, write_stereo_result
 

@@ -150,7 +150,7 @@ FAULTS = (
     ),
     Fault(
         "weights of the inner points of a face for the outer ones",
-        "implicit/loads/surface_contact.py",
+        "implicit/loads/contact_faces.py",
         "np.array([1.0, 5.0, 5.0, 1.0]) / 6.0",
         "np.array([5.0, 1.0, 1.0, 5.0]) / 6.0",
         (f"{_CONTACT}::test_two_blocks_are_one",),

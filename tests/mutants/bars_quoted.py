@@ -15,30 +15,39 @@ RISE = "kolsky/bars/signals/first_rise.py"
 DRIFT = "kolsky/bars/signals/drift.py"
 ZERO = "kolsky/bars/signals/signal_zero.py"
 STATION = "kolsky/bars/signals/stations.py"
+ELASTIC_LIMIT = "kolsky/bars/signals/elastic_limit.py"
 QUOTED = "kolsky/bars/reduction/quoted_values.py"
 SIGNALS = "kolsky/bars/reduction/signal_remarks.py"
 SUMMARY = "kolsky/bars/reduction/summary.py"
 WINDOWS = "kolsky/bars/reduction/windows.py"
+PULSE_CHECKS = "kolsky/bars/reduction/pulse_checks.py"
 SHOT = "kolsky/shot/bars.py"
+BAR_STATIONS = "kolsky/shot/bar_stations.py"
 
 FAULTS = (
     Fault(
         "the shot's wanted unit overrides the file's",
-        SHOT,
+        BAR_STATIONS,
         "layout = recorder.as_layout(full_scale=gauge.full_scale)",
         "layout = recorder.as_layout(full_scale=gauge.full_scale, unit=recorder.unit or wanted)",
         UNITS,
     ),
-    Fault("contradicting units not said", SHOT, "if taken == written:", "if taken:", UNITS),
+    Fault("contradicting units not said", BAR_STATIONS, "if taken == written:", "if taken:", UNITS),
     Fault(
         "any strain of a bar taken",
-        STATION,
+        ELASTIC_LIMIT,
         '"metal": 0.02, "polymer": 0.1',
         '"metal": 0.2, "polymer": 1.0',
         UNITS,
     ),
-    Fault("yield judged by a spike", STATION, "moving_mean(strain, width)).max())", "strain).max())", UNITS),
-    Fault("a polymer taken for metal", STATION, "POLYMER = 20e9", "POLYMER = 2e9", UNITS),
+    Fault(
+        "yield judged by a spike",
+        ELASTIC_LIMIT,
+        "moving_mean(strain, width)).max())",
+        "strain).max())",
+        UNITS,
+    ),
+    Fault("a polymer taken for metal", ELASTIC_LIMIT, "POLYMER = 20e9", "POLYMER = 2e9", UNITS),
     Fault(
         "gaps interpolated",
         "kolsky/readers/timecolumn.py",
@@ -94,14 +103,14 @@ FAULTS = (
     Fault("noise of a first rise dropped", RISE, "(noise / slope) ** 2 + step", "step", RISES),
     Fault(
         "the scatter of first rises dropped",
-        WINDOWS,
+        PULSE_CHECKS,
         "SCATTER[0] * average, ",
         "",
         RISES,
     ),
     Fault(
         "long early pulses not looked for",
-        WINDOWS,
+        PULSE_CHECKS,
         "before = max(min(before, rough.time - 4.0 * average), behind)",
         "pass",
         RISES,

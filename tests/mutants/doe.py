@@ -4,6 +4,7 @@ from tests.mutants.fault import Fault
 
 LEDGER = ("tests/unit/doe/test_doe_ledger.py",)
 VERDICTS = ("tests/unit/doe/test_doe_verdicts.py",)
+WHITENING = ("tests/unit/doe/test_whitening.py",)
 
 FAULTS = (
     Fault(
@@ -71,9 +72,30 @@ FAULTS = (
     ),
     Fault(
         name="a row of the ledger is believed whatever its digest",
-        file="doe/ledger.py",
-        right="digest == _digest(row[:-2])\n        and key",
+        file="doe/ledger_rows.py",
+        right="digest == digest_of(row[:-2])\n        and key",
         wrong="len(digest) == 32\n        and key",
         tests=LEDGER,
+    ),
+    Fault(
+        name="the root of a common error forgotten",
+        file="doe/whitening.py",
+        right="/ (root * (1.0 + root))",
+        wrong="/ root",
+        tests=WHITENING,
+    ),
+    Fault(
+        name="a common error's precision as its square",
+        file="doe/whitening.py",
+        right="(scaled @ common.T) / total)",
+        wrong="(scaled @ common.T) / np.sqrt(total))",
+        tests=WHITENING,
+    ),
+    Fault(
+        name="the determinant without common errors",
+        file="doe/whitening.py",
+        right=" + np.log(total).sum())",
+        wrong=")",
+        tests=WHITENING,
     ),
 )

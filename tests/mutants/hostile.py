@@ -17,7 +17,7 @@ FAULTS = (
     ),
     Fault(
         "a plain number of any size is read",
-        "kolsky/shot/schema/fields.py",
+        "kolsky/shot/schema/values.py",
         "    if abs(value) > LARGEST:",
         "    if abs(value) > 1e308:",
         ("tests/unit/base/test_units.py::test_plain_numbers_have_the_same_limit",),

@@ -1,12 +1,14 @@
-"""Faults in the joint identification, in what relaxes, and in the choice between with it and without."""
+"""Faults in the joint identification."""
 
 from tests.mutants.fault import Fault
 
-_SCATTER, _WEIGHTS = "kolsky/joint/scatter.py", "kolsky/joint/weights.py"
-_BRANCH, _NODES = "kolsky/diagnosis/branch_test.py", "kolsky/joint/unknowns.py"
-_SLOW, _RELAXING = "kolsky/joint/slow_schema.py", "kolsky/inverse/relaxing.py"
+_SCATTER = "kolsky/joint/scatter.py"
+_WEIGHTS = "kolsky/joint/weights.py"
+_NODES = "kolsky/joint/unknowns.py"
+_SLOW = "kolsky/joint/slow_schema.py"
 _UNSEEN = "kolsky/joint/unseen.py"
-_ANSWER, _STEPS = "kolsky/joint/answer.py", "kolsky/joint/refined_steps.py"
+_ANSWER = "kolsky/joint/answer.py"
+_STEPS = "kolsky/joint/refined_steps.py"
 
 
 def _fault(name: str, file: str, right: str, wrong: str, test: str) -> Fault:
@@ -14,6 +16,41 @@ def _fault(name: str, file: str, right: str, wrong: str, test: str) -> Fault:
 
 
 FAULTS = (
+    _fault(
+        "runs on a graded mesh taken for those on an even one of its size",
+        "kolsky/joint/runs.py",
+        "(*map(float, numerics.mesh), numerics.grading, element,",
+        "(*map(float, numerics.mesh), element,",
+        "joint/test_refined_patterns.py",
+    ),
+    _fault(
+        "arithmetic that a ledger does not tell apart",
+        "kolsky/joint/runs.py",
+        'float(int.from_bytes(digest, "big"))',
+        "0.0",
+        "joint/test_refined_patterns.py",
+    ),
+    _fault(
+        "patterns of the noise made anew on the mesh of the search",
+        "kolsky/joint/refined_patterns.py",
+        "problem.learn_noise(found.x, numerics)",
+        "problem.learn_noise(found.x, problem.mesh)",
+        "joint/test_refined_patterns.py",
+    ),
+    _fault(
+        "no search with the patterns made anew",
+        "kolsky/joint/refined_patterns.py",
+        "replace(refined_optimum(problem, found.x, found.slopes), start=found.start)",
+        "found",
+        "joint/test_refined_patterns.py",
+    ),
+    _fault(
+        "a graded mesh's error by the wrong one of the two",
+        "kolsky/joint/mesh_errors.py",
+        "GradedChange(same - found.vector, coarse - same,",
+        "GradedChange(coarse - found.vector, coarse - same,",
+        "joint/test_refined_patterns.py",
+    ),
     _fault(
         "a scatter of the plain likelihood, too small for few shots",
         _SCATTER,
@@ -92,34 +129,6 @@ FAULTS = (
         "joint/test_weights.py",
     ),
     _fault(
-        "a strength below zero explains as well",
-        _BRANCH,
-        "gain = max(max(0.0, float(score[best])) ** 2,",
-        "gain = max(float(score[best]) ** 2,",
-        "diagnosis/test_branch_test.py",
-    ),
-    _fault(
-        "the best of several times judged as if one had been tried",
-        _BRANCH,
-        ".max(axis=1) ** 2",
-        "[:, 0] ** 2",
-        "diagnosis/test_branch_test.py",
-    ),
-    _fault(
-        "residuals of a block taken for independent evidence",
-        _BRANCH,
-        "scale[k] = max(scale[k],",
-        "scale[k] = max(scale[k], 0.0 *",
-        "diagnosis/test_branch_test.py",
-    ),
-    _fault(
-        "what the parameters follow counted for the branch",
-        _BRANCH,
-        "own = directions - (directions @ basis) @ basis.T",
-        "own = directions.copy()",
-        "diagnosis/test_branch_test.py",
-    ),
-    _fault(
         "smoothness by the first difference",
         _NODES,
         "np.diff(np.eye(nodes), n=2, axis=0)",
@@ -146,20 +155,6 @@ FAULTS = (
         'if test.convention == "tension positive" else -1.0',
         'if test.convention == "tension positive" else 1.0',
         "joint/test_slow_tests.py",
-    ),
-    _fault(
-        "every run of a batch with the first series",
-        _RELAXING,
-        "choice = index.ravel() if len(index) > 1",
-        "choice = 0 * index.ravel() if len(index) > 1",
-        "inverse/test_relaxing.py",
-    ),
-    _fault(
-        "strengths taken for times",
-        _RELAXING,
-        "PronySeries(tuple(row[:n].tolist()), tuple(row[n:].tolist()))",
-        "PronySeries(tuple(row[n:].tolist()), tuple(row[:n].tolist()))",
-        "inverse/test_relaxing.py",
     ),
     _fault(
         "a strength within one standard uncertainty of nothing asked for",
@@ -279,54 +274,5 @@ FAULTS = (
         "np.outer(missed, step / sigma) / float(step @ step)",
         "np.outer(missed, step * sigma) / float((step * sigma) @ (step * sigma))",
         "joint/test_refined_steps.py",
-    ),
-    _fault(
-        "directions of a branch whose ringing is out of step",
-        _RELAXING,
-        "(0.5 - np.asarray(poisson)) * np.asarray(stiffer)",
-        "(0.5 - np.asarray(poisson))",
-        "inverse/test_relaxing.py",
-    ),
-    _fault(
-        "what a search for a branch has gained left out",
-        _BRANCH,
-        "realised / float(scale.max()) ** 2)",
-        "0.0)",
-        "diagnosis/test_branch_test.py",
-    ),
-    _fault(
-        "what a search has gained by residuals that are correlated",
-        _BRANCH,
-        "realised / float(scale.max()) ** 2)",
-        "realised)",
-        "diagnosis/test_branch_test.py",
-    ),
-    _fault(
-        "a branch that explains a tenth of what is left advised",
-        "kolsky/diagnosis/branch_search.py",
-        "HALF = 0.5",
-        "HALF = 0.1",
-        "diagnosis/test_rate_advice.py",
-    ),
-    _fault(
-        "a search for a branch that leaves the ringing's pace",
-        "kolsky/diagnosis/branch_search.py",
-        "stiffer = root if MOVED in box.names else root**2",
-        "stiffer = root**2",
-        "diagnosis/test_rate_advice.py",
-    ),
-    _fault(
-        "what is left counted by its size and not its square",
-        "kolsky/diagnosis/branch_search.py",
-        "((size / o.noise) ** 2).sum()",
-        "(size / o.noise).sum()",
-        "diagnosis/test_rate_advice.py",
-    ),
-    _fault(
-        "a branch at a bound of its range advised",
-        "kolsky/diagnosis/branch_search.py",
-        "return self.inside and self.aic < 0.0 and self.share >= HALF",
-        "return self.aic < 0.0 and self.share >= HALF",
-        "diagnosis/test_rate_advice.py",
     ),
 )

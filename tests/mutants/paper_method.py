@@ -4,6 +4,7 @@ from tests.mutants.fault import Fault
 
 TESTS = ("tests/unit/studies/test_paper_method.py",)
 METHOD = "kolsky/studies/paper_method.py"
+PAPER_SURFACE = "kolsky/studies/paper_surface.py"
 INTERVAL = "kolsky/studies/paper_interval.py"
 SWEEPS = ("tests/unit/report/test_sweep_report.py",)
 
@@ -38,14 +39,14 @@ FAULTS = (
     ),
     Fault(
         name="without an outline delta Phi is that of both",
-        file=METHOD,
+        file=PAPER_SURFACE,
         right="return found.sigma_phi if found.has_shape else found.sigma_phi_force / SCALE_FORCE",
         wrong="return found.sigma_phi",
         tests=TESTS,
     ),
     Fault(
         name="friction is told by its lower bound",
-        file=METHOD,
+        file=PAPER_SURFACE,
         right="cost[-1] - cost.min() > delta",
         wrong="cost[0] - cost.min() > delta",
         tests=TESTS,
@@ -59,7 +60,7 @@ FAULTS = (
     ),
     Fault(
         name="the profile over m is the mean over friction",
-        file=METHOD,
+        file=PAPER_SURFACE,
         right="cost.min(axis=others)",
         wrong="cost.mean(axis=others)",
         tests=TESTS,

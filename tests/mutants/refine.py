@@ -50,7 +50,7 @@ FAULTS = (
     ),
     Fault(
         name="calibration: a first picture of an odd size is let through",
-        file="kolsky/shot/rig.py",
+        file="kolsky/shot/calibration_pictures.py",
         right="if other > same:",
         wrong="if other < same:",
         tests=("tests/unit/dic/test_dic_unusable_pictures.py",),

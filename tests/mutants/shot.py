@@ -1,14 +1,9 @@
-"""Faults of reading a shot: ranges, zero, sign, first motion, window, clocks, units, strictness."""
+"""Faults of reading a shot: ranges, zero, sign, first motion, window, strictness."""
 
 from tests.mutants.fault import Fault
 
 CHECKS = ("tests/unit/shot/test_checks.py",)
-JUDGE = ("tests/unit/readers/test_judge.py",)
-READERS = ("tests/unit/readers/test_readers.py",)
-UNITS = ("tests/unit/base/test_units.py",)
-LAYOUTS = ("tests/unit/shot/test_layouts.py",)
 CONTACT = ("tests/unit/shot/test_contact_door.py",)
-
 NEW = tuple(
     f"tests/unit/cli/test_new_from_files.py::{name}"
     for name in (
@@ -22,20 +17,6 @@ NEW = tuple(
 )
 
 FAULTS = (
-    Fault(
-        name="an even subset is proposed",
-        file="kolsky/shot/flyer_refusal.py",
-        right="across - 1 + across % 2",
-        wrong="across",
-        tests=("tests/unit/shot/test_flyer_refusal.py",),
-    ),
-    Fault(
-        name="a subset that fits is made smaller",
-        file="kolsky/shot/flyer_refusal.py",
-        right="    if fitting >= subset:",
-        wrong="    if False:",
-        tests=("tests/unit/shot/test_flyer_refusal.py",),
-    ),
     Fault(
         name="a sample at full scale is not clipped",
         file="kolsky/shot/force.py",
@@ -107,41 +88,6 @@ FAULTS = (
         tests=CHECKS,
     ),
     Fault(
-        name="first motion at sixty sigmas",
-        file="kolsky/shot/frames.py",
-        right="MOTION_SIGMAS = 6.0",
-        wrong="MOTION_SIGMAS = 60.0",
-        tests=CHECKS,
-    ),
-    Fault(
-        name="rest counted from the first frame, not from the mean",
-        file="kolsky/shot/frames.py",
-        right="flyer.displacement - flyer.displacement[:n_static][sound[:n_static]].mean()",
-        wrong="flyer.displacement - flyer.displacement[0]",
-        tests=CHECKS,
-    ),
-    Fault(
-        name="a flyer that moves away is taken",
-        file="kolsky/shot/frames.py",
-        right="if travel[row] < 0.0:",
-        wrong="if travel[row] < -1.0:",
-        tests=CHECKS,
-    ),
-    Fault(
-        name="times agree within a whole digit",
-        file="kolsky/shot/frames.py",
-        right="tolerance = 0.5 * (table.digit + frames.digit)",
-        wrong="tolerance = 1.0 * (table.digit + frames.digit)",
-        tests=CHECKS,
-    ),
-    Fault(
-        name="the clock offset of the frames subtracted where the flyer must cover them",
-        file="kolsky/shot/frames.py",
-        right="frames.time + toml.declared.frames.clock_offset > end",
-        wrong="frames.time - toml.declared.frames.clock_offset > end",
-        tests=CHECKS,
-    ),
-    Fault(
         name="the window begins a frame after rest",
         file="kolsky/shot/window.py",
         right="frame_time[declared.frames.static - 1]",
@@ -170,41 +116,6 @@ FAULTS = (
         tests=CHECKS,
     ),
     Fault(
-        name="the outline held against the diameter",
-        file="kolsky/shot/outline.py",
-        right="0.5 * toml.declared.specimen.diameter",
-        wrong="1.0 * toml.declared.specimen.diameter",
-        tests=CHECKS,
-    ),
-    Fault(
-        name="the outline may be half of the radius off",
-        file="kolsky/shot/outline.py",
-        right="RADIUS_TOLERANCE = 0.2",
-        wrong="RADIUS_TOLERANCE = 0.5",
-        tests=CHECKS,
-    ),
-    Fault(
-        name="a specimen ten times as long as its outline is taken",
-        file="kolsky/shot/outline.py",
-        right="LEAST_HEIGHT = 0.2",
-        wrong="LEAST_HEIGHT = 0.02",
-        tests=CHECKS,
-    ),
-    Fault(
-        name="a radius of ten specimens is taken",
-        file="kolsky/shot/outline.py",
-        right="LARGEST_RADIUS = 3.0",
-        wrong="LARGEST_RADIUS = 30.0",
-        tests=CHECKS,
-    ),
-    Fault(
-        name="points below the transmission platen are taken",
-        file="kolsky/shot/outline.py",
-        right="-0.1 * length, 1.1 * length",
-        wrong="-1.0 * length, 1.1 * length",
-        tests=CHECKS,
-    ),
-    Fault(
         name="a curve of four points",
         file="kolsky/shot/curve.py",
         right="SMALLEST_CURVE = 5",
@@ -217,83 +128,6 @@ FAULTS = (
         right="strain * stress < 0.0",
         wrong="strain * stress > np.inf",
         tests=CHECKS,
-    ),
-    Fault(
-        name="a flat top of seven samples",
-        file="kolsky/readers/judge.py",
-        right="SHORTEST_FLAT_TOP = 8",
-        wrong="SHORTEST_FLAT_TOP = 7",
-        tests=JUDGE,
-    ),
-    Fault(
-        name="a flat top twice as long as runs elsewhere",
-        file="kolsky/readers/judge.py",
-        right="LONGER_THAN_OTHERS = 4",
-        wrong="LONGER_THAN_OTHERS = 2",
-        tests=JUDGE,
-    ),
-    Fault(
-        name="a quiet beginning within half of the range",
-        file="kolsky/readers/judge.py",
-        right="0.2 * (high - low)",
-        wrong="0.5 * (high - low)",
-        tests=JUDGE,
-    ),
-    Fault(
-        name="micro is milli",
-        file="kolsky/readers/signalunits.py",
-        right='"µ": 1e-6',
-        wrong='"µ": 1e-3',
-        tests=JUDGE,
-    ),
-    Fault(
-        name="times of a unit rounded twice",
-        file="kolsky/base/units.py",
-        right="return number / inverse if inverse and 1.0 / inverse == factor else number * factor",
-        wrong="return number * factor",
-        tests=UNITS,
-    ),
-    Fault(
-        name="a column divided by its factor",
-        file="kolsky/readers/table.py",
-        right="numbers * column.factor, dtype",
-        wrong="numbers / column.factor, dtype",
-        tests=READERS,
-    ),
-    Fault(
-        name="the finest printed digit of numbers with exponents",
-        file="kolsky/readers/table.py",
-        right="exponent = max(d.adjusted() for d in nonzero) - figures + 1",
-        wrong="exponent = min(d.adjusted() for d in nonzero) - figures + 1",
-        tests=READERS,
-    ),
-    Fault(
-        name="a time that repeats is later",
-        file="kolsky/readers/table.py",
-        right="bad = np.flatnonzero(steps <= 0)",
-        wrong="bad = np.flatnonzero(steps < 0)",
-        tests=READERS,
-    ),
-    Fault(
-        name="a gap in the samples is rounding",
-        file="kolsky/readers/recordings.py",
-        right="excess > 1.001 * digit + 1e-9 * step",
-        wrong="excess > 1001 * digit + 1e-9 * step",
-        tests=READERS,
-    ),
-    Fault(
-        name="a line of a table one too high",
-        file="kolsky/readers/shot_tables.py",
-        right="return self.first_line + row",
-        wrong="return self.first_line + row - 1",
-        tests=LAYOUTS,
-    ),
-    Fault(
-        name="a point among decimal commas is read",
-        file="kolsky/readers/table.py",
-        right='if self.sheet.dialect.decimal == ",":',
-        wrong='if self.sheet.dialect.decimal == "":',
-        tests=LAYOUTS,
     ),
     Fault(
         name="a number that no contact law reads is taken",
@@ -336,47 +170,5 @@ FAULTS = (
         right="return volts[0] if len(volts) == 1 else",
         wrong="return volts[0] if volts else",
         tests=NEW,
-    ),
-    Fault(
-        name="a stray frame of the flyer keeps its weight",
-        file="kolsky/shot/frames.py",
-        right="np.where(stray, np.abs(off), flyer.sigma)",
-        wrong="flyer.sigma",
-        tests=("tests/unit/shot/test_stray_frames.py",),
-    ),
-    Fault(
-        name="a stray frame is told from four neighbours",
-        file="kolsky/shot/stray_frames.py",
-        right="NEIGHBOURS = 6",
-        wrong="NEIGHBOURS = 4",
-        tests=("tests/unit/shot/test_stray_frames.py",),
-    ),
-    Fault(
-        name="a refused flyer: length and lower end added",
-        file="kolsky/shot/flyer_refusal.py",
-        right="float(np.hypot(length_sigma, lower))",
-        wrong="float(length_sigma + lower)",
-        tests=("tests/unit/shot/test_flyer_refusal.py",),
-    ),
-    Fault(
-        name="a picture's change over the number of grey values, not over white",
-        file="kolsky/shot/picture_changes.py",
-        right="/ float(2**pictures.bits - 1)",
-        wrong="/ float(2**pictures.bits)",
-        tests=("tests/unit/shot/test_picture_changes.py",),
-    ),
-    Fault(
-        name="rest ends one frame late on the page of a shot with pictures",
-        file="kolsky/shot/picture_changes.py",
-        right="rest_end=float(time[static - 1]),",
-        wrong="rest_end=float(time[static]),",
-        tests=("tests/unit/shot/test_picture_changes.py",),
-    ),
-    Fault(
-        name="pictures taken for the test's whatever their number",
-        file="kolsky/shot/picture_survey.py",
-        right="test = _pair([one for one in series if one.count == count])",
-        wrong="test = _pair([one for one in series if one.key == 'file'])",
-        tests=("tests/unit/cli/test_new_from_pictures.py",),
     ),
 )

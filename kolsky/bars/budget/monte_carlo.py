@@ -13,7 +13,7 @@ from kolsky.base.arrays import FloatArray
 
 NoisyModel = Callable[[Mapping[str, float], np.random.Generator], Mapping[str, ArrayLike]]
 """As `kolsky.bars.budget.propagation.Model`; may draw the noise of its signals
-(`kolsky.bars.signals.signal_zero.Noise.draw`)."""
+(`kolsky.bars.signals.noise.Noise.draw`)."""
 
 DISTRIBUTIONS: Mapping[str, Callable[[np.random.Generator, int], FloatArray]] = {
     "normal": lambda rng, n: rng.standard_normal(n),

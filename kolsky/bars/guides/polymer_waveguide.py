@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
 
 from kolsky.bars.guides import pochhammer
-from kolsky.bars.guides.waveguide import area, check_bar, speed_of
+from kolsky.bars.guides.waveguide import check_bar, impedance_of, speed_of, stiffness_of
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import ComplexArray, FloatArray
 
@@ -96,12 +96,11 @@ class ViscoelasticWaveguide:
 
     def stiffness(self, omega: ArrayLike) -> ComplexArray:
         """Eq. (B.6): rho A (omega / k)^2, which is E* A in a thin bar [N]."""
-        w = np.asarray(omega)
-        return self.bar.density * area(self.bar) * self._speed(w) ** 2
+        return stiffness_of(self.bar, self._speed(np.asarray(omega)))
 
     def impedance(self, omega: ArrayLike) -> ComplexArray:
         """Eq. (B.5): rho A omega / k [N s/m]."""
-        return self.bar.density * area(self.bar) * self._speed(np.asarray(omega))
+        return impedance_of(self.bar, self._speed(np.asarray(omega)))
 
     def _speed(self, omega: NDArray[Any]) -> ComplexArray:
         return speed_of(
@@ -182,12 +181,11 @@ class TabulatedWaveguide:
 
     def stiffness(self, omega: ArrayLike) -> ComplexArray:
         """Eq. (B.6): rho A (omega / k)^2 [N]."""
-        w = np.asarray(omega)
-        return self.bar.density * area(self.bar) * self._speed(w) ** 2
+        return stiffness_of(self.bar, self._speed(np.asarray(omega)))
 
     def impedance(self, omega: ArrayLike) -> ComplexArray:
         """Eq. (B.5): rho A omega / k [N s/m]."""
-        return self.bar.density * area(self.bar) * self._speed(np.asarray(omega))
+        return impedance_of(self.bar, self._speed(np.asarray(omega)))
 
     def _speed(self, omega: NDArray[Any]) -> ComplexArray:
         return speed_of(omega, self.wavenumber(omega), float(self.phase_velocity[0]))

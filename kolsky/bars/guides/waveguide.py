@@ -105,7 +105,7 @@ class ElasticWaveguide:
     def impedance(self, omega: ArrayLike) -> ComplexArray:
         """Eq. (B.5): rho A omega / k [N s/m]."""
         w = np.asarray(omega)
-        return self.bar.density * area(self.bar) * speed_of(w, self.wavenumber(w), self.wave_speed)
+        return impedance_of(self.bar, speed_of(w, self.wavenumber(w), self.wave_speed))
 
 
 def area(bar: Bar) -> float:
@@ -127,6 +127,16 @@ def check_bar(bar: Bar) -> None:
             raise ValueError(f"{name} of a bar must be > 0 and finite, got {value}")
     if not 0.0 <= bar.poisson < 0.5:
         raise ValueError(f"poisson of a bar must be in [0, 0.5), got {bar.poisson}")
+
+
+def stiffness_of(bar: Bar, speed: ComplexArray) -> ComplexArray:
+    """Eq. (B.6): rho A (omega / k)^2 [N] of a bar whose waves have the speed omega / k [m/s]."""
+    return bar.density * area(bar) * speed**2
+
+
+def impedance_of(bar: Bar, speed: ComplexArray) -> ComplexArray:
+    """Eq. (B.5): rho A omega / k [N s/m] of such a bar."""
+    return bar.density * area(bar) * speed
 
 
 def speed_of(omega: NDArray[Any], wavenumber: ComplexArray, at_rest: float) -> ComplexArray:

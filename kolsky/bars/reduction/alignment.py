@@ -12,7 +12,8 @@ from math import hypot
 
 from kolsky.bars.audit import Switches
 from kolsky.bars.records import BarSignal, Quantity
-from kolsky.bars.reduction.windows import PulseCheck, travel_time
+from kolsky.bars.reduction.pulse_checks import PulseCheck
+from kolsky.bars.reduction.windows import travel_time
 from kolsky.bars.signals.arrival import Arrival
 
 KEYS = {"reflected": "reflected alignment", "transmitted": "transmitted alignment"}

@@ -24,12 +24,13 @@ from kolsky.bars.reduction.free_end import KEY as FREE_END
 from kolsky.bars.reduction.free_end import check_length, free_end_limits, free_ends
 from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, WavesInput
 from kolsky.bars.reduction.overlap import overlapping_windows
+from kolsky.bars.reduction.pulse_checks import check_windows
 from kolsky.bars.reduction.specimen_inertia import corrections_that_act, valid_span
 from kolsky.bars.reduction.stress_strain import TRUE, true_curve
 from kolsky.bars.reduction.summary import Summary, summarise
 from kolsky.bars.reduction.validity import Validity
 from kolsky.bars.reduction.varied_test import VariedTest, bar_correlations, budget_quantities, station_of
-from kolsky.bars.reduction.windows import check_baselines, check_windows, find_windows, incident_arrival
+from kolsky.bars.reduction.windows import check_baselines, find_windows, incident_arrival
 from kolsky.bars.result import WavesResult
 from kolsky.bars.signals.stations import Station
 from kolsky.base.arrays import FloatArray

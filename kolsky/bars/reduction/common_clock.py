@@ -7,7 +7,7 @@ import numpy as np
 
 from kolsky.bars.records import Signal
 from kolsky.bars.reduction.faces import sampled_from
-from kolsky.bars.signals.stations import LARGEST_JITTER, uniform_clock
+from kolsky.bars.signals.uniform_clock import LARGEST_JITTER, uniform_clock
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import Recording
 

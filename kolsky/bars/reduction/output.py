@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from kolsky.bars.audit import table_of
 from kolsky.bars.records import BarSignal, History
 from kolsky.bars.result import FlyerResult, ReducedTest, WavesResult
 from kolsky.base.files import write_table
@@ -63,19 +64,7 @@ def write_csv(folder: Path, result: ReducedTest) -> None:
     columns["imbalance R (1)"] = r.imbalance
     columns.update(result.extra)
     write_table(folder / "waves.csv", {key: np.asarray(value).tolist() for key, value in columns.items()})
-    log = result.corrections
-    write_table(
-        folder / "waves_corrections.csv",
-        {
-            "correction": [c.name for c in log],
-            "switch": [c.key for c in log],
-            "applied": ["yes" if c.applied else "no" for c in log],
-            "largest change": [c.size for c in log],
-            "rms change": [c.rms for c in log],
-            "unit": [c.unit for c in log],
-            "reason": [c.reason for c in log],
-        },
-    )
+    write_table(folder / "waves_corrections.csv", table_of(result.corrections))
     budget = result.budget
     write_table(
         folder / "waves_budget.csv",

@@ -10,9 +10,9 @@ from kolsky.bars.records import Quantity, Reduction, Windows
 from kolsky.bars.reduction.equilibrium import report_equilibrium
 from kolsky.bars.reduction.inputs import WavesInput
 from kolsky.bars.reduction.plateau import END_SIGMA, ENDS, Plateau, Span, weighted_mean
+from kolsky.bars.reduction.pulse_checks import PulseCheck
 from kolsky.bars.reduction.signal_remarks import SMALL, arrival_remarks, drift_remarks
 from kolsky.bars.reduction.summary import Summary, spread_of
-from kolsky.bars.reduction.windows import PulseCheck
 from kolsky.bars.result import BudgetTable
 from kolsky.bars.signals.arrival import Arrival
 from kolsky.bars.signals.bridge import Bridge, Calibration

@@ -7,7 +7,7 @@ import numpy as np
 from kolsky.bars.budget.budget import Budget
 from kolsky.bars.records import Reduction
 from kolsky.bars.reduction.inputs import SIDES, WavesInput
-from kolsky.bars.reduction.windows import PulseCheck
+from kolsky.bars.reduction.pulse_checks import PulseCheck
 from kolsky.bars.signals.drift import DRIFTING
 
 LARGEST_DELAY = 3.0

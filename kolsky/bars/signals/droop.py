@@ -7,7 +7,7 @@ fall. This is a high-pass filter of first order, whose inverse is Eq. (U.6).
 import numpy as np
 
 from kolsky.bars.records import Quantity
-from kolsky.bars.signals.signal_zero import estimate_noise
+from kolsky.bars.signals.noise import estimate_noise
 from kolsky.base.arrays import FloatArray
 
 FEWEST_TAIL = 50

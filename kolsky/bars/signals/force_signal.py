@@ -10,8 +10,8 @@ from kolsky.bars.audit import AuditLog, Switches
 from kolsky.bars.records import Correction, Quantity, Signal
 from kolsky.bars.signals.bridge import check_fields
 from kolsky.bars.signals.signal_zero import measure_signal_zero
-from kolsky.bars.signals.stations import uniform_clock
 from kolsky.bars.signals.transducers import force_history
+from kolsky.bars.signals.uniform_clock import uniform_clock
 from kolsky.base.apparatus import Transducer
 from kolsky.base.records import Recording
 

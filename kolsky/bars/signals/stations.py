@@ -7,10 +7,11 @@ import numpy as np
 
 from kolsky.bars.audit import AuditLog, Switches
 from kolsky.bars.records import BarSignal, Correction, Quantity, Signal
-from kolsky.bars.signals.arrival import moving_mean
 from kolsky.bars.signals.bridge import Bridge, Calibration
 from kolsky.bars.signals.drift import diffusion, drift_at, drift_quantities
+from kolsky.bars.signals.elastic_limit import check_elastic
 from kolsky.bars.signals.signal_zero import SignalZero, check_clipping, check_rest, measure_signal_zero
+from kolsky.bars.signals.uniform_clock import LARGEST_JITTER, uniform_clock
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import Recording
@@ -18,13 +19,6 @@ from kolsky.base.records import Recording
 T = TypeVar("T")
 
 SIDES = ("incident", "transmission")
-LARGEST_STRAIN = {"metal": 0.02, "polymer": 0.1}
-"""Strain that no elastic bar bears [-]: maraging steel yields at 1.3 %, titanium and aluminium alloys below
-1 %, glassy polymers at 3 to 8 %. The signal's unit or sensitivity is wrong there, unless the bar yielded."""
-POLYMER = 20e9
-"""Young's modulus below which a bar counts as one of a polymer [Pa]."""
-LARGEST_JITTER = 0.01
-"""Share of the interval by which a sample time may be off an even division."""
 
 
 class Station(NamedTuple):
@@ -216,45 +210,6 @@ def _axial(
     return axial, bending
 
 
-def check_elastic(strain: FloatArray, bar: Bar, interval: float, gauge: str) -> None:
-    """Refuse strains that the bar cannot have borne elastically.
-
-    Means over the time a wave needs across the bar's diameter must stay below the yield strength over the
-    modulus or, where none is declared, below `LARGEST_STRAIN`.
-
-    Parameters
-    ----------
-    strain
-        Strain of the bar after the baseline [-], shape [n].
-    bar
-        The bar.
-    interval
-        Sampling interval [s].
-    gauge
-        Whose strain it is, for the message.
-
-    Raises
-    ------
-    ValueError
-        With the largest strain, its stress and the limit.
-    """
-    kind = "polymer" if bar.youngs_modulus < POLYMER else "metal"
-    limit = LARGEST_STRAIN[kind]
-    words = f"{100.0 * limit:g} %, more than any bar of {kind} bears elastically"
-    if bar.yield_strength is not None:
-        limit = bar.yield_strength / bar.youngs_modulus
-        words = f"{limit:.3g}, of its yield strength of {1e-6 * bar.yield_strength:.4g} MPa"
-    width = max(1, min(strain.size, round(bar.diameter / bar.wave_speed / interval)))
-    largest = float(np.abs(moving_mean(strain, width)).max())
-    if largest > limit:
-        raise ValueError(
-            f"{gauge}: the largest strain of the bar is {largest:.3g}, a stress of "
-            f"{1e-6 * largest * bar.youngs_modulus:.4g} MPa; it must be below {words}. Cure: check the unit "
-            "of the recording (mV for V, microstrain for strain), strain per volt or the bridge, and the "
-            "modulus"
-        )
-
-
 def _zeroed(
     axial: FloatArray,
     time: FloatArray,
@@ -303,37 +258,6 @@ def _zeroed(
         quantities.append(slope)
         fixed = fixed + values.get(slope.name, 0.0) * (time - 0.5 * (rest.first + rest.last))
     return fixed, (rest, quantities)
-
-
-def uniform_clock(recording: Recording) -> tuple[float, float]:
-    """First time and interval of a recording [s], which must be uniform.
-
-    Raises
-    ------
-    ValueError
-        If lengths differ, a value is not finite, or a time is off an even division by 1 % of the interval.
-    """
-    time, value, name = recording.time, recording.value, recording.channel
-    if time.shape != value.shape or time.ndim != 1 or time.size < 2:
-        raise ValueError(
-            f"{name}: time and value need one length of 2 or more, got {time.shape}, {value.shape}"
-        )
-    bad = np.flatnonzero(~(np.isfinite(time) & np.isfinite(value)))
-    if bad.size:
-        raise ValueError(
-            f"{name}: sample {bad[0]} is ({time[bad[0]]} s, {value[bad[0]]}); every sample must be finite"
-        )
-    interval = float(time[-1] - time[0]) / (time.size - 1)
-    if not interval > 0.0:
-        raise ValueError(f"{name}: times must increase, got {time[0]:.9g} to {time[-1]:.9g} s")
-    off = np.abs(time - time[0] - interval * np.arange(time.size))
-    worst = int(np.argmax(off))
-    if off[worst] > LARGEST_JITTER * interval:
-        raise ValueError(
-            f"{name}: sample {worst} is {off[worst] / interval:.3g} intervals off an even division, allowed"
-            f" is {LARGEST_JITTER:g}; a rounded time column must be replaced by a stated start and interval"
-        )
-    return float(time[0]), interval
 
 
 def _same_times(first: Recording, other: Recording, interval: float) -> None:

@@ -8,7 +8,8 @@ from kolsky.report.pages.rendering import draw_figures, render_page, write_html
 from kolsky.report.typography import typeset
 from kolsky.shot.bar_check import CheckedBars
 from kolsky.shot.records import ShotBase
-from kolsky.shot.summary import EXACT, Entry, summarise
+from kolsky.shot.summary import EXACT, summarise
+from kolsky.shot.summary_entry import Entry
 
 PAGE = "check.html"
 

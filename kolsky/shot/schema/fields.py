@@ -1,111 +1,50 @@
 """The values that may stand in shot.toml: written-out quantities, ranges, file names."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import PurePosixPath
 from typing import Annotated
 
 from pydantic import BeforeValidator
-from pydantic_core import PydanticCustomError
 
-from kolsky.base.units import DIMENSIONS, LARGEST, UnitError, quantity, unit_factor
+from kolsky.shot.schema.values import alternatives, factor, number, physical, problem
 
 LARGEST_POISSON = 0.4999
 
 
-def problem(message: str, **context: str) -> PydanticCustomError:
-    """An error whose context holds "allowed", "cure" and, if it is another than the field, "key"."""
-    return PydanticCustomError("shot", "{message}", {"message": message, **context})
-
-
-def _physical(
-    unit: str, rule: str = "finite", what: str | None = None, example: str | None = None
-) -> Callable[[object], float]:
-    """A validator for a written-out quantity: SI unit, "> 0", ">= 0" or "finite", and what it is in words."""
-    words, usual = DIMENSIONS[unit]
-    hint = f'write {what or words}, e.g. "{example or usual}"'
-
-    def validate(text: object) -> float:
-        try:
-            value = quantity(text, unit)  # type: ignore[arg-type]  # it refuses what is no text
-        except UnitError as error:
-            allowed = words if rule == "finite" else f"{words} {rule}"
-            raise problem(error.problem, allowed=allowed, cure=hint) from None
-        if (rule == "> 0" and value <= 0.0) or (rule == ">= 0" and value < 0.0):
-            raise problem("is not allowed", allowed=f"{rule} {unit}".removesuffix(" 1"), cure=hint)
-        return value
-
-    return validate
-
-
-physical = _physical
-"""The validator of a written-out quantity, to build the fields of another file on."""
-
-
 def seconds(text: object) -> float:
     """A written-out time [s]; a validator to build others on."""
-    return _physical("s")(text)
+    return physical("s")(text)
 
 
 def length(text: object) -> float:
     """A written-out length of any sign [m]; a validator to build others on."""
-    return _physical("m")(text)
-
-
-def _factor(unit: str) -> Callable[[object], float]:
-    """A validator for the unit of a column."""
-    words, example = DIMENSIONS[unit]
-    sample = example.split(" ", 1)[1]
-
-    def validate(text: object) -> float:
-        try:
-            if not isinstance(text, str) or not text.strip():
-                raise UnitError(text, "is not a unit", unit)
-            return unit_factor(text, unit)
-        except UnitError as error:
-            raise problem(
-                error.problem, allowed=f"a unit of {words}", cure=f'write the unit, e.g. "{sample}"'
-            ) from None
-
-    return validate
-
-
-def _number(value: object) -> float:
-    """A plain number; bool is not one."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise problem("is not a number", cure="write a number without quotes or unit")
-    if abs(value) > LARGEST:  # a NaN is no larger; the range of the key refuses it
-        raise problem("is too large", allowed=f"a size of at most {LARGEST:g}")
-    return float(value)
-
-
-number = _number
-"""The validator of a plain number, to build others on."""
+    return physical("m")(text)
 
 
 def _poisson(value: object) -> float:
     if isinstance(value, str):
         allowed = f"a number in [0, {LARGEST_POISSON}]"
         raise problem("is not a number", allowed=allowed, cure="write a number without quotes or unit")
-    number = _number(value)
-    if not 0.0 <= number <= LARGEST_POISSON:
+    size = number(value)
+    if not 0.0 <= size <= LARGEST_POISSON:
         raise problem(
             "is not allowed",
             allowed=f"in [0, {LARGEST_POISSON}]",
             cure="the solver needs slight compressibility: for a rubber-like material write 0.499",
         )
-    return number
+    return size
 
 
 def _deviation(value: object) -> float:
-    number = _number(value)
-    if not 0.0 <= number < 0.5:
+    size = number(value)
+    if not 0.0 <= size < 0.5:
         raise problem("is not allowed", allowed="in [0, 0.5)", cure="write a standard uncertainty, e.g. 0.01")
-    return number
+    return size
 
 
 def _friction(value: object) -> float:
-    number = _number(value)
-    if not 0.0 <= number < float("inf"):
+    size = number(value)
+    if not 0.0 <= size < float("inf"):
         from explicit.contact import CONTACT_LAWS
 
         sticking = alternatives(name for name, law in CONTACT_LAWS.items() if not law.slides)
@@ -114,7 +53,7 @@ def _friction(value: object) -> float:
             allowed="a finite number >= 0",
             cure=f"write the Coulomb coefficient, e.g. 0.3; for no slip choose the law {sticking}",
         )
-    return number
+    return size
 
 
 def _contact_law(name: object) -> str:
@@ -135,14 +74,8 @@ def _target(name: object) -> str:
     return name.strip()
 
 
-def alternatives(names: Iterable[str]) -> str:
-    """Names in quotes, the last behind "or"."""
-    quoted = [f'"{name}"' for name in names]
-    return " or ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
-
-
 def _share(text: object) -> float:
-    value = _physical("1", ">= 0", "the standard deviation relative to the stress")(text)
+    value = physical("1", ">= 0", "the standard deviation relative to the stress")(text)
     if value >= 1.0:
         raise problem("is not allowed", allowed="in [0, 1)", cure='write e.g. "0.2 %"')
     return value
@@ -151,7 +84,7 @@ def _share(text: object) -> float:
 def _interval(pair: object) -> tuple[float, float]:
     if not isinstance(pair, list | tuple) or len(pair) != 2 or "" in pair:
         raise problem("is not a pair of times", cure='write start and end, e.g. ["-200 us", "0 us"]')
-    start, end = (_physical("s")(text) for text in pair)
+    start, end = (physical("s")(text) for text in pair)
     if end <= start:
         raise problem("ends before it begins", allowed="[start, end] with end > start")
     return start, end
@@ -181,7 +114,7 @@ def _pixels(values: object, count: int, example: str) -> tuple[float, ...]:
         raise problem(f"is not a list of {count} numbers", cure=f"write pixels, e.g. {example}")
     if any(isinstance(value, str) for value in values):
         raise problem("is not a list of numbers", cure=f"write pixels without quotes, e.g. {example}")
-    numbers = tuple(_number(value) for value in values)
+    numbers = tuple(number(value) for value in values)
     if not all(abs(number) < 1e6 for number in numbers):
         raise problem("is not allowed", allowed="finite and below a million pixels")
     return numbers
@@ -240,10 +173,10 @@ def _odd(low: int, high: int, unit: str) -> Callable[[object], int]:
 
 
 def _prefilter(value: object) -> float:
-    number = _number(value)
-    if not 0.0 <= number <= 5.0:
+    size = number(value)
+    if not 0.0 <= size <= 5.0:
         raise problem("is not allowed", allowed="in [0, 5] px", cure="0 smooths nothing")
-    return number
+    return size
 
 
 def _text(name: object) -> str:
@@ -252,53 +185,53 @@ def _text(name: object) -> str:
     return name.strip()
 
 
-Length = Annotated[float, BeforeValidator(_physical("m", "> 0"))]
-Offset = Annotated[float, BeforeValidator(_physical("m"))]
-Time = Annotated[float, BeforeValidator(_physical("s"))]
-PositiveTime = Annotated[float, BeforeValidator(_physical("s", "> 0"))]
-Damping = Annotated[float, BeforeValidator(_physical("s", ">= 0", "the damping time beta"))]
-Rate = Annotated[float, BeforeValidator(_physical("1/s", ">= 0", "the mass-proportional damping alpha"))]
-StrainRate = Annotated[float, BeforeValidator(_physical("1/s", "> 0", "a nominal strain rate"))]
-Density = Annotated[float, BeforeValidator(_physical("kg/m^3", "> 0", "the mass density"))]
-Modulus = Annotated[float, BeforeValidator(_physical("Pa", "> 0", "Young's modulus"))]
-Stress = Annotated[float, BeforeValidator(_physical("Pa", ">= 0"))]
+Length = Annotated[float, BeforeValidator(physical("m", "> 0"))]
+Offset = Annotated[float, BeforeValidator(physical("m"))]
+Time = Annotated[float, BeforeValidator(physical("s"))]
+PositiveTime = Annotated[float, BeforeValidator(physical("s", "> 0"))]
+Damping = Annotated[float, BeforeValidator(physical("s", ">= 0", "the damping time beta"))]
+Rate = Annotated[float, BeforeValidator(physical("1/s", ">= 0", "the mass-proportional damping alpha"))]
+StrainRate = Annotated[float, BeforeValidator(physical("1/s", "> 0", "a nominal strain rate"))]
+Density = Annotated[float, BeforeValidator(physical("kg/m^3", "> 0", "the mass density"))]
+Modulus = Annotated[float, BeforeValidator(physical("Pa", "> 0", "Young's modulus"))]
+Stress = Annotated[float, BeforeValidator(physical("Pa", ">= 0"))]
 ReleaseStress = Annotated[
-    float, BeforeValidator(_physical("Pa", ">= 0", "the tensile stress at which a bonded face lets go"))
+    float, BeforeValidator(physical("Pa", ">= 0", "the tensile stress at which a bonded face lets go"))
 ]
-Voltage = Annotated[float, BeforeValidator(_physical("V", "> 0", "the largest voltage the recorder shows"))]
-SignedVoltage = Annotated[float, BeforeValidator(_physical("V"))]
+Voltage = Annotated[float, BeforeValidator(physical("V", "> 0", "the largest voltage the recorder shows"))]
+SignedVoltage = Annotated[float, BeforeValidator(physical("V"))]
 Sensitivity = Annotated[
     float,
-    BeforeValidator(_physical("V/N", "> 0", 'the size of the sensitivity (its sign is "compression")')),
+    BeforeValidator(physical("V/N", "> 0", 'the size of the sensitivity (its sign is "compression")')),
 ]
-Velocity = Annotated[float, BeforeValidator(_physical("m/s", "> 0"))]
-Resistance = Annotated[float, BeforeValidator(_physical("ohm", "> 0"))]
-Mass = Annotated[float, BeforeValidator(_physical("kg", ">= 0", "the mass between sensing plane and face"))]
+Velocity = Annotated[float, BeforeValidator(physical("m/s", "> 0"))]
+Resistance = Annotated[float, BeforeValidator(physical("ohm", "> 0"))]
+Mass = Annotated[float, BeforeValidator(physical("kg", ">= 0", "the mass between sensing plane and face"))]
 StrainPerVolt = Annotated[
     float,
-    BeforeValidator(_physical("1/V", "> 0", 'the size of strain per volt (its sign is "compression")')),
+    BeforeValidator(physical("1/V", "> 0", 'the size of strain per volt (its sign is "compression")')),
 ]
 Uncertainty = Annotated[
-    float, BeforeValidator(_physical("1", ">= 0", "a standard uncertainty (k = 1) relative to its quantity"))
+    float, BeforeValidator(physical("1", ">= 0", "a standard uncertainty (k = 1) relative to its quantity"))
 ]
-Ratio = Annotated[float, BeforeValidator(_physical("1", "> 0", "a ratio"))]
-LeadResistance = Annotated[float, BeforeValidator(_physical("ohm", ">= 0"))]
+Ratio = Annotated[float, BeforeValidator(physical("1", "> 0", "a ratio"))]
+LeadResistance = Annotated[float, BeforeValidator(physical("ohm", ">= 0"))]
 TimeDeviation = Annotated[
-    float, BeforeValidator(_physical("s", ">= 0", "a standard uncertainty (k = 1)", "0.5 us"))
+    float, BeforeValidator(physical("s", ">= 0", "a standard uncertainty (k = 1)", "0.5 us"))
 ]
 LengthDeviation = Annotated[
-    float, BeforeValidator(_physical("m", ">= 0", "a standard uncertainty (k = 1)", "5 um"))
+    float, BeforeValidator(physical("m", ">= 0", "a standard uncertainty (k = 1)", "5 um"))
 ]
 Deviation = Annotated[float, BeforeValidator(_deviation)]
-Number = Annotated[float, BeforeValidator(_number)]
+Number = Annotated[float, BeforeValidator(number)]
 Share = Annotated[float, BeforeValidator(_share)]
 Poisson = Annotated[float, BeforeValidator(_poisson)]
 Friction = Annotated[float, BeforeValidator(_friction)]
-TimeUnit = Annotated[float, BeforeValidator(_factor("s"))]
-LengthUnit = Annotated[float, BeforeValidator(_factor("m"))]
-VoltageUnit = Annotated[float, BeforeValidator(_factor("V"))]
-StressUnit = Annotated[float, BeforeValidator(_factor("Pa"))]
-RatioUnit = Annotated[float, BeforeValidator(_factor("1"))]
+TimeUnit = Annotated[float, BeforeValidator(factor("s"))]
+LengthUnit = Annotated[float, BeforeValidator(factor("m"))]
+VoltageUnit = Annotated[float, BeforeValidator(factor("V"))]
+StressUnit = Annotated[float, BeforeValidator(factor("Pa"))]
+RatioUnit = Annotated[float, BeforeValidator(factor("1"))]
 Interval = Annotated[tuple[float, float], BeforeValidator(_interval)]
 FileName = Annotated[str, BeforeValidator(_file)]
 FilePattern = Annotated[str, BeforeValidator(_pattern)]
@@ -313,6 +246,6 @@ Prefilter = Annotated[float, BeforeValidator(_prefilter)]
 Name = Annotated[str, BeforeValidator(_text)]
 TargetName = Annotated[str, BeforeValidator(_target)]
 ContactStiffness = Annotated[
-    float, BeforeValidator(_physical("Pa/m", "> 0", "the stiffness of the springs of contact"))
+    float, BeforeValidator(physical("Pa/m", "> 0", "the stiffness of the springs of contact"))
 ]
 ContactLawName = Annotated[str, BeforeValidator(_contact_law)]

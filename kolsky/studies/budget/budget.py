@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from doe.executors import ExecutorFactory, Pace, run_chunks
-from doe.ledger import Ledger, Run
+from doe.ledger import Ledger
+from doe.ledger_rows import Run
 from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.parameters import any_slides

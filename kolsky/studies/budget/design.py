@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.stats import norm, qmc
 
-from doe.ledger import Run
+from doe.ledger_rows import Run
 from kolsky.base.arrays import FloatArray
 from kolsky.studies.budget.factors import NOISE, Factor
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from doe.ledger import Run
+from doe.ledger_rows import Run
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import regular

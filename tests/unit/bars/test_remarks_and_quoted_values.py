@@ -10,9 +10,9 @@ from kolsky.bars.budget.propagation import propagate
 from kolsky.bars.records import FaceWaves, History, Quantity, Reduction
 from kolsky.bars.reduction import quoted_values
 from kolsky.bars.reduction.plateau import Span
+from kolsky.bars.reduction.pulse_checks import PulseCheck
 from kolsky.bars.reduction.signal_remarks import way_sigmas
 from kolsky.bars.reduction.summary import EnergyBalance, Summary, mean_over, spread_of, summarise
-from kolsky.bars.reduction.windows import PulseCheck
 from kolsky.bars.result import BudgetTable, Contribution
 from kolsky.bars.signals.arrival import Arrival
 from kolsky.bars.signals.bridge import Bridge, Linear

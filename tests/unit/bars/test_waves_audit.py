@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kolsky.bars.audit import CORRECTIONS, AuditLog, Switches, compare, samples_in
+from kolsky.bars.audit import CORRECTIONS, AuditLog, Switches, compare, samples_in, table_of
 from kolsky.bars.records import Correction
 from kolsky.base.files import write_table
 
@@ -42,7 +42,7 @@ def test_a_log_applies_what_is_on_and_lists_what_is_off():
 def test_the_table_can_be_written(tmp_path):
     log = AuditLog()
     log.add(compare("a, b", "mass", BEFORE, AFTER, applied=False, unit="N", reason='said "so"'))
-    path = write_table(tmp_path / "log.csv", log.columns())
+    path = write_table(tmp_path / "log.csv", table_of(log.corrections))
     assert path.read_text().splitlines() == [
         "correction,switch,applied,largest change,rms change,unit,reason",
         '"a, b",mass,no,1,0.559016994,N,"said ""so"""',

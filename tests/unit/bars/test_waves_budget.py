@@ -8,7 +8,7 @@ from kolsky.bars.budget.monte_carlo import monte_carlo
 from kolsky.bars.budget.propagation import propagate
 from kolsky.bars.budget.quantities import merge_quantities
 from kolsky.bars.records import Quantity
-from kolsky.bars.signals.signal_zero import Noise
+from kolsky.bars.signals.noise import Noise
 
 
 def q(name, value, sigma, freedom=np.inf, kind="B"):

@@ -15,11 +15,12 @@ from typer.testing import CliRunner
 from kolsky.base.errors import InputError
 from kolsky.cli import app
 from kolsky.cli.new import template
+from kolsky.shot.found_table import dimension_of, unit_in
 from kolsky.shot.load import load_shot
 from kolsky.shot.new_file import filled, noted
 from kolsky.shot.records import ForceChannel
 from kolsky.shot.schema.blanks import blanks
-from kolsky.shot.survey import dimension_of, survey, unit_in
+from kolsky.shot.survey import survey
 
 runner = CliRunner()
 GERMAN = {

@@ -8,7 +8,6 @@ from test_dic_calibration import CHESS, SIZE, sightings, true_poses
 from test_dic_pair_order import TEXT
 
 import dic.calibration
-import kolsky.shot.rig as rig_of
 from dic.calibration import calibrate
 from dic.calibration.result import PairOutcome
 from dic.images import PictureError
@@ -16,6 +15,8 @@ from dic.images.memory import PicturesInMemory
 from dic.images.series import PictureSizeError
 from kolsky.base.errors import InputError
 from kolsky.report.pages.calibration import warnings
+from kolsky.shot import calibration_pictures
+from kolsky.shot.calibration_file import read_calibration_toml
 
 
 def test_a_picture_that_cannot_be_used_is_named_with_its_reason():
@@ -43,30 +44,30 @@ def test_a_picture_of_another_size_is_an_error_of_its_own():
 )
 def test_a_first_picture_of_another_size_is_refused(tmp_path, wrong, refused):
     (tmp_path / "calibration.toml").write_text(TEXT)
-    toml, _ = rig_of.read_calibration_toml(tmp_path)
+    toml, _ = read_calibration_toml(tmp_path)
     odd = PictureSizeError("cam0_1.png", "is 5 x 5, the series 4 x 4")
     views = [[object()] * (8 - wrong) + [odd] * wrong, [object()] * 8]
     series = [SimpleNamespace(shape=(240, 320))] * 2
     if not refused:
-        rig_of._refuse_odd_size(toml, series, views)
+        calibration_pictures._refuse_odd_size(toml, series, views)
         return
     with pytest.raises(InputError, match="begins with a picture of 320 x 240 px, 5 of the others"):
-        rig_of._refuse_odd_size(toml, series, views)
+        calibration_pictures._refuse_odd_size(toml, series, views)
 
 
 def test_pictures_without_a_partner_are_named(tmp_path, monkeypatch):
     (tmp_path / "calibration.toml").write_text(TEXT)
-    toml, section = rig_of.read_calibration_toml(tmp_path)
+    toml, section = read_calibration_toml(tmp_path)
     numbers = {"camera_0": (0, 1, 2, 3), "camera_1": (1, 2, 3)}
     monkeypatch.setattr(
-        rig_of,
+        calibration_pictures,
         "_series",
         lambda toml, name, pattern: SimpleNamespace(n_frames=len(numbers[name]), numbers=numbers[name]),
     )
     monkeypatch.setattr(dic.calibration, "detection_begun", lambda *given: pytest.fail("not reached"))
     with pytest.raises(InputError, match="camera 1 has none numbered 0"):
-        rig_of.calibration_of(toml, section, lambda *told: None)
+        calibration_pictures.calibration_of(toml, section, lambda *told: None)
     numbers["camera_1"] = (10, 11, 12)
     with pytest.raises(InputError, match="it is not known which are pairs") as error:
-        rig_of.calibration_of(toml, section, lambda *told: None)
+        calibration_pictures.calibration_of(toml, section, lambda *told: None)
     assert "has none" not in str(error.value)

@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 from doe.executors import Pace, run_chunks
-from doe.ledger import Ledger, Run
+from doe.ledger import Ledger
+from doe.ledger_rows import Run
 
 ROOT = Path(__file__).resolve().parents[3]
 POINTS = ledger_sweep.POINTS[:400]

@@ -16,8 +16,8 @@ from kolsky.inverse.free_parameters import choose
 from kolsky.inverse.parameters import PARAMETERS, require_declared
 from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.inverse.relaxing import parsed_kind, reference_words, same_bulk, what_relaxes, with_relaxation
+from kolsky.inverse.search_coordinates import from_search, search_box, to_search
 from kolsky.inverse.settings import Settings
-from kolsky.inverse.surrogate_mesh_search import from_search, search_box, to_search
 from kolsky.shot.load import load_shot
 from kolsky.shot.schema.relaxation import RelaxationSection, declared_relaxation
 from kolsky.virtual.schema import Specification

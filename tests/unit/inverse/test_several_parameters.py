@@ -19,16 +19,10 @@ from kolsky.inverse.refined_run import RefinedRun
 from kolsky.inverse.refined_search import CONFIRMED
 from kolsky.inverse.refined_steps import LONGEST, foretold, lengthening
 from kolsky.inverse.run_table import RunTable
+from kolsky.inverse.search_coordinates import from_search, search_box, to_search
 from kolsky.inverse.settings import Settings
 from kolsky.inverse.staged_runs import StagedRuns
-from kolsky.inverse.surrogate_mesh_search import (
-    MeshOptimum,
-    from_search,
-    search_box,
-    search_meshes,
-    starts,
-    to_search,
-)
+from kolsky.inverse.surrogate_mesh_search import MeshOptimum, search_meshes, starts
 
 BOX = Box.of({"stiffness_factor": (0.75, 1.5), "poisson": (0.49, 0.4999)})
 COARSE, FINE = (16, 22), (64, 86)

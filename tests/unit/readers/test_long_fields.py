@@ -8,8 +8,8 @@ import pytest
 from kolsky.base.units import UnitError, quantity, unit_factor
 from kolsky.readers.header import _number, key_lines
 from kolsky.readers.signalunits import split_unit
+from kolsky.shot.found_table import unit_in
 from kolsky.shot.schema.reading import key_lines as toml_lines
-from kolsky.shot.survey import unit_in
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="needs an alarm of POSIX")
 

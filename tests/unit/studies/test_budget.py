@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import t as student
 from typer.testing import CliRunner
 
-from doe.ledger import Run
+from doe.ledger_rows import Run
 from kolsky.cli import app
 from kolsky.inverse.settings import Settings
 from kolsky.studies.budget.budget import analysed

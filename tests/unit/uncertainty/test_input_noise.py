@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.inverse.staged_runs import Replicates
+from kolsky.inverse.completed_runs import Replicates
 from kolsky.uncertainty.input_noise import (
     InputChanges,
     input_changes,
