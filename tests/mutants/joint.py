@@ -31,6 +31,13 @@ FAULTS = (
         "joint/test_refined_patterns.py",
     ),
     _fault(
+        "patterns kept with which the search does not rest",
+        "kolsky/joint/refined_patterns.py",
+        "        problem.stack = before\n",
+        "",
+        "joint/test_refined_patterns.py",
+    ),
+    _fault(
         "patterns of the noise made anew on the mesh of the search",
         "kolsky/joint/refined_patterns.py",
         "problem.learn_noise(found.x, numerics)",

@@ -10,6 +10,7 @@ import pytest
 from doe.whitening import Whitening
 from kolsky.base.apparatus import Interface
 from kolsky.inverse.forward import Numerics
+from kolsky.joint import refined_patterns
 from kolsky.joint.mesh_errors import mesh_change
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.refined_patterns import with_patterns_anew
@@ -118,3 +119,20 @@ def test_what_has_no_patterns_of_a_fine_mesh_stays_as_it_is(given: dict[str, Any
     before = optimum(made, confirmed=confirmed)
     assert with_patterns_anew(made, before) is before  # type: ignore[arg-type]
     assert not made.learnt
+
+
+def test_patterns_with_which_the_search_does_not_rest_are_put_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = Made()
+    before, stack = optimum(made), made.stack
+
+    def learn(x: np.ndarray, numerics: Numerics) -> None:
+        made.stack = SimpleNamespace(data=stack.data)
+
+    made.learn_noise = learn  # type: ignore[method-assign]
+    restless = replace(before, confirmed=False)
+    monkeypatch.setattr(refined_patterns, "refined_optimum", lambda problem, x, slopes: restless)
+    assert with_patterns_anew(made, before) is before  # type: ignore[arg-type]
+    assert made.stack is stack
+    monkeypatch.setattr(refined_patterns, "refined_optimum", lambda problem, x, slopes: before)
+    with_patterns_anew(made, before)  # type: ignore[arg-type]
+    assert made.stack is not stack
