@@ -24,9 +24,8 @@ from kolsky.joint.refined_steps import refined_optimum
 def with_patterns_anew(problem: JointProblem, found: Optimum) -> Optimum:
     """The optimum on the refined mesh with weights that know the noise as a fine mesh rings with it.
 
-    Where a surface slides, whose runs jump, where the search has not come to rest or does not with them, or
-    where the run on the graded mesh is lost, nothing changes; the last is said beside the mesh's part of the
-    interval.
+    Where a surface slides, whose runs jump, where the search has not come to rest, or where the run on the
+    graded mesh is lost, nothing changes; the last is said beside the mesh's part of the interval.
 
     Parameters
     ----------
@@ -40,13 +39,8 @@ def with_patterns_anew(problem: JointProblem, found: Optimum) -> Optimum:
     numerics = coarser_graded(problem.mesh, problem.settings.refined_mesh)
     if np.isnan(problem.predict("noise", found.x[None], numerics)).any():
         return found
-    before = problem.stack
     problem.learn_noise(found.x, numerics)
-    again = refined_optimum(problem, found.x, found.slopes)
-    if not again.confirmed:
-        problem.stack = before
-        return found
-    return replace(again, start=found.start)
+    return replace(refined_optimum(problem, found.x, found.slopes), start=found.start)
 
 
 def slides(problem: JointProblem) -> bool:

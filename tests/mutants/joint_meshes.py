@@ -13,9 +13,9 @@ FAULTS: tuple[Fault, ...] = (
     ),
     fault(
         "patterns kept with which the search does not rest",
-        "kolsky/joint/refined_patterns.py",
-        "        problem.stack = before\n",
-        "",
+        "kolsky/joint/identify_shots.py",
+        "if last.confirmed or not found.confirmed:",
+        "if True:",
         "joint/test_refined_patterns.py",
     ),
     fault(
@@ -28,8 +28,8 @@ FAULTS: tuple[Fault, ...] = (
     fault(
         "no search with the patterns made anew",
         "kolsky/joint/refined_patterns.py",
-        "return replace(again, start=found.start)",
-        "return found",
+        "replace(refined_optimum(problem, found.x, found.slopes), start=found.start)",
+        "found",
         "joint/test_refined_patterns.py",
     ),
     fault(

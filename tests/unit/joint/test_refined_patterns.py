@@ -10,7 +10,7 @@ import pytest
 from doe.whitening import Whitening
 from kolsky.base.apparatus import Interface
 from kolsky.inverse.forward import Numerics
-from kolsky.joint import refined_patterns
+from kolsky.joint import identify_shots
 from kolsky.joint.mesh_errors import mesh_change
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.refined_patterns import with_patterns_anew
@@ -121,18 +121,25 @@ def test_what_has_no_patterns_of_a_fine_mesh_stays_as_it_is(given: dict[str, Any
     assert not made.learnt
 
 
-def test_patterns_with_which_the_search_does_not_rest_are_put_back(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("anew", "old", "kept"), [(True, True, "anew"), (False, True, "old"), (False, False, "anew")]
+)
+def test_patterns_with_which_the_search_does_not_rest_are_put_back(
+    monkeypatch: pytest.MonkeyPatch, anew: bool, old: bool, kept: str
+) -> None:
     made = Made()
-    before, stack = optimum(made), made.stack
+    before, stacks = optimum(made), {"old": made.stack, "anew": SimpleNamespace(data=made.stack.data)}
 
-    def learn(x: np.ndarray, numerics: Numerics) -> None:
-        made.stack = SimpleNamespace(data=stack.data)
+    def with_patterns(problem: Any, found: Optimum) -> Optimum:
+        problem.stack = stacks["anew"]
+        return replace(found, x=np.array([1.7]))
 
-    made.learn_noise = learn  # type: ignore[method-assign]
-    restless = replace(before, confirmed=False)
-    monkeypatch.setattr(refined_patterns, "refined_optimum", lambda problem, x, slopes: restless)
-    assert with_patterns_anew(made, before) is before  # type: ignore[arg-type]
-    assert made.stack is stack
-    monkeypatch.setattr(refined_patterns, "refined_optimum", lambda problem, x, slopes: before)
-    with_patterns_anew(made, before)  # type: ignore[arg-type]
-    assert made.stack is not stack
+    def scattered(problem: Any, found: Optimum) -> Optimum:
+        return replace(found, confirmed=anew if problem.stack is stacks["anew"] else old)
+
+    monkeypatch.setattr(identify_shots, "with_patterns_anew", with_patterns)
+    monkeypatch.setattr(identify_shots, "scattered", scattered)
+    found = identify_shots.finished(made, before)  # type: ignore[arg-type]
+    assert made.stack is stacks[kept]
+    assert found.x.tolist() == [1.7 if kept == "anew" else 1.9]
+    assert found.confirmed == (anew or old)
