@@ -32,7 +32,7 @@ def force_channel(folder: Path, rest: float, toml: ShotToml) -> ForceChannel:
     """
     section = toml.declared.force
     recording = force_recording(folder / section.file, section)
-    check_range(recording, toml)
+    check_range(recording, section)
     check_signal(recording, toml)
     channel = channel_of(recording, section)
     check_baseline(channel.baseline_volts(), rest, toml)
@@ -82,22 +82,34 @@ def force_recording(path: Path, section: ForceSection) -> Recording:
     return recording if factor == 1.0 else replace(recording, value=recording.value * factor)
 
 
-def check_range(scope: Recording, toml: ShotToml) -> None:
-    """No sample at or beyond the recorder's full scale (with `bits`: at its first or last code)."""
-    force = toml.declared.force
-    limit = force.full_scale
-    if force.bits is not None:
+def check_range(scope: Recording, section: ForceSection, key: str = "force") -> None:
+    """No sample at or beyond the recorder's full scale (with `bits`: at its first or last code).
+
+    Parameters
+    ----------
+    scope, section
+        What was recorded, and what its section of the shot file declares.
+    key
+        The section's name.
+
+    Raises
+    ------
+    InputError
+        If there is one.
+    """
+    limit = section.full_scale
+    if section.bits is not None:
         # Codes run from -2^(b-1) to 2^(b-1) - 1; half a code less, since the volts are printed rounded.
-        limit *= 1.0 - 1.5 / 2 ** (force.bits - 1)
+        limit *= 1.0 - 1.5 / 2 ** (section.bits - 1)
     clipped = np.flatnonzero(np.abs(scope.value) >= limit)
     if clipped.size:
         row = int(clipped[0])
         raise InputError(
             scope.path,
             f"column '{scope.channel}' is clipped: {scope.value[row]:.6g} V in the first of {clipped.size}"
-            f" samples at or beyond full scale (force.full_scale = {force.full_scale:g} V)",
+            f" samples at or beyond full scale ({key}.full_scale = {section.full_scale:g} V)",
             line=None if scope.first_line is None else scope.first_line + row,
-            cure="a clipped force is lost; repeat the test at a coarser range, or correct force.full_scale",
+            cure=f"a clipped force is lost; repeat the test at a coarser range, or correct {key}.full_scale",
         )
 
 

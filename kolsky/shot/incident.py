@@ -1,10 +1,8 @@
 """[incident_force]: the channel of the flyer's own transducer, for classical means and for simulations."""
 
-import numpy as np
-
 from kolsky.base.errors import InputError
 from kolsky.base.units import in_us
-from kolsky.shot.force import SMALLEST_BASELINE, channel_of, force_recording
+from kolsky.shot.force import SMALLEST_BASELINE, channel_of, check_range, force_recording
 from kolsky.shot.records import ForceChannel, IncidentForce
 from kolsky.shot.schema.reading import ShotToml
 
@@ -22,15 +20,7 @@ def incident_channel(toml: ShotToml) -> ForceChannel | None:
         return None
     section = declared.completed(toml.declared.force)
     recording = force_recording(toml.path.parent / section.file, section)
-    clipped = np.flatnonzero(np.abs(recording.value) >= section.full_scale)
-    if clipped.size:
-        raise InputError(
-            recording.path,
-            f"column '{recording.channel}' is clipped: {clipped.size} samples at or beyond full scale "
-            f"(incident_force.full_scale = {section.full_scale:g} V)",
-            line=int(clipped[0]) + 2,
-            cure="a clipped force is lost; repeat the test at a coarser range, or correct the full scale",
-        )
+    check_range(recording, section, "incident_force")
     channel = channel_of(recording, section)
     if channel.baseline_volts().size < SMALLEST_BASELINE:
         raise toml.error(

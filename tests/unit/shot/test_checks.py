@@ -56,9 +56,9 @@ def refused(check, *args, **options) -> str:
 
 
 def test_a_sample_at_full_scale_is_clipped_and_one_below_is_not() -> None:
-    check_range(recording([0.0, 1.999, -1.999]), Toml())
+    check_range(recording([0.0, 1.999, -1.999]), Toml().declared.force)
     for value in (2.0, -2.0, 2.5):
-        said = refused(check_range, recording([0.0, 0.1, value, 0.2, value]), Toml())
+        said = refused(check_range, recording([0.0, 0.1, value, 0.2, value]), Toml().declared.force)
         assert "file.csv line 4:" in said
         assert "first of 2 samples" in said
 
@@ -67,10 +67,10 @@ def test_the_last_codes_of_a_recorder_are_clipped() -> None:
     """8 bits over ± 2 V: codes of 2 / 128 V from -128 to 127. The largest is 1.984375 V, the one below
     1.96875 V; half a code between them is the limit, 2 (1 - 1.5 / 128) = 1.9765625 V."""
     toml = Toml(force={"bits": 8})
-    check_range(recording([0.0, 126 * 2.0 / 128, -126 * 2.0 / 128]), toml)
-    check_range(recording([0.0, 1.9765]), toml)
+    check_range(recording([0.0, 126 * 2.0 / 128, -126 * 2.0 / 128]), toml.declared.force)
+    check_range(recording([0.0, 1.9765]), toml.declared.force)
     for value in (127 * 2.0 / 128, -128 * 2.0 / 128, 1.9766):
-        assert "is clipped" in refused(check_range, recording([0.0, value]), toml)
+        assert "is clipped" in refused(check_range, recording([0.0, value]), toml.declared.force)
 
 
 def test_what_rises_from_every_sample_to_the_next_is_a_clock() -> None:

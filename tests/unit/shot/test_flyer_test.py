@@ -81,5 +81,8 @@ def test_a_clipped_incident_channel_is_refused(tmp_path):
     result = CliRunner().invoke(app, ["waves", str(folder)])
     assert result.exit_code == 2
     assert "CH1 incident (V)" in result.stderr
-    assert "clipped" in result.stderr
+    assert "incident_force.full_scale = 0.5 V" in result.stderr
+    lines = (folder / "scope.csv").read_text().splitlines()
+    first = next(n for n, row in enumerate(lines[1:], start=2) if abs(float(row.split(",")[1])) >= 0.5)
+    assert f"scope.csv line {first}:" in result.stderr.replace("\n", " ")
     assert not (folder / "results").exists()
