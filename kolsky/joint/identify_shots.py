@@ -85,8 +85,7 @@ def identify_shots(
     relaxing = [name for name in problem.unknowns.bounds if PARAMETERS[name].relaxes]
     kept = {n: b for n, b in problem.unknowns.bounds.items() if n not in relaxing}
     if not relaxing or not (kept or settings.curve_nodes) or not settings.choose:
-        found = with_patterns_anew(problem, search(problem))
-        return answered(problem, scattered(problem, found), None, tuple(said))
+        return answered(problem, finished(problem, search(problem)), None, tuple(said))
     bare = [
         replace(p, forward=replace(p.forward, shot=replace(p.forward.shot, relaxation=None)))
         for p in prepared
@@ -96,8 +95,7 @@ def identify_shots(
     found = search(problem, beside=weak_branch(problem, elastic, without.start))
     found = _not_above(problem, found, elastic, without)
     choice = chosen(problem, found, elastic, without)
-    found = with_patterns_anew(problem, found)
-    return answered(problem, scattered(problem, found), choice, tuple(said))
+    return answered(problem, finished(problem, found), choice, tuple(said))
 
 
 def search(problem: JointProblem, *, beside: FloatArray | None = None) -> Optimum:
@@ -178,6 +176,23 @@ def _apart(problem: JointProblem, found: Optimum, x: FloatArray) -> float:
     rows = problem.whitening(found.vector - problem.stack.data).apply(found.slopes.T)
     away = x - found.start
     return float(np.sqrt(away @ information(rows, problem.unknowns.widths) @ away))
+
+
+def finished(problem: JointProblem, found: Optimum) -> Optimum:
+    """The optimum with patterns made anew, and with the scatter between the shots.
+
+    Where the search comes to rest with the old patterns alone, these stay: on coarse meshes the new ones may
+    ring at another frequency than the mesh of the slopes.
+    """
+    before = problem.stack
+    last = scattered(problem, with_patterns_anew(problem, found))
+    if last.confirmed or not found.confirmed:
+        return last
+    anew, problem.stack = problem.stack, before
+    old = scattered(problem, found)
+    if not old.confirmed:
+        problem.stack = anew
+    return old if old.confirmed else last
 
 
 def scattered(problem: JointProblem, found: Optimum) -> Optimum:
