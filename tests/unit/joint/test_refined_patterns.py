@@ -10,7 +10,7 @@ import pytest
 from doe.whitening import Whitening
 from kolsky.base.apparatus import Interface
 from kolsky.inverse.forward import Numerics
-from kolsky.joint import identify_shots
+from kolsky.joint import finish
 from kolsky.joint.mesh_errors import mesh_change
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.refined_patterns import with_patterns_anew
@@ -137,9 +137,11 @@ def test_patterns_with_which_the_search_does_not_rest_are_put_back(
     def scattered(problem: Any, found: Optimum) -> Optimum:
         return replace(found, confirmed=anew if problem.stack is stacks["anew"] else old)
 
-    monkeypatch.setattr(identify_shots, "with_patterns_anew", with_patterns)
-    monkeypatch.setattr(identify_shots, "scattered", scattered)
-    found = identify_shots.finished(made, before)  # type: ignore[arg-type]
+    monkeypatch.setattr(finish, "with_patterns_anew", with_patterns)
+    monkeypatch.setattr(finish, "scattered", scattered)
+    said: list[str] = []
+    found = finish.finished(made, before, said)  # type: ignore[arg-type]
+    assert said == ([] if kept == "anew" else [finish.COARSE_PATTERNS])
     assert made.stack is stacks[kept]
     assert found.x.tolist() == [1.7 if kept == "anew" else 1.9]
     assert found.confirmed == (anew or old)
