@@ -24,7 +24,9 @@ from typing import Any
 from kolsky.base.process import process_pool
 
 SHOT = Path(__file__).resolve().parents[1] / "runs" / "open-01"
-SAME = ("device", "gpus", "workers", "each", "hold", "refined", "where")
+ALIKE = ("where", "device", "hold", "mesh", "refined")
+"""What makes identifications ones of the same thing, by whomever."""
+SAME = ("gpus", "workers", "each", *ALIKE)
 """What makes two measurements ones of the same thing."""
 WARM_UP = -1
 """Number of a first identification, of which nothing is kept."""
@@ -128,8 +130,7 @@ def campaign(questions: Sequence[Question], workers: int, dask: str | None = Non
 
 def same_bits(entries: Sequence[dict[str, Any]], one: dict[str, Any]) -> bool:
     """Whether every seed has the answer of the other entries that asked the same on the same device."""
-    alike = ("device", "hold", "refined", "where")
-    others = [other for other in entries if all(other[key] == one[key] for key in alike)]
+    others = [other for other in entries if all(other[key] == one[key] for key in ALIKE)]
     return all(other["answers"].get(seed, m) == m for other in others for seed, m in one["answers"].items())
 
 
@@ -146,7 +147,7 @@ def table(entries: Sequence[dict[str, Any]]) -> str:
         "| --- " * 8 + "|",
     ]
     for one in entries:
-        alike = [o for o in entries if all(o[k] == one[k] for k in ("where", "device", "hold", "refined"))]
+        alike = [o for o in entries if all(o[key] == one[key] for key in ALIKE)]
         least = min(alike, key=lambda o: (o["workers"], o["gpus"]))
         rate, base = (o["identifications"] / o["seconds"] / o["workers"] for o in (one, least))
         cells = (
@@ -186,7 +187,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for workers in o.workers:
         count = o.total or (o.each or 4) * workers
         known = {"device": o.device, "gpus": o.gpus, "workers": workers, "each": count / workers,
-                 "hold": o.hold, "refined": o.refined, "where": o.where}  # fmt: skip
+                 "hold": o.hold, "mesh": o.mesh, "refined": o.refined, "where": o.where}  # fmt: skip
         if not o.again and any([old[key] for key in SAME] == [known[key] for key in SAME] for old in entries):
             continue
         questions = [Question(seed, o.device, tuple(o.hold), mesh, refined) for seed in range(1, count + 1)]

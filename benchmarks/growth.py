@@ -130,15 +130,31 @@ def merged(kept: list[dict[str, Any]], new: dict[str, Any]) -> list[dict[str, An
 
 
 def table(entries: list[dict[str, Any]]) -> str:
-    """A row a size: what a device does of it a second."""
-    lines = ["| what grows | size | precision | where | seconds | a second |", "| --- " * 6 + "|"]
-    for one in entries:
-        rate = f"{one['rate'] / 1e6:.3g} million {UNITS[one['what']]}"
-        size = f"{one['size']:,}".replace(",", " ")
-        where = f"{one['where']}{', one core' if one['device'] == 'cpu' else ''}"
-        cells = (TITLES[one["what"]], size, one["precision"] or "–", where, f"{one['seconds']:.3g}", rate)
+    """A row a size, two columns a machine: the time it takes, and what it does a second."""
+    machines = list(dict.fromkeys((one["device"] != "cpu", one["where"], one["device"]) for one in entries))
+    heads = [f"{where}{', one core' if device == 'cpu' else ''}" for _, where, device in sorted(machines)]
+    columns = ["what grows", "size", "precision", "counted", *(f"{head}, s | a second" for head in heads)]
+    lines = [f"| {' | '.join(columns)} |", "| --- " * (4 + 2 * len(heads)) + "|"]
+    known = {(*_row(one), one["where"], one["device"]): one for one in entries}
+    for what, precision, size in sorted({_row(one) for one in entries}):
+        cells = [TITLES[what], f"{size:,}".replace(",", " "), precision or "–", UNITS[what]]
+        for _, where, device in sorted(machines):
+            one = known.get((what, precision, size, where, device))
+            cells += ["–", "–"] if one is None else [f"{one['seconds']:.3g}", _rate(one["rate"])]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _rate(rate: float) -> str:
+    """A rate in words, to three digits."""
+    if rate >= 1e6:
+        return f"{rate / 1e6:.3g} million"
+    return f"{float(f'{rate:.3g}'):,.0f}".replace(",", " ")
+
+
+def _row(one: dict[str, Any]) -> tuple[str, str, int]:
+    """What a measurement stands in the table under."""
+    return one["what"], one["precision"], one["size"]
 
 
 def draw(entries: list[dict[str, Any]], path: Path) -> None:

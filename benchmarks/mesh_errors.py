@@ -24,7 +24,8 @@ from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.search import search_shot
 from kolsky.inverse.settings import Settings
-from kolsky.uncertainty.numerical import ELEMENT_ORDER, MeshChange, mesh_change
+from kolsky.uncertainty.mesh_runs import mesh_change
+from kolsky.uncertainty.numerical import ELEMENT_ORDER, MeshChange
 
 NAMES = ("stiffness_factor", "poisson", "damping")
 SETS = ((0,), (0, 2), (0, 1, 2))

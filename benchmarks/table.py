@@ -112,8 +112,33 @@ def as_json(
     return text
 
 
+def page_table(made: dict[str, Any]) -> str:
+    """What `as_json` has made, as a page shows it: a row a batch, and the ratio of the peer if it ran."""
+    ratios = made.get("peer", {}).get("times_as_long", {})
+    heads = ["contact", "precision", "runs", "seconds", "of these in time loops"]
+    heads += ["million element updates a second", "of the limit", *(["CalculiX takes"] if ratios else [])]
+    lines = [f"{made['machine']['device']}, {made['mesh']} elements:", "", f"| {' | '.join(heads)} |"]
+    lines.append("| --- " * len(heads) + "|")
+    for row in made["rows"]:
+        updates, loops = row["million_element_updates_per_s"], row.get("time_loop_seconds")
+        fraction = max(row["fraction_of"].values())  # the lower limit is the nearer one
+        cells = [row["contact"], row["precision"], str(row["runs"]), f"{row['seconds']:.3g}"]
+        cells += ["–" if loops is None else f"{loops:.3g}"]
+        cells += [f"{updates:.3g}" if updates < 1000.0 else f"{updates:.0f}", f"{100.0 * fraction:.2g} %"]
+        if ratios:
+            peer = ratios.get(str(row["runs"])) if _is_peers(row["contact"], row["precision"]) else None
+            cells.append("–" if peer is None else f"{peer} times as long")
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
 def _comparable(measurements: list[Measurement]) -> list[Measurement]:
-    return [m for m in measurements if m.contact == "bonded" and m.precision == "fp64"]
+    return [m for m in measurements if _is_peers(m.contact, m.precision)]
+
+
+def _is_peers(contact: str, precision: str) -> bool:
+    """Whether the peer computes the same: without sliding, in double precision."""
+    return contact == "bonded" and precision == "fp64"
 
 
 def _row(m: Measurement, limits: list[Limit], kept: Histories) -> dict[str, Any]:

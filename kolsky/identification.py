@@ -9,14 +9,16 @@
    lets go, `kolsky.inverse.refined_search`), or by a quadratic through a design of runs on the refined mesh
    (a sliding surface, `kolsky.inverse.quadratic_fit`). `kolsky.inverse.search` chooses.
 4. Its uncertainty: the residuals' covariance (`kolsky.inverse.objective`), the inputs' noise
-   (`kolsky.uncertainty.input_noise`), the numerics (`kolsky.uncertainty.numerical`), then what is declared
-   uncertain, profile likelihoods and other choices (`kolsky.uncertainty.analyse`).
+   (`kolsky.uncertainty.input_noise`), the numerics (`kolsky.uncertainty.mesh_runs`), what is declared
+   uncertain, profile likelihoods and other choices (`kolsky.uncertainty.analyse`), likely causes of a misfit.
 5. The result, what other methods find, and the warnings it deserves.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 
+from kolsky.base.arrays import FloatArray
 from kolsky.base.process import one_blas_thread
 from kolsky.base.records import FlyerMotion
 from kolsky.diagnosis.branch_search import branch_fit
@@ -36,6 +38,7 @@ from kolsky.inverse.estimates import (
     search_routes,
     surrogate_quality,
 )
+from kolsky.inverse.fit_results import FitQuality
 from kolsky.inverse.held_answer import held_answer
 from kolsky.inverse.misfit import terms
 from kolsky.inverse.parameters import MOVED, any_slides
@@ -51,7 +54,8 @@ from kolsky.shot.records import Shot
 from kolsky.uncertainty.analyse import analyse
 from kolsky.uncertainty.input_directions import declared_changes
 from kolsky.uncertainty.input_noise import input_changes
-from kolsky.uncertainty.numerical import mesh_change, numerical_parts
+from kolsky.uncertainty.mesh_runs import mesh_change_beside
+from kolsky.uncertainty.numerical import numerical_parts
 from kolsky.uncertainty.profile_likelihood import LinearisedOptimum
 from kolsky.uncertainty.route_budgets import Sources, budgeted, noise_parts, route_difference
 from kolsky.uncertainty.warnings.collect import collect_warnings
@@ -107,18 +111,33 @@ def identify(
     origin = provenance(shot, settings, prepared, sliding=sliding)
     optima = search_routes(fine.box, fine.objective, fine.model)
 
-    sources = Sources(
-        inputs=input_changes(fine.objective, stages.replicates),
-        mesh=mesh_change(stages, fine),
-        roughness=fine.roughness,
-    )
-    gain = fine.objective.gain(fine.jacobian)
     optimum = LinearisedOptimum.of(
         fine.x, fine.box, fine.objective, fine.model, fine.surrogate, smooth=fine.roughness is None
     )
-    known = analyse(stages, optimum, prediction, bayes=settings.bayes)
-    if known.directions is not None:
-        sources = replace(sources, declared=declared_changes(known.directions, shot.uncertainty))
+    vector = fine.objective.vectors(prediction)[0]
+    with mesh_change_beside(stages, fine) as mesh:
+        known = analyse(stages, optimum, prediction, bayes=settings.bayes)
+        inputs = input_changes(fine.objective, stages.replicates)
+        declared = None
+        if known.directions is not None:
+            declared = declared_changes(known.directions, shot.uncertainty)
+
+        @cache
+        def judged_fit() -> tuple[Sources, dict[str, FloatArray], tuple[FitQuality, ...]]:
+            sources = Sources(inputs=inputs, mesh=mesh(), roughness=fine.roughness, declared=declared)
+            changes = residual_sources(sources)
+            fit = fit_quality(fine.objective, vector, fine.jacobian, names=box.names, changes=changes)
+            return sources, changes, fit
+
+        def elsewhere() -> OtherStart | None:
+            held = None if found.held is None else found.held.refined
+            return None if held is None or explains(judged_fit()[2]) else OtherStart(held.x, held.response)
+
+        stages.progress("causes", 0, 1)
+        causes = find_causes(stages, fine.x, fine.check.response.select([0]), other=elsewhere)
+        sources, changes, fit = judged_fit()
+
+    gain = fine.objective.gain(fine.jacobian)
     by_route = [budgeted(box.names, one, sources) for one in optima]
     answers = estimates(
         box,
@@ -132,13 +151,6 @@ def identify(
     )
     held = None if found.held is None else held_answer(found, answers[MOVED])
 
-    changes = residual_sources(sources)
-    vector = fine.objective.vectors(prediction)[0]
-    fit = fit_quality(fine.objective, vector, fine.jacobian, names=box.names, changes=changes)
-    stages.progress("causes", 0, 1)
-    beside = None if found.held is None or explains(fit) else found.held.refined
-    other = None if beside is None else OtherStart(beside.x, beside.response)
-    causes = find_causes(stages, fine.x, fine.check.response.select([0]), other=other)
     again = Reruns.of(stages, fine.x)
     clocks = clock_lags(shot, fine.check.response, fine.objective, fine.jacobian, changes, again=again)
 
@@ -155,7 +167,7 @@ def identify(
         refined_mesh=settings.refined_mesh,
         design=stages.table.build(box),
         curves=curves(fine.box, fine.objective, fine.model, fine.x),
-        surrogate=surrogate_quality(stages, coarse, fine),
+        surrogate=surrogate_quality(stages, coarse, fine, lost=len(sources.mesh.lost)),
         seconds=stages.seconds,
         fit=fit,
         clocks=clocks,
@@ -178,6 +190,7 @@ def identify(
         interface=shot.interface,
         lost_replicates=0 if replicates is None else replicates.lost,
         mesh=prepared.forward.mesh(settings.numerics.with_mesh(settings.refined_mesh)),
+        lost_meshes=sources.mesh.lost,
     )
     noted = (*(shot.flyer.notes if isinstance(shot.flyer, FlyerMotion) else ()), *shot.notes)
     return replace(result, warnings=(*of_fit, *noted, *warnings, *known.warnings, *found.freed.said(shot)))

@@ -13,7 +13,8 @@ changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->
 ``<!-- planted NAME -->`` and ``<!-- advised NAME -->`` planted shots that relax,
 ``<!-- equilibria NAME -->`` times of equilibria,
 ``<!-- killed NAME -->``, ``<!-- soaked NAME -->`` and ``<!-- fuzzed NAME -->`` what damage and kills have
-done, ``<!-- grown NAME -->`` how work grows and ``<!-- campaigns NAME -->`` how it is shared out:
+done, ``<!-- solved NAME -->`` the solver's speed, ``<!-- grown NAME -->`` how work grows and ``<!--
+campaigns NAME -->`` how it is shared out:
 benchmarks/results/NAME.json, ``<!-- named inputs -->`` inputs that were once answered wrongly
 (tests/fuzz/named.py). Anywhere in a line, ``<!-- names laws -->`` becomes their names.
 """
@@ -323,6 +324,14 @@ def soaked(name: str) -> str:
     return _not_yet(name) if made is None else table(made)
 
 
+def solved(name: str) -> str:
+    """The solver's speed on one mesh, as `benchmarks.solver` measured it."""
+    from benchmarks.table import page_table
+
+    made = _results(name)
+    return _not_yet(name) if made is None else page_table(made)
+
+
 def grown(name: str) -> str:
     """How work grows, as `benchmarks.growth` prints it."""
     from benchmarks.growth import table
@@ -365,6 +374,7 @@ TABLES = {
     "named": named,
     "killed": killed,
     "soaked": soaked,
+    "solved": solved,
     "grown": grown,
     "campaigns": campaigns,
     "fuzzed": fuzzed,

@@ -2,7 +2,9 @@
 
 import json
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from dic.files import one_line
 
@@ -62,6 +64,16 @@ class InputError(Exception):
             text += f". Cure: {self.cure}"
         return one_line(text)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle with all that it says: workers send it."""
+        said: dict[str, Any] = {
+            "line": self.line,
+            "key": self.key,
+            "value": self.value,
+            "allowed": self.allowed,
+        }
+        return partial(type(self), self.path, self.message, **said, cure=self.cure), ()
+
     @property
     def problems(self) -> tuple["InputError", ...]:
         """The single problems, at least one."""
@@ -83,6 +95,10 @@ class InputErrors(InputError):
             allowed=first.allowed,
             cure=first.cure,
         )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle with every problem."""
+        return InputErrors, (self._problems,)
 
     def __str__(self) -> str:
         return "\n".join(str(problem) for problem in self._problems)

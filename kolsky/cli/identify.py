@@ -2,11 +2,13 @@
 
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from kolsky.cli import texts
+from kolsky.cli.identify_alone import Alone, answered
+from kolsky.cli.identify_each import identify_each, refuse_shared
 from kolsky.cli.identify_shots import (
     CurveNodes,
     GainEach,
@@ -19,10 +21,6 @@ from kolsky.cli.identify_shots import (
 )
 from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Figures, Mesh, Out, SolverOptions
 from kolsky.inverse.parameters import PARAMETERS
-
-if TYPE_CHECKING:
-    from kolsky.inverse.settings import Settings
-    from kolsky.shot.records import Shot
 
 
 def identify(
@@ -82,6 +80,18 @@ def identify(
             show_default="as [relaxation] of shot.toml says",
         ),
     ] = "",
+    each: Annotated[
+        bool, typer.Option("--each", help="Several shots: each by itself, its results in its own folder.")
+    ] = False,
+    processes: Annotated[
+        int | None, typer.Option(min=1, help="With --each: so many processes share the shots.")
+    ] = None,
+    dask: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS", help="With --each: a Dask scheduler shares them; address or its file."
+        ),
+    ] = "",
     slow_tests: SlowTests = None,
     curve_nodes: CurveNodes = 0,
     curve_roughness: Roughness = 0.1,
@@ -102,7 +112,8 @@ def identify(
 
     Several shots of one material are identified together, with slow tests if there are some: shared
     parameters, each shot's own clock and gain, the scatter between them. They leave joint.json, joint.html,
-    tables and the ledger joint.sqlite in the folder joint; the same command goes on where it ended.
+    tables and the ledger joint.sqlite in the folder joint; the same command goes on where it ended. With
+    --each they are identified one by one, side by side in --processes or by the workers of --dask.
     """
     started = perf_counter()
     ranges = texts.ranges("--free", free) if free else None
@@ -117,7 +128,8 @@ def identify(
     if bayes:
         texts.installed("--bayes", "emcee", "bayes")
     joint = JointOptions(slow_tests, curve_nodes, curve_roughness, gain_each, no_scatter)
-    if len(shots) > 1 or joint.asked:
+    if (len(shots) > 1 or joint.asked) and not each:
+        refuse_shared(processes, dask)
         refuse(
             {
                 "methods": methods != "surrogate",
@@ -139,79 +151,39 @@ def identify(
             shots, joint, chosen, relaxation=relaxation, pull=pull, out=out, formats=formats, as_json=as_json
         )
         return
-    from kolsky.cli.inputs import load, usable
-    from kolsky.cli.terminal import print_result, progress_bars, since
-
-    loaded, folder = load(shots[0], out)
-    if relaxation:
-        from kolsky.inverse.relaxing import with_relaxation
-
-        loaded = with_relaxation(loaded, *texts.relaxation("--relaxation", relaxation))
-    numerics = solver.numerics(coarse)
-    from kolsky import identification
-    from kolsky.inverse.settings import Settings
-    from kolsky.report import printed
-    from kolsky.report.fit_table import fit_line
-    from kolsky.report.result_folder import PAGE, load_identify_page, write_identify_results
-    from kolsky.results.summary import to_json
-
-    settings = Settings(
-        free=ranges,
-        held=held,
-        hold=kept,
-        numerics=numerics,
-        refined_mesh=refined,
-        replicates=replicates,
-        methods="all" if methods == "all" else "surrogate",
-        bayes=bayes,
-        pull="conditioned" if pull == "conditioned" else "first",
-        seed=seed,
+    alone = Alone(
+        shots[0],
+        solver,
+        coarse,
+        {
+            "free": ranges,
+            "held": held,
+            "hold": kept,
+            "refined_mesh": refined,
+            "replicates": replicates,
+            "methods": "all" if methods == "all" else "surrogate",
+            "bayes": bayes,
+            "pull": "conditioned" if pull == "conditioned" else "first",
+            "seed": seed,
+        },
+        out=out,
+        relaxation=relaxation,
+        diagnose=diagnose,
+        paper=method == "paper",
+        formats=tuple(formats),
     )
-    with usable(loaded), progress_bars() as progress:
-        found = identification.identify(loaded, settings, progress=progress, meanwhile=[load_identify_page])
-        if diagnose:
-            found = identification.diagnose(found, loaded, settings, progress=progress)
-    write_identify_results(folder, found, loaded, formats=formats, processes=2)
-    beside, said, doubts = _paper_method(loaded, settings, folder) if method == "paper" else ({}, {}, [])
+    if each:
+        joint.refuse()
+        identify_each(shots, alone, processes=processes, dask=dask, as_json=as_json)
+        return
+    refuse_shared(processes, dask)
+    from kolsky.cli.terminal import print_result, since
+
+    found = answered(alone, processes=2)
     print_result(
-        {**printed.details(found), **beside},
-        {**to_json(found), **said} if as_json else None,
-        answers=[*(printed.answer(e) for e in found.estimates.values()), fit_line(found)],
-        rest={"report": folder / PAGE, "wall time": since(started)},
-        warnings=[*found.warnings, *doubts],
-    )
-
-
-def _paper_method(
-    shot: "Shot", settings: "Settings", folder: Path
-) -> tuple[dict[str, str], dict[str, Any], list[str]]:
-    """The paper's answer: rows to print, keys of the JSON object, warnings. Its files are written.
-
-    Without one there is none of these but a warning: our own answer stands.
-    """
-    from doe.ledger import LedgerError
-    from kolsky.cli.terminal import progress_bars
-    from kolsky.shot.curve import with_pull
-    from kolsky.studies import paper_output
-    from kolsky.studies.paper_method import BOUNDS, paper_method
-
-    given = {name: span for name, span in (settings.free or {}).items() if span and name in BOUNDS}
-    try:
-        with progress_bars() as progress:
-            found = paper_method(
-                with_pull(shot, settings.pull),
-                bounds=given,
-                held=settings.held,
-                numerics=settings.numerics,
-                refined_mesh=settings.refined_mesh,
-                ledger=folder / f"{paper_output.STEM}.sqlite",
-                progress=progress,
-            )
-    except (ValueError, LedgerError, OSError) as error:
-        return {}, {paper_output.STEM: None}, [f"the paper's method has no answer: {error}"]
-    paper_output.write_paper_method(folder, found)
-    return (
-        paper_output.rows(found),
-        {paper_output.STEM: paper_output.to_json(found)},
-        paper_output.warnings(found),
+        found.rows,
+        found.said if as_json else None,
+        answers=found.answers,
+        rest={"report": found.page, "wall time": since(started)},
+        warnings=found.warnings,
     )

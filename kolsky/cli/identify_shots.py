@@ -59,6 +59,27 @@ class JointOptions:
         """True if something is asked for that one shot by itself has not."""
         return self.slow_tests is not None or self.nodes > 0
 
+    def refuse(self) -> None:
+        """Refuse what means something for several shots together alone.
+
+        Raises
+        ------
+        InputError
+            If it is asked for.
+        """
+        given = {
+            "slow-tests": self.slow_tests is not None,
+            "curve-nodes": self.nodes > 0,
+            "gain-each": bool(self.gain_each),
+            "no-scatter": self.no_scatter,
+        }
+        for name in (name for name, there in given.items() if there):
+            raise InputError(
+                texts.COMMAND_LINE,
+                f"--{name} is for several shots together",
+                cure="leave it out, or leave out --each",
+            )
+
     def settings(
         self,
         *,

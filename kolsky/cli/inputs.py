@@ -1,7 +1,7 @@
 """Loading of the shot that a command is about."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from kolsky.shot.records import OpticalData, Shot
 
 
-def load(shot: Path, out: Path | None, *inside: str) -> "tuple[Shot, Path]":
+def load(shot: Path, out: Path | None, *inside: str, forks: bool = True) -> "tuple[Shot, Path]":
     """The shot, and the folder its results go to: refused now if unusable, not after the work.
 
     Parameters
@@ -23,6 +23,8 @@ def load(shot: Path, out: Path | None, *inside: str) -> "tuple[Shot, Path]":
         Where results go; by default the folder "results" of the shot.
     inside
         Folders inside it.
+    forks
+        Whether pictures may be correlated by several processes.
 
     Raises
     ------
@@ -42,7 +44,7 @@ def load(shot: Path, out: Path | None, *inside: str) -> "tuple[Shot, Path]":
         from kolsky.shot.optical_data import measured
 
         keep_freed_memory()
-        with progress_bars() as progress, forking():
+        with progress_bars() as progress, forking() if forks else nullcontext():
             return measured(pictures, usable_folder(place), progress=progress)
 
     loaded = load_shot(shot, measure=measure)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import nan
 
@@ -50,6 +50,10 @@ class OtherStart:
     """The run there, a batch of one."""
 
 
+Elsewhere = Callable[[], OtherStart | None]
+"""Gives another point, None if there is none; asked when the search from the answer has ended."""
+
+
 @dataclass(frozen=True)
 class Best:
     """The best value of an input, of those that the searches found."""
@@ -63,7 +67,7 @@ class Best:
 
 
 def find_causes(
-    stages: StagedRuns, x: FloatArray, refined: Response, *, other: OtherStart | None = None
+    stages: StagedRuns, x: FloatArray, refined: Response, *, other: Elsewhere = lambda: None
 ) -> CauseAnalysis:
     """Try every input as the cause of the misfit.
 
@@ -89,13 +93,12 @@ def find_causes(
         stages.seconds["causes"] = time.perf_counter() - started
 
 
-def _analysed(
-    stages: StagedRuns, x: FloatArray, refined: Response, other: OtherStart | None
-) -> CauseAnalysis:
+def _analysed(stages: StagedRuns, x: FloatArray, refined: Response, elsewhere: Elsewhere) -> CauseAnalysis:
     candidates = [c for c in CANDIDATES if c.here(stages)]
     search = search_from(stages, CauseModel(stages, x, refined), candidates)
     trials = best_trials(search, candidates)
     found = _findings(search, [Best(t, t, search) for t in trials], candidates)
+    other = elsewhere()
     if other is not None:
         # At the answer the meshes are in step; at the other point the difference of its own two runs serves.
         apart = StagedRuns(stages.prepared, stages.settings, stages.box, stages.progress, prior=stages.prior)

@@ -218,8 +218,10 @@ def held_values(shot: Shot, box: Box, held: Mapping[str, float]) -> dict[str, fl
     return {**declared, **dict(held)}
 
 
-def surrogate_quality(stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOptimum) -> dict[str, float]:
-    """The figures of `Identification.surrogate`."""
+def surrogate_quality(
+    stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOptimum, *, lost: int = 0
+) -> dict[str, float]:
+    """The figures of `Identification.surrogate`; `lost` runs were to tell the mesh's error."""
     n = fine.objective.n_force
     left_out = coarse.surrogate.loo_residuals
     found = {"loo_force": _rms(left_out[:, :n])}
@@ -240,6 +242,8 @@ def surrogate_quality(stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOp
         found["slow_discrepancy"] = fine.objective.slow_discrepancy
     if not fine.confirmed:
         found["runs_needed"] = runs_needed(stages, coarse, fine)
+    if lost:
+        found["lost_mesh_runs"] = float(lost)
     return found
 
 

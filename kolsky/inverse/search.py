@@ -114,7 +114,7 @@ def search_shot(
         stages.idle_core = IdleCore([*meanwhile, partial(_load_other_element, stages)])
         if rough(shot, [*freed.free, *freed.settings.held]):
             coarse = search_coarse(stages)
-            replicates = stages.replicate(coarse.x) if settings.replicates else None
+            replicates = stages.replicate(coarse.x)() if settings.replicates else None
             coarse = weigh_front_noise(stages, coarse, replicates)
             alone = stages.box.dimension == 1 and not slides(stages)
             fine = search_by_single_runs(stages, coarse) if alone else search_by_quadratic(stages, coarse)

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dic.forks import Later
 from doe import Box, Design, full_factorial, latin_hypercube
 from explicit import Response
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.completed_runs import CompletedRuns, Replicates, first_lost, lost_in_words
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.idle_core import IdleCore
+from kolsky.inverse.idle_core import IdleCore, leaves_a_core
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Observations, Prediction, predict
 from kolsky.inverse.parameters import PARAMETERS
@@ -48,7 +49,7 @@ class StagedRuns:
         self.prior = prior
         self.idle_core = IdleCore()
         self.offsets: dict[tuple[int, int], FloatArray] = {}
-        self.replicates: Replicates | None = None
+        self._replicates: Callable[[], Replicates | None] = lambda: None
         self.front: MovedFront | None = None
         self.front_moved, self.valley_margin = 0.0, np.inf
         self.rng = np.random.default_rng(settings.seed)
@@ -196,17 +197,25 @@ class StagedRuns:
         }
         return np.concatenate(points), Prediction(**parts)
 
-    def replicate(self, point: FloatArray, *, lesson: bool = True) -> Replicates:
+    @property
+    def replicates(self) -> Replicates | None:
+        """Those that were asked for last; None if none were."""
+        return self._replicates()
+
+    def replicate(self, point: FloatArray, *, lesson: bool = True) -> Callable[[], Replicates]:
         """Run the point again under `settings.replicates` other motions, and as many other curves.
+
+        The runs are made beside a lone run, or when they are asked for.
 
         With `lesson` the weights learn from as many motions more: what taught them does not judge them.
 
-        One more run has the motion larger by the standard uncertainty of its scale, if that is known.
+        One more run has the motion larger by the standard uncertainty of its scale, if that is known. What
+        the runs depend on is as it is now.
 
-        Raises
-        ------
-        ValueError
-            If the reference among them did not complete.
+        Returns
+        -------
+        callable
+            Gives the replicates; raises ValueError if the reference among them did not complete.
         """
         n = self.settings.replicates
         moved = 2 * n if lesson else n
@@ -214,28 +223,32 @@ class StagedRuns:
         scaled = len(forward.paths) - moved - 1
         motion = np.concatenate([np.arange(moved + 1), np.zeros(n, int), np.full(scaled, moved + 1)])
         material = np.concatenate([np.zeros(moved + 1, int), np.arange(1, n + 1), np.zeros(scaled, int)])
-        started, report = time.perf_counter(), self._counter("noise", len(motion))
         at = self.solver_values(point[None], self.settings.replicate_mesh)[0]
-        response = forward.run(
-            {**self.settings.held, **dict(zip(self.box.names, at, strict=True))},
-            self.settings.numerics.with_mesh(self.settings.replicate_mesh),
-            motion=motion,
-            material=material,
-            progress=report,
-        )
-        self._clock("noise", started)
-        rows = np.flatnonzero(response.completed)
-        if 0 not in rows:
-            raise ValueError(f"the noise stage's reference run ended {response.describe(0)}")
-        self.replicates = Replicates(
-            prediction=predict(response.select(rows), self.observations),
-            flyer=(rows > 0) & (rows <= n),
-            lesson=(rows > n) & (rows <= moved),
-            curve=(rows > moved) & (rows <= moved + n),
-            scale=rows > moved + n,
-            lost=response.n_samples - len(rows),
-        )
-        return self.replicates
+        values = {**self.settings.held, **dict(zip(self.box.names, at, strict=True))}
+        observations = self.observations
+
+        def run() -> Replicates:
+            started, report = time.perf_counter(), self._counter("noise", len(motion))
+            numerics = self.settings.numerics.with_mesh(self.settings.replicate_mesh)
+            response = forward.run(values, numerics, motion=motion, material=material, progress=report)
+            if not idle:  # else the time is that of the run beside it
+                self._clock("noise", started)
+            rows = np.flatnonzero(response.completed)
+            if 0 not in rows:
+                raise ValueError(f"the noise stage's reference run ended {response.describe(0)}")
+            return Replicates(
+                prediction=predict(response.select(rows), observations),
+                flyer=(rows > 0) & (rows <= n),
+                lesson=(rows > n) & (rows <= moved),
+                curve=(rows > moved) & (rows <= moved + n),
+                scale=rows > moved + n,
+                lost=response.n_samples - len(rows),
+            )
+
+        idle = leaves_a_core(self.settings.numerics.device, self.settings.numerics.threads)
+        found = self.idle_core.put_off(run) if idle else Later(run)
+        self._replicates = found
+        return found
 
     def under_other_motions(
         self, points: FloatArray, deviations: FloatArray, numerics: Numerics, *, shifted: bool = True

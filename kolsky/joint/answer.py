@@ -25,6 +25,7 @@ from kolsky.joint.unknowns import node_strains, with_factors
 from kolsky.joint.unseen import needed, unseen
 from kolsky.joint.weights import CLOCK, GAIN, SCATTER, Stack, covariance, information
 from kolsky.uncertainty.numerical import numerical_parts
+from kolsky.uncertainty.warnings.meshes import lost_mesh_runs
 
 FEW_SHOTS = 5
 """Shots below which a scatter between them is hardly known."""
@@ -101,7 +102,11 @@ def answered(
         mesh=problem.mesh.mesh,
         refined_mesh=problem.settings.refined_mesh,
         runs=problem.runs.made,
-        warnings=(*said, *_warnings(problem, found, choice, shared)),
+        warnings=(
+            *said,
+            *lost_mesh_runs(mesh.lost, problem.mesh.mesh),
+            *_warnings(problem, found, choice, shared),
+        ),
     )
 
 

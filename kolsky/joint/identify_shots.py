@@ -27,17 +27,16 @@ from kolsky.inverse.parameters import MOVED, PARAMETERS, checked_value, require_
 from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
 from kolsky.inverse.staged_runs import Progress
 from kolsky.joint.answer import answered
+from kolsky.joint.finish import finished
 from kolsky.joint.model_choice import chosen, weak_branch, with_nothing
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.problem import JointProblem
-from kolsky.joint.records import JointResult, JointSettings, Scatter, Slow
-from kolsky.joint.refined_patterns import with_patterns_anew
+from kolsky.joint.records import JointResult, JointSettings, Slow
 from kolsky.joint.refined_steps import refined_optimum
 from kolsky.joint.runs import JointRuns
-from kolsky.joint.scatter import estimated
 from kolsky.joint.start import starts
 from kolsky.joint.unknowns import Unknowns
-from kolsky.joint.weights import BLIND, SCATTER, information
+from kolsky.joint.weights import information
 from kolsky.shot.records import Shot
 
 FIRST, AGAIN = 10, 6
@@ -85,8 +84,8 @@ def identify_shots(
     relaxing = [name for name in problem.unknowns.bounds if PARAMETERS[name].relaxes]
     kept = {n: b for n, b in problem.unknowns.bounds.items() if n not in relaxing}
     if not relaxing or not (kept or settings.curve_nodes) or not settings.choose:
-        found = with_patterns_anew(problem, search(problem))
-        return answered(problem, scattered(problem, found), None, tuple(said))
+        found = finished(problem, search(problem), said)
+        return answered(problem, found, None, tuple(said))
     bare = [
         replace(p, forward=replace(p.forward, shot=replace(p.forward.shot, relaxation=None)))
         for p in prepared
@@ -96,8 +95,8 @@ def identify_shots(
     found = search(problem, beside=weak_branch(problem, elastic, without.start))
     found = _not_above(problem, found, elastic, without)
     choice = chosen(problem, found, elastic, without)
-    found = with_patterns_anew(problem, found)
-    return answered(problem, scattered(problem, found), choice, tuple(said))
+    found = finished(problem, found, said)
+    return answered(problem, found, choice, tuple(said))
 
 
 def search(problem: JointProblem, *, beside: FloatArray | None = None) -> Optimum:
@@ -178,37 +177,6 @@ def _apart(problem: JointProblem, found: Optimum, x: FloatArray) -> float:
     rows = problem.whitening(found.vector - problem.stack.data).apply(found.slopes.T)
     away = x - found.start
     return float(np.sqrt(away @ information(rows, problem.unknowns.widths) @ away))
-
-
-def scattered(problem: JointProblem, found: Optimum) -> Optimum:
-    """The optimum with the scatter between the shots, which the weights know from here on."""
-    if not problem.settings.scatter or len(problem.stack.shots) < 2:
-        return found
-    scatter = _scatter(problem, found)
-    if scatter.value > 0.0:
-        found = replace(refined_optimum(problem, found.x, found.slopes), start=found.start)
-    return replace(found, scatter=scatter)
-
-
-def _scatter(problem: JointProblem, found: Optimum) -> Scatter:
-    """The scatter between the shots on the refined mesh; from here on the weights know it."""
-    stack, residual = problem.stack, found.vector - problem.stack.data
-    change = problem.unknowns.relative_stiffness(found.slopes, found.x)
-    patterns = np.array([stack.of_shot(k, change) for k in range(len(stack.shots))])
-    # Each shot's discrepancy is what is left once its own stiffness has followed.
-    objectives = stack.weighed_beside(residual, patterns)
-    # What the data do not see takes no freedom from them.
-    seen = np.linalg.norm(stack.whitening(objectives).apply(found.slopes.T), axis=1)
-    slopes = found.slopes[:, seen * problem.unknowns.widths >= BLIND]
-    between = estimated(residual, slopes, patterns, lambda more: stack.whitening(objectives, more))
-    if between.value > 0.0:
-        shots = []
-        for one, row in zip(stack.shots, stack.parts(between.value * change), strict=True):
-            whole = np.zeros(len(one.kept))
-            whole[one.kept] = row
-            shots.append(replace(one, own={**one.own, SCATTER: whole}))
-        problem.stack = replace(stack, shots=tuple(shots))
-    return between
 
 
 def _problem(

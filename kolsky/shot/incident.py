@@ -1,6 +1,5 @@
 """[incident_force]: the channel of the flyer's own transducer, for classical means and for simulations."""
 
-from kolsky.base.errors import InputError
 from kolsky.base.units import in_us
 from kolsky.shot.force import SMALLEST_BASELINE, channel_of, check_range, force_recording
 from kolsky.shot.records import ForceChannel, IncidentForce

@@ -1,6 +1,9 @@
 """A few of a shot's pictures, cut to the specimen and made small, for the report's slider."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,12 +11,14 @@ from numpy.typing import NDArray
 from dic.images import PictureError
 from dic.opencv import cv2
 from dic.outcome import FrameOutcome
-from dic.result import StereoResult
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.shot.frames import read_frames
 from kolsky.shot.picture_set import open_pictures
 from kolsky.shot.schema.reading import ShotToml
+
+if TYPE_CHECKING:  # a shot without pictures loads nothing that follows them
+    from dic.result import StereoResult
 
 COUNT = 24
 """Most pictures that are kept."""

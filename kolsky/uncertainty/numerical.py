@@ -12,9 +12,6 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.graded_mesh import coarser_graded, graded
-from kolsky.inverse.refined_search import RefinedOptimum
-from kolsky.inverse.staged_runs import StagedRuns
 
 ORDER = 3.2
 """Order of the mesh error in the parameters, as `benchmarks.mesh_order` fits it over both elements on seed 1,
@@ -71,6 +68,18 @@ class GradedChange:
 
 
 @dataclass(frozen=True)
+class LostRun:
+    """A run at the answer that was to tell the mesh's error, and did not complete."""
+
+    numerics: Numerics
+    """Its mesh, grading and element."""
+    why: str
+    """How it ended, or of which shots it was, without a final stop."""
+    is_graded: bool
+    """Whether its mesh is one of `GradedChange`."""
+
+
+@dataclass(frozen=True)
 class MeshChange:
     """Changes of the predicted data vector at the answer by a coarser mesh and by the other element."""
 
@@ -84,9 +93,11 @@ class MeshChange:
     windows: IntArray | None = None
     """Window of each entry, see `windows_of`, shape [k]; None for one window."""
     graded: GradedChange | None = None
-    """By graded meshes; None where they were not run."""
+    """By graded meshes; None where they were not run, on purpose or because one of them is among `lost`."""
     element_share: float = ELEMENT_SHARE
     """Share of the elements' distance that counts beside what is extrapolated from graded meshes [-]."""
+    lost: tuple[LostRun, ...] = ()
+    """Runs that did not complete: another formula stands in for what they were to tell."""
 
     def __post_init__(self) -> None:
         if not self.ratio > 1.0:
@@ -150,61 +161,6 @@ def windows_of(times: FloatArray) -> IntArray:
     start, end = times.min(), times.max()
     share = (times - start) / max(end - start, np.finfo(float).tiny)
     return np.minimum((WINDOWS * share).astype(int), WINDOWS - 1)
-
-
-def mesh_change(stages: StagedRuns, fine: RefinedOptimum) -> MeshChange:
-    """Run the answer on the surrogate's mesh with both elements.
-
-    Raises
-    ------
-    ValueError
-        If the run with the element of the identification does not complete there.
-    """
-    numerics = stages.settings.numerics
-    coarse = _vector(stages, fine, numerics)
-    if coarse is None:
-        across, along = numerics.mesh
-        raise ValueError(
-            f"the run at the answer on the surrogate's mesh of {across} x {along} elements did not complete, "
-            "so that the error of the refined one cannot be told: refine the surrogate's mesh"
-        )
-    element = _vector(stages, fine, numerics.with_other_element())
-    # Where the mesh is run at shifted points, in step with the refined one, the shift is taken back along the
-    # slopes, which are right there; a run that is out of step with the data has other ones.
-    offset = stages.offsets.get(numerics.mesh, np.zeros(len(fine.x)))
-    # Where a surface slides the model is the quadratic, which does not follow the jumps of single runs.
-    model = fine.model(fine.x)[0]
-    return MeshChange(
-        graded=_graded(stages, fine, model),
-        coarser=np.nan_to_num(coarse - model) - fine.jacobian @ offset,
-        element=None if element is None else np.nan_to_num(element - coarse),
-        ratio=stages.settings.refined_mesh[0] / numerics.mesh[0],
-        windows=windows_of(fine.objective.times),
-    )
-
-
-def _graded(stages: StagedRuns, fine: RefinedOptimum, model: FloatArray) -> GradedChange | None:
-    """The answer on two graded meshes; None where one is lost or a surface slides: single runs jump."""
-    if fine.roughness is not None or stages.settings.numerics.compressible is not None:
-        return None
-    settings = stages.settings
-    few, many = (mesh(settings.numerics, settings.refined_mesh) for mesh in (coarser_graded, graded))
-    coarse, same = (_vector(stages, fine, numerics, shifted=False) for numerics in (few, many))
-    if coarse is None or same is None:
-        return None
-    return GradedChange(
-        graded=np.nan_to_num(same - model),
-        coarser=np.nan_to_num(coarse - same),
-        ratio=many.mesh[0] / few.mesh[0],
-    )
-
-
-def _vector(
-    stages: StagedRuns, fine: RefinedOptimum, numerics: Numerics, *, shifted: bool = True
-) -> FloatArray | None:
-    """The predicted data vector at the answer with some numerics; None if the run is lost."""
-    _, prediction = stages.evaluate("check", fine.x[None], numerics, shifted=shifted)
-    return None if prediction is None else fine.objective.vectors(prediction)[0]
 
 
 def numerical_parts(

@@ -36,6 +36,7 @@ from tests.mutants.implicit import FAULTS as IMPLICIT
 from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.joint import FAULTS as JOINT
+from tests.mutants.joint_meshes import FAULTS as JOINT_MESHES
 from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.numerical import FAULTS as NUMERICAL
 from tests.mutants.paper_method import FAULTS as PAPER_METHOD
@@ -94,6 +95,7 @@ FAULTS: tuple[Fault, ...] = (
     *INPUTS,
     *INVERSE,
     *JOINT,
+    *JOINT_MESHES,
     *MATERIAL,
     *NUMERICAL,
     *PAPER_METHOD,

@@ -176,15 +176,29 @@ FAULTS = (
     Fault(
         name="an error beside a lone run is lost",
         file="kolsky/inverse/idle_core.py",
-        right="                done()\n",
+        right="            done()\n",
         wrong="",
         tests=IDLE,
     ),
     Fault(
+        name="runs that were put off made beside every run",
+        file="kolsky/inverse/idle_core.py",
+        right="elif idle:",
+        wrong="else:",
+        tests=IDLE,
+    ),
+    Fault(
+        name="replicates under the path that is followed when they are asked for",
+        file="kolsky/inverse/staged_runs.py",
+        right="response = forward.run(values",
+        wrong="response = self.prepared.with_replicates(moved, self.rng, curves=n).run(values",
+        tests=("tests/unit/inverse/test_replicates.py",),
+    ),
+    Fault(
         name="what waits for an idle core is done beside every run",
         file="kolsky/inverse/idle_core.py",
-        right="(self._waiting, ()) if idle else ((), self._waiting)",
-        wrong="(self._waiting, ())",
+        right="if idle and self._waiting:",
+        wrong="if self._waiting:",
         tests=IDLE,
     ),
 )

@@ -3,6 +3,7 @@
 from tests.mutants.fault import Fault
 
 NUMERICAL = ("tests/unit/uncertainty/test_numerical.py",)
+WARNINGS = ("tests/unit/uncertainty/test_warnings.py",)
 
 FAULTS = (
     Fault(
@@ -70,7 +71,7 @@ FAULTS = (
     ),
     Fault(
         name="the refined mesh less the coarser one",
-        file="kolsky/uncertainty/numerical.py",
+        file="kolsky/uncertainty/mesh_runs.py",
         right="coarser=np.nan_to_num(coarse - model) - fine",
         wrong="coarser=np.nan_to_num(model - coarse) - fine",
         tests=NUMERICAL,
@@ -112,23 +113,51 @@ FAULTS = (
     ),
     Fault(
         name="the finer graded mesh less the coarser one",
-        file="kolsky/uncertainty/numerical.py",
-        right="coarser=np.nan_to_num(coarse - same)",
-        wrong="coarser=np.nan_to_num(same - coarse)",
+        file="kolsky/uncertainty/mesh_runs.py",
+        right="np.nan_to_num(few - many), ratio",
+        wrong="np.nan_to_num(many - few), ratio",
         tests=NUMERICAL,
     ),
     Fault(
         name="graded runs at the points of a mesh that is run in step",
-        file="kolsky/uncertainty/numerical.py",
-        right="(_vector(stages, fine, numerics, shifted=False) for",
-        wrong="(_vector(stages, fine, numerics, shifted=True) for",
+        file="kolsky/uncertainty/mesh_runs.py",
+        right="if k < BOTH_ELEMENTS else point",
+        wrong="if True else point",
         tests=NUMERICAL,
     ),
     Fault(
         name="graded meshes where a surface slides",
-        file="kolsky/uncertainty/numerical.py",
+        file="kolsky/uncertainty/mesh_runs.py",
         right="if fine.roughness is not None or",
         wrong="if False or",
         tests=NUMERICAL,
+    ),
+    Fault(
+        name="a lost graded run without a word",
+        file="kolsky/uncertainty/mesh_runs.py",
+        right="for k, run in enumerate(runs)\n",
+        wrong="for k, run in enumerate(runs[:2])\n",
+        tests=NUMERICAL,
+    ),
+    Fault(
+        name="runs of the mesh made anew each time they are asked for",
+        file="kolsky/uncertainty/mesh_runs.py",
+        right="seen = found()",
+        wrong="seen = made(stages, fine.x, runs)",
+        tests=NUMERICAL,
+    ),
+    Fault(
+        name="a lost graded run said to be one of the other element",
+        file="kolsky/uncertainty/mesh_runs.py",
+        right="is_graded=k >= BOTH_ELEMENTS",
+        wrong="is_graded=k < BOTH_ELEMENTS",
+        tests=NUMERICAL,
+    ),
+    Fault(
+        name="the mesh that stands in said to be the lost one",
+        file="kolsky/uncertainty/warnings/meshes.py",
+        right="{coarse[0]} x {coarse[1]} elements",
+        wrong="{across} x {along} elements",
+        tests=WARNINGS,
     ),
 )

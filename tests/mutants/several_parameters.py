@@ -138,7 +138,7 @@ FAULTS = (
     ),
     Fault(
         name="a mesh's shift not taken back along the slopes",
-        file="kolsky/uncertainty/numerical.py",
+        file="kolsky/uncertainty/mesh_runs.py",
         right="- fine.jacobian @ offset",
         wrong="+ fine.jacobian @ offset",
         tests=NUMERICAL,

@@ -93,10 +93,10 @@ def test_strength_and_time_are_found_by_the_command(tmp_path: Path) -> None:
     for name, true in PLANTED.items():
         e = estimates[name]
         assert e["outcome"] == "identified", name
-        # One of five exact intervals of k = 2 misses in a fifth of all tests; how often is counted by the
-        # study on the default meshes. The truth's mesh, 1.5 times as fine as the answer's, errs as much,
-        # and on meshes this coarse the mesh's error is not linear: nu or the time are 3.0 to 3.2 off.
-        assert abs(e["value"] - true) < 4.0 * e["sigma"], name
+        # One of five exact intervals of k = 2 misses in a fifth of all tests, of k = 3 in one of 75; how
+        # often is counted by the study on the default meshes. With patterns made anew at the refined optimum
+        # m, nu, beta, strength and time are -0.04, -0.01, 0.03, 0.72, -0.20 off; without, up to 3.1.
+        assert abs(e["value"] - true) < 3.0 * e["sigma"], name
         assert e["sigma"] < 0.1 * true, name
     assert np.isfinite(found["slow_tests"]["held"])
 

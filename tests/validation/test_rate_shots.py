@@ -57,7 +57,7 @@ def made(maker: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Callabl
     def folder(number: int, m: float) -> Path:
         place = tmp_path_factory.mktemp("rates") / f"shot-{number}"
         # Answers are corrected to an infinitely fine mesh: the truth's is twice as fine, and graded.
-        numerics = Numerics(mesh=(48, 64), element="fbar", grading=5.0)
+        numerics = Numerics(mesh=(48, 64), grading=5.0)
         maker.make(place, SPEEDS[number], m, seed=number, numerics=numerics)
         return place
 
@@ -133,7 +133,7 @@ def test_a_span_like_the_papers_is_refused(maker, tmp_path):
     shots = []
     for number, speed in enumerate((2.2, 2.4, 2.5, 2.8)):
         folder = tmp_path / f"shot-{number}"
-        maker.make(folder, speed, 1.12, seed=number, numerics=Numerics(mesh=(24, 32), element="fbar"))
+        maker.make(folder, speed, 1.12, seed=number, numerics=Numerics(mesh=(24, 32)))
         quick = replace(COARSE, numerics=Numerics(mesh=(12, 16)), refined_mesh=(16, 22), replicates=0)
         one = collected_shot(folder, group="gel", identify=lambda shot, quick=quick: identify(shot, quick))
         shots.append(replace(one, keep_unexplained=True))  # on meshes so coarse no fit explains the data

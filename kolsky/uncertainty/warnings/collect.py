@@ -1,12 +1,14 @@
 """All warnings of an identification, gravest first."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from explicit import Mesh
 from kolsky.base.apparatus import Interface
 from kolsky.inverse.result import Identification
+from kolsky.uncertainty.numerical import LostRun
 from kolsky.uncertainty.warnings import answer, inputs, runs
+from kolsky.uncertainty.warnings.meshes import lost_mesh_runs
 
 
 def collect_warnings(
@@ -16,6 +18,7 @@ def collect_warnings(
     interface: Interface,
     lost_replicates: int = 0,
     mesh: Mesh | None = None,
+    lost_meshes: Sequence[LostRun] = (),
 ) -> tuple[str, ...]:
     """Collect the warnings of a result, gravest first.
 
@@ -31,6 +34,8 @@ def collect_warnings(
         Runs of the noise stage that did not complete.
     mesh
         Of the check run; left out, its elements are not looked at.
+    lost_meshes
+        Runs that were to tell the mesh's error and did not complete.
 
     Returns
     -------
@@ -56,6 +61,7 @@ def collect_warnings(
             *inputs.flyer(checks),
             *inputs.force_noise(checks),
             *inputs.outline_noise(result),
+            *lost_mesh_runs(lost_meshes, result.mesh),
             *answer.numerical(result),
             *answer.left_out(result),
             *runs.sliding(interface, named),

@@ -38,7 +38,7 @@ def test_budget_of_the_paper(tables: ModuleType) -> None:
 
 def test_a_study_that_was_not_run_says_so(tables: ModuleType) -> None:
     assert "not made yet" in tables.budget("no_such_study")
-    for name in ("drawn", "answers", "changes", "pooled", "equilibria", "planted", "advised"):
+    for name in ("drawn", "answers", "changes", "pooled", "equilibria", "planted", "advised", "solved"):
         assert "not run yet" in tables.TABLES[name]("no_such_study")
 
 
@@ -144,3 +144,26 @@ def test_times_of_equilibria_are_merged(tmp_path: Path) -> None:
     peer = {"dolfinx": {"processor seconds": 50.0}, "largest difference": 2e-10}
     said = implicit_table.table([{**large, **peer}]).splitlines()[-1]
     assert "50 s of the processor, 25.0 times as long" in said
+
+
+def test_the_speed_of_the_solver_has_its_limit_and_its_peer(
+    tables: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    row = {"contact": "bonded", "precision": "fp64", "runs": 1, "seconds": 0.1234, "time_loop_seconds": 0.1}
+    row |= {
+        "million_element_updates_per_s": 1234.5,
+        "fraction_of": {"arithmetic": 0.02, "shared memory": 0.01},
+    }
+    sliding = {**row, "contact": "coulomb", "runs": 100}
+    del sliding["time_loop_seconds"]
+    made = {"machine": {"device": "GPU"}, "mesh": "64x86", "rows": [row, sliding]}
+    monkeypatch.setattr(tables, "_results", lambda _: made)
+    first, second = tables.solved("any").splitlines()[-2:]
+    assert first == "| bonded | fp64 | 1 | 0.123 | 0.1 | 1234 | 2 % |"
+    assert second == "| coulomb | fp64 | 100 | 0.123 | – | 1234 | 2 % |"
+    monkeypatch.setattr(
+        tables, "_results", lambda _: {**made, "peer": {"times_as_long": {"1": 2700, "100": 3}}}
+    )
+    first, second = tables.solved("any").splitlines()[-2:]
+    assert first.endswith("| 2700 times as long |")
+    assert second.endswith("| – |")  # its peer does not slide

@@ -2,12 +2,8 @@
 
 import os
 import signal
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import contextmanager
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -16,12 +12,12 @@ from typing import Any
 import ledger_sweep
 import numpy as np
 import pytest
+from dask_processes import dask_processes
 
 from doe.executors import Pace, run_chunks
 from doe.ledger import Ledger
 from doe.ledger_rows import Run
 
-ROOT = Path(__file__).resolve().parents[3]
 POINTS = ledger_sweep.POINTS[:400]
 
 
@@ -77,39 +73,14 @@ def test_workers_that_always_die_end_the_sweep() -> None:
         run_chunks(hopeless, POINTS[:4], chunk=2, executor=processes, attempts=2)
 
 
-@contextmanager
-def dask_processes(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """A scheduler and two workers as processes of their own; the scheduler's file and the workers."""
-    file = folder / "scheduler.json"
-    folders = (ROOT, Path(__file__).parent, ROOT / "tests" / "helpers")  # of what is sent to the workers
-    paths = os.pathsep.join(map(str, folders))
-    environment = {**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"}
-    common = ["--scheduler-file", str(file), "--no-dashboard"]
-    worker = ["worker", *common, "--no-nanny", "--nthreads", "1", "--local-directory", str(folder)]
-    commands = [["scheduler", *common, "--host", "127.0.0.1", "--port", "0"], worker, worker]
-    with (folder / "dask.log").open("wb") as log:
-        started = [
-            subprocess.Popen(
-                [sys.executable, "-m", "dask", *command], env=environment, stdout=log, stderr=log, cwd=folder
-            )
-            for command in commands
-        ]
-        try:
-            while not file.exists():
-                assert started[0].poll() is None, (folder / "dask.log").read_text()
-                time.sleep(0.05)
-            yield str(file), started[1:]
-        finally:
-            for process in started:
-                process.kill()
-                process.wait()
-
-
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # Dask's own, of sockets that a killed worker left open
 def test_a_dask_worker_killed_in_the_middle_changes_no_bit(tmp_path: Path) -> None:
     distributed: Any = pytest.importorskip("distributed", reason="needs the extra [cluster]")
-    with dask_processes(tmp_path) as (file, workers), distributed.Client(scheduler_file=file) as client:
+    with (
+        dask_processes(tmp_path, Path(__file__).parent) as (file, workers),
+        distributed.Client(scheduler_file=file) as client,
+    ):
         client.wait_for_workers(2, timeout=60)
         killed: list[int] = []
 

@@ -8,12 +8,12 @@ import pytest
 
 from explicit.simd import lane_kernel
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.idle_core import SWITCH, IdleCore
+from kolsky.inverse.idle_core import SWITCH, IdleCore, leaves_a_core
 from kolsky.inverse.prepared_shot import prepare_shot
 from kolsky.inverse.search import search_shot
 from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
-from kolsky.uncertainty.numerical import mesh_change
+from kolsky.uncertainty.mesh_runs import mesh_change
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 
@@ -33,6 +33,33 @@ def test_what_waits_is_done_once_beside_a_block_with_an_idle_core() -> None:
         with core.used(idle=True):
             pass
         assert done == [("first", False), ("second", False)]
+
+
+def test_runs_that_are_put_off_wait_for_a_lone_run_without_other_work_or_to_be_asked_for() -> None:
+    done: list[str] = []
+    core = IdleCore([lambda: done.append("loaded")])
+    runs = core.put_off(lambda: done.append("run") or len(done))
+    with core.used(idle=False):
+        pass
+    assert done == []
+    with core.used(idle=True):
+        pass
+    assert done == ["loaded"]
+    for _ in range(2):
+        with core.used(idle=True):
+            pass
+        assert done == ["loaded", "run"]
+    assert runs() == 2
+    again = core.put_off(lambda: done.append("asked") or len(done))
+    assert again() == 3
+    with core.used(idle=True):  # nothing is done twice
+        pass
+    assert done == ["loaded", "run", "asked"]
+
+
+def test_one_thread_leaves_no_core() -> None:
+    assert not leaves_a_core("cpu", 1)
+    assert leaves_a_core("cpu", 2)
 
 
 def test_errors_are_raised_and_the_interpreter_is_as_before() -> None:

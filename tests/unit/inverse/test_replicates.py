@@ -35,7 +35,10 @@ def replicated(shot: Any, monkeypatch: pytest.MonkeyPatch, *, lesson: bool) -> R
     monkeypatch.setattr(staged_runs, "predict", lambda rows, observations: rows)
     box = Box.of({"stiffness_factor": (0.5, 2.0)})
     stages = StagedRuns(shot, Settings(replicates=3), box, lambda stage, done, total: None)
-    return stages.replicate(np.array([1.1]), lesson=lesson)
+    asked = stages.replicate(np.array([1.1]), lesson=lesson)
+    found = asked()
+    assert stages.replicates is found
+    return found
 
 
 def test_motions_then_curves_then_the_scale(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -66,3 +69,17 @@ def test_a_lost_run_keeps_the_others_in_their_place(monkeypatch: pytest.MonkeyPa
     assert np.flatnonzero(found.flyer).tolist() == [1, 2]
     assert np.flatnonzero(found.curve).tolist() == [3, 4]
     assert np.flatnonzero(found.scale).tolist() == [5]
+
+
+def test_they_depend_on_what_was_when_they_were_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, later = Shot(), Shot()
+    monkeypatch.setattr(staged_runs, "predict", lambda rows, observations: rows)
+    box = Box.of({"stiffness_factor": (0.5, 2.0)})
+    stages = StagedRuns(first, Settings(replicates=3), box, lambda stage, done, total: None)  # type: ignore[arg-type]
+    assert stages.replicates is None
+    asked = stages.replicate(np.array([1.1]))
+    assert first.motion.size == 0  # put off
+    stages.prepared = later  # type: ignore[assignment]
+    assert asked() is asked()
+    assert first.motion.size == 11
+    assert later.motion.size == 0

@@ -10,6 +10,7 @@ import pytest
 from doe.whitening import Whitening
 from kolsky.base.apparatus import Interface
 from kolsky.inverse.forward import Numerics
+from kolsky.joint import finish
 from kolsky.joint.mesh_errors import mesh_change
 from kolsky.joint.optimum import Optimum
 from kolsky.joint.refined_patterns import with_patterns_anew
@@ -118,3 +119,29 @@ def test_what_has_no_patterns_of_a_fine_mesh_stays_as_it_is(given: dict[str, Any
     before = optimum(made, confirmed=confirmed)
     assert with_patterns_anew(made, before) is before  # type: ignore[arg-type]
     assert not made.learnt
+
+
+@pytest.mark.parametrize(
+    ("anew", "old", "kept"), [(True, True, "anew"), (False, True, "old"), (False, False, "anew")]
+)
+def test_patterns_with_which_the_search_does_not_rest_are_put_back(
+    monkeypatch: pytest.MonkeyPatch, anew: bool, old: bool, kept: str
+) -> None:
+    made = Made()
+    before, stacks = optimum(made), {"old": made.stack, "anew": SimpleNamespace(data=made.stack.data)}
+
+    def with_patterns(problem: Any, found: Optimum) -> Optimum:
+        problem.stack = stacks["anew"]
+        return replace(found, x=np.array([1.7]))
+
+    def scattered(problem: Any, found: Optimum) -> Optimum:
+        return replace(found, confirmed=anew if problem.stack is stacks["anew"] else old)
+
+    monkeypatch.setattr(finish, "with_patterns_anew", with_patterns)
+    monkeypatch.setattr(finish, "scattered", scattered)
+    said: list[str] = []
+    found = finish.finished(made, before, said)  # type: ignore[arg-type]
+    assert said == ([] if kept == "anew" else [finish.COARSE_PATTERNS])
+    assert made.stack is stacks[kept]
+    assert found.x.tolist() == [1.7 if kept == "anew" else 1.9]
+    assert found.confirmed == (anew or old)

@@ -21,6 +21,7 @@ def entry(**changed: Any) -> dict[str, Any]:
         "workers": 2,
         "each": 2.0,
         "hold": [],
+        "mesh": "4x6",
         "refined": "6x8",
         "where": "a",
     }
@@ -142,3 +143,22 @@ def test_growth_goes_on_and_is_drawn(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     text = (tmp_path / "growth.svg").read_text()
     assert text.count("<svg") == 1
     assert growth.table(entries).count("\n") == 2 + 17 - 1
+
+
+def test_every_machine_has_its_columns() -> None:
+    sizes = [{"what": "points", "size": n, "precision": ""} for n in (1000, 4_000_000)]
+    here = {**sizes[0], "device": "cpu", "where": "a", "seconds": 1.25, "rate": 831.4}
+    there = [{**one, "device": "cuda", "where": "b", "seconds": 0.5, "rate": 2e6} for one in sizes]
+    head, _, *rows = growth.table([*there, here]).splitlines()
+    assert head.split(" | ")[4:] == ["a, one core, s", "a second", "b, s", "a second |"]
+    assert [row.split(" | ")[1:] for row in rows] == [
+        ["1 000", "–", "points", "1.25", "831", "0.5", "2 million |"],
+        ["4 000 000", "–", "points", "–", "–", "0.5", "2 million |"],
+    ]
+
+
+def test_other_meshes_are_another_measurement() -> None:
+    fine = entry(mesh="24x32", answers={"1": "0x1.1p+0"}, workers=1)
+    assert campaign.merged([entry(workers=1)], fine) == [entry(workers=1), fine]
+    assert campaign.same_bits([entry(workers=1), fine], fine)
+    assert all(" 1.00 " in row for row in campaign.table([entry(), fine]).splitlines()[2:])

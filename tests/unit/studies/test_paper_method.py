@@ -190,7 +190,7 @@ def test_unknown_bounds_are_refused() -> None:
 
 def test_the_command_has_its_answer_or_says_why_not(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
     """What `kolsky identify --method paper` adds to the answer that it has written already."""
-    from kolsky.cli.identify import _paper_method
+    from kolsky.cli.identify_alone import paper_answer
     from kolsky.inverse.settings import Settings
 
     made = MadeShot({COARSE: 1.10, FINE: 1.05})
@@ -202,7 +202,7 @@ def test_the_command_has_its_answer_or_says_why_not(monkeypatch: pytest.MonkeyPa
     settings = Settings(
         free={"stiffness_factor": (0.9, 1.3)}, numerics=Numerics(mesh=COARSE), refined_mesh=FINE
     )
-    rows, said, doubts = _paper_method(shot, settings, tmp_path)  # type: ignore[arg-type]
+    rows, said, doubts = paper_answer(shot, settings, tmp_path)  # type: ignore[arg-type]
     assert rows["m, paper's method"].endswith("confirmed on 16x22")
     assert said["paper_method"]["stiffness_factor"] == pytest.approx(1.05, abs=method.CONFIRMED)
     assert doubts == paper_output.warnings(answer(monkeypatch, made, bounds={"stiffness_factor": (0.9, 1.3)}))
@@ -212,6 +212,6 @@ def test_the_command_has_its_answer_or_says_why_not(monkeypatch: pytest.MonkeyPa
         raise ValueError("2 of 36 runs of the design completed")
 
     monkeypatch.setattr(method.sweeping, "sweep", broken)
-    rows, said, doubts = _paper_method(shot, settings, tmp_path)  # type: ignore[arg-type]
+    rows, said, doubts = paper_answer(shot, settings, tmp_path)  # type: ignore[arg-type]
     assert (rows, said) == ({}, {"paper_method": None})
     assert doubts == ["the paper's method has no answer: 2 of 36 runs of the design completed"]

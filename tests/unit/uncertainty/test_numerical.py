@@ -1,5 +1,6 @@
 """The numerics' part of an answer in closed form."""
 
+import threading
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -8,10 +9,12 @@ import numpy as np
 import pytest
 
 from kolsky.inverse.forward import Numerics
+from kolsky.inverse.launches import Launch
+from kolsky.uncertainty import mesh_runs
+from kolsky.uncertainty.mesh_runs import mesh_change, mesh_change_beside
 from kolsky.uncertainty.numerical import (
     GradedChange,
     MeshChange,
-    mesh_change,
     numerical_parts,
     windows_of,
 )
@@ -136,22 +139,37 @@ def test_roughness_is_a_part_of_its_own() -> None:
     assert list(numerical_parts(change, np.eye(1))) == ["mesh"]
 
 
-def staged(lost: str = "", **offset: float) -> tuple[Any, Any]:
+def staged(monkeypatch: pytest.MonkeyPatch, lost: str = "", **offset: float) -> tuple[Any, Any]:
     """Simulations whose data vectors on the surrogate's mesh are known, and an answer."""
     vectors = {"one_point": np.array([7.0, np.nan]), "fbar": np.array([8.5, 2.0])}
     graded = {(40, 54): np.array([9.0, 2.5]), (64, 86): np.array([6.5, np.nan])}
+    shifts = {mesh: np.array(list(offset.values())) for mesh in [(24, 32), *graded] if offset}
 
-    def evaluate(stage: str, points: np.ndarray, numerics: Numerics, *, shifted: bool) -> tuple[Any, Any]:
-        assert shifted == (numerics.grading == 2.0)
-        if numerics.grading == 5.0:
-            return None, None if str(numerics.mesh) == lost else graded[numerics.mesh][None]
-        assert numerics.mesh == (24, 32)
-        return None, None if numerics.element == lost else vectors[numerics.element][None]
+    def side_by_side(launches: list[Launch]) -> list[Any]:
+        found = []
+        for launch in launches:
+            numerics = launch.numerics
+            # A graded mesh is run at the answer itself, the surrogate's where it resembles the refined one.
+            shift = shifts.get(numerics.mesh, np.zeros(1))[0] if numerics.grading == 2.0 else 0.0
+            assert launch.points == {"poisson": 0.49, "stiffness_factor": 1.0 + shift}
+            what = str(numerics.mesh) if numerics.grading == 5.0 else numerics.element
+            seen = graded[numerics.mesh] if numerics.grading == 5.0 else vectors[numerics.element]
+            ended = SimpleNamespace(ok=what not in lost)
+            found.append(
+                SimpleNamespace(outcomes=[ended], seen=seen, describe=lambda row, what=what: f"{what} over")
+            )
+        return found
 
+    monkeypatch.setattr(mesh_runs, "run_side_by_side", side_by_side)
+    monkeypatch.setattr(mesh_runs, "predict", lambda response, observations: response.seen[None])
     stages = SimpleNamespace(
-        settings=SimpleNamespace(numerics=Numerics(), refined_mesh=(64, 86)),
-        evaluate=evaluate,
-        offsets={(24, 32): np.array(list(offset.values()))} if offset else {},
+        settings=SimpleNamespace(numerics=Numerics(), refined_mesh=(64, 86), held={"poisson": 0.49}),
+        box=SimpleNamespace(names=("stiffness_factor",)),
+        prepared=SimpleNamespace(forward=None),
+        observations=None,
+        seconds={},
+        solver_values=lambda points, mesh: points + shifts.get(mesh, np.zeros(1)),
+        offsets=shifts,
     )
     fine = SimpleNamespace(
         x=np.array([1.0]),
@@ -163,21 +181,71 @@ def staged(lost: str = "", **offset: float) -> tuple[Any, Any]:
     return stages, fine
 
 
-def test_changes_are_taken_at_the_answer() -> None:
-    found = mesh_change(*staged())
+def test_changes_are_taken_at_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = mesh_change(*staged(monkeypatch))
     np.testing.assert_array_equal(found.coarser, [1.0, 0.0])  # a point that is not reached adds nothing
     np.testing.assert_array_equal(found.element, [1.5, 0.0])
     assert found.ratio == pytest.approx(64 / 24)
     np.testing.assert_array_equal(found.windows, [0, 11])
-    assert mesh_change(*staged(lost="fbar")).element is None
+    assert found.lost == ()
     # A mesh that is run 0.2 higher, in step with the data: 0.2 of the slopes (3, 0.5) is taken back.
-    np.testing.assert_allclose(mesh_change(*staged(m=0.2)).coarser, [0.4, -0.1], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        mesh_change(*staged(monkeypatch, m=0.2)).coarser, [0.4, -0.1], rtol=0, atol=1e-15
+    )
     graded = found.graded
     assert graded is not None
     np.testing.assert_array_equal(graded.graded, [0.5, 0.0])  # 6.5 where the refined mesh has 6
     np.testing.assert_array_equal(graded.coarser, [2.5, 0.0])
     assert graded.ratio == 1.6
-    for what in ("(40, 54)", "(64, 86)", "smoothness"):  # of a sliding surface single runs jump
-        assert mesh_change(*staged(lost=what)).graded is None
     with pytest.raises(ValueError, match="24 x 32 elements did not complete"):
-        mesh_change(*staged(lost="one_point"))
+        mesh_change(*staged(monkeypatch, lost="one_point"))
+
+
+def test_lost_runs_are_told_from_those_left_out_on_purpose(monkeypatch: pytest.MonkeyPatch) -> None:
+    for what, mesh in (("(40, 54)", (40, 54)), ("(64, 86)", (64, 86))):
+        found = mesh_change(*staged(monkeypatch, lost=what))
+        assert found.graded is None
+        (lost,) = found.lost
+        assert lost.is_graded
+        assert lost.numerics.mesh == mesh
+        assert lost.why == f"{what} over"
+    both = mesh_change(*staged(monkeypatch, lost="(40, 54) (64, 86)"))
+    assert [run.numerics.mesh for run in both.lost] == [(40, 54), (64, 86)]
+    other = mesh_change(*staged(monkeypatch, lost="fbar"))
+    assert other.element is None
+    assert other.graded is not None
+    assert [(run.is_graded, run.numerics.element) for run in other.lost] == [(False, "fbar")]
+    stages, fine = staged(monkeypatch, lost="smoothness")  # of a sliding surface single runs jump
+    assert (mesh_change(stages, fine).graded, mesh_change(stages, fine).lost) == (None, ())
+    stages, fine = staged(monkeypatch)
+    stages.settings.numerics = Numerics(compressible=0.49)
+    assert (mesh_change(stages, fine).graded, mesh_change(stages, fine).lost) == (None, ())
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_runs_beside_other_work_say_the_same(monkeypatch: pytest.MonkeyPatch, threads: int) -> None:
+    stages, fine = staged(monkeypatch, m=0.2)
+    stages.settings.numerics = Numerics(threads=threads)
+    alone, runs = mesh_change(stages, fine), []
+    monkeypatch.setattr(mesh_runs, "made", _told(mesh_runs.made, runs))
+    with mesh_change_beside(stages, fine) as told:
+        assert not runs or threads > 1
+        found = told()
+        told()
+    # Asked twice they are made once; one thread has no core that would be idle beside the block.
+    assert runs == [threads == 1]
+    np.testing.assert_array_equal(found.coarser, alone.coarser)
+    assert found.graded is not None
+    assert alone.graded is not None
+    np.testing.assert_array_equal(found.graded.error, alone.graded.error)
+    without = mesh_change_beside(*staged(monkeypatch, lost="one_point"))
+    with pytest.raises(ValueError, match="did not complete"), without as told:
+        told()
+
+
+def _told(made: Any, runs: list[bool]) -> Any:
+    def told(*given: Any) -> Any:
+        runs.append(threading.current_thread() is threading.main_thread())
+        return made(*given)
+
+    return told

@@ -9,10 +9,13 @@ from synthetic import CHECKS, failed, synthetic
 
 from explicit import Outcome
 from kolsky.base.apparatus import Interface
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.graded_mesh import coarser_graded, graded
 from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.result import Identification, RouteDifference, Verdict
 from kolsky.inverse.uncertainty_results import ParameterProfile
 from kolsky.uncertainty.analyse import analysis_warnings
+from kolsky.uncertainty.numerical import LostRun
 from kolsky.uncertainty.warnings.collect import collect_warnings
 
 BONDED = Interface(faces="bonded", side="bonded")
@@ -334,3 +337,28 @@ def test_a_profile_is_confirmed_within_a_tenth_of_its_level(error: float, kind: 
         "stiffness_factor", x, 0.0 * x, x[:, None], 3.84, 1.0, (1.0, 1.2), (1.0, 1.2), kind, "it is so", error
     )
     assert len(list(analysis_warnings((profile,), None))) == said
+
+
+def test_lost_runs_that_were_to_tell_the_meshs_error() -> None:
+    usual, refined = Numerics(), (64, 86)
+
+    def texts(*lost: LostRun) -> tuple[str, ...]:
+        return collect_warnings(clean(), checks=CHECKS, interface=BONDED, lost_meshes=lost)
+
+    ended = "INVERTED at 280 us: an element turned inside out"
+    fine, few = texts(
+        LostRun(graded(usual, refined), ended, is_graded=True),
+        LostRun(coarser_graded(usual, refined), "", is_graded=True),
+    )
+    across, along = clean().mesh
+    assert fine.startswith(
+        f"the run at the answer on the graded mesh of 64 x 86 elements was lost ({ended}),"
+    )
+    assert f"come from the coarser mesh of {across} x {along} elements, by which that part" in fine
+    assert "give another --refined-mesh" in fine
+    assert few.startswith("the run at the answer on the graded mesh of 40 x 54 elements was lost, so that")
+    (element,) = texts(LostRun(usual.with_other_element(), ended, is_graded=False))
+    assert element.startswith(f"the run at the answer with fbar elements on 24 x 32 was lost ({ended}),")
+    assert "graded" not in element
+    assert "give another --mesh" in element
+    assert texts() == ()

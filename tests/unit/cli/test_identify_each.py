@@ -1,0 +1,218 @@
+"""`kolsky identify SHOT... --each`: who answers what, in which order, and what a shot that fails does."""
+
+import json
+import pickle
+import shutil
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from threading import Event
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from dask_processes import dask_processes
+from typer.testing import CliRunner
+
+from kolsky.base.errors import InputError, InputErrors
+from kolsky.cli import identify_each as module
+from kolsky.cli.commandline import app
+from kolsky.cli.identify_alone import Alone, Said
+from kolsky.cli.identify_each import identify_each, refuse_shared, shared
+from kolsky.cli.identify_shots import JointOptions
+from kolsky.cli.options import SolverOptions
+from kolsky.cli.quiet import is_quiet
+
+OPEN_01 = Path(__file__).resolve().parents[3] / "runs" / "open-01"
+ALIKE = Alone(Path("none"), SolverOptions(), (6, 8), {})
+
+
+def made_up(task: Alone, *, processes: int) -> Said:
+    """An answer that says what was asked, or that the shot is bad."""
+    name = task.shot.name
+    if name == "bad":
+        raise InputErrors([InputError(task.shot, "is odd", cure="mend it") for _ in range(2)])
+    how = f"{task.out} {task.solver.threads} {processes} {is_quiet()}"
+    return Said(name, ("m = 1",), {}, {"how": how}, ("mind this",), task.shot / "report.html")
+
+
+@pytest.fixture
+def stubbed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "answered", made_up)
+
+
+def paths(*names: str) -> list[Path]:
+    return [Path("folder") / name for name in names]
+
+
+@pytest.mark.usefixtures("stubbed")
+def test_shots_are_answered_in_their_order_and_a_bad_one_stops_no_other(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(InputErrors, match="is odd") as raised:
+        identify_each(paths("b", "bad", "a"), ALIKE, processes=None, dask="", as_json=True)
+    assert len(raised.value.problems) == 2
+    printed = capsys.readouterr()
+    first, second, third = json.loads(printed.out)["shots"]
+    assert first["answer"] == third["answer"] == {"how": "None None 2 False"}
+    assert (first["folder"], third["report"]) == ("folder/b", "folder/a/report.html")
+    assert second["answer"] is second["report"] is None
+    assert second["problem"].splitlines() == ["folder/bad: is odd. Cure: mend it"] * 2
+    assert "warning: b: mind this\nwarning: a: mind this" in printed.err
+
+
+@pytest.mark.usefixtures("stubbed")
+def test_the_workers_of_a_cluster_take_the_shots(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    distributed: Any = pytest.importorskip("distributed", reason="needs the extra [cluster]")
+    monkeypatch.setattr("kolsky.cli.scheduler.PATIENCE", 30.0)
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"
+    ) as some:
+        ask = partial(identify_each, processes=None, dask=some.scheduler_address, as_json=False)
+        ask(paths("b", "a"), Alone(Path(), SolverOptions(), (6, 8), {}, out=tmp_path))
+        said = capsys.readouterr().out.splitlines()
+        assert [line.split()[0] for line in said[:2]] == ["b:", "a:"]
+        assert said[2].split() == ["shots", "answered", "2", "of", "2"]
+        with pytest.raises(InputErrors):
+            ask(paths("bad", "a"), ALIKE)
+        assert "shots answered  1 of 2" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("stubbed")
+def test_a_worker_has_a_thread_draws_alone_and_says_nothing() -> None:
+    tasks = [Alone(Path(name), SolverOptions(threads=3), (6, 8), {}) for name in "ab"]
+    done: list[int] = []
+    found = shared(partial(ThreadPoolExecutor, 2), tasks, done.append)
+    assert [one.said["how"] for one in found if isinstance(one, Said)] == ["None 3 1 True"] * 2
+    assert done == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("processes", "dask", "given", "threads"),
+    [(None, "", None, None), (2, "", 3, 3), (None, "here", None, 1), (None, "here", 4, 4)],
+)
+def test_threads_of_a_worker(
+    monkeypatch: pytest.MonkeyPatch, processes: int | None, dask: str, given: int | None, threads: int | None
+) -> None:
+    seen: list[Alone] = []
+
+    def tell(executor: Any, tasks: list[Alone], told: Any) -> list[Any]:
+        seen.extend(tasks)
+        return [made_up(task, processes=1) for task in tasks]
+
+    class Client:
+        def __enter__(self) -> Any:
+            return self
+
+        def __exit__(self, *_: object) -> None: ...
+
+        get_executor = ThreadPoolExecutor
+
+    monkeypatch.setattr(module, "shared", tell)
+    monkeypatch.setattr(
+        module, "_tried", lambda task, processes: seen.append(task) or made_up(task, processes=2)
+    )
+    monkeypatch.setattr("kolsky.cli.scheduler.client", lambda named: Client())
+    alike = Alone(Path(), SolverOptions(threads=given), (6, 8), {})
+    identify_each(paths("a"), alike, processes=processes, dask=dask, as_json=False)
+    assert [task.solver.threads for task in seen] == [threads]
+
+
+def killed() -> Exception:
+    """What Dask raises where its workers die over a shot."""
+    distributed: Any = pytest.importorskip("distributed", reason="needs the extra [cluster]")
+    return distributed.scheduler.KilledWorker("a shot", SimpleNamespace(address="tcp://a"), 3)  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize("why", [lambda: BrokenExecutor("it was killed"), killed])
+def test_a_lost_worker_is_said_with_what_is_done(why: Callable[[], Exception]) -> None:
+    kept = Event()
+
+    class Dies(ThreadPoolExecutor):
+        def submit(self, work: Callable[..., Any], /, *given: Any, **more: Any) -> "Future[Any]":
+            future: Future[Any] = Future()
+            if kept.is_set():
+                future.set_exception(why())
+            else:
+                future.set_result(InputError("a", "is odd", cure="mend it"))
+                kept.set()
+            return future
+
+    with pytest.raises(InputError, match=r"with [01] of 2 shots answered \(.*(kill|died)"):
+        shared(Dies, [ALIKE, ALIKE], lambda done: None)
+
+
+def test_two_shots_never_write_to_one_place(tmp_path: Path) -> None:
+    for name in ("x/a", "y/a"):
+        (tmp_path / name).mkdir(parents=True)
+    x, y = tmp_path / "x" / "a", tmp_path / "y" / "a"
+    assert module._places([x, y], None) == [None, None]
+    assert module._places([x], tmp_path) == [tmp_path / "a"]
+    for shots, out in (([x, x], None), ([x, x / ".." / "a"], None), ([x, y], tmp_path)):
+        with pytest.raises(InputError, match="two shots would write to"):
+            module._places(shots, out)
+
+
+def test_what_does_not_go_together_is_refused() -> None:
+    refuse_shared(None, "")
+    JointOptions(None, 0, 0.1, "", no_scatter=False).refuse()
+    for given in ((1, ""), (None, "here")):
+        with pytest.raises(InputError, match="shares out shots that are identified by themselves"):
+            refuse_shared(*given)
+    for joint, option in (
+        (JointOptions(Path("a"), 0, 0.1, "", no_scatter=False), "slow-tests"),
+        (JointOptions(None, 4, 0.1, "", no_scatter=False), "curve-nodes"),
+        (JointOptions(None, 0, 0.1, "1 %", no_scatter=False), "gain-each"),
+        (JointOptions(None, 0, 0.1, "", no_scatter=True), "no-scatter"),
+    ):
+        with pytest.raises(InputError, match=f"--{option} is for several shots together"):
+            joint.refuse()
+
+
+def test_the_command_line_refuses_it(tmp_path: Path) -> None:
+    for words in (["--dask", "x"], ["--processes", "2"]):
+        for shots in (["a"], ["a", "b"]):
+            result = CliRunner().invoke(app, ["identify", *shots, *words])
+            assert result.exit_code == 2
+            assert "give --each" in result.output
+
+
+def test_a_refusal_comes_back_from_a_worker_as_it_was() -> None:
+    one = InputError("f.toml", "is odd", line=3, key="a.b", value=[1], allowed="2", cure="mend it")
+    for error in (one, InputErrors([one, InputError("g", "is none", cure="make it")])):
+        back = pickle.loads(pickle.dumps(error))
+        assert (type(back), str(back)) == (type(error), str(error))
+        assert [str(p) for p in back.problems] == [str(p) for p in error.problems]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")  # Dask's own
+def test_processes_and_dask_give_the_bits_of_one_process(tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="needs the extra [cluster]")
+    shots = [tmp_path / name for name in ("a", "b")]
+    for shot in shots:
+        shutil.copytree(OPEN_01, shot, ignore=shutil.ignore_patterns("results"))
+    text = (shots[1] / "shot.toml").read_text("utf-8")
+    (shots[1] / "shot.toml").write_text(text.replace('length = "6.5 mm"', 'length = "6.52 mm"'), "utf-8")
+    words = ["identify", *map(str, [*shots, tmp_path / "none"]), "--each", "--json", "--mesh", "8x11"]
+    words += ["--refined-mesh", "16x22", "--hold", "poisson", "--hold", "damping", "--replicates", "4"]
+
+    def answers(*more: str) -> list[tuple[float, list[float]]]:
+        out = tmp_path / "out"
+        result = CliRunner().invoke(app, [*words, "--threads", "1", "--out", str(out), *more])
+        assert result.exit_code == 2, result.output
+        *good, bad = json.loads(result.stdout)["shots"]
+        assert "there is no such folder" in bad["problem"]
+        assert all(Path(one["report"]).is_file() for one in good)
+        shutil.rmtree(out)
+        found = [one["answer"]["stiffness_factor"] for one in good]
+        return [(one["value"], one["interval"]) for one in found]
+
+    alone = answers()
+    assert alone[0] != alone[1]
+    assert answers("--processes", "2") == alone
+    with dask_processes(tmp_path) as (file, _):
+        assert answers("--dask", file) == alone

@@ -1,0 +1,88 @@
+"""What meshes do to the data of several shots: which runs were lost is said, with the shots' names."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from kolsky.inverse.forward import Numerics
+from kolsky.joint import mesh_errors
+from kolsky.joint.mesh_errors import mesh_change
+
+SETTINGS = SimpleNamespace(refined_mesh=(32, 43))
+
+
+def problem(lost: dict[str, int], *, faces: str = "bonded") -> Any:
+    """Two shots with two entries each; `lost` says of which shot a mesh's or an element's run is lost."""
+    vectors = {"(16, 22)": 1.0, "fbar": 3.0, "(20, 27)": 6.0, "(32, 43)": 5.0}
+
+    def predict(stage: str, points: np.ndarray, numerics: Numerics) -> np.ndarray:
+        key = numerics.element if numerics.element == "fbar" else str(numerics.mesh)
+        row = np.full(4, vectors[key])
+        if key in lost:
+            row[2 * lost[key] : 2 * lost[key] + 2] = np.nan
+        return row[None]
+
+    shots = [
+        SimpleNamespace(
+            name=name, interface=SimpleNamespace(faces=faces, side=faces, friction=0.3), window=(0.0, 1.0)
+        )
+        for name in ("slow", "fast")
+    ]
+    return SimpleNamespace(
+        mesh=Numerics(mesh=(16, 22)),
+        settings=SETTINGS,
+        predict=predict,
+        stack=SimpleNamespace(parts=lambda vector: np.split(vector, 2)),
+        first=SimpleNamespace(shot=shots[0]),
+        unknowns=SimpleNamespace(bounds={"stiffness_factor": (0.5, 2.0)}),
+        runs=SimpleNamespace(
+            held={},
+            prepared=[SimpleNamespace(forward=SimpleNamespace(shot=shot)) for shot in shots],
+        ),
+    )
+
+
+@pytest.fixture(autouse=True)
+def one_window(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mesh_errors, "_windows", lambda stack: np.zeros(4, int))
+
+
+FOUND: Any = SimpleNamespace(x=np.ones(1), vector=np.full(4, 4.0))
+
+
+def test_graded_runs_of_all_shots_tell_the_error() -> None:
+    change = mesh_change(problem({}), FOUND)
+    assert change.lost == ()
+    assert change.graded is not None
+    np.testing.assert_array_equal(change.graded.graded, np.ones(4))
+    np.testing.assert_array_equal(change.graded.coarser, np.ones(4))
+    assert change.graded.ratio == pytest.approx(1.6)
+
+
+@pytest.mark.parametrize("mesh", [(20, 27), (32, 43)])
+def test_a_graded_run_that_one_shot_has_lost_is_said(mesh: tuple[int, int]) -> None:
+    change = mesh_change(problem({str(mesh): 1}), FOUND)
+    assert change.graded is None
+    (lost,) = change.lost
+    assert lost.is_graded
+    assert lost.numerics.mesh == mesh
+    assert lost.why == "of fast"
+
+
+def test_the_other_element_that_is_lost_is_said_and_graded_runs_stay() -> None:
+    change = mesh_change(problem({"fbar": 0}), FOUND)
+    assert change.element is None
+    assert change.graded is not None
+    assert [(run.is_graded, run.why) for run in change.lost] == [(False, "of slow")]
+
+
+def test_sliding_shots_have_no_graded_runs_on_purpose() -> None:
+    change = mesh_change(problem({"(32, 43)": 1}, faces="coulomb"), FOUND)
+    assert (change.graded, change.lost) == (None, ())
+
+
+def test_a_run_of_the_search_that_is_lost_is_refused() -> None:
+    with pytest.raises(ValueError, match="did not complete: refine --mesh"):
+        mesh_change(problem({"(16, 22)": 0}), FOUND)
