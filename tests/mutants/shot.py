@@ -27,15 +27,15 @@ FAULTS = (
     Fault(
         name="the last code of a recorder is not clipped",
         file="kolsky/shot/force.py",
-        right="1.0 - 1.5 / 2 ** (force.bits - 1)",
-        wrong="1.0 - 0.5 / 2 ** (force.bits - 1)",
+        right="1.0 - 1.5 / 2 ** (section.bits - 1)",
+        wrong="1.0 - 0.5 / 2 ** (section.bits - 1)",
         tests=CHECKS,
     ),
     Fault(
         name="codes counted for one bit more",
         file="kolsky/shot/force.py",
-        right="1.0 - 1.5 / 2 ** (force.bits - 1)",
-        wrong="1.0 - 1.5 / 2**force.bits",
+        right="1.0 - 1.5 / 2 ** (section.bits - 1)",
+        wrong="1.0 - 1.5 / 2**section.bits",
         tests=CHECKS,
     ),
     Fault(
