@@ -78,7 +78,7 @@ nitpick_ignore_regex = [
     # Names of ours for types: arrays, the panels of a figure, any kind of shot.
     (
         "py:class",
-        r"FloatArray|NDArray|Panels|Kind|kolsky\.[a-z0-9_.]+\.(AnyShot|Model|T)|dic\.chain\.stages\.Result",
+        r"FloatArray|NDArray|Panels|Kind|kolsky\.[a-z0-9_.]+\.(AnyShot|Model|T|Result)|dic\.chain\.stages\.Result",
     ),
     ("py:class", r"kolsky\.shot\.schema\.fields\._physical\.<locals>\.validate"),  # what reads a quantity
     ("py:.*", module_pages.without_page(module_pages.sources())),  # modules that have no page
