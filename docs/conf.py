@@ -80,7 +80,6 @@ nitpick_ignore_regex = [
         "py:class",
         r"FloatArray|NDArray|Panels|Kind|kolsky\.[a-z0-9_.]+\.(AnyShot|Model|T|Result)|dic\.chain\.stages\.Result",
     ),
-    ("py:class", r"kolsky\.shot\.schema\.fields\._physical\.<locals>\.validate"),  # what reads a quantity
     ("py:.*", module_pages.without_page(module_pages.sources())),  # modules that have no page
     ("py:class", r"(explicit|doe|dic)(\.[a-z_]+)?\.[A-Z]\w*"),  # re-exported: documented where it is defined
 ]
