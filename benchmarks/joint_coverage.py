@@ -8,7 +8,7 @@ holds the truth, how often strength and time are both within two standard uncert
 relaxation is asked for. The folder keeps every answer: called again, the study goes on where it stopped.
 
 Processes share all GPUs that there are: the truths run side by side on them, each GPU with its part of the
-shots (--truth-device cuda); an answer takes three minutes of one core of a CPU (--device cpu).
+shots (--truth-device cuda); an answer takes some minutes of one core of a CPU (--device cpu).
 """
 
 import argparse
