@@ -191,6 +191,7 @@ def _uncertainty(given: Mapping[str, Any]) -> dict[str, Any]:
     """[uncertainty] as written, every quantity in its SI unit."""
     plain = {"poisson", "friction", "bar_poisson", "bars_alike"}
     units = {"damping": "s", "clock_offset": "s", "Z_offset": "m", "y_offset": "m", "gauge_distance": "m"}
+    units["length_in_pictures"] = "m"
     return {
         key: value if key in plain else f"{value:.9g} {units.get(key, '')}".strip()
         for key, value in given.items()
