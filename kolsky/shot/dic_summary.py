@@ -123,8 +123,9 @@ def printed(result: StereoResult) -> dict[str, str]:
         )
     if "rim_above_declared_length_m" in rows:
         table["rim of the flyer at rest"] = (
-            f"{um * rows['rim_above_declared_length_m']:+.1f} µm from the specimen's upper end by its declared "
-            f"length, ± {2.0 * um * rows['rim_above_declared_length_sigma_m']:.1f} µm (k = 2, of both)"
+            f"{um * rows['rim_above_declared_length_m']:+.1f} µm from the specimen's upper end by its "
+            "declared length, "
+            f"± {2.0 * um * rows['rim_above_declared_length_sigma_m']:.1f} µm (k = 2, of both)"
         )
     if said := refinement_words(result.facts.get("refinement", {})):
         table["pose refined from the speckles"] = said

@@ -171,7 +171,7 @@ def length_notes(found: LengthByPictures) -> tuple[str, ...]:
     return (
         f"specimen.length is {1e3 * found.declared:.4f} mm, and the pictures prefer "
         f"{1e3 * found.pictures:.4f} mm ± {2e6 * found.pictures_sigma:.1f} µm (k = 2), "
-        f"{abs(found.apart):.1f} standard uncertainties of both away; {used}: measure the specimen again, and "
-        "check the pitch of the calibration target, the crop offsets, and whether the flyer touched the "
+        f"{abs(found.apart):.1f} standard uncertainties of both away; {used}: measure the specimen again, "
+        "and check the pitch of the calibration target, the crop offsets, and whether the flyer touched the "
         "specimen at rest",
     )

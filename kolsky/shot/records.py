@@ -153,7 +153,7 @@ class Shot(ShotBase):
     axis_by_radius: bool = False
     """Whether the outline's axis was placed by the declared radius at rest, so that Z grows with it."""
     length_by_pictures: LengthByPictures | None = None
-    """The specimen's length as declared, in the pictures and as it is used; None where they do not show it."""
+    """The specimen's length as declared, in the pictures and as used; None where they do not show it."""
 
     @cached_property
     def flyer_path(self) -> FlyerPath:

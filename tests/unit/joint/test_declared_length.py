@@ -10,7 +10,7 @@ from kolsky.joint.declared import _moved_places
 
 
 def test_a_higher_outline_is_compared_with_a_wider_model() -> None:
-    """Two shots of a force bin and three outline points each, on cones of a slope of 0.2 and of 0.5; the second
+    """Two shots of a force bin and three outline points each, on cones of slopes 0.2 and 0.5; the second
     outline is 3 um too high."""
     y = np.array([1e-3, 2e-3, 3e-3])
     data: list[Any] = []
