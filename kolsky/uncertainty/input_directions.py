@@ -175,9 +175,8 @@ def input_directions(
                 continue
             if key == "specimen_diameter" and shot.axis_by_radius:
                 change = outline_follows(change, step, shot.specimen.diameter, objective.n_force)
-            if key == "specimen_length" and stages.observations.has_shape:
-                heights = height_follows(shot, step)
-                change = change if heights == 0.0 else change + moved.change("y_offset", heights)
+            if key == "specimen_length":
+                change = change + moved.heights_with_length(shot, step)
         found.append(InputDirection(key, step, np.nan_to_num(change), declared_value(key, shot, held)))
         stages.progress("inputs", done + 1, len(wanted))
     stages.progress("inputs", len(wanted), len(wanted))
@@ -263,6 +262,14 @@ class MovedInputs:
             case _:
                 raise KeyError(f"{key} needs a run")
         return change
+
+    def heights_with_length(self, shot: Shot, step: float) -> FloatArray:
+        """Change of prediction minus data by the outline's heights that go with a longer specimen
+        (`height_follows`), shape [k]; zero without an outline."""
+        heights = height_follows(shot, step)
+        if heights == 0.0 or not self.objective.counted.any():
+            return np.zeros(len(self.objective.data))
+        return self.change("y_offset", heights)
 
     def force_rate(self) -> FloatArray:
         """Time derivative of each bin's force, of the model, which has no noise [N/s], shape [n_bins]."""

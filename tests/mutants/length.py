@@ -4,6 +4,7 @@ from tests.mutants.fault import Fault
 
 OWN = ("tests/unit/shot/test_length_by_pictures.py",)
 INPUTS = ("tests/unit/uncertainty/test_input_directions.py",)
+PRINTED = ("tests/unit/report/test_length_line.py",)
 JOINT = ("tests/unit/joint/test_declared_length.py",)
 FILE = "kolsky/shot/length_by_pictures.py"
 
@@ -133,5 +134,19 @@ FAULTS = (
         right='if key == "Z_offset" else sigma * _slope(',
         wrong='if key == "Z_offset" else -sigma * _slope(',
         tests=JOINT,
+    ),
+    Fault(
+        name="length: the heights that go with it are lower",
+        file="kolsky/uncertainty/input_directions.py",
+        right='return self.change("y_offset", heights)',
+        wrong='return self.change("y_offset", -heights)',
+        tests=INPUTS,
+    ),
+    Fault(
+        name="length: one that was conditioned is printed as declared",
+        file="kolsky/report/printed.py",
+        right='LengthByPictures(**found.provenance["specimen_length"])',
+        wrong='LengthByPictures(**{**found.provenance["specimen_length"], "used_sigma": 1.0})',
+        tests=PRINTED,
     ),
 )

@@ -250,3 +250,9 @@ def test_heights_go_with_a_length_that_the_pictures_have_a_part_in() -> None:
     shot.length_by_pictures = SimpleNamespace(y_per_length=0.25)
     assert height_follows(shot, 1e-3) == pytest.approx(1.5e-6)
     assert height_follows(shot, -1e-3) == pytest.approx(-1.5e-6)
+    one = objective()
+    moved = MovedInputs(one, one.observations, response()).heights_with_length(shot, 1e-3)
+    np.testing.assert_allclose(moved[10:], 1.5e-6 * TAPER, rtol=1e-6)  # higher, on a wider part of the cone
+    np.testing.assert_allclose(moved[:10], 0.0, atol=1e-12)
+    shot.length_by_pictures = None
+    assert not MovedInputs(one, one.observations, response()).heights_with_length(shot, 1e-3).any()
