@@ -19,6 +19,7 @@ from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.diagnosis.cause_ranking import ranked
 from kolsky.diagnosis.cause_search import FOLLOWED, UNEXPLAINED, CauseSearch
 from kolsky.diagnosis.cause_trial import Trial
+from kolsky.diagnosis.cause_valleys import in_valleys, valley_is_free, without_change
 from kolsky.inverse.cause_results import CauseFinding
 from kolsky.inverse.staged_runs import StagedRuns
 
@@ -185,14 +186,15 @@ def beside(
         start = np.append(first.x, first.u)
     fine = CauseModel(stages, at, refined, c)
     second = CauseSearch(stages, fine, search.expected, search.use, rest, start=start)
-    x = np.clip(start + second.null.step, second.model.lower, second.model.upper)
+    trials = best_trials(second, rest)
+    x = second.at
     names = stages.box.names
     renewed = replace(
         findings[0],
         value=c.value(float(x[-1])),
         parameters=dict(zip(names, x[: len(names)].tolist(), strict=True)),
     )
-    more = tuple(replace(f, beside=c.key) for f in ranked(second, best_trials(second, rest), refuted=c.key))
+    more = tuple(replace(f, beside=c.key) for f in ranked(second, trials, refuted=c.key))
     return (renewed, *listed_beside(more, findings[1:]))
 
 
@@ -221,6 +223,9 @@ def best_trials(search: CauseSearch, candidates: Sequence[CandidateInput]) -> li
         return tangents
     starts = [t for t in tangents if not t.lost] + search.scanned(candidates)
     starts = sorted(starts, key=lambda t: search.loss(t.misfits))[:FOLLOWED]
+    if valley_is_free(search):
+        without_change(search)
+        starts = in_valleys(search, starts)
     followed = search.followed([*starts, *_same_force(search, starts)])
     best = {t.candidate.key: t for t in tangents}
     for t in sorted(followed, key=lambda t: -search.loss(t.misfits)):
