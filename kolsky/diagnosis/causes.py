@@ -174,7 +174,7 @@ def beside(
     c, stages = first.candidate, search.stages
     at, refined = np.append(search.model.x, c.start(stages)), search.model.refined
     start = np.append(first.x, first.u)
-    if c.simulated:
+    if c.simulated or valley_is_free(search):
         run = search.model.refined_run(Point(first.x, c.changed(first.u)))
         if run is None:
             return findings
@@ -182,7 +182,8 @@ def beside(
         fine = CauseModel(stages, at, refined, c)
         declared = [one for one in rest if one.within(stages) is not None]
         again = CauseSearch(stages, fine, search.expected, search.use, declared, start=start)
-        first = min([first, *again.followed([first])], key=lambda t: search.loss(t.misfits))
+        # Losses with the earlier correction are no measure of those with this one.
+        (first,) = again.followed([first]) or [first]
         start = np.append(first.x, first.u)
     fine = CauseModel(stages, at, refined, c)
     second = CauseSearch(stages, fine, search.expected, search.use, rest, start=start)
