@@ -1,11 +1,11 @@
 """Other valleys of a free Poisson's ratio, for a changed input and for none.
 
-The force rings, and its misfit along a free Poisson's ratio has a valley wherever the model's oscillations fall
-in step with the measured ones (`kolsky.inverse.valleys`). A clock that is put right shifts the measured ones
-against the model's: the ratio in step with them lies in another valley than before, and no Gauss-Newton step
-leads from one to the other. So Poisson's ratio is scanned about every start of the search, with the input as
-changed there. What is left without a change has the same freedom: else an input would be given what another
-valley alone explains.
+The force rings, and its misfit along a free Poisson's ratio has a valley wherever the model's oscillations
+fall in step with the measured ones (`kolsky.inverse.valleys`). A clock that is put right shifts the measured
+ones against the model's: the ratio in step with them lies in another valley than before, and no Gauss-Newton
+step leads from one to the other. So Poisson's ratio is scanned about the starts of the search, with the input
+as changed there. What is left without a change has the same freedom: else an input would be given what
+another valley alone explains.
 """
 
 from __future__ import annotations

@@ -167,9 +167,10 @@ def beside(
 ) -> tuple[CauseFinding, ...]:
     """The findings with the first renewed on the refined mesh, and with what else is wrong beside it.
 
-    A change that needs other runs has left the correction by the refined mesh behind: one run there renews
-    it. Then the first input is free as the parameters are, and the others are tried beside it: with the first
-    put right, what they explained alone says nothing more of them.
+    A change that needs other runs has left the correction by the refined mesh behind, and so has one with
+    which a free Poisson's ratio is in step in another valley: one run there renews it. Then the first input
+    is free as the parameters are, and the others are tried beside it: with the first put right, what they
+    explained alone says nothing more of them.
     """
     c, stages = first.candidate, search.stages
     at, refined = np.append(search.model.x, c.start(stages)), search.model.refined
