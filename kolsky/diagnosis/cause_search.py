@@ -81,9 +81,17 @@ class CauseSearch:
                 self.columns[c.key] = change / (_inside(c, u + c.step) - u)
         self.declared = [c for c in candidates if c.key in self.columns and c.within(stages) is not None]
         here = self.residual(self.vector)
-        self.bare = expected.misfits(fit_linear(here, self.slope, expected).residual)
         self.null = fit_linear(here, self.slope, expected, self.allowed())
-        self.before = expected.misfits(self.null.residual)
+        self.at, self.left = self.clipped(x + self.null.step), self.null.residual
+        self.bare_left = fit_linear(here, self.slope, expected).residual
+        self.before, self.bare = expected.misfits(self.left), expected.misfits(self.bare_left)
+
+    def against(self, unchanged: Trial) -> None:
+        """Let evidence count against other free parameters with no input changed, if they are better."""
+        if self.loss(unchanged.misfits) < self.loss(self.before):
+            self.at, self.left, self.before = unchanged.x, unchanged.residual, unchanged.misfits
+            self.bare_left = self.residual(self.model.vectors([Point(self.at)])[0])
+            self.bare = self.expected.misfits(self.bare_left)
 
     def judge(self, answer: CauseSearch, trials: Sequence[Trial]) -> list[Trial]:
         """Let evidence count against another search's answer, if that is the better one; its trials as here.
@@ -101,10 +109,9 @@ class CauseSearch:
             The same with the entries that count here, and their misfits by what is expected here.
         """
         kept = self.use[answer.use]
-        known = self.expected.misfits(answer.null.residual[kept])
+        known = self.expected.misfits(answer.left[kept])
         if self.loss(known) < self.loss(self.before):
-            bare = fit_linear(answer.residual(answer.vector)[kept], answer.slope[kept], self.expected)
-            self.before, self.bare = known, self.expected.misfits(bare.residual)
+            self.before, self.bare = known, self.expected.misfits(answer.bare_left[kept])
         found = []
         for t in trials:
             residual = t.residual[kept]
@@ -135,7 +142,7 @@ class CauseSearch:
         u, own = c.start(self.stages), self.columns[c.key]
         fit = fit_linear(self.residual(self.vector), np.column_stack([self.slope, own]), self.expected)
         misfits = self.expected.misfits(fit.residual)
-        x = self._clipped(self.x + fit.step[:-1])
+        x = self.clipped(self.x + fit.step[:-1])
         return Trial(c, x, u + float(fit.step[-1]), misfits, fit.residual, fit)
 
     def residual(self, vector: FloatArray) -> FloatArray:
@@ -175,7 +182,7 @@ class CauseSearch:
                 # It ends at the edge of what can be: the others follow it there.
                 at = fit_linear(here + own * (to - u), self.slope, self.expected, allowed)
                 misfits = self.expected.misfits(at.residual)
-            x = self._clipped(self.x + fit.step[:-1])
+            x = self.clipped(self.x + fit.step[:-1])
             found.append(Trial(c, x, to, misfits, fit.residual, fit))
         return found
 
@@ -185,9 +192,10 @@ class CauseSearch:
         return self.model.observations.n_force
 
     def _none(self, c: CandidateInput, why: str) -> Trial:
-        return Trial(c, self.x, float("nan"), self.before, self.null.residual, lost=why)
+        return Trial(c, self.x, float("nan"), self.before, self.left, lost=why)
 
-    def _clipped(self, x: FloatArray) -> FloatArray:
+    def clipped(self, x: FloatArray) -> FloatArray:
+        """Free parameters inside their ranges, shape [d]."""
         return np.clip(x, self.model.lower[: len(x)], self.model.upper[: len(x)])
 
     def scanned(self, candidates: Sequence[CandidateInput]) -> list[Trial]:
@@ -207,7 +215,7 @@ class CauseSearch:
             if not np.isfinite(vector[: self.n_force]).all():
                 continue
             fit = fit_linear(self.residual(vector), self.slope, self.expected, self.allowed(c))
-            x = self._clipped(self.x + fit.step)
+            x = self.clipped(self.x + fit.step)
             trials.setdefault(c.key, []).append(
                 Trial(c, x, u, self.expected.misfits(fit.residual), fit.residual)
             )
@@ -221,7 +229,7 @@ class CauseSearch:
 
     def followed(self, starts: Sequence[Trial]) -> list[Trial]:
         """Gauss-Newton steps from each start with runs of their own; the answer itself if none is better."""
-        trials, done = self._measured(list(starts)), []
+        trials, done = self.measured(list(starts)), []
         for _ in range(TURNS):
             least = min((self.loss(t.misfits) for t in trials), default=0.0)
             points, counts = [], []
@@ -258,7 +266,7 @@ class CauseSearch:
         c = t.candidate
         return c.step if t.u + c.step <= c.highest else -c.step
 
-    def _measured(self, trials: list[Trial]) -> list[Trial]:
+    def measured(self, trials: list[Trial]) -> list[Trial]:
         """Trials as runs at their points find them; those whose runs are lost are left out."""
         vectors = self.model.vectors([Point(t.x, t.candidate.changed(t.u)) for t in trials])
         found = []
@@ -273,7 +281,7 @@ class CauseSearch:
         tried = []
         for t, fit in zip(trials, fits, strict=True):
             for share in DAMPED:
-                x = self._clipped(t.x + share * fit.step[:-1])
+                x = self.clipped(t.x + share * fit.step[:-1])
                 u = _inside(t.candidate, t.u + share * float(fit.step[-1]))
                 tried.append(replace(t, x=x, u=u, fit=fit))
         vectors = self.model.vectors([Point(t.x, t.candidate.changed(t.u)) for t in tried])

@@ -19,6 +19,7 @@ from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.diagnosis.cause_ranking import ranked
 from kolsky.diagnosis.cause_search import FOLLOWED, UNEXPLAINED, CauseSearch
 from kolsky.diagnosis.cause_trial import Trial
+from kolsky.diagnosis.cause_valleys import in_valleys, valley_is_free, without_change
 from kolsky.inverse.cause_results import CauseFinding
 from kolsky.inverse.staged_runs import StagedRuns
 
@@ -166,14 +167,15 @@ def beside(
 ) -> tuple[CauseFinding, ...]:
     """The findings with the first renewed on the refined mesh, and with what else is wrong beside it.
 
-    A change that needs other runs has left the correction by the refined mesh behind: one run there renews
-    it. Then the first input is free as the parameters are, and the others are tried beside it: with the first
-    put right, what they explained alone says nothing more of them.
+    A change that needs other runs has left the correction by the refined mesh behind, and so has one with
+    which a free Poisson's ratio is in step in another valley: one run there renews it. Then the first input
+    is free as the parameters are, and the others are tried beside it: with the first put right, what they
+    explained alone says nothing more of them.
     """
     c, stages = first.candidate, search.stages
     at, refined = np.append(search.model.x, c.start(stages)), search.model.refined
     start = np.append(first.x, first.u)
-    if c.simulated:
+    if c.simulated or valley_is_free(search):
         run = search.model.refined_run(Point(first.x, c.changed(first.u)))
         if run is None:
             return findings
@@ -181,18 +183,20 @@ def beside(
         fine = CauseModel(stages, at, refined, c)
         declared = [one for one in rest if one.within(stages) is not None]
         again = CauseSearch(stages, fine, search.expected, search.use, declared, start=start)
-        first = min([first, *again.followed([first])], key=lambda t: search.loss(t.misfits))
+        # Losses with the earlier correction are no measure of those with this one.
+        (first,) = again.followed([first]) or [first]
         start = np.append(first.x, first.u)
     fine = CauseModel(stages, at, refined, c)
     second = CauseSearch(stages, fine, search.expected, search.use, rest, start=start)
-    x = np.clip(start + second.null.step, second.model.lower, second.model.upper)
+    trials = best_trials(second, rest)
+    x = second.at
     names = stages.box.names
     renewed = replace(
         findings[0],
         value=c.value(float(x[-1])),
         parameters=dict(zip(names, x[: len(names)].tolist(), strict=True)),
     )
-    more = tuple(replace(f, beside=c.key) for f in ranked(second, best_trials(second, rest), refuted=c.key))
+    more = tuple(replace(f, beside=c.key) for f in ranked(second, trials, refuted=c.key))
     return (renewed, *listed_beside(more, findings[1:]))
 
 
@@ -221,6 +225,9 @@ def best_trials(search: CauseSearch, candidates: Sequence[CandidateInput]) -> li
         return tangents
     starts = [t for t in tangents if not t.lost] + search.scanned(candidates)
     starts = sorted(starts, key=lambda t: search.loss(t.misfits))[:FOLLOWED]
+    if valley_is_free(search):
+        without_change(search)
+        starts = in_valleys(search, starts)
     followed = search.followed([*starts, *_same_force(search, starts)])
     best = {t.candidate.key: t for t in tangents}
     for t in sorted(followed, key=lambda t: -search.loss(t.misfits)):

@@ -7,6 +7,7 @@ ALTERED = ("tests/unit/diagnosis/test_alterations.py",)
 CAUSES = ("tests/unit/diagnosis/test_causes.py",)
 DECLARED = ("tests/unit/diagnosis/test_declared_causes.py",)
 ORDER = ("tests/unit/diagnosis/test_cause_order.py",)
+VALLEYS = ("tests/unit/diagnosis/test_cause_valleys.py",)
 
 FAULTS = (
     Fault(
@@ -197,5 +198,47 @@ FAULTS = (
         right="likely += [f for f in alone if f.named and",
         wrong="likely += [f for f in alone if not f.named and",
         tests=OTHER,
+    ),
+    Fault(
+        name="valleys of Poisson's ratio on one side of a start",
+        file="kolsky/diagnosis/cause_valleys.py",
+        right="np.arange(-round(REACH / PHASE), round(REACH / PHASE) + 1)",
+        wrong="np.arange(0, round(REACH / PHASE) + 1)",
+        tests=VALLEYS,
+    ),
+    Fault(
+        name="a scan that ends before the next valley",
+        file="kolsky/diagnosis/cause_valleys.py",
+        right="REACH = 1.0",
+        wrong="REACH = 0.5",
+        tests=VALLEYS,
+    ),
+    Fault(
+        name="a floor without the other parameters' step",
+        file="kolsky/diagnosis/cause_valleys.py",
+        right="x = search.clipped(x + step)",
+        wrong="x = search.clipped(x)",
+        tests=VALLEYS,
+    ),
+    Fault(
+        name="the worst start of each input scanned about",
+        file="kolsky/diagnosis/cause_valleys.py",
+        right="key=lambda n: search.loss(starts[n].misfits)):",
+        wrong="key=lambda n: -search.loss(starts[n].misfits)):",
+        tests=VALLEYS,
+    ),
+    Fault(
+        name="a valley that the free parameters reach alone counted for an input",
+        file="kolsky/diagnosis/causes.py",
+        right="        without_change(search)\n",
+        wrong="",
+        tests=VALLEYS,
+    ),
+    Fault(
+        name="evidence against the worse of two unchanged points",
+        file="kolsky/diagnosis/cause_search.py",
+        right="if self.loss(unchanged.misfits) < self.loss(self.before):",
+        wrong="if self.loss(unchanged.misfits) > self.loss(self.before):",
+        tests=VALLEYS,
     ),
 )

@@ -10,7 +10,9 @@ from kolsky.diagnosis.candidate_input import (
     DAMPING,
     DENSITY,
     FLYER_CLOCK,
+    FORCE_CLOCK,
     LENGTH,
+    OUTLINE_CLOCK,
     POISSON,
     SENSITIVITY,
     Y_OFFSET,
@@ -82,6 +84,23 @@ def _late(lag: float) -> Wrong:
     return _changed(change)
 
 
+def _late_force(lag: float) -> Wrong:
+    def change(shot: Shot) -> Shot:
+        assert isinstance(shot.force, ForceChannel)
+        return replace(shot, force=replace(shot.force, clock_offset=shot.force.clock_offset + lag))
+
+    return _changed(change)
+
+
+def _late_outline(lag: float) -> Wrong:
+    def change(shot: Shot) -> Shot:
+        line = shot.centre_line
+        assert line is not None
+        return replace(shot, centre_line=replace(line, time=line.time + lag))
+
+    return _changed(change)
+
+
 def _specimen(name: str, factor: float) -> Wrong:
     def change(shot: Shot) -> Shot:
         wrong = {name: factor * getattr(shot.specimen, name)}
@@ -142,5 +161,8 @@ ROWS: tuple[Row, ...] = (
     Row("y + 100 um", Y_OFFSET, _outline("y", 1e-4)),
     Row("Z + 20 um", Z_OFFSET, _outline("Z", 2e-5)),
     Row(VOLTAGE, "", _voltage),
+    Row("force 20 us late, nu and beta free", FORCE_CLOCK, _late_force(20e-6), free=True),
+    Row("outline 20 us late, nu and beta free", OUTLINE_CLOCK, _late_outline(20e-6), free=True),
+    Row("outline 20 us early, nu and beta free", OUTLINE_CLOCK, _late_outline(-20e-6), free=True),
 )
 """Every row of the study, in the order of its table."""
