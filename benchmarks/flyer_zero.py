@@ -35,8 +35,10 @@ from dic.chain.test_frame import fit_test_frame
 from dic.correlation import Correlation, Shape
 from dic.images import frame_health
 from dic.outcome import FrameOutcome
+from dic.result import Placement
 from dic.tracking import Tracking
 from kolsky.base.process import process_pool
+from kolsky.shot.length_by_pictures import RimAtRest, conditioned_length
 from kolsky.virtual.cameras_rig import rig_of
 from kolsky.virtual.pictures import expose_series
 from kolsky.virtual.pictures_scene import scene_of
@@ -85,6 +87,10 @@ class Experiment:
     lower_sigma: float | None = None
     length_error: float = 0.0
     """Declared length less the true one."""
+    length_seen: tuple[float, float] | None = None
+    """Length in the pictures less the true one, and its stated standard deviation."""
+    length_used: tuple[float, float] | None = None
+    """The same of the length that is used."""
     seconds: float = 0.0
 
 
@@ -228,6 +234,8 @@ def measured(
     )
     if axial is None:
         return replace(result, why="not followed back to rest")
+    if axial.rim_disagreement is not None:
+        result = with_lengths(result, q.specimen.length, settings, placement, axial.rim_disagreement)
     off = axial.displacement - surface.displacement[axial.frame]
     best = np.argsort(axial.n_points)[-LATE:]
     return replace(
@@ -235,6 +243,27 @@ def measured(
         error=float(np.mean(off[best])),
         sigma=axial.rest_sigma,
         from_rim=axial.from_rim,
+    )
+
+
+def with_lengths(
+    result: Experiment,
+    true: float,
+    settings: ChainSettings,
+    placement: Placement,
+    disagreement: tuple[float, float],
+) -> Experiment:
+    """The experiment with the errors of the length in the pictures and of the one that is used."""
+    off, whole = disagreement
+    lower = float(placement.frame.covariance[4, 4])
+    rim = RimAtRest(off, float(np.sqrt(whole**2 - settings.length_sigma**2 - lower)))
+    length = conditioned_length(
+        rim, declared=settings.length or 0.0, sigma=settings.length_sigma, y_sigma=float(np.sqrt(lower))
+    )
+    return replace(
+        result,
+        length_seen=(length.pictures - true, length.pictures_sigma),
+        length_used=(length.used - true, length.used_sigma),
     )
 
 
@@ -263,6 +292,11 @@ def words(e: Experiment) -> str:
     if e.error is None:
         return f"{place}{lower}  {e.why[:90]}"
     length = f"  L {um * e.length_error:6.2f}"
+    if e.length_seen is not None and e.length_used is not None:
+        seen, used = e.length_seen, e.length_used
+        length += (
+            f" seen {um * seen[0]:6.2f} ({um * seen[1]:.2f}) used {um * used[0]:6.2f} ({um * used[1]:.2f})"
+        )
     zero = f"  {'rim' if e.from_rim else '   '} zero {um * e.error:7.2f} ({um * (e.sigma or 0.0):.2f})"
     return f"{place}{lower}{length}{zero}  {e.seconds:.0f} s"
 
@@ -298,12 +332,34 @@ def main() -> None:
 def scatter(results: list[Experiment]) -> dict[str, float | int]:
     """Root mean square of the errors over their stated standard deviations, 1 if these are right."""
     zero = [e.error / e.sigma for e in results if e.error is not None and e.sigma]
+    lengths = [e for e in results if e.length_seen is not None and e.length_used is not None]
+    seen, used = np.array([e.length_seen for e in lengths]), np.array([e.length_used for e in lengths])
     lower = [e.lower_error / e.lower_sigma for e in results if e.lower_error is not None and e.lower_sigma]
     return {
         "experiments": len(results),
         "with a zero": len(zero),
         "zero over sigma": round(float(np.sqrt(np.mean(np.square(zero)))), 3) if zero else 0.0,
         "lower end over sigma": round(float(np.sqrt(np.mean(np.square(lower)))), 3) if lower else 0.0,
+        "with a length": len(lengths),
+        **(_of_lengths(np.array([e.length_error for e in lengths]), seen, used) if lengths else {}),
+    }
+
+
+def _of_lengths(
+    declared: NDArray[np.float64], seen: NDArray[np.float64], used: NDArray[np.float64]
+) -> dict[str, float]:
+    """Root mean squares of the lengths' errors, in micrometres and over their standard deviations."""
+
+    def rms(values: NDArray[np.float64], scale: float = 1.0) -> float:
+        return round(scale * float(np.sqrt(np.mean(np.square(values)))), 3)
+
+    return {
+        "declared length, um": rms(declared, 1e6),
+        "length in the pictures, um": rms(seen[:, 0], 1e6),
+        "length in the pictures over sigma": rms(seen[:, 0] / seen[:, 1]),
+        "length used, um": rms(used[:, 0], 1e6),
+        "length used, stated, um": rms(used[:, 1], 1e6),
+        "length used over sigma": rms(used[:, 0] / used[:, 1]),
     }
 
 

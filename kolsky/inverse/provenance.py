@@ -42,6 +42,7 @@ def provenance(shot: Shot, settings: Any, prepared: PreparedShot, *, sliding: bo
         "interface": interface,
         **({"declared_interface": declared} if interface != declared else {}),
         "specimen": _plain(shot.specimen),
+        **({"specimen_length": _plain(shot.length_by_pictures)} if shot.length_by_pictures else {}),
         "support": shot.support,
         **({"transducer_depth": shot.transducer_depth} if shot.transducer_depth else {}),
         **({"behind": _plain(shot.behind)} if shot.behind else {}),

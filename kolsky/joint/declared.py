@@ -20,7 +20,7 @@ from kolsky.joint.problem import JointProblem
 from kolsky.joint.runs import JointRuns
 from kolsky.joint.weights import ShotData
 from kolsky.shot.records import Shot
-from kolsky.uncertainty.input_directions import outline_follows
+from kolsky.uncertainty.input_directions import height_follows, outline_follows
 from kolsky.uncertainty.inputs import parameter_step
 from kolsky.uncertainty.moved_runs import SPECIMEN
 
@@ -97,6 +97,10 @@ def _each(
     if key == "specimen_diameter":
         shots = [prepared.forward.shot for prepared in problem.runs.prepared]
         change = with_outlines(change, shots, problem.stack.shots, problem.stack.ends, sigmas)
+    if key == "specimen_length":
+        shots = [prepared.forward.shot for prepared in problem.runs.prepared]
+        heights = [height_follows(shot, sigma) for shot, sigma in zip(shots, sigmas.tolist(), strict=True)]
+        change = change + _moved_places(problem, np.array(heights), "y_offset")
     return _in_quadrature(problem, gain, change)
 
 
@@ -128,14 +132,20 @@ def with_outlines(
 
 
 def _places(problem: JointProblem, gain: FloatArray, sigmas: FloatArray, key: str) -> FloatArray:
-    """Axis or height of every shot's own outline: the data move, the model does not."""
+    """Axis or height of every shot's own outline."""
+    return _in_quadrature(problem, gain, _moved_places(problem, sigmas, key))
+
+
+def _moved_places(problem: JointProblem, sigmas: FloatArray, key: str) -> FloatArray:
+    """Change of prediction minus data by a larger Z or y of every outline: the data move, the model does not,
+    shape [k]."""
     change = np.zeros(len(problem.stack.data))
     start = 0
     for one, end, sigma in zip(problem.stack.shots, problem.stack.ends, sigmas, strict=True):
         first = start + one.objective.n_force
-        change[first:end] = -sigma if key == "Z_offset" else -sigma * _slope(one.observations)[one.counted]
+        change[first:end] = -sigma if key == "Z_offset" else sigma * _slope(one.observations)[one.counted]
         start = end
-    return _in_quadrature(problem, gain, change)
+    return change
 
 
 def _slope(seen: Observations) -> FloatArray:

@@ -12,6 +12,7 @@ from kolsky.report.held_line import held_line
 from kolsky.report.nomenclature import factor_of
 from kolsky.report.plain_text import plain
 from kolsky.report.sensitivity_table import printed_sensitivities
+from kolsky.shot.length_by_pictures import LengthByPictures, length_words
 
 ROUTES = {"force only": "force only", "shape only": "outline only", "paper": "cost Phi, Eq. (M.5)"}
 
@@ -35,6 +36,9 @@ def details(found: Identification) -> dict[str, str]:
     reference = reference_words((*found.estimates, *found.fixed))
     if reference:
         rows.append(("m refers to", plain(reference)))
+    if "specimen_length" in found.provenance:
+        length = LengthByPictures(**found.provenance["specimen_length"])
+        rows.append(("specimen's length", plain(length_words(length))))
     for name, e in found.estimates.items():
         symbol, U = _symbol(name), 2.0 * e.sigma
         symbol += "" if e.unit == "1" else f" ({plain(e.unit)})"

@@ -155,6 +155,12 @@ def length_sigma_of(toml: ShotToml) -> float:
     return share * declared.specimen.length
 
 
+def length_in_pictures_of(toml: ShotToml) -> float:
+    """Standard uncertainty of the length in the pictures that the shot file declares [m]."""
+    declared = toml.declared.uncertainty
+    return 0.0 if declared is None else declared.length_in_pictures
+
+
 def _software() -> str:
     try:
         return f"kolsky {version('kolsky')}"

@@ -47,6 +47,9 @@ def summary(result: StereoResult) -> dict[str, Any]:
             "flyer_sigma_m": _median(result.axial_displacement.sigma),
             "flyer_rest_sigma_m": result.axial_displacement.rest_sigma,
         }
+        if result.axial_displacement.rim_disagreement is not None:
+            off, sigma = result.axial_displacement.rim_disagreement
+            rows |= {"rim_above_declared_length_m": off, "rim_above_declared_length_sigma_m": sigma}
     return rows
 
 
@@ -117,6 +120,12 @@ def printed(result: StereoResult) -> dict[str, str]:
             f"{1e3 * rows['flyer_travel_m']:.4f} mm in {rows['flyer_frames']} frames, sigma "
             f"{um * rows['flyer_sigma_m']:.2f} µm, at rest "
             f"{um * rows['flyer_rest_sigma_m']:.2f} µm"
+        )
+    if "rim_above_declared_length_m" in rows:
+        table["rim of the flyer at rest"] = (
+            f"{um * rows['rim_above_declared_length_m']:+.1f} µm from the specimen's upper end by its "
+            "declared length, "
+            f"± {2.0 * um * rows['rim_above_declared_length_sigma_m']:.1f} µm (k = 2, of both)"
         )
     if said := refinement_words(result.facts.get("refinement", {})):
         table["pose refined from the speckles"] = said

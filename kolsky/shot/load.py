@@ -13,6 +13,7 @@ from kolsky.shot.curve import read_curve
 from kolsky.shot.force import check_sign, force_channel
 from kolsky.shot.frames import body_moves, flyer_motion, read_frames, sound_at_rest
 from kolsky.shot.incident import compared_incident
+from kolsky.shot.length_by_pictures import RimAtRest, conditioned_length, length_notes
 from kolsky.shot.outline import check_outline, each_once, read_outline
 from kolsky.shot.picture_set import PictureSet, open_pictures
 from kolsky.shot.records import ForceChannel, ModelSettings, OpticalData, PicturedShot, Shot, ShotBase
@@ -166,13 +167,39 @@ def _with_pictures(
     base = {field.name: getattr(shot, field.name) for field in fields(ShotBase)}
     base |= compared_incident(toml, span)
     base["uncertainty"] = {**found.offsets, **shot.uncertainty}  # what is declared counts
-    return Shot(
+    loaded = Shot(
         **base,
         flyer=found.flyer,
         centre_line=found.centre_line,
         window=span,
         symmetry_end=found.symmetry_end,
         axis_by_radius=True,
+    )
+    return loaded if found.rim is None else _with_length(loaded, found.rim)
+
+
+def _with_length(shot: Shot, rim: RimAtRest) -> Shot:
+    """The shot with the length, and the outline's heights, that its pictures leave of the declared ones."""
+    declared, uncertainty = shot.specimen.length, dict(shot.uncertainty)
+    length = conditioned_length(
+        rim,
+        declared=declared,
+        sigma=uncertainty.get("specimen_length", 0.0) * declared,
+        y_sigma=uncertainty.get("y_offset", 0.0),
+    )
+    told = replace(shot, length_by_pictures=length, notes=(*shot.notes, *length_notes(length)))
+    if not length.conditioned:
+        return told
+    assert told.centre_line is not None  # the pictures showed it
+    return replace(
+        told,
+        specimen=replace(shot.specimen, length=length.used),
+        centre_line=replace(told.centre_line, y=told.centre_line.y + length.y_shift),
+        uncertainty={
+            **uncertainty,
+            "specimen_length": length.used_sigma / length.used,
+            "y_offset": length.y_sigma,
+        },
     )
 
 

@@ -13,8 +13,15 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.base.process import infrequent_gc, single_threaded_libraries
 from kolsky.base.records import CentreLine, FlyerMotion
-from kolsky.shot.correlated_pictures import Progress, correlated, key_of, length_sigma_of
+from kolsky.shot.correlated_pictures import (
+    Progress,
+    correlated,
+    key_of,
+    length_in_pictures_of,
+    length_sigma_of,
+)
 from kolsky.shot.flyer_refusal import why_unknown
+from kolsky.shot.length_by_pictures import rim_at_rest
 from kolsky.shot.picture_set import PictureSet
 from kolsky.shot.records import OpticalData
 from kolsky.shot.rig import Calibrated
@@ -180,4 +187,10 @@ def measured(
         offsets=outline_offsets(result, errors),
         source=found.path,
         symmetry_end=None if isinstance(found.flight, str) else found.flight.end,
+        rim=rim_at_rest(
+            result,
+            length=pictures.toml.declared.specimen.length,
+            length_sigma=length_sigma_of(pictures.toml),
+            unseen=length_in_pictures_of(pictures.toml),
+        ),
     )

@@ -13,6 +13,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, FlyerMotion, ForceHistory, FrontVelocity, MaterialCurve, Recording
 from kolsky.base.relaxation import Relaxation
 from kolsky.shot import flyer_path
+from kolsky.shot.length_by_pictures import LengthByPictures, RimAtRest
 from kolsky.shot.picture_set import PictureSet
 from kolsky.shot.schema.reading import TomlFile
 
@@ -151,6 +152,8 @@ class Shot(ShotBase):
     """Time at which the flyer leaves its first direction, if pictures say so [s]."""
     axis_by_radius: bool = False
     """Whether the outline's axis was placed by the declared radius at rest, so that Z grows with it."""
+    length_by_pictures: LengthByPictures | None = None
+    """The specimen's length as declared, in the pictures and as used; None where they do not show it."""
 
     @cached_property
     def flyer_path(self) -> FlyerPath:
@@ -187,3 +190,5 @@ class OpticalData:
     offsets: Mapping[str, float] = field(default_factory=dict)
     """Standard uncertainties of the outline's place, by their keys of [uncertainty] [m]; empty if they are
     not known."""
+    rim: RimAtRest | None = None
+    """The flyer's rim at rest above the specimen's lower end; None where it is not known."""

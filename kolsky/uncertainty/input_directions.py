@@ -175,6 +175,8 @@ def input_directions(
                 continue
             if key == "specimen_diameter" and shot.axis_by_radius:
                 change = outline_follows(change, step, shot.specimen.diameter, objective.n_force)
+            if key == "specimen_length":
+                change = change + moved.heights_with_length(shot, step)
         found.append(InputDirection(key, step, np.nan_to_num(change), declared_value(key, shot, held)))
         stages.progress("inputs", done + 1, len(wanted))
     stages.progress("inputs", len(wanted), len(wanted))
@@ -202,6 +204,24 @@ def outline_follows(change: FloatArray, step: float, diameter: float, n_force: i
     found = change.copy()
     found[n_force:] -= 0.5 * step * diameter
     return found
+
+
+def height_follows(shot: Shot, step: float) -> float:
+    """By how much the outline's heights are too large where the length is too large by a share of it [m].
+
+    Where the pictures have a part in the length, errors of length and heights go together
+    (`kolsky.shot.length_by_pictures`): what of the heights' error goes with the length's is in the direction
+    of the length, what is left in that of the heights, and both are independent.
+
+    Parameters
+    ----------
+    shot
+        The shot.
+    step
+        By how much its length is larger, relative to it.
+    """
+    found = shot.length_by_pictures
+    return 0.0 if found is None else found.y_per_length * step * shot.specimen.length
 
 
 @dataclass(frozen=True)
@@ -242,6 +262,14 @@ class MovedInputs:
             case _:
                 raise KeyError(f"{key} needs a run")
         return change
+
+    def heights_with_length(self, shot: Shot, step: float) -> FloatArray:
+        """Change of prediction minus data by the outline's heights that go with a longer specimen
+        (`height_follows`), shape [k]; zero without an outline."""
+        heights = height_follows(shot, step)
+        if heights == 0.0 or not self.objective.counted.any():
+            return np.zeros(len(self.objective.data))
+        return self.change("y_offset", heights)
 
     def force_rate(self) -> FloatArray:
         """Time derivative of each bin's force, of the model, which has no noise [N/s], shape [n_bins]."""

@@ -190,7 +190,8 @@ def _no_droop(q: Specification) -> dict[str, str]:
 def _uncertainty(given: Mapping[str, Any]) -> dict[str, Any]:
     """[uncertainty] as written, every quantity in its SI unit."""
     plain = {"poisson", "friction", "bar_poisson", "bars_alike"}
-    units = {"damping": "s", "clock_offset": "s", "Z_offset": "m", "y_offset": "m", "gauge_distance": "m"}
+    lengths = dict.fromkeys(("Z_offset", "y_offset", "gauge_distance", "length_in_pictures"), "m")
+    units = {"damping": "s", "clock_offset": "s", **lengths}
     return {
         key: value if key in plain else f"{value:.9g} {units.get(key, '')}".strip()
         for key, value in given.items()

@@ -37,6 +37,7 @@ from tests.mutants.inputs import FAULTS as INPUTS
 from tests.mutants.inverse import FAULTS as INVERSE
 from tests.mutants.joint import FAULTS as JOINT
 from tests.mutants.joint_meshes import FAULTS as JOINT_MESHES
+from tests.mutants.length import FAULTS as LENGTH
 from tests.mutants.material import FAULTS as MATERIAL
 from tests.mutants.numerical import FAULTS as NUMERICAL
 from tests.mutants.paper_method import FAULTS as PAPER_METHOD
@@ -96,6 +97,7 @@ FAULTS: tuple[Fault, ...] = (
     *INVERSE,
     *JOINT,
     *JOINT_MESHES,
+    *LENGTH,
     *MATERIAL,
     *NUMERICAL,
     *PAPER_METHOD,

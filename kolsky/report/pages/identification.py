@@ -38,7 +38,7 @@ from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables
 from kolsky.shot.recorded import Recorded
 
 _TEMPLATE = "identification.html"
-_TESTED = ("specimen", "interface", "declared_interface", "support", "window_s")
+_TESTED = ("specimen", "specimen_length", "interface", "declared_interface", "support", "window_s")
 _TABLES = ("checks", "inputs", "settings", "versions")
 _SHOWN = (*_TESTED, *_TABLES, "recordings")
 """Entries of provenance that have their own table; all others are listed under "Further"."""
@@ -58,9 +58,9 @@ def write_report(
     path : Path
         The file, replaced atomically if it exists; its folder must exist.
     identification : Identification
-        The result. Of its provenance, "specimen", "interface", "declared_interface", "support" and
-        "window_s" make the table of the test; "checks", "inputs" (file name to SHA-256), "settings" and
-        "versions" have their own tables; every other entry is listed under "Further".
+        The result. Of its provenance, "specimen", "specimen_length", "interface", "declared_interface",
+        "support" and "window_s" make the table of the test; "checks", "inputs" (file name to SHA-256),
+        "settings" and "versions" have their own tables; every other entry is listed under "Further".
     recordings : Recorded, optional
         Recordings of the shot's own files; without them their sections are left out.
     processes : int

@@ -42,6 +42,7 @@ _IDENTIFIED_ONLY = {
     "clock_offset",
     "Z_offset",
     "y_offset",
+    "length_in_pictures",
 }
 
 
@@ -68,6 +69,7 @@ class UncertaintySection(Section):
     clock_offset: f.TimeDeviation = 0.0
     Z_offset: f.LengthDeviation = 0.0
     y_offset: f.LengthDeviation = 0.0
+    length_in_pictures: f.LengthDeviation = 0.0
 
     @model_validator(mode="after")
     def _one_stiffness(self) -> "UncertaintySection":

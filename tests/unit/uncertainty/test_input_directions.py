@@ -17,6 +17,7 @@ from kolsky.uncertainty.input_directions import (
     InputDirection,
     InputDirections,
     MovedInputs,
+    height_follows,
     outline_follows,
 )
 from kolsky.uncertainty.inputs import CLOCK, parameter_step, plain_amount
@@ -240,3 +241,18 @@ def test_an_axis_placed_by_the_radius_moves_with_it() -> None:
     change = np.array([3.0, 4.0, 6e-6, 5e-6])
     np.testing.assert_allclose(outline_follows(change, 1e-3, 10e-3, 2), [3.0, 4.0, 1e-6, 0.0], atol=1e-18)
     assert change[2] == 6e-6
+
+
+def test_heights_go_with_a_length_that_the_pictures_have_a_part_in() -> None:
+    """0.1 % of 6 mm are 6 um, of which a quarter goes into the heights."""
+    shot: Any = SimpleNamespace(specimen=SimpleNamespace(length=6e-3), length_by_pictures=None)
+    assert height_follows(shot, 1e-3) == 0.0
+    shot.length_by_pictures = SimpleNamespace(y_per_length=0.25)
+    assert height_follows(shot, 1e-3) == pytest.approx(1.5e-6)
+    assert height_follows(shot, -1e-3) == pytest.approx(-1.5e-6)
+    one = objective()
+    moved = MovedInputs(one, one.observations, response()).heights_with_length(shot, 1e-3)
+    np.testing.assert_allclose(moved[10:], 1.5e-6 * TAPER, rtol=1e-6)  # higher, on a wider part of the cone
+    np.testing.assert_allclose(moved[:10], 0.0, atol=1e-12)
+    shot.length_by_pictures = None
+    assert not MovedInputs(one, one.observations, response()).heights_with_length(shot, 1e-3).any()
