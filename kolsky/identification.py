@@ -29,7 +29,7 @@ from kolsky.diagnosis.corrected import corrected
 from kolsky.diagnosis.fit_quality import fit_quality
 from kolsky.diagnosis.rate_advice import branch_figures, rate_advice, shot_branch_test
 from kolsky.diagnosis.sources import residual_sources
-from kolsky.diagnosis.verdicts import explained, explains, fit_warnings, judged
+from kolsky.diagnosis.verdicts import explained, explains, fit_warnings, judged, near_right
 from kolsky.inverse.estimates import (
     comparison,
     curves,
@@ -109,13 +109,13 @@ def identify(
     fixed, sliding = held_values(shot, box, settings.held), any_slides([*box.names, *settings.held])
     paper_route = [found.paper_route()] if observations.has_shape else []
     origin = provenance(shot, settings, prepared, sliding=sliding)
-    optima = search_routes(fine.box, fine.objective, fine.model)
 
     optimum = LinearisedOptimum.of(
         fine.x, fine.box, fine.objective, fine.model, fine.surrogate, smooth=fine.roughness is None
     )
     vector = fine.objective.vectors(prediction)[0]
     with mesh_change_beside(stages, fine) as mesh:
+        optima = search_routes(fine.box, fine.objective, fine.model)
         known = analyse(stages, optimum, prediction, bayes=settings.bayes)
         inputs = input_changes(fine.objective, stages.replicates)
         declared = None
@@ -134,7 +134,13 @@ def identify(
             return None if held is None or explains(judged_fit()[2]) else OtherStart(held.x, held.response)
 
         stages.progress("causes", 0, 1)
-        causes = find_causes(stages, fine.x, fine.check.response.select([0]), other=elsewhere)
+        causes = find_causes(
+            stages,
+            fine.x,
+            fine.check.response.select([0]),
+            other=elsewhere,
+            explained=lambda: near_right(judged_fit()[2]),
+        )
         sources, changes, fit = judged_fit()
 
     gain = fine.objective.gain(fine.jacobian)

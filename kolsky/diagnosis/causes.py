@@ -68,7 +68,12 @@ class Best:
 
 
 def find_causes(
-    stages: StagedRuns, x: FloatArray, refined: Response, *, other: Elsewhere = lambda: None
+    stages: StagedRuns,
+    x: FloatArray,
+    refined: Response,
+    *,
+    other: Elsewhere = lambda: None,
+    explained: Callable[[], bool] = lambda: False,
 ) -> CauseAnalysis:
     """Try every input as the cause of the misfit.
 
@@ -83,21 +88,30 @@ def find_causes(
     other
         Where to search too, for an answer that the model does not explain: a wrong input may have led the
         free parameters into a valley from which no step leads back once the input is put right.
+    explained
+        Whether the goodness of fit leaves no misfit that is out of a tangent's reach, see
+        `kolsky.diagnosis.verdicts.near_right`; asked where the search itself would look far away.
     """
     started = time.perf_counter()
     try:
         with one_blas_thread():
-            return _analysed(stages, x, refined, other)
+            return _analysed(stages, x, refined, other, explained)
     except (ValueError, ArithmeticError) as error:
         return CauseAnalysis((), np.full(2, nan), str(error))
     finally:
         stages.seconds["causes"] = time.perf_counter() - started
 
 
-def _analysed(stages: StagedRuns, x: FloatArray, refined: Response, elsewhere: Elsewhere) -> CauseAnalysis:
+def _analysed(
+    stages: StagedRuns,
+    x: FloatArray,
+    refined: Response,
+    elsewhere: Elsewhere,
+    explained: Callable[[], bool],
+) -> CauseAnalysis:
     candidates = [c for c in CANDIDATES if c.here(stages)]
     search = search_from(stages, CauseModel(stages, x, refined), candidates)
-    trials = best_trials(search, candidates)
+    trials = best_trials(search, candidates, explained=explained)
     found = _findings(search, [Best(t, t, search) for t in trials], candidates)
     other = elsewhere()
     if other is not None:
@@ -218,10 +232,19 @@ def listed_beside(more: Sequence[CauseFinding], alone: Sequence[CauseFinding]) -
     return (*likely, *rest, *(f for f in alone if f.key not in known))
 
 
-def best_trials(search: CauseSearch, candidates: Sequence[CandidateInput]) -> list[Trial]:
-    """The best value of every candidate; far ones are tried only where the data are not explained."""
+def best_trials(
+    search: CauseSearch,
+    candidates: Sequence[CandidateInput],
+    *,
+    explained: Callable[[], bool] = lambda: False,
+) -> list[Trial]:
+    """The best value of every candidate; far ones are tried only where the data are not explained.
+
+    What a right model leaves is known to the search from two meshes alone; `explained` may know better, and
+    is asked where the search's own misfit is too large.
+    """
     tangents = search.tangents(candidates)
-    if not (search.before > UNEXPLAINED).any():
+    if not (search.before > UNEXPLAINED).any() or explained():
         return tangents
     starts = [t for t in tangents if not t.lost] + search.scanned(candidates)
     starts = sorted(starts, key=lambda t: search.loss(t.misfits))[:FOLLOWED]

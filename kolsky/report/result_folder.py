@@ -67,13 +67,17 @@ def write_identify_results(
 
 
 def load_identify_page() -> None:
-    """Import what the page of an identification is drawn with, Matplotlib above all.
+    """Import what the page of an identification is drawn with, Matplotlib above all, and load its fonts.
 
     Of use in a thread while simulations run, which need no interpreter, see `dic.forks.beside`.
     """
     import matplotlib.backends.backend_svg  # noqa: F401
 
-    import kolsky.report.pages.identification  # noqa: F401
+    from kolsky.report.canvas import load_drawing
+    from kolsky.report.pages.identification import load_template
+
+    load_drawing()
+    load_template()
 
 
 def load_dic_page() -> None:

@@ -186,6 +186,13 @@ FAULTS = (
         tests=OTHER,
     ),
     Fault(
+        name="a misfit that the fit explains is searched far away",
+        file="kolsky/diagnosis/causes.py",
+        right="if not (search.before > UNEXPLAINED).any() or explained():",
+        wrong="if not (search.before > UNEXPLAINED).any():",
+        tests=OTHER,
+    ),
+    Fault(
         name="the worse of two trials of an input",
         file="kolsky/diagnosis/causes.py",
         right="_badness(one.seen, judge) < _badness(best[key].seen, judge)",

@@ -107,6 +107,20 @@ FAULTS = (
         VERDICTS,
     ),
     Fault(
+        "an excess is compared with a misfit, its square",
+        VERDICT,
+        "max(f.excess, f.slow_excess) ** 2 <= UNEXPLAINED",
+        "max(f.excess, f.slow_excess) <= UNEXPLAINED",
+        VERDICTS,
+    ),
+    Fault(
+        "a slow excess is no misfit",
+        VERDICT,
+        "max(f.excess, f.slow_excess) ** 2 <= UNEXPLAINED",
+        "f.excess**2 <= UNEXPLAINED",
+        VERDICTS,
+    ),
+    Fault(
         "an interval may reach past the design",
         VERDICT,
         "return low < result.design.lower[i] or high > result.design.upper[i]",

@@ -1,5 +1,6 @@
 """Page of an identification: the answers and their uncertainty, the data, the search, the numerical error."""
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,7 @@ from kolsky.report.pages.rendering import (
 from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables
 from kolsky.shot.recorded import Recorded
 
+_TEMPLATE = "identification.html"
 _TESTED = ("specimen", "specimen_length", "interface", "declared_interface", "support", "window_s")
 _TABLES = ("checks", "inputs", "settings", "versions")
 _SHOWN = (*_TESTED, *_TABLES, "recordings")
@@ -78,7 +80,7 @@ def render(identification: Identification, recordings: Recorded | None = None, *
     provenance = result.provenance
     figures = _figures(identification, result, recordings, processes)
     return render_page(
-        "identification.html",
+        _TEMPLATE,
         using=_templates(),
         kind="Identification from one impact test",
         heading=result.shot,
@@ -125,6 +127,12 @@ def _figures(
     return {figure["id"].replace("-", "_"): figure for figure in drawn}
 
 
+def load_template() -> None:
+    """Read and compile the page's template before it is wanted; it is kept."""
+    _templates().get_template(_TEMPLATE)
+
+
+@cache
 def _templates() -> Environment:
     """Return the templates with the filters that this page needs."""
     templates = environment()

@@ -141,4 +141,4 @@ def _draw(
             return np.asarray(image) * np.array([1.0, 1.0, 1.0, opacity]), 0, 0
 
         part.set_agg_filter(seen_through)
-    ax.add_collection(part)
+    ax.add_collection(part, autolim=False)  # limits are set for the whole scene

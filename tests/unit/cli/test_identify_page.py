@@ -48,6 +48,20 @@ def test_all_that_a_page_needs_is_loaded() -> None:
     assert run.stdout.split() == ["False", "[]"]
 
 
+def test_what_is_loaded_shows_nothing_and_changes_no_setting() -> None:
+    """Fonts of a page's own style are found before a process that draws is forked; the template is kept."""
+    code = (
+        "import matplotlib; before = dict(matplotlib.rcParams); "
+        "from kolsky.report.result_folder import load_identify_page; load_identify_page(); "
+        "from matplotlib.font_manager import fontManager as fonts; "
+        "import kolsky.report.pages.identification as page; "
+        "print(before == dict(matplotlib.rcParams), fonts._findfont_cached.cache_info().currsize > 0, "
+        "len(page._templates().cache) > 0)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["True", "True", "True"]
+
+
 def test_libraries_that_most_shots_do_not_need_are_not_loaded() -> None:
     code = (
         "import sys; from pathlib import Path; from kolsky.shot.load import load_shot; "

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from synthetic import synthetic
 
-from kolsky.diagnosis.verdicts import explained, fit_warnings, judged
+from kolsky.diagnosis.verdicts import explained, fit_warnings, judged, near_right
 from kolsky.inverse.fit_results import ClockLag, FitQuality
 from kolsky.inverse.result import Identification, RouteDifference, Verdict
 from kolsky.uncertainty.warnings.answer import bounds
@@ -57,6 +57,25 @@ def test_an_unexplained_channel_withholds(channel: str, change: dict[str, float]
 
 def test_just_below_both_limits_is_explained() -> None:
     assert outcome(with_fit(force={"residual": 0.398, "slow_residual": 0.0996})) is Verdict.IDENTIFIED
+
+
+@pytest.mark.parametrize(
+    ("channel", "change", "near"),
+    [
+        # Excesses of 1.575 and 1.59, whose squares are 2.48 and 2.53.
+        ("force", {"residual": 0.315}, True),
+        ("force", {"residual": 0.318}, False),
+        ("force", {"slow_residual": 0.0630}, True),
+        ("force", {"slow_residual": 0.0636}, False),
+        ("outline", {"residual": 9e-6}, False),
+        ("outline", {"limit": np.inf}, False),  # without limits nothing is known to be explained
+    ],
+)
+def test_a_fit_is_near_right_where_no_excess_squared_is_beyond_the_search_far_away(
+    channel: str, change: dict[str, float], near: bool
+) -> None:
+    assert near_right(with_fit().fit)
+    assert near_right(with_fit(**{channel: change}).fit) is near
 
 
 def test_a_graver_verdict_stays() -> None:

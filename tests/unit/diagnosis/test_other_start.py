@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kolsky.diagnosis.cause_ranking import EVIDENCE, ranked
-from kolsky.diagnosis.cause_search import CauseSearch
+from kolsky.diagnosis.cause_search import UNEXPLAINED, CauseSearch
 from kolsky.diagnosis.causes import Best, best_of_each, best_trials, listed_beside
 from kolsky.inverse.cause_results import CauseFinding
 from tests.unit.diagnosis.test_declared_causes import K, candidate, expected, stages
@@ -102,6 +102,30 @@ def test_trials_of_the_answer_keep_the_entries_that_count_in_both() -> None:
     (seen,) = second.judge(answer, trials)
     np.testing.assert_array_equal(seen.residual, trials[0].residual[10:])
     assert seen.misfits[0] == pytest.approx(float((trials[0].residual[10:] ** 2).mean()))
+
+
+@pytest.mark.parametrize(("explained", "far"), [(False, True), (True, False)])
+def test_values_far_away_are_tried_only_where_the_fit_does_not_explain_the_data(
+    explained: bool, far: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, search = searches()
+    search.before = np.array([UNEXPLAINED + 0.1, 1.0])
+    tried = [candidate("late"), candidate("idle")]
+    scanned: list[Any] = []
+    monkeypatch.setattr(search, "scanned", lambda candidates: scanned.extend(candidates) or [])
+    trials = best_trials(search, tried, explained=lambda: explained)
+    assert bool(scanned) is far
+    assert [t.candidate.key for t in trials] == ["late", "idle"]
+
+
+def test_a_fit_is_not_asked_for_where_a_tangent_reaches_whatever_is_wrong() -> None:
+    _, search = searches()
+    search.before = np.array([UNEXPLAINED - 0.1, 1.0])
+
+    def asked() -> bool:
+        raise AssertionError("the runs that tell the mesh's error would be waited for")
+
+    assert len(best_trials(search, [candidate("idle")], explained=asked)) == 1
 
 
 def finding(key: str, *, named: bool, beside: str = "", status: str = "") -> CauseFinding:
