@@ -108,7 +108,10 @@ def main() -> None:
     found = read(given.out)
     print(table(found))
     print(f"\n{scatter(list(found.values()))}")
-    kept = {"study": {"mesh": study.mesh, "refined_mesh": study.refined_mesh}, "answers": list(found.values())}
+    kept = {
+        "study": {"mesh": study.mesh, "refined_mesh": study.refined_mesh},
+        "answers": list(found.values()),
+    }
     (given.out / "answers.json").write_text(json.dumps(kept, indent=1) + "\n", "utf-8")
 
 
