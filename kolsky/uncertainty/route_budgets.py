@@ -33,8 +33,8 @@ class Sources:
     mesh: MeshChange
     """Mesh and element."""
     deviations: FloatArray | None = None
-    """What a run deviates from the model of a rough response (`RefinedOptimum.deviations`), shape [n, k]; each
-    route, and the difference of two, makes of them what its own map does."""
+    """What a run deviates from the model of a rough response (`RefinedOptimum.deviations`), shape [n, k];
+    each route, and the difference of two, makes of them what its own map does."""
     declared: FloatArray | None = None
     """Changes by what shot.toml declares uncertain, their mean square the sum over the keys, shape [n, k];
     the joint answer counts these by itself, `Estimate.sigma_systematic`."""

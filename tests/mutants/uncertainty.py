@@ -137,6 +137,13 @@ FAULTS = (
         tests=SYSTEMATIC,
     ),
     Fault(
+        name="a profile is said where its end is off by three quarters",
+        file="kolsky/uncertainty/profile_likelihood.py",
+        right="SAID = 1.0 - 0.75**2",
+        wrong="SAID = 1.0 - 0.25**2",
+        tests=WARNINGS,
+    ),
+    Fault(
         name="a profile is confirmed at its whole level",
         file="kolsky/uncertainty/profile_likelihood.py",
         right="TOLERANCE = 0.1",
