@@ -28,7 +28,7 @@ FAULTS = (
         "- 1e9 * (normal**2).sum(axis=1)",
         SMOOTHNESS,
     ),
-    Fault("draws weighed twice as much", GAP, "-0.5 * deviance(one)[0]", "-deviance(one)[0]", SMOOTHNESS),
+    Fault("draws weighed twice as much", GAP, "-0.5 * deviances(drawn)", "-deviances(drawn)", SMOOTHNESS),
     Fault(
         "means of the draws scatter about nothing",
         GAP,

@@ -36,6 +36,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import block_diag, cholesky, solve_triangular
 
+from kolsky.bars.flyer.evidences import evidences
 from kolsky.bars.flyer.jerks import (
     ZERO_PRIOR,
     evidence,
@@ -129,7 +130,9 @@ def fit_flyer(
 
         data = (y, weight, np.diff(knots) / frame, hats, parts, shared)
         likeliest = np.concatenate([log_scales, log_tau])
-        draws = weighted_draws(likeliest, free, lambda theta: evidence(theta, *data))
+        draws = weighted_draws(
+            likeliest, free, lambda theta: evidence(theta, *data), lambda rows: evidences(rows, *data)
+        )
         spread = mixed_covariance(*draws, u * z[1:], solution)
     if covariance is not None:
         # Of the jerks by the displacements.

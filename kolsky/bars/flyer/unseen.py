@@ -32,6 +32,8 @@ LEAST_WEIGHT = 1e-5
 
 Deviance = Callable[[FloatArray], tuple[float, FloatArray]]
 """-2 ln L and its gradient."""
+Deviances = Callable[[FloatArray], FloatArray]
+"""-2 ln L at each of several rows of unknowns."""
 Solution = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Mean and covariance of the jerks with some smoothness and noise."""
 
@@ -52,7 +54,9 @@ def unseen_controls(hats: FloatArray, t: FloatArray, seen: BoolArray, knots: Flo
     return np.asarray((hats[hidden[:-1] | hidden[1:]] > 0.0).any(axis=0))
 
 
-def weighted_draws(theta: FloatArray, free: BoolArray, deviance: Deviance) -> tuple[FloatArray, FloatArray]:
+def weighted_draws(
+    theta: FloatArray, free: BoolArray, deviance: Deviance, deviances: Deviances
+) -> tuple[FloatArray, FloatArray]:
     """Draws about the likeliest values of some unknowns, and their weights, which add up to one.
 
     Pairs of draws lie opposite to each other; the same call gives the same draws.
@@ -65,6 +69,8 @@ def weighted_draws(theta: FloatArray, free: BoolArray, deviance: Deviance) -> tu
         Those that are drawn; the others stay, shape [n].
     deviance
         -2 ln L at values of all, and its gradient.
+    deviances
+        -2 ln L alone at many such values, shape [n_draws].
 
     Returns
     -------
@@ -83,7 +89,7 @@ def weighted_draws(theta: FloatArray, free: BoolArray, deviance: Deviance) -> tu
     normal = np.concatenate([half, -half])
     drawn = np.tile(theta, (DRAWS, 1))
     drawn[:, rows] += normal * widths @ vectors.T
-    log = np.array([-0.5 * deviance(one)[0] for one in drawn]) + 0.5 * (normal**2).sum(axis=1)
+    log = -0.5 * deviances(drawn) + 0.5 * (normal**2).sum(axis=1)
     weight = np.exp(log - log.max())
     return drawn, weight / weight.sum()
 
