@@ -119,6 +119,8 @@ class Camera:
         pixels = np.asarray(pixels, dtype=np.float64)
         y = (pixels[..., 1] - self.cy) / self.fy
         target = np.stack([(pixels[..., 0] - self.cx - self.skew * y) / self.fx, y], axis=-1)
+        if not any(self.distortion):
+            return target
         ideal = target.copy()
         lost = np.any(np.isnan(target), axis=-1)  # a NaN pixel stays NaN and stops nobody
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what runs away is told below
