@@ -70,8 +70,8 @@ FAULTS = (
     Fault(
         name="edge: paint adds by its standard deviation",
         file="dic/bodies/edge_model.py",
-        right="K = size**2 * paint(",
-        wrong="K = size * paint(",
+        right="size**2 * paint(lag",
+        wrong="size * paint(lag",
         tests=(f"{EDGE}::test_covariance_of_paint_that_ends",),
     ),
     Fault(
