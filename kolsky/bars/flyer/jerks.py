@@ -4,8 +4,11 @@ Everything is in units of sigma and frames: n_frames data y with weights sigma_t
 in each of the n_spans spans between the knots; tau is the jerks' prior standard deviation.
 """
 
+from functools import cache
+
 import numpy as np
-from scipy.linalg import lapack, qr, solve_triangular
+from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from kolsky.base.arrays import FloatArray
 
@@ -60,13 +63,23 @@ def posterior(y: FloatArray, G: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     tuple of NDArray
         Mean [n_unknowns], covariance [n_unknowns, n_unknowns] and residual [n_frames].
     """
-    p = G.shape[1]
-    stacked = np.block([[G, y[:, None]], [np.eye(p), np.zeros((p, 1))]])
-    R = qr(stacked, mode="r", check_finite=False)[0][:p]
-    z = solve_triangular(R[:, :p], R[:, p], check_finite=False)
-    upper, _ = lapack.dpotri(R[:, :p])  # inverse of R'R; R's diagonal has no zero
-    V = np.triu(upper) + np.triu(upper, 1).T
-    return z, V, y - G @ z
+    n, p = G.shape
+    stacked = np.zeros((n + p, p + 1), order="F")
+    stacked[:n, :p], stacked[:n, p] = G, y
+    np.fill_diagonal(stacked[n:], 1.0)
+    # LAPACK itself: what SciPy copies and checks takes as long as the factors of matrices so small.
+    work = int(lapack.dgeqrf_lwork(n + p, p + 1)[0])
+    factors = lapack.dgeqrf(stacked, lwork=work, overwrite_a=True)[0]
+    R = factors[:p, :p]
+    z, _ = lapack.dtrtrs(np.ascontiguousarray(R).T, factors[:p, p], lower=1, trans=1)
+    inverse, _ = lapack.dpotri(R)  # of R'R, above the diagonal; R's own has no zero
+    return z, np.where(_above(p), inverse, inverse.T), y - G @ z
+
+
+@cache
+def _above(n: int) -> NDArray[np.bool_]:
+    """On or above the diagonal, shape [n, n]."""
+    return np.triu(np.ones((n, n), dtype=bool))
 
 
 def noise_parts(weight: FloatArray) -> FloatArray:
