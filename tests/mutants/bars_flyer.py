@@ -12,6 +12,7 @@ CARRIED = "tests/unit/bars/test_carried_uncertainty.py"
 EVENTS = "kolsky/bars/flyer/event_signals.py"
 CLOCKS = "kolsky/bars/flyer/synchronisation.py"
 GAP = "kolsky/bars/flyer/unseen.py"
+MANY = "kolsky/bars/flyer/evidences.py"
 
 FAULTS = (
     Fault(
@@ -29,6 +30,20 @@ FAULTS = (
         SMOOTHNESS,
     ),
     Fault("draws weighed twice as much", GAP, "-0.5 * deviances(drawn)", "-deviances(drawn)", SMOOTHNESS),
+    Fault(
+        "many smoothnesses: frames without a displacement tell of the noise",
+        MANY,
+        "own = np.where(weight > 0.0, noise, 1.0)",
+        "own = noise",
+        SMOOTHNESS,
+    ),
+    Fault(
+        "many smoothnesses: what a shared error gains anew by its standard deviation",
+        MANY,
+        "1.0 - shared[1][k] ** 2",
+        "1.0 - shared[1][k]",
+        SMOOTHNESS,
+    ),
     Fault(
         "means of the draws scatter about nothing",
         GAP,

@@ -1,7 +1,7 @@
 """The marginal likelihood of many smoothnesses of one flyer at once.
 
-`kolsky.bars.flyer.jerks.evidence` works on matrices of four rows, so small that Python takes most of its time.
-Here each step of the filter is done for all smoothnesses together; the numbers are the same.
+`kolsky.bars.flyer.jerks.evidence` works on matrices of four rows, so small that Python takes most of its
+time. Here each step of the filter is done for all smoothnesses together; the numbers are the same.
 """
 
 import numpy as np
