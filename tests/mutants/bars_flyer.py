@@ -33,15 +33,15 @@ FAULTS = (
     Fault(
         "many smoothnesses: frames without a displacement tell of the noise",
         MANY,
-        "own = np.where(weight > 0.0, noise, 1.0)",
-        "own = noise",
+        "np.where(self.weight > 0.0, np.sum(self._noise, axis=2), 1.0)",
+        "np.sum(self._noise, axis=2)",
         SMOOTHNESS,
     ),
     Fault(
         "many smoothnesses: what a shared error gains anew by its standard deviation",
         MANY,
-        "1.0 - shared[1][k] ** 2",
-        "1.0 - shared[1][k]",
+        "1.0 - self.shared[1][k] ** 2",
+        "1.0 - self.shared[1][k]",
         SMOOTHNESS,
     ),
     Fault(

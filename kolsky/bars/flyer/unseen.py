@@ -14,6 +14,7 @@ the largest error of the path is 12.3 and 8.7 um; it was known to 4.9 and 3.3 um
 """
 
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
@@ -30,10 +31,19 @@ LEAST_CURVATURE = 0.1
 LEAST_WEIGHT = 1e-5
 """A draw with less weight is left out."""
 
-Deviance = Callable[[FloatArray], tuple[float, FloatArray]]
-"""-2 ln L and its gradient."""
-Deviances = Callable[[FloatArray], FloatArray]
-"""-2 ln L at each of several rows of unknowns."""
+
+class Deviances(Protocol):
+    """-2 ln L for several rows of unknowns."""
+
+    @property
+    def values(self) -> FloatArray:
+        """The values, shape [n_rows]."""
+
+    @property
+    def gradients(self) -> FloatArray:
+        """Their gradients, shape [n_rows, n]."""
+
+
 Solution = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Mean and covariance of the jerks with some smoothness and noise."""
 
@@ -55,7 +65,7 @@ def unseen_controls(hats: FloatArray, t: FloatArray, seen: BoolArray, knots: Flo
 
 
 def weighted_draws(
-    theta: FloatArray, free: BoolArray, deviance: Deviance, deviances: Deviances
+    theta: FloatArray, free: BoolArray, deviances: Callable[[FloatArray], Deviances]
 ) -> tuple[FloatArray, FloatArray]:
     """Draws about the likeliest values of some unknowns, and their weights, which add up to one.
 
@@ -67,10 +77,8 @@ def weighted_draws(
         The likeliest values, shape [n].
     free
         Those that are drawn; the others stay, shape [n].
-    deviance
-        -2 ln L at values of all, and its gradient.
     deviances
-        -2 ln L alone at many such values, shape [n_draws].
+        -2 ln L of rows of values of all, shape [n_rows, n].
 
     Returns
     -------
@@ -78,18 +86,16 @@ def weighted_draws(
         Values [n_draws, n], weights [n_draws].
     """
     rows = np.flatnonzero(free)
-    curvature = np.empty((rows.size, rows.size))
-    for i, row in enumerate(rows):
-        step = STEP * np.eye(theta.size)[row]
-        rise = deviance(theta + step)[1] - deviance(theta - step)[1]
-        curvature[i] = 0.5 * rise[rows] / (2.0 * STEP)
+    steps = STEP * np.eye(theta.size)[rows]
+    ahead, behind = np.split(deviances(np.concatenate([theta + steps, theta - steps])).gradients[:, rows], 2)
+    curvature = 0.5 * (ahead - behind) / (2.0 * STEP)
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
     widths = WIDER / np.sqrt(np.maximum(values, LEAST_CURVATURE))
     half = np.random.default_rng(0).standard_normal((DRAWS // 2, rows.size))
     normal = np.concatenate([half, -half])
     drawn = np.tile(theta, (DRAWS, 1))
     drawn[:, rows] += normal * widths @ vectors.T
-    log = -0.5 * deviances(drawn) + 0.5 * (normal**2).sum(axis=1)
+    log = -0.5 * deviances(drawn).values + 0.5 * (normal**2).sum(axis=1)
     weight = np.exp(log - log.max())
     return drawn, weight / weight.sum()
 

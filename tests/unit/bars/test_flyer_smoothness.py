@@ -1,10 +1,12 @@
 """The unknown smoothness of a flyer that no frame shows: closed forms, and known motions."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from test_flyer_unseen import FRAME, SIGMA, SPEED
 
-from kolsky.bars.flyer.evidences import evidences
+from kolsky.bars.flyer.evidences import Evidences
 from kolsky.bars.flyer.fit import fit_flyer
 from kolsky.bars.flyer.jerks import evidence, hat_functions, noise_parts
 from kolsky.bars.flyer.unseen import DRAWS, mixed_covariance, unseen_controls, weighted_draws
@@ -15,16 +17,11 @@ MODE = np.array([7.0, 1.0, -3.0])
 FREE = np.array([False, True, True])
 
 
-def quadratic(theta):
+def quadratic(thetas):
     """-2 ln L of a normal likelihood of the second and third unknown, with precision A."""
-    off = theta - MODE
-    slope = np.zeros(3)
-    slope[1:] = 2.0 * A @ off[1:]
-    return float(off[1:] @ A @ off[1:]), slope
-
-
-def quadratics(thetas):
-    return np.array([quadratic(theta)[0] for theta in thetas])
+    off = thetas[:, 1:] - MODE[1:]
+    slopes = np.hstack([np.zeros((len(off), 1)), 2.0 * off @ A])
+    return SimpleNamespace(values=np.sum(off @ A * off, axis=1), gradients=slopes)
 
 
 @pytest.mark.parametrize("shares", [False, True])
@@ -42,14 +39,16 @@ def test_many_smoothnesses_at_once_have_the_likelihood_of_each(two_parts, shares
     scales = rng.uniform(0.0, 1.0, (5, 2 if two_parts else 1))
     thetas = np.hstack([scales, rng.uniform(-4.0, 2.0, (5, hats.shape[1]))])
     data = (y, weight, spans, hats, parts, shared)
-    each = [evidence(theta, *data)[0] for theta in thetas]
+    values, slopes = zip(*(evidence(theta, *data) for theta in thetas), strict=True)
+    together = Evidences(thetas, *data)
     # the same products, in an order that a BLAS may choose anew for several matrices
-    np.testing.assert_allclose(evidences(thetas, *data), each, rtol=1e-12)
+    np.testing.assert_allclose(together.values, values, rtol=1e-12)
+    np.testing.assert_allclose(together.gradients, slopes, rtol=1e-9, atol=1e-9 * np.abs(slopes).max())
 
 
 def test_draws_have_the_likelihood_s_mean_and_covariance():
     """Sixty draws that count tell a variance to a fifth; opposite pairs tell the mean exactly."""
-    drawn, weights = weighted_draws(MODE, FREE, quadratic, quadratics)
+    drawn, weights = weighted_draws(MODE, FREE, quadratic)
     assert drawn.shape == (DRAWS, 3)
     assert weights.sum() == pytest.approx(1.0)
     assert (drawn[:, 0] == MODE[0]).all()
@@ -61,7 +60,7 @@ def test_draws_have_the_likelihood_s_mean_and_covariance():
 
 
 def test_the_same_call_draws_the_same():
-    first, second = (weighted_draws(MODE, FREE, quadratic, quadratics) for _ in range(2))
+    first, second = (weighted_draws(MODE, FREE, quadratic) for _ in range(2))
     np.testing.assert_array_equal(first[0], second[0])
 
 
