@@ -1,9 +1,9 @@
-"""The open shots with courses that have converged: `python -m benchmarks.converged_shots --out FOLDER open-01`.
+"""The open shots with converged courses: `python -m benchmarks.converged_shots --out FOLDER open-01`.
 
-Another program made the open shots, on a mesh of its own. What this solver's converged course differs from
-that program's exact one (`benchmarks.open_courses`) is added to the exported force and outline: noise, clocks
-and all other errors of the exports stay, to the last digit that is written. The shots are identified as a user
-would who changes nothing; what the folder holds is not made again.
+Another program made the open shots, on a mesh of its own. By what its exact course differs from this solver's
+converged one (`benchmarks.open_courses`) the exported force and outline are changed; noise, clocks and all
+other errors of the exports stay. The shots are identified with the settings of a user who changes nothing;
+what the folder holds is not made again.
 """
 
 import argparse
@@ -108,7 +108,10 @@ def main() -> None:
     found = read(given.out)
     print(table(found))
     print(f"\n{scatter(list(found.values()))}")
-    kept = {"study": {"mesh": study.mesh, "refined_mesh": study.refined_mesh}, "answers": list(found.values())}
+    kept = {
+        "study": {"mesh": study.mesh, "refined_mesh": study.refined_mesh},
+        "answers": list(found.values()),
+    }
     (given.out / "answers.json").write_text(json.dumps(kept, indent=1) + "\n", "utf-8")
 
 
