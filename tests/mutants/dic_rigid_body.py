@@ -211,4 +211,11 @@ FAULTS = (
         wrong="np.square(sigmas))), 0.05 * apart))",
         tests=(f"{RIM[0]}::test_cameras_that_disagree_widen_the_rim",),
     ),
+    Fault(
+        name="medians: of an even number the upper middle value",
+        file="dic/robust.py",
+        right="0.5 * (ordered[half - 1] + ordered[half])",
+        wrong="0.5 * (ordered[half] + ordered[half])",
+        tests=("tests/unit/dic/test_dic_speed_parts.py::test_a_median_is_numpy_s",),
+    ),
 )
