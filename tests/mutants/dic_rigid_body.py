@@ -73,8 +73,8 @@ FAULTS = (
     Fault(
         name="flyer's points: spread from the median length times its constant",
         file="dic/rigid_body/translation.py",
-        right="float(np.median(size / noise)) / MEDIAN_LENGTH",
-        wrong="float(np.median(size / noise)) * MEDIAN_LENGTH",
+        right="float(median(size / self.noise)) / MEDIAN_LENGTH",
+        wrong="float(median(size / self.noise)) * MEDIAN_LENGTH",
         tests=GATES,
     ),
     Fault(
