@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,11 +62,6 @@ class Scene:
     surface: SurfaceHistory | None = None
     """Measured points of the whole visible surface, if known."""
 
-    def at(self, shown: Sequence[int]) -> Scene:
-        """Return the scene at the times with these indices only."""
-        rows = np.asarray(shown)
-        return replace(self, times=self.times[rows], nodes=self.nodes[rows], values=self.values[rows])
-
     def outline_at(self, k: int) -> tuple[FloatArray, FloatArray]:
         """Measured heights and radii [m] in the frame nearest to the time of picture k; empty if none."""
         line = self.measured_outline
@@ -103,6 +98,7 @@ def scene_of(
     field: str = "stretch",
     solid: Solid | None = None,
     surface: SurfaceHistory | None = None,
+    chosen: Callable[[int], Sequence[int]] = range,
 ) -> Scene:
     """Return the scene of an identification's simulation at the optimum.
 
@@ -116,6 +112,8 @@ def scene_of(
         Material; required by fields that are stresses or energies.
     surface
         Measured points of the whole surface, beside the outline.
+    chosen
+        Gives the indices of the pictures among so many times; default all. The colour scale is that of all.
 
     Raises
     ------
@@ -137,11 +135,12 @@ def scene_of(
     # Picture by picture: the gradients of all of them would outgrow the caches.
     elements = np.array([kind.values(deformation_gradient(mesh, x), solid) for x in nodes])
     low, high = np.percentile(elements, RANGE)
+    shown = np.asarray(chosen(len(nodes)))
     return Scene(
         mesh=Mesh(mesh.quads, mesh.lower_face, mesh.side, mesh.upper_face),
-        times=response.surface_times[whole],
-        nodes=nodes,
-        values=_at_nodes(mesh, elements),
+        times=response.surface_times[whole][shown],
+        nodes=nodes[shown],
+        values=_at_nodes(mesh, elements[shown]),
         field=field,
         limits=(float(low), float(high) if high > low else float(low) + 1.0),
         measured_outline=result.comparison.centre_line,

@@ -60,8 +60,7 @@ def scene_of_stills(result: Identification) -> Scene:
     SceneDataMissing
         If the result lacks its data, see `kolsky.report.scene.scene_data.has_scene`.
     """
-    scene = scene_of(result)
-    return scene.at(evenly_spaced(len(scene.times), COUNT))
+    return scene_of(result, chosen=lambda n: evenly_spaced(n, COUNT))
 
 
 def draw_still(ax: Axes, scene: Scene, k: int) -> None:
