@@ -72,7 +72,7 @@ def answered(one: Alone, *, processes: int = 1) -> Said:
     """
     from kolsky.cli.inputs import load, usable
     from kolsky.cli.terminal import progress_bars
-    from kolsky.report.page_process import page_process
+    from kolsky.report.page_process import load_identify_page, page_process
 
     shot, folder = load(one.shot, one.out, forks=processes > 1)
     if one.relaxation:
@@ -85,13 +85,15 @@ def answered(one: Alone, *, processes: int = 1) -> Said:
         from kolsky.inverse.settings import Settings
         from kolsky.report import printed
         from kolsky.report.fit_table import fit_line
-        from kolsky.report.result_folder import PAGE, load_identify_page, write_identify_results
+        from kolsky.report.result_folder import PAGE, write_identify_results
         from kolsky.results.summary import to_json
 
         settings = Settings(numerics=numerics, **one.choices)
-        meanwhile = [load_identify_page] if page is None else []
+        meanwhile, checked = ([load_identify_page], None) if page is None else ([], page.draw_ahead)
         with usable(shot), progress_bars() as progress:
-            found = identification.identify(shot, settings, progress=progress, meanwhile=meanwhile)
+            found = identification.identify(
+                shot, settings, progress=progress, meanwhile=meanwhile, checked=checked
+            )
             if one.diagnose:
                 found = identification.diagnose(found, shot, settings, progress=progress)
         write_identify_results(folder, found, shot, formats=one.formats, processes=processes, page=page)

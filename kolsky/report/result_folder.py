@@ -18,7 +18,7 @@ from kolsky.shot.recorded import Recorded, recorded
 if TYPE_CHECKING:
     from dic.full_field.result import FullField
     from kolsky.bars.result import ReducedTest
-    from kolsky.report.page_process import Begin
+    from kolsky.report.page_process import PageProcess
     from kolsky.shot.measurement import Measurement
     from kolsky.shot.optical_data import Surfaces
     from kolsky.shot.records import PicturedShot, Shot
@@ -34,7 +34,7 @@ def write_identify_results(
     *,
     formats: Sequence[str] = (),
     processes: int = 1,
-    page: Begin | None = None,
+    page: PageProcess | None = None,
 ) -> None:
     """Write the results of `kolsky identify`: result file, tables, report and figures; all of them or none.
 
@@ -51,9 +51,8 @@ def write_identify_results(
     processes
         Processes that draw; see `dic.forks.side_by_side`. With several the result file is written in
         another process meanwhile.
-    page : callable, optional
-        Of a process that draws the page instead while this one writes the files, see
-        `kolsky.report.page_process.page_process`.
+    page : PageProcess, optional
+        Draws the page instead, while this process writes the files.
 
     Raises
     ------
@@ -71,7 +70,7 @@ def write_identify_results(
     with filling(folder) as partial:
         write_csv(partial, found)
         if page is not None:
-            drawn = page(partial / PAGE, found, recordings)
+            drawn = page.begin(partial / PAGE, found, recordings)
             write(partial / RESULT_FILE)
             drawn()
             _save_figures(partial, found, recordings, formats)
@@ -81,22 +80,11 @@ def write_identify_results(
                 written()
 
 
-def load_identify_page() -> None:
-    """Import what the page of an identification is drawn with, Matplotlib above all, and load its fonts.
-
-    Of use in a thread while simulations run, which need no interpreter, see `dic.forks.beside`.
-    """
-    import matplotlib.backends.backend_svg  # noqa: F401
-
-    from kolsky.report.canvas import load_drawing
-    from kolsky.report.pages.identification import load_template
-
-    load_drawing()
-    load_template()
-
-
 def load_dic_page() -> None:
-    """Import what the page of surfaces is drawn with, as `load_identify_page`."""
+    """Import what the page of surfaces is drawn with.
+
+    Of use in a thread while pictures are correlated, which needs no interpreter, see `dic.forks.beside`.
+    """
     import matplotlib.backends.backend_svg  # noqa: F401
 
     import kolsky.report.pages.surfaces  # noqa: F401

@@ -16,7 +16,7 @@ from kolsky.report.scene.fields import FIELDS, Solid
 if TYPE_CHECKING:
     import explicit
     from dic import SurfaceHistory
-    from kolsky.inverse.result import Identification
+    from kolsky.inverse.check_run import ShowsCheckRun
 
 
 RANGE = (1.0, 99.0)
@@ -83,7 +83,7 @@ class Scene:
         return self.surface.position[frame, self.surface.valid[frame]]
 
 
-def has_scene(result: Identification) -> bool:
+def has_scene(result: ShowsCheckRun) -> bool:
     """Return True if a result holds the data of a scene."""
     try:
         _simulated(result)
@@ -93,7 +93,7 @@ def has_scene(result: Identification) -> bool:
 
 
 def scene_of(
-    result: Identification,
+    result: ShowsCheckRun,
     *,
     field: str = "stretch",
     solid: Solid | None = None,
@@ -148,7 +148,7 @@ def scene_of(
     )
 
 
-def _simulated(result: Identification) -> tuple[explicit.Mesh, NDArray[np.bool_]]:
+def _simulated(result: ShowsCheckRun) -> tuple[explicit.Mesh, NDArray[np.bool_]]:
     """The mesh of the check run, and which of its times it reached.
 
     Raises
@@ -165,7 +165,7 @@ def _simulated(result: Identification) -> tuple[explicit.Mesh, NDArray[np.bool_]
     return mesh, whole
 
 
-def _mesh(result: Identification) -> explicit.Mesh:
+def _mesh(result: ShowsCheckRun) -> explicit.Mesh:
     """Rebuild the mesh of the simulation from the provenance of the result."""
     import explicit
 
