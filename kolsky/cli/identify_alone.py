@@ -79,10 +79,12 @@ def answered(one: Alone, *, processes: int = 1) -> Said:
         from kolsky.inverse.relaxing import with_relaxation
 
         shot = with_relaxation(shot, *texts.relaxation("--relaxation", one.relaxation))
-    with page_process(processes) as page:  # before a GPU is used, which a fork cannot share
+    # Libraries that both processes need are loaded before one of them is forked, and no GPU is used yet.
+    from kolsky.inverse.settings import Settings
+
+    with page_process(processes) as page:
         numerics = one.solver.numerics(one.mesh)
         from kolsky import identification
-        from kolsky.inverse.settings import Settings
         from kolsky.report import printed
         from kolsky.report.fit_table import fit_line
         from kolsky.report.result_folder import PAGE, write_identify_results
