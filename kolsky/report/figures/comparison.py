@@ -1,4 +1,7 @@
-"""Figures of the comparison: force and outline, measured and simulated, and their residuals."""
+"""Figures of the comparison: force and outline, measured and simulated, and their residuals.
+
+They show the check run alone, so that they can be drawn as soon as it is known.
+"""
 
 from typing import Any
 

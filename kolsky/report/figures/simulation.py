@@ -1,4 +1,7 @@
-"""Figures of the simulation at the optimum: energies, deformed meshes, stills."""
+"""Figures of the simulation at the optimum: energies, deformed meshes, stills.
+
+They show the check run alone, so that they can be drawn as soon as it is known.
+"""
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
