@@ -11,6 +11,13 @@ WARNINGS = ("tests/unit/uncertainty/test_warnings.py",)
 
 FAULTS = (
     Fault(
+        name="routes: roughness as a mean over the runs",
+        file="kolsky/uncertainty/route_budgets.py",
+        right="np.sqrt(np.sum((self.deviations @ gain.T) ** 2, axis=0))",
+        wrong="np.sqrt(np.mean((self.deviations @ gain.T) ** 2, axis=0))",
+        tests=ROUTES,
+    ),
+    Fault(
         name="patterns of the flyer's noise as if each were a draw of many",
         file="kolsky/uncertainty/input_noise.py",
         right="np.asarray(np.sqrt(len(patterns)) * patterns)",
