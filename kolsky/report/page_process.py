@@ -8,6 +8,7 @@ used.
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -120,6 +121,7 @@ def page_process(processes: int) -> Iterator[PageProcess | None]:
 
 def _draw(take: Callable[[], Any], processes: int) -> None:
     """Load what a page needs, draw ahead what is told of, and write the page."""
+    gc.freeze()  # what is loaded by now is not looked through, which would copy it
     with infrequent_gc(), ExitStack() as stack:
         load_identify_page()
         told, ahead = take(), dict[str, Callable[[], str]]()
