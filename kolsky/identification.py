@@ -30,6 +30,7 @@ from kolsky.diagnosis.fit_quality import fit_quality
 from kolsky.diagnosis.rate_advice import branch_figures, rate_advice, shot_branch_test
 from kolsky.diagnosis.sources import residual_sources
 from kolsky.diagnosis.verdicts import explained, explains, fit_warnings, judged, near_right
+from kolsky.inverse.check_run import CheckRun
 from kolsky.inverse.estimates import (
     comparison,
     curves,
@@ -68,6 +69,7 @@ def identify(
     *,
     progress: Progress | None = None,
     meanwhile: Sequence[Callable[[], object]] = (),
+    checked: Callable[[CheckRun], object] | None = None,
 ) -> Identification:
     """Identify the free parameters of a shot.
 
@@ -81,8 +83,10 @@ def identify(
         Called as ``progress(stage, runs done, runs in the stage)``.
     meanwhile
         What to load in a thread while a lone run leaves a core idle, e.g.
-        `kolsky.report.result_folder.load_identify_page`; not called where no run is alone. An error of it
+        `kolsky.report.page_process.load_identify_page`; not called where no run is alone. An error of it
         ends the identification.
+    checked : callable, optional
+        Told of the check run at the answer as soon as it is known, e.g. to draw it meanwhile.
 
     Notes
     -----
@@ -109,6 +113,9 @@ def identify(
     fixed, sliding = held_values(shot, box, settings.held), any_slides([*box.names, *settings.held])
     paper_route = [found.paper_route()] if observations.has_shape else []
     origin = provenance(shot, settings, prepared, sliding=sliding)
+    beside_data = comparison(prediction, observations)
+    if checked is not None:
+        checked(CheckRun(beside_data, fine.check.response, settings.refined_mesh, origin))
 
     optimum = LinearisedOptimum.of(
         fine.x, fine.box, fine.objective, fine.model, fine.surrogate, smooth=fine.roughness is None
@@ -167,7 +174,7 @@ def identify(
         routes=(*by_route, *paper_route),
         route_difference=route_difference(box.names, optima, sources),
         terms=terms(prediction, observations, 0),
-        comparison=comparison(prediction, observations),
+        comparison=beside_data,
         response=fine.check.response,
         mesh=settings.numerics.mesh,
         refined_mesh=settings.refined_mesh,

@@ -178,8 +178,9 @@ def identify(
         return
     refuse_shared(processes, dask)
     from kolsky.cli.terminal import print_result, since
+    from kolsky.report.page_process import drawers
 
-    found = answered(alone, processes=2)
+    found = answered(alone, processes=drawers())
     print_result(
         found.rows,
         found.said if as_json else None,

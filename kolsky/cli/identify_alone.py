@@ -63,7 +63,7 @@ def answered(one: Alone, *, processes: int = 1) -> Said:
     one
         The shot, and what is asked.
     processes
-        Processes that draw the page, 1 or 2; with 1 no others correlate pictures either.
+        Processes that draw the page; with 1 no others correlate pictures either.
 
     Raises
     ------
@@ -72,26 +72,33 @@ def answered(one: Alone, *, processes: int = 1) -> Said:
     """
     from kolsky.cli.inputs import load, usable
     from kolsky.cli.terminal import progress_bars
+    from kolsky.report.page_process import load_identify_page, page_process
 
     shot, folder = load(one.shot, one.out, forks=processes > 1)
     if one.relaxation:
         from kolsky.inverse.relaxing import with_relaxation
 
         shot = with_relaxation(shot, *texts.relaxation("--relaxation", one.relaxation))
-    numerics = one.solver.numerics(one.mesh)
-    from kolsky import identification
+    # Libraries that both processes need are loaded before one of them is forked, and no GPU is used yet.
     from kolsky.inverse.settings import Settings
-    from kolsky.report import printed
-    from kolsky.report.fit_table import fit_line
-    from kolsky.report.result_folder import PAGE, load_identify_page, write_identify_results
-    from kolsky.results.summary import to_json
 
-    settings = Settings(numerics=numerics, **one.choices)
-    with usable(shot), progress_bars() as progress:
-        found = identification.identify(shot, settings, progress=progress, meanwhile=[load_identify_page])
-        if one.diagnose:
-            found = identification.diagnose(found, shot, settings, progress=progress)
-    write_identify_results(folder, found, shot, formats=one.formats, processes=processes)
+    with page_process(processes) as page:
+        numerics = one.solver.numerics(one.mesh)
+        from kolsky import identification
+        from kolsky.report import printed
+        from kolsky.report.fit_table import fit_line
+        from kolsky.report.result_folder import PAGE, write_identify_results
+        from kolsky.results.summary import to_json
+
+        settings = Settings(numerics=numerics, **one.choices)
+        meanwhile, checked = ([load_identify_page], None) if page is None else ([], page.draw_ahead)
+        with usable(shot), progress_bars() as progress:
+            found = identification.identify(
+                shot, settings, progress=progress, meanwhile=meanwhile, checked=checked
+            )
+            if one.diagnose:
+                found = identification.diagnose(found, shot, settings, progress=progress)
+        write_identify_results(folder, found, shot, formats=one.formats, processes=processes, page=page)
     beside, said, doubts = paper_answer(shot, settings, folder) if one.paper else ({}, {}, [])
     return Said(
         shot=shot.name,

@@ -20,9 +20,6 @@ from kolsky.diagnosis.cause_trial import Trial
 from kolsky.inverse.cause_results import COVERAGE
 from kolsky.inverse.staged_runs import StagedRuns
 
-UNEXPLAINED = 2.5
-"""Misfit of a channel from which on values far away are tried; 1 is what a right model leaves, and below this
-a tangent reaches whatever is wrong."""
 FOLLOWED = 6
 """Most starts that are followed by Gauss-Newton steps."""
 FINER = 6

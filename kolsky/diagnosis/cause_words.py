@@ -1,14 +1,19 @@
 """Causes in words: what is likely to be wrong, by how much, and what to check."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from math import isfinite
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kolsky.diagnosis.cause_inputs import CANDIDATES
-from kolsky.diagnosis.cause_search import UNEXPLAINED
-from kolsky.diagnosis.causes import CauseAnalysis
+from kolsky.diagnosis.thresholds import UNEXPLAINED
 from kolsky.inverse.cause_results import CauseFinding
+
+if TYPE_CHECKING:
+    from kolsky.diagnosis.causes import CauseAnalysis
 
 
 def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Iterator[str]:

@@ -10,3 +10,6 @@ CONTRADICTION = 4.0
 """Force and outline contradict each other beyond so many standard uncertainties of their difference."""
 LATE = 3.0
 """A clock is wrong beyond so many standard uncertainties of its lag."""
+UNEXPLAINED = 2.5
+"""Misfit of a channel from which on causes far away are tried; 1 is what a right model leaves, and below this
+a tangent reaches whatever is wrong."""

@@ -8,8 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import inf
 
-from kolsky.diagnosis.cause_search import UNEXPLAINED
-from kolsky.diagnosis.thresholds import ALONE, CONTRADICTION, LATE
+from kolsky.diagnosis.thresholds import ALONE, CONTRADICTION, LATE, UNEXPLAINED
 from kolsky.inverse.fit_results import FORCE, OUTLINE, ClockLag, FitQuality
 from kolsky.inverse.result import Estimate, Identification, Verdict
 from kolsky.inverse.valleys import VALLEY
@@ -78,7 +77,7 @@ def explains(fit: Sequence[FitQuality]) -> bool:
 def near_right(fit: Sequence[FitQuality]) -> bool:
     """True if no channel has a misfit from which on values of an input far away are tried.
 
-    Its excess and its slow excess, squared, are at most `kolsky.diagnosis.cause_search.UNEXPLAINED`, and
+    Its excess and its slow excess, squared, are at most `kolsky.diagnosis.thresholds.UNEXPLAINED`, and
     limits were set.
     """
     return explains(fit) and all(max(f.excess, f.slow_excess) ** 2 <= UNEXPLAINED for f in fit)

@@ -26,6 +26,8 @@ FEW = 16
 """Patterns up to which sums are taken without BLAS."""
 WIDEST = 1e6
 """Largest amplitude that is looked for, over what the independent errors leave of it [-]."""
+STEPS = np.linspace(-5.0, float(np.log(WIDEST)), 40)
+"""Logarithms of the amplitudes that are tried first, in the same measure."""
 
 
 def slow_patterns(height: FloatArray, time: FloatArray) -> FloatArray:
@@ -79,17 +81,15 @@ def most_likely_amplitude(residual: FloatArray, patterns: FloatArray, other: Whi
     size = values[kept]
     seen = (vectors[:, kept].T @ (white[:-1] @ white[-1])) ** 2 / size
 
-    def deviance(log_share: float) -> float:
+    def deviance(log_share: FloatArray | float) -> FloatArray:
         total = 1.0 + np.exp(2.0 * log_share) * size / size[-1]
-        return float((np.log(total) + seen / total).sum())
+        return np.asarray((np.log(total) + seen / total).sum(axis=-1))
 
-    top = float(np.log(WIDEST))
-    steps = np.linspace(-5.0, top, 40)
-    first = int(np.argmin([deviance(step) for step in steps]))
-    if deviance(float(steps[first])) >= float(seen.sum()):
+    first = int(np.argmin(deviance(STEPS[:, None])))
+    if deviance(STEPS[first]) >= seen.sum():
         return 0.0
-    near = float(steps[max(first - 1, 0)]), float(steps[min(first + 1, len(steps) - 1)])
-    best = float(minimize_scalar(deviance, bounds=near, method="bounded").x)
+    near = float(STEPS[max(first - 1, 0)]), float(STEPS[min(first + 1, len(STEPS) - 1)])
+    best = float(minimize_scalar(lambda x: float(deviance(x)), bounds=near, method="bounded").x)
     return float(np.exp(best) / np.sqrt(size[-1]))
 
 

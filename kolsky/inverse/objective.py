@@ -37,6 +37,24 @@ PATTERN_ERROR = 0.2
 """Standard uncertainty of the front face's patterns over their size [-], independent from entry to entry."""
 
 
+WITHOUT_DISCREPANCIES = frozenset(
+    {
+        "_of_force",
+        "data",
+        "front_noise",
+        "kept",
+        "known_common",
+        "noise",
+        "outline_errors",
+        "pattern_variance",
+        "points_per_frame",
+        "slow_patterns",
+        "times",
+    }
+)
+"""What an objective keeps once it is made and no discrepancy changes: the next one has it too."""
+
+
 @dataclass(frozen=True)
 class Objective:
     """Chi-square of a predicted data vector."""
@@ -61,12 +79,12 @@ class Objective:
         """Number of force bins at the head of the data vector."""
         return self.observations.n_force
 
-    @property
+    @cached_property
     def data(self) -> FloatArray:
         """Measured data vector, shape [k]: force [N], then Z [m]."""
         return np.concatenate([self.observations.force_mean, self.observations.centre_line.Z[self.counted]])
 
-    @property
+    @cached_property
     def noise(self) -> FloatArray:
         """Measured standard deviations of the data vector, shape [k]."""
         line = self.observations.centre_line
@@ -145,7 +163,7 @@ class Objective:
         """Rows of shape [..., k] such that least squares of them weigh the part's data, shape [..., p]."""
         return self.whitening(part).apply(rows[..., self.mask(part)])
 
-    @property
+    @cached_property
     def times(self) -> FloatArray:
         """Time of each entry [s], shape [k]."""
         seen = self.observations
@@ -162,15 +180,19 @@ class Objective:
         offset = self.observations.front_offset
         return vectors if offset is None else vectors - offset[self.kept]
 
-    @property
+    @cached_property
     def kept(self) -> NDArray[np.bool_]:
         """Which of bins and all points are in the data vector, shape [n_bins + Q]."""
         return np.concatenate([np.ones(self.n_force, dtype=bool), self.counted])
 
     def mask(self, part: Part) -> NDArray[np.bool_]:
         """Entries of a part of the data, shape [k]."""
-        force = np.arange(len(self.data)) < self.n_force
+        force = self._of_force
         return np.ones_like(force) if part == "joint" else (force if part == "force" else ~force)
+
+    @cached_property
+    def _of_force(self) -> NDArray[np.bool_]:
+        return np.arange(len(self.data)) < self.n_force
 
     def chi2(self, vectors: FloatArray, part: Part = "joint") -> FloatArray:
         """Sum of squared weighted residuals of each vector, shape [...]."""
@@ -188,7 +210,11 @@ class Objective:
             common=self.known_common,
             slow=self.slow_patterns,
         )
-        return replace(self, force_discrepancy=force, shape_discrepancy=shape, slow_discrepancy=slow)
+        found = replace(self, force_discrepancy=force, shape_discrepancy=shape, slow_discrepancy=slow)
+        found.__dict__.update(
+            {name: self.__dict__[name] for name in WITHOUT_DISCREPANCIES & {*self.__dict__}}
+        )
+        return found
 
     def unexplained(self, residual: FloatArray) -> FloatArray:
         """A residual without its most likely part by what the data have in common, shape [k].

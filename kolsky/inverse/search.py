@@ -111,7 +111,11 @@ def search_shot(
             prepared, freed.settings, design_box(freed.free), progress, prior=freed.prior(shot)
         )
         compile_for(stages)
-        stages.idle_core = IdleCore([*meanwhile, partial(_load_other_element, stages)])
+        load = partial(_load_other_element, stages)
+        if meanwhile:
+            stages.idle_core = IdleCore([*meanwhile, load])
+        else:  # so short a work leaves the first lone run room for the runs that are put off
+            stages.idle_core.put_off(load)
         if rough(shot, [*freed.free, *freed.settings.held]):
             coarse = search_coarse(stages)
             replicates = stages.replicate(coarse.x)() if settings.replicates else None

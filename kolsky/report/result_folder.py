@@ -12,13 +12,13 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.inverse.result import Identification
 from kolsky.report.figures_alone import save_figures_alone
-from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.tables import write_csv
 from kolsky.shot.recorded import Recorded, recorded
 
 if TYPE_CHECKING:
     from dic.full_field.result import FullField
     from kolsky.bars.result import ReducedTest
+    from kolsky.report.page_process import PageProcess
     from kolsky.shot.measurement import Measurement
     from kolsky.shot.optical_data import Surfaces
     from kolsky.shot.records import PicturedShot, Shot
@@ -34,6 +34,7 @@ def write_identify_results(
     *,
     formats: Sequence[str] = (),
     processes: int = 1,
+    page: PageProcess | None = None,
 ) -> None:
     """Write the results of `kolsky identify`: result file, tables, report and figures; all of them or none.
 
@@ -48,8 +49,10 @@ def write_identify_results(
     formats
         Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
     processes
-        Processes that draw, 1 or 2; see `dic.forks.side_by_side`. With 2 the result file is written in
+        Processes that draw; see `dic.forks.side_by_side`. With several the result file is written in
         another process meanwhile.
+    page : PageProcess, optional
+        Draws the page instead, while this process writes the files.
 
     Raises
     ------
@@ -57,31 +60,31 @@ def write_identify_results(
         If the results cannot be written.
     """
     recordings = recorded(shot, folder)
+    whole = replace(found, image_correlation=recordings.numbers)
+
+    def write(result: Path) -> None:
+        from kolsky.results.hdf5 import write_identification  # HDF5 is loaded while the page is drawn
+
+        write_identification(result, whole)
+
     with filling(folder) as partial:
-        whole = replace(found, image_correlation=recordings.numbers)
-        result = partial / RESULT_FILE
-        with beside(lambda: write_identification(result, whole), fork=processes > 1) as written:
-            write_csv(partial, found)
-            write_identify_page(partial, found, recordings, formats, processes=processes)
-            written()
-
-
-def load_identify_page() -> None:
-    """Import what the page of an identification is drawn with, Matplotlib above all, and load its fonts.
-
-    Of use in a thread while simulations run, which need no interpreter, see `dic.forks.beside`.
-    """
-    import matplotlib.backends.backend_svg  # noqa: F401
-
-    from kolsky.report.canvas import load_drawing
-    from kolsky.report.pages.identification import load_template
-
-    load_drawing()
-    load_template()
+        write_csv(partial, found)
+        if page is not None:
+            drawn = page.begin(partial / PAGE, found, recordings)
+            write(partial / RESULT_FILE)
+            drawn()
+            _save_figures(partial, found, recordings, formats)
+        else:
+            with beside(lambda: write(partial / RESULT_FILE), fork=processes > 1) as written:
+                write_identify_page(partial, found, recordings, formats, processes=processes)
+                written()
 
 
 def load_dic_page() -> None:
-    """Import what the page of surfaces is drawn with, as `load_identify_page`."""
+    """Import what the page of surfaces is drawn with.
+
+    Of use in a thread while pictures are correlated, which needs no interpreter, see `dic.forks.beside`.
+    """
     import matplotlib.backends.backend_svg  # noqa: F401
 
     import kolsky.report.pages.surfaces  # noqa: F401
@@ -102,6 +105,8 @@ def read_identify_results(folder: Path, shot: Shot) -> Identification:
     InputError
         If there is none, it cannot be used, or it was made from other files than the shot's.
     """
+    from kolsky.results.hdf5 import read_identification
+
     path = folder / RESULT_FILE
     found = read_identification(path)
     _refuse_other_files(path, found.provenance.get("inputs", {}), shot.inputs)
@@ -129,11 +134,15 @@ def write_identify_page(
     formats
         Any of `kolsky.report.formats.FIGURE_FORMATS`.
     processes
-        Processes that draw, 1 or 2; see `dic.forks.side_by_side`.
+        Processes that draw; see `dic.forks.side_by_side`.
     """
     from kolsky.report.pages.identification import write_report
 
     write_report(folder / PAGE, found, recordings, processes=processes)
+    _save_figures(folder, found, recordings, formats)
+
+
+def _save_figures(folder: Path, found: Identification, recordings: Recorded, formats: Sequence[str]) -> None:
     save_figures_alone(folder, recordings, formats)
     save_figures_alone(folder, found, formats)
 

@@ -1,13 +1,18 @@
 """When the pictures of a shot begin to change, and what three of them show, before any correlation."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.images import PictureError, Pictures
 from kolsky.base.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from dic.images import Pictures
 
 MOST = 400
 """Most frames that are compared with the first; of a longer series as many at equal distances."""
@@ -62,6 +67,8 @@ def picture_changes(series: Sequence[Pictures], time: FloatArray, static: int) -
 
 def _relative(pictures: Pictures, frame: int) -> NDArray[np.float64] | None:
     """A picture relative to white; None if it cannot be read."""
+    from dic.images import PictureError  # for shots with pictures only
+
     try:
         return np.asarray(pictures.frame(frame), dtype=np.float64) / float(2**pictures.bits - 1)
     except PictureError:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.images import PictureError
 from dic.opencv import cv2
 from dic.outcome import FrameOutcome
 from kolsky.base.arrays import FloatArray
@@ -50,6 +49,8 @@ def picture_film(toml: ShotToml, result: StereoResult) -> PictureFilm | None:
     result
         What its pictures gave.
     """
+    from dic.images import PictureError  # for shots with pictures only
+
     valid = np.flatnonzero(result.outcome == FrameOutcome.VALID)
     try:
         series = open_pictures(toml, read_frames(toml)).series[0]

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.images import PictureError, Pictures
 from dic.outcome import FrameOutcome
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError, refuse
@@ -23,6 +22,7 @@ from kolsky.shot.schema.pictures import PicturesSection, SeriesSection
 from kolsky.shot.schema.reading import ShotToml
 
 if TYPE_CHECKING:
+    from dic.images import Pictures
     from dic.result import StereoResult
 
 CAMERAS = ("camera_0", "camera_1")
@@ -78,6 +78,7 @@ def open_pictures(toml: ShotToml, frames: FrameTimes) -> PictureSet:
         If a series is missing or holds no pictures, the number of pictures is not that of the frames, a crop
         is not the one its file states, or the cameras' pictures differ in size.
     """
+    from dic.images import PictureError
     from dic.images import open_pictures as open_series
     from dic.images.kept import kept
 
@@ -126,6 +127,8 @@ def fits_sensor(pictures: Pictures, sensor: tuple[int, int] | None) -> str | Non
 
 def readable(pictures: Pictures) -> int:
     """Pictures up to the last one that can be read: all, unless the file was cut off."""
+    from dic.images import PictureError  # for shots with pictures only
+
     count = pictures.n_frames
     while count > 0:
         try:
@@ -176,6 +179,8 @@ def _miscounted(pictures: Pictures, frames: FrameTimes) -> str | None:
 
 def _cut_off(pictures: Pictures) -> bool:
     """True if the last picture that the headers promise is not there."""
+    from dic.images import PictureError
+
     try:
         pictures.frame(pictures.n_frames - 1)
     except PictureError:
@@ -227,6 +232,8 @@ def picture_pair(toml: ShotToml, result: StereoResult) -> PicturePair | str:
     result
         What its pictures gave.
     """
+    from dic.images import PictureError
+
     try:
         first, second = open_pictures(toml, read_frames(toml)).series
     except InputError as error:

@@ -195,6 +195,13 @@ FAULTS = (
         tests=("tests/unit/inverse/test_replicates.py",),
     ),
     Fault(
+        name="weights of the discrepancies before",
+        file="kolsky/inverse/objective.py",
+        right='        "pattern_variance",\n',
+        wrong='        "own_sigma",\n        "pattern_variance",\n',
+        tests=OBJECTIVE,
+    ),
+    Fault(
         name="what waits for an idle core is done beside every run",
         file="kolsky/inverse/idle_core.py",
         right="if idle and self._waiting:",

@@ -9,6 +9,7 @@ ROUNDING = "kolsky/report/numbers.py"
 IDENTIFICATION = "kolsky/report/pages/identification_tables.py"
 UNCERTAINTY = "kolsky/report/pages/uncertainty.py"
 SPEED = ("tests/unit/report/test_page_speed.py",)
+BESIDE = ("tests/unit/report/test_page_process.py",)
 
 FAULTS = (
     Fault(
@@ -170,8 +171,36 @@ FAULTS = (
     Fault(
         name="figures stand in the order in which they are drawn",
         file="kolsky/report/pages/rendering.py",
-        right="side_by_side(drawn[::-1], processes=processes)[::-1]",
-        wrong="side_by_side(drawn[::-1], processes=processes)",
+        right="side_by_side([*here.values()][::-1], processes=processes)[::-1]",
+        wrong="side_by_side([*here.values()][::-1], processes=processes)",
         tests=SPEED,
+    ),
+    Fault(
+        name="a page has the figures of another check run",
+        file="kolsky/report/page_process.py",
+        right="known = self._ahead is not None and self._ahead.is_of(found)",
+        wrong="known = self._ahead is not None",
+        tests=BESIDE,
+    ),
+    Fault(
+        name="figures drawn ahead have each other's names",
+        file="kolsky/report/page_process.py",
+        right="for place, k in enumerate(last_first)}",
+        wrong="for place, k in enumerate(last_first[::-1])}",
+        tests=BESIDE,
+    ),
+    Fault(
+        name="a process that draws ahead does not stand back",
+        file="kolsky/report/page_process.py",
+        right="if os.getpid() != here and os.getpriority",
+        wrong="if os.getpid() == here and os.getpriority",
+        tests=BESIDE,
+    ),
+    Fault(
+        name="a scene has its pictures at other times than its nodes",
+        file="kolsky/report/scene/scene_data.py",
+        right="nodes=nodes[shown],",
+        wrong="nodes=nodes[: len(shown)],",
+        tests=("tests/unit/report/test_scene.py",),
     ),
 )

@@ -14,6 +14,7 @@ __all__ = [
     "BUDGETS",
     "CALIBRATION",
     "CHECKS",
+    "CHECK_RUNS",
     "FLYER_TESTS",
     "FULL_FIELDS",
     "JOINT",
@@ -66,6 +67,8 @@ PLACES: dict[str, tuple[str, ...]] = {
     "JOINT": ("joint.FIGURES",),
     # Recordings behind an identification; shown before those of `REGISTRY`
     "RECORDINGS": ("recordings.FIGURES",),
+    # Check run of an identification: those of `REGISTRY` that show nothing else
+    "CHECK_RUNS": ("comparison.FIGURES", "simulation.FIGURES"),
     # Identification
     "REGISTRY": ("comparison.FIGURES", "misfit.FIGURES", "uncertainty.FIGURES", "simulation.FIGURES"),
     # Surfaces measured by image correlation
@@ -131,6 +134,7 @@ SHOWN_BY: dict[str, str] = {
     "kolsky.bars.reduction.repeated_tests.RepeatedTests": "REPEATS",
     "kolsky.bars.result.FlyerResult": "FLYER_TESTS",
     "kolsky.bars.result.WavesResult": "WAVES",
+    "kolsky.inverse.check_run.CheckRun": "CHECK_RUNS",
     "kolsky.inverse.result.Identification": "REGISTRY",
     "kolsky.joint.records.JointResult": "JOINT",
     "kolsky.joint.slow_dynamics.SlowDynamics": "RELAXATIONS",

@@ -1,4 +1,7 @@
-"""Figures of the comparison: force and outline, measured and simulated, and their residuals."""
+"""Figures of the comparison: force and outline, measured and simulated, and their residuals.
+
+They show the check run alone, so that they can be drawn as soon as it is known.
+"""
 
 from typing import Any
 
@@ -6,7 +9,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from numpy.typing import NDArray
 
-from kolsky.inverse.result import Identification
+from kolsky.inverse.check_run import ShowsCheckRun
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
@@ -26,7 +29,7 @@ from kolsky.report.figures.base import (
 )
 
 
-def caption_force(result: Identification) -> str:
+def caption_force(result: ShowsCheckRun) -> str:
     """Return the caption."""
     return (
         "Force on the transmission platen: every recorded sample, means over bins and the simulation at the "
@@ -35,7 +38,7 @@ def caption_force(result: Identification) -> str:
     )
 
 
-def draw_force(result: Identification, panels: Panels) -> None:
+def draw_force(result: ShowsCheckRun, panels: Panels) -> None:
     """Draw the overlay and the residual."""
     c = result.comparison
     time = MS * c.force_time
@@ -60,7 +63,7 @@ def draw_force(result: Identification, panels: Panels) -> None:
     low.margins(y=0.25)
 
 
-def caption_outline_residual(result: Identification) -> str:
+def caption_outline_residual(result: ShowsCheckRun) -> str:
     """Return the caption."""
     outside = int((~result.comparison.inside).sum())
     counted = f"{outside} point{'' if outside == 1 else 's'} outside the model’s range"
@@ -90,7 +93,7 @@ def cells(time: NDArray[np.float64], frame: NDArray[np.int64], y: NDArray[np.flo
     return corners
 
 
-def draw_outline_residual(result: Identification, panels: Panels) -> None:
+def draw_outline_residual(result: ShowsCheckRun, panels: Panels) -> None:
     """Draw the map with its colour bar."""
     c, line, response, ax = result.comparison, result.comparison.centre_line, result.response, panels["map"]
     ax.set_xlabel("Time $t$ (ms)")
@@ -121,7 +124,7 @@ def draw_outline_residual(result: Identification, panels: Panels) -> None:
 COUNT = 6
 
 
-def chosen_frames(result: Identification) -> NDArray[np.int64]:
+def chosen_frames(result: ShowsCheckRun) -> NDArray[np.int64]:
     """Frame numbers at equal distances through the window, the last one included, shape [<= 6]."""
     frames = np.unique(result.comparison.centre_line.frame)
     if frames.size <= COUNT:
@@ -129,7 +132,7 @@ def chosen_frames(result: Identification) -> NDArray[np.int64]:
     return frames[np.round(np.arange(1, COUNT + 1) * (frames.size - 1) / COUNT).astype(int)]
 
 
-def caption_outlines(result: Identification) -> str:
+def caption_outlines(result: ShowsCheckRun) -> str:
     """Return the caption."""
     return (
         "Outline of the specimen on the camera side at six times: measured points with ±2σ and the simulated "
@@ -138,7 +141,7 @@ def caption_outlines(result: Identification) -> str:
     )
 
 
-def draw_outlines(result: Identification, panels: Panels) -> None:
+def draw_outlines(result: ShowsCheckRun, panels: Panels) -> None:
     """Draw the overlay above the residual, one column per time."""
     c, line, response = result.comparison, result.comparison.centre_line, result.response
     frames = chosen_frames(result)
@@ -180,7 +183,7 @@ def draw_outlines(result: Identification, panels: Panels) -> None:
     panels[f"outline {max(frames.size, 1) - 1}"].legend(loc="upper right", bbox_to_anchor=(1.0, 0.9))
 
 
-def caption_force_residual(result: Identification) -> str:
+def caption_force_residual(result: ShowsCheckRun) -> str:
     """Return the caption."""
     return (
         "Residual of the force over the standard deviation of each bin, with the band of k = 2 (left), and "
@@ -189,7 +192,7 @@ def caption_force_residual(result: Identification) -> str:
     )
 
 
-def draw_force_residual(result: Identification, panels: Panels) -> None:
+def draw_force_residual(result: ShowsCheckRun, panels: Panels) -> None:
     """Draw history and histogram."""
     c = result.comparison
     weighted = (c.force_model - c.force_measured) / c.force_sigma
@@ -218,7 +221,7 @@ def draw_force_residual(result: Identification, panels: Panels) -> None:
     share.tick_params(labelleft=False)
 
 
-FIGURES: tuple[FigureKind[Identification], ...] = (
+FIGURES: tuple[FigureKind[ShowsCheckRun], ...] = (
     FigureKind(
         name="force",
         width=COLUMN,

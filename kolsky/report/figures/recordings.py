@@ -1,6 +1,8 @@
 """Figures of the recordings: force channel, motion of the front face, a stereo pair of images."""
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,7 +11,6 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from dic.outcome import FrameOutcome
-from dic.result import Body
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
@@ -29,6 +30,9 @@ from kolsky.report.figures.base import (
 )
 from kolsky.shot.picture_set import PicturePair
 from kolsky.shot.recorded import Recorded
+
+if TYPE_CHECKING:
+    from dic.result import Body
 
 
 def caption_raw_signals(shown: Recorded) -> str:

@@ -1,11 +1,15 @@
-"""Figures of the simulation at the optimum: energies, deformed meshes, stills."""
+"""Figures of the simulation at the optimum: energies, deformed meshes, stills.
+
+They show the check run alone, so that they can be drawn as soon as it is known.
+"""
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 
-from kolsky.inverse.result import Identification, worst_imbalance
+from kolsky.inverse.check_run import ShowsCheckRun
+from kolsky.inverse.result import worst_imbalance
 from kolsky.report.figures.base import (
     COLUMN,
     GREY,
@@ -39,7 +43,7 @@ PARTS = {
 }
 
 
-def caption_energy(result: Identification) -> str:
+def caption_energy(result: ShowsCheckRun) -> str:
     """Return the caption."""
     worst = percent(worst_imbalance(result.response))
     return (
@@ -49,7 +53,7 @@ def caption_energy(result: Identification) -> str:
     )
 
 
-def draw_energy(result: Identification, panels: Panels) -> None:
+def draw_energy(result: ShowsCheckRun, panels: Panels) -> None:
     """Draw the stacked ledger above its residual."""
     ledger, time = result.response.energy, MS * result.response.surface_times
     top, low = panels["ledger"], panels["residual"]
@@ -86,7 +90,7 @@ LINES = 16
 """Lines of the mesh drawn in each direction, about; more would print as a grey area."""
 
 
-def caption_meshes(result: Identification) -> str:
+def caption_meshes(result: ShowsCheckRun) -> str:
     """Return the caption."""
     size = f"{result.refined_mesh[0]} × {result.refined_mesh[1]} elements"
     thinned = "" if max(result.refined_mesh) < 2 * LINES else ", some of its lines"
@@ -96,20 +100,20 @@ def caption_meshes(result: Identification) -> str:
     )
 
 
-def kept_nodes(result: Identification) -> bool:
+def kept_nodes(result: ShowsCheckRun) -> bool:
     """Return True if the result holds the nodes of the simulation at the optimum."""
     nodes = result.response.nodes
     return nodes is not None and bool(np.isfinite(nodes).any())
 
 
-def _panel_size(result: Identification) -> tuple[float, float]:
+def _panel_size(result: ShowsCheckRun) -> tuple[float, float]:
     """Half-width and height of a panel [mm of the specimen], the same for all."""
     assert result.response.nodes is not None  # checked by `applies`
     r, y = np.moveaxis(result.response.nodes[0], -1, 0)
     return 1.08 * MM * largest(r), 1.25 * MM * largest(y)
 
 
-def _meshes_height(result: Identification) -> float:
+def _meshes_height(result: ShowsCheckRun) -> float:
     """Height of the figure [mm]: panels of equal scale, room for the labels."""
     width, height = _panel_size(result)
     return 11.0 + (PAGE - 14.0) / MESHES * height / (2.0 * width)
@@ -120,7 +124,7 @@ def _thinned(elements: int) -> list[int]:
     return sorted({*range(0, elements + 1, max(1, elements // LINES)), elements})
 
 
-def draw_meshes(result: Identification, panels: Panels) -> None:
+def draw_meshes(result: ShowsCheckRun, panels: Panels) -> None:
     """Draw the lines of the mesh; nodes run along the radius first, as `explicit.mesh.cylinder` numbers them.
 
     Raises
@@ -162,7 +166,7 @@ def draw_meshes(result: Identification, panels: Panels) -> None:
             ax.tick_params(labelleft=False)
 
 
-def caption_scene(result: Identification) -> str:
+def caption_scene(result: ShowsCheckRun) -> str:
     """Return the caption."""
     return (
         "The check run, its half behind a cut along the axis, between the platens (cut too), coloured by the "
@@ -171,12 +175,12 @@ def caption_scene(result: Identification) -> str:
     )
 
 
-def can_show_stills(result: Identification) -> bool:
+def can_show_stills(result: ShowsCheckRun) -> bool:
     """Return True if the result holds the scene."""
     return has_scene(result)
 
 
-def draw_scene(result: Identification, panels: Panels) -> None:
+def draw_scene(result: ShowsCheckRun, panels: Panels) -> None:
     """Set the pictures side by side."""
     stage = scene_of_stills(result)
     axes = [panels[f"scene {column}"] for column in range(STILLS)]
@@ -193,7 +197,7 @@ def draw_scene(result: Identification, panels: Panels) -> None:
     smooth_bar(bar)
 
 
-FIGURES: tuple[FigureKind[Identification], ...] = (
+FIGURES: tuple[FigureKind[ShowsCheckRun], ...] = (
     FigureKind(
         name="energy",
         width=COLUMN,

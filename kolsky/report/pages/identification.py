@@ -1,5 +1,6 @@
 """Page of an identification: the answers and their uncertainty, the data, the search, the numerical error."""
 
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,7 @@ def write_report(
     recordings: Recorded | None = None,
     *,
     processes: int = 1,
+    ahead: Mapping[str, Callable[[], str]] | None = None,
 ) -> None:
     """Write the report of one shot as a single HTML file that needs no network.
 
@@ -64,21 +66,29 @@ def write_report(
     recordings : Recorded, optional
         Recordings of the shot's own files; without them their sections are left out.
     processes : int
-        Processes that draw, 1 or 2; see `dic.forks.side_by_side`.
+        Processes that draw; see `dic.forks.side_by_side`.
+    ahead : mapping, optional
+        As of `kolsky.report.pages.rendering.draw_groups`.
 
     Raises
     ------
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    write_html(path, render(identification, recordings, processes=processes))
+    write_html(path, render(identification, recordings, processes=processes, ahead=ahead))
 
 
-def render(identification: Identification, recordings: Recorded | None = None, *, processes: int = 1) -> str:
+def render(
+    identification: Identification,
+    recordings: Recorded | None = None,
+    *,
+    processes: int = 1,
+    ahead: Mapping[str, Callable[[], str]] | None = None,
+) -> str:
     """Return the report as HTML text; see `write_report`."""
     result = in_display_units(identification)
     provenance = result.provenance
-    figures = _figures(identification, result, recordings, processes)
+    figures = _figures(identification, result, recordings, processes, ahead)
     return render_page(
         _TEMPLATE,
         using=_templates(),
@@ -114,7 +124,11 @@ def render(identification: Identification, recordings: Recorded | None = None, *
 
 
 def _figures(
-    identification: Identification, result: Identification, recordings: Recorded | None, processes: int
+    identification: Identification,
+    result: Identification,
+    recordings: Recorded | None,
+    processes: int,
+    ahead: Mapping[str, Callable[[], str]] | None,
 ) -> dict[str, dict[str, Any]]:
     """Draw all figures, those of the recordings first; by name, as the template takes them.
 
@@ -123,7 +137,7 @@ def _figures(
     groups = [FigureGroup(REGISTRY.values(), identification, captioned=result)]
     if recordings is not None:
         groups.insert(0, FigureGroup(RECORDINGS.values(), recordings))
-    drawn = draw_groups(groups, processes=processes)
+    drawn = draw_groups(groups, processes=processes, ahead=ahead)
     return {figure["id"].replace("-", "_"): figure for figure in drawn}
 
 

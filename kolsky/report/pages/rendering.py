@@ -2,7 +2,7 @@
 
 import base64
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -98,7 +98,12 @@ def draw_figures(
 
 
 def draw_groups(
-    groups: Sequence[FigureGroup], *, first: int = 1, processes: int = 1, mark: str = ""
+    groups: Sequence[FigureGroup],
+    *,
+    first: int = 1,
+    processes: int = 1,
+    mark: str = "",
+    ahead: Mapping[str, Callable[[], str]] | None = None,
 ) -> list[dict[str, Any]]:
     """Draw the figures that apply and return them numbered, as the templates take them.
 
@@ -112,29 +117,34 @@ def draw_groups(
     first
         Number of the first figure.
     processes
-        Processes that draw, 1 or 2; see `dic.forks.side_by_side`.
+        Processes that draw; see `dic.forks.side_by_side`.
     mark
         Beside the names of the figures in their ids, where a page has a figure of one name several times.
+    ahead
+        Gives the pictures, by the figures' names, that `inline_svg` draws elsewhere.
     """
+    ahead = ahead or {}
     figures = [(kind, group) for group in groups for kind in group.kinds if kind.applies(group.about)]
     names = [f"{kind.name}-{mark}" if mark else kind.name for kind, _ in figures]
     with infrequent_gc():
-        drawn = [
-            partial(inline_svg, kind, group.shown, name)
+        here = {
+            name: partial(inline_svg, kind, group.shown, name)
             for (kind, group), name in zip(figures, names, strict=True)
-        ]
-        pictures = side_by_side(drawn[::-1], processes=processes)[::-1]
+            if name not in ahead
+        }
+        pictures = dict(
+            zip(here, side_by_side([*here.values()][::-1], processes=processes)[::-1], strict=True)
+        )
+        pictures |= {name: ahead[name]() for name in names if name in ahead}
     return [
         {
             "id": name,
             "number": number,
-            "svg": Markup(picture),  # serialised as XML: every text is escaped
+            "svg": Markup(pictures[name]),  # serialised as XML: every text is escaped
             "caption": with_subscripts(kind.caption(group.about)),
             "width": kind.width,
         }
-        for number, (name, (kind, group), picture) in enumerate(
-            zip(names, figures, pictures, strict=True), start=first
-        )
+        for number, (name, (kind, group)) in enumerate(zip(names, figures, strict=True), start=first)
     ]
 
 

@@ -63,7 +63,9 @@ def smallest_stretch(F: FloatArray, solid: Solid | None = None) -> FloatArray:
     F^T F there.
     """
     r, y = F[..., :2, 0], F[..., :2, 1]
-    rr, yy, ry = (r**2).sum(axis=-1), (y**2).sum(axis=-1), (r * y).sum(axis=-1)
+    # Sums of two, written out: a loop over so short an axis takes ten times as long, to the same bits.
+    (r0, r1), (y0, y1) = np.moveaxis(r, -1, 0), np.moveaxis(y, -1, 0)
+    rr, yy, ry = r0**2 + r1**2, y0**2 + y1**2, r0 * y0 + r1 * y1
     in_plane = 0.5 * (rr + yy) - np.hypot(0.5 * (rr - yy), ry)
     # Below zero only by round-off, where an element is flattened.
     return np.asarray(np.minimum(np.sqrt(np.maximum(in_plane, 0.0)), np.abs(F[..., 2, 2])))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,7 @@ from kolsky.report.scene.fields import FIELDS, Solid
 if TYPE_CHECKING:
     import explicit
     from dic import SurfaceHistory
-    from kolsky.inverse.result import Identification
+    from kolsky.inverse.check_run import ShowsCheckRun
 
 
 RANGE = (1.0, 99.0)
@@ -62,11 +62,6 @@ class Scene:
     surface: SurfaceHistory | None = None
     """Measured points of the whole visible surface, if known."""
 
-    def at(self, shown: Sequence[int]) -> Scene:
-        """Return the scene at the times with these indices only."""
-        rows = np.asarray(shown)
-        return replace(self, times=self.times[rows], nodes=self.nodes[rows], values=self.values[rows])
-
     def outline_at(self, k: int) -> tuple[FloatArray, FloatArray]:
         """Measured heights and radii [m] in the frame nearest to the time of picture k; empty if none."""
         line = self.measured_outline
@@ -88,7 +83,7 @@ class Scene:
         return self.surface.position[frame, self.surface.valid[frame]]
 
 
-def has_scene(result: Identification) -> bool:
+def has_scene(result: ShowsCheckRun) -> bool:
     """Return True if a result holds the data of a scene."""
     try:
         _simulated(result)
@@ -98,11 +93,12 @@ def has_scene(result: Identification) -> bool:
 
 
 def scene_of(
-    result: Identification,
+    result: ShowsCheckRun,
     *,
     field: str = "stretch",
     solid: Solid | None = None,
     surface: SurfaceHistory | None = None,
+    chosen: Callable[[int], Sequence[int]] = range,
 ) -> Scene:
     """Return the scene of an identification's simulation at the optimum.
 
@@ -116,6 +112,8 @@ def scene_of(
         Material; required by fields that are stresses or energies.
     surface
         Measured points of the whole surface, beside the outline.
+    chosen
+        Gives the indices of the pictures among so many times; default all. The colour scale is that of all.
 
     Raises
     ------
@@ -137,11 +135,12 @@ def scene_of(
     # Picture by picture: the gradients of all of them would outgrow the caches.
     elements = np.array([kind.values(deformation_gradient(mesh, x), solid) for x in nodes])
     low, high = np.percentile(elements, RANGE)
+    shown = np.asarray(chosen(len(nodes)))
     return Scene(
         mesh=Mesh(mesh.quads, mesh.lower_face, mesh.side, mesh.upper_face),
-        times=response.surface_times[whole],
-        nodes=nodes,
-        values=_at_nodes(mesh, elements),
+        times=response.surface_times[whole][shown],
+        nodes=nodes[shown],
+        values=_at_nodes(mesh, elements[shown]),
         field=field,
         limits=(float(low), float(high) if high > low else float(low) + 1.0),
         measured_outline=result.comparison.centre_line,
@@ -149,7 +148,7 @@ def scene_of(
     )
 
 
-def _simulated(result: Identification) -> tuple[explicit.Mesh, NDArray[np.bool_]]:
+def _simulated(result: ShowsCheckRun) -> tuple[explicit.Mesh, NDArray[np.bool_]]:
     """The mesh of the check run, and which of its times it reached.
 
     Raises
@@ -166,7 +165,7 @@ def _simulated(result: Identification) -> tuple[explicit.Mesh, NDArray[np.bool_]
     return mesh, whole
 
 
-def _mesh(result: Identification) -> explicit.Mesh:
+def _mesh(result: ShowsCheckRun) -> explicit.Mesh:
     """Rebuild the mesh of the simulation from the provenance of the result."""
     import explicit
 

@@ -31,7 +31,7 @@ from kolsky.report.scene.geometry import (
 from kolsky.report.scene.scene_data import Scene, scene_of
 
 if TYPE_CHECKING:
-    from kolsky.inverse.result import Identification
+    from kolsky.inverse.check_run import ShowsCheckRun
 
 COUNT = 3
 """Number of still pictures in a report."""
@@ -52,7 +52,7 @@ LIGHT = (EYE + 0.35 * UP - 0.35 * RIGHT) / np.linalg.norm(EYE + 0.35 * UP - 0.35
 """Unit vector toward the light, from above the left shoulder."""
 
 
-def scene_of_stills(result: Identification) -> Scene:
+def scene_of_stills(result: ShowsCheckRun) -> Scene:
     """Scene at the times of the stills.
 
     Raises
@@ -60,8 +60,7 @@ def scene_of_stills(result: Identification) -> Scene:
     SceneDataMissing
         If the result lacks its data, see `kolsky.report.scene.scene_data.has_scene`.
     """
-    scene = scene_of(result)
-    return scene.at(evenly_spaced(len(scene.times), COUNT))
+    return scene_of(result, chosen=lambda n: evenly_spaced(n, COUNT))
 
 
 def draw_still(ax: Axes, scene: Scene, k: int) -> None:

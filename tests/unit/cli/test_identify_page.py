@@ -11,35 +11,43 @@ from typer.testing import CliRunner
 
 from kolsky import identification
 from kolsky.cli import app
-from kolsky.report import result_folder
+from kolsky.report import page_process, result_folder
 
 ROOT = Path(__file__).parents[3]
 
 
+@pytest.mark.parametrize("forks", [True, False])
 def test_the_page_is_loaded_while_the_command_simulates(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forks: bool
 ) -> None:
-    given: list[Any] = []
-    written: list[Path] = []
+    """By a process that draws it, and is told of the check run; or beside a lone run where there is none."""
+    given: dict[str, Any] = {}
+    written: list[tuple[Path, Any]] = []
 
     def identify(*of: Any, **options: Any) -> Any:
-        given.extend(options["meanwhile"])
+        given.update(options)
         return RESULTS["one"]
 
+    monkeypatch.setattr(page_process, "can_fork", lambda: forks)
     monkeypatch.setattr(identification, "identify", identify)
     monkeypatch.setattr(
-        result_folder, "write_identify_results", lambda folder, *of, **options: written.append(folder)
+        result_folder,
+        "write_identify_results",
+        lambda folder, *of, **options: written.append((folder, options["page"])),
     )
     words = ["identify", str(ROOT / "runs" / "open-01"), "--out", str(tmp_path)]
     ended = CliRunner().invoke(app, words)
     assert ended.exit_code == 0, ended.output
-    assert given == [result_folder.load_identify_page]
-    assert written == [tmp_path]
+    [(folder, page)] = written
+    assert folder == tmp_path
+    assert (page is not None) is forks
+    assert given["meanwhile"] == ([] if forks else [page_process.load_identify_page])
+    assert given["checked"] == (page.draw_ahead if forks else None)
 
 
 def test_all_that_a_page_needs_is_loaded() -> None:
     code = (
-        "import sys, kolsky.report.result_folder as made; print('matplotlib' in sys.modules); "
+        "import sys, kolsky.report.page_process as made; print('matplotlib' in sys.modules); "
         "made.load_identify_page(); before = set(sys.modules); "
         "import matplotlib.backends.backend_svg, kolsky.report.pages.identification as page; "
         "page.REGISTRY, page.RECORDINGS; print(sorted(set(sys.modules) - before))"
@@ -52,7 +60,7 @@ def test_what_is_loaded_shows_nothing_and_changes_no_setting() -> None:
     """Fonts of a page's own style are found before a process that draws is forked; the template is kept."""
     code = (
         "import matplotlib; before = dict(matplotlib.rcParams); "
-        "from kolsky.report.result_folder import load_identify_page; load_identify_page(); "
+        "from kolsky.report.page_process import load_identify_page; load_identify_page(); "
         "from matplotlib.font_manager import fontManager as fonts; "
         "import kolsky.report.pages.identification as page; "
         "print(before == dict(matplotlib.rcParams), fonts._findfont_cached.cache_info().currsize > 0, "
@@ -66,7 +74,8 @@ def test_libraries_that_most_shots_do_not_need_are_not_loaded() -> None:
     code = (
         "import sys; from pathlib import Path; from kolsky.shot.load import load_shot; "
         "load_shot(Path('runs/open-01')); import kolsky.identification, kolsky.report.result_folder; "
-        "print([n for n in ('pint', 'scipy.stats', 'scipy.signal', 'matplotlib') if n in sys.modules])"
+        "names = ('pint', 'scipy.stats', 'scipy.signal', 'scipy.ndimage', 'dic.result', 'dic.images', "
+        "'h5py', 'matplotlib'); print([name for name in names if name in sys.modules])"
     )
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert run.stdout.split() == ["[]"]

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from kolsky.diagnosis.cause_ranking import EVIDENCE, ranked
-from kolsky.diagnosis.cause_search import UNEXPLAINED, CauseSearch
+from kolsky.diagnosis.cause_search import CauseSearch
 from kolsky.diagnosis.causes import Best, best_of_each, best_trials, listed_beside
+from kolsky.diagnosis.thresholds import UNEXPLAINED
 from kolsky.inverse.cause_results import CauseFinding
 from tests.unit.diagnosis.test_declared_causes import K, candidate, expected, stages
 

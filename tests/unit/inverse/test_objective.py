@@ -1,6 +1,7 @@
 """The least-squares objective against closed forms of linear models; the coverage of its intervals."""
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from scipy.stats import norm
 
 from kolsky.bars.signals.transducers import ForceBins
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.inverse.objective import PATTERN_ERROR, Objective
+from kolsky.inverse.objective import PATTERN_ERROR, WITHOUT_DISCREPANCIES, Objective
 from kolsky.inverse.observations import Observations, Prediction
 
 FloatArray = NDArray[np.float64]
@@ -319,6 +320,23 @@ def test_the_most_likely_discrepancy_where_variances_differ() -> None:
         assert cost[1] < min(cost[0], cost[2])
     # Two hundred certain bins know 1.44 to (1 + 1.44) sqrt(2 / 200) = 0.24, the mean of twenty to 0.055.
     assert np.mean(found) == pytest.approx(1.44, abs=0.2)
+
+
+def test_other_discrepancies_change_nothing_that_an_objective_keeps() -> None:
+    """What has been made without them goes over to the next objective; all else is made anew there."""
+    one = noisy(40, 60, np.random.default_rng(13))[0]
+    one = replace(one, slowly=True)
+    parts = [name for name, part in vars(Objective).items() if isinstance(part, cached_property)]
+    for name in parts:
+        getattr(one, name)
+    found = one.with_discrepancy(2.0 * one.noise * np.random.default_rng(14).normal(size=100))
+    assert found.force_discrepancy > 0.0
+    assert found.shape_discrepancy > 0.0
+    kept = {name for name in parts if getattr(found, name) is getattr(one, name)}
+    assert kept == WITHOUT_DISCREPANCIES
+    fresh = replace(found)
+    for name in kept:
+        np.testing.assert_array_equal(getattr(found, name), getattr(fresh, name))
 
 
 def test_errors_that_outline_points_have_in_common() -> None:

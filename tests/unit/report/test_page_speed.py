@@ -94,7 +94,7 @@ def test_a_result_file_that_cannot_be_written_leaves_nothing(
     monkeypatch.setattr(result_folder, "write_identify_page", page)
     result_folder.write_identify_results(tmp_path / "good", RESULTS["one"], None, processes=processes)
     assert {"identification.h5", "report.html"} <= {path.name for path in (tmp_path / "good").iterdir()}
-    monkeypatch.setattr(result_folder, "write_identification", refuse)
+    monkeypatch.setattr("kolsky.results.hdf5.write_identification", refuse)
     with pytest.raises(InputError, match="No space left"):
         result_folder.write_identify_results(tmp_path / "bad", RESULTS["one"], None, processes=processes)
     assert not (tmp_path / "bad").exists()

@@ -69,6 +69,18 @@ def test_pressure_and_energy_of_a_uniform_compression() -> None:
         np.testing.assert_allclose(scene.values[-1], value, rtol=1e-6)
 
 
+def test_chosen_pictures_are_those_of_the_whole_scene_and_have_its_colours() -> None:
+    whole = scene_of(result((1.25, 0.64)))
+    n = len(whole.times)
+    assert n > 3
+    some = scene_of(result((1.25, 0.64)), chosen=lambda count: [1, count - 1])
+    np.testing.assert_array_equal(some.times, whole.times[[1, n - 1]])
+    np.testing.assert_array_equal(some.nodes, whole.nodes[[1, n - 1]])
+    np.testing.assert_array_equal(some.values, whole.values[[1, n - 1]])
+    assert some.limits == whole.limits
+    assert whole.limits[0] < 1.0
+
+
 def test_measured_points_are_those_of_the_nearest_frame() -> None:
     found = result()
     scene = scene_of(found)
