@@ -20,11 +20,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 
-<<<<<<< HEAD
-if TYPE_CHECKING:  # a shot is loaded, and others look at its target, before anything is correlated
-=======
 if TYPE_CHECKING:
->>>>>>> work-c
     from dic.result import StereoResult
 
 SAID = 3.0
@@ -110,11 +106,7 @@ def calibration_variance(result: StereoResult, length: float) -> float:
     length
         The length from the lower end up [m].
     """
-<<<<<<< HEAD
-    from dic.stereo.systematic import calibration_slopes
-=======
     from dic.stereo.systematic import calibration_slopes  # for shots with pictures only
->>>>>>> work-c
 
     rig, frame = result.rig, result.placement.frame
     if rig.covariance is None:
@@ -139,11 +131,7 @@ def conditioned_length(rim: RimAtRest, *, declared: float, sigma: float, y_sigma
     y_sigma
         Standard uncertainty of the outline's heights, that of the lower end [m].
     """
-<<<<<<< HEAD
-    from dic.rigid_body.axial_displacement import MOST_APART
-=======
     from dic.rigid_body.axial_displacement import MOST_APART  # for shots with pictures only
->>>>>>> work-c
 
     found = LengthByPictures(
         declared=declared,
