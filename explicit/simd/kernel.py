@@ -8,10 +8,11 @@ import warp as wp
 
 from explicit.precision import Precision
 from explicit.simd.kept_code import file_of, kept
-from explicit.simd.mappings import LaneIsSimulation, LaneIsWorker
+from explicit.simd.mappings import LaneIsSimulation
 from explicit.simd.prelude import prelude
 from explicit.simd.team import CODE, Team
 from explicit.simd.values import Scalar, Struct
+from explicit.simd.workers import LaneIsWorker
 from explicit.time_loop.structs import Structs
 
 Mapping = Literal["simulation", "worker"]
@@ -26,8 +27,8 @@ class LaneKernel:
     """A kernel over lanes."""
 
     kernel: Any
-    """Launch with dim 1 and inputs (body, batch, state, output, first, count, team), the last for every thread
-    that shares a simulation (`explicit.simd.team`)."""
+    """Launch with dim 1 and inputs (body, batch, state, output, first, count, team); by each thread of those
+    that share a simulation (`explicit.simd.team`)."""
     lanes: int
     """Lanes of a pack."""
 
@@ -45,7 +46,8 @@ def lane_kernel(
     structs, precision
         Types of its arguments and its arithmetic.
     mapping
-        "simulation": a lane is a simulation; "worker": the lanes share one simulation.
+        "simulation": a lane is a simulation; "worker": the lanes share one simulation, which several threads
+        may.
     lanes : int
         Lanes of a pack, a power of two.
     """

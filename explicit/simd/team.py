@@ -1,9 +1,10 @@
 """Threads of a CPU that share one simulation: their parts, their meetings, who comes and who goes.
 
-Every thread runs the whole time loop on packs of its own, which follow each other in the mesh. The one in the
-first seat keeps the books: totals, records, the next step, the boundary. It begins alone, and its elements are
-the last. The others come when they have a core, and go for a while when they have been waited for: a thread
-that lost its core for a moment costs more than it brings. Nobody waits for a thread that has not come.
+Every thread runs the whole time loop on packs of its own, which follow each other in the mesh. The one in
+the first seat keeps the books: totals, records, the next step, the boundary. It begins alone, and its
+elements are the last. The others come when they have a core, and go for a while when they have been waited
+for: a thread that lost its core for a moment costs more than it brings. Nobody waits for a thread that has
+not come.
 
 Sums over elements are made in the order of one thread: the threads behind the first part keep the shares of
 their elements, and the last one adds its own and theirs, one after the other, to the sum of the first.
@@ -17,11 +18,10 @@ from typing import Any
 import warp as wp
 
 from explicit.mesh_arguments import SPARE
-from explicit.time_loop.lanes import WARPS
 from explicit.time_loop.slots import Share, Total
 
-MOST_SEATS = WARPS
-"""Most threads that share a simulation: there is room for so many largest values."""
+MOST_SEATS = 8
+"""Most threads that share a simulation. There is room for the largest values of `lanes.WARPS`."""
 LINE = 32
 """Words from one to the next: two lines of a cache, for they are fetched in pairs."""
 MET, LATE, STATE, RANK, ALL, DONE, WORDS = (row * MOST_SEATS * LINE for row in range(7))
@@ -30,11 +30,14 @@ By its seat: whether it is away (0), ready (1), chosen (2) or in the team (3), a
 they are, and for one that comes the step, the steps until the bound is measured, and the meetings so far.
 Then whether the simulation is at its end."""
 SIZE, STEP, UNTIL, COUNT = (ALL + k for k in range(4))
-PATIENCE, PATIENCE_PER_ELEMENT = 1000, 1
-"""Looks at another thread's word before it is late, and more for each element of the mesh: 10 to 40 ns each,
-so that together they are longer than the elements take one thread."""
-READY, READY_PER_ELEMENT, MOST_READY = 5000, 4, 1 << 22
-"""Looks of a thread that is ready before it gives its core away, so that some steps pass meanwhile."""
+PATIENCE, READY = 1000, 5000
+"""Looks at another thread's word before it is late, and of a thread that waits for a call before it gives its
+core away: 10 to 40 ns each."""
+PATIENCE_EACH, READY_EACH = 1, 4
+"""More of them for each element of the mesh, which takes one thread as long as a look: a thread is late when
+it takes longer than one alone would, and some steps pass while it waits for a call."""
+MOST_LOOKS = 1 << 22
+"""Most of either, some 50 ms."""
 NAP, LONGEST_NAP, WAIT = 5000, 160000, 20
 """How long a thread is away at first and at most, and between two looks at one that is late [us]."""
 PAYS = 1000
@@ -51,6 +54,10 @@ class Team:
     """How many there are."""
     room: int
     """Numbers of each sum in `shares`."""
+    patience: int
+    """Looks at another thread's word before it is late."""
+    ready: int
+    """Looks of a thread that waits for a call before it gives its core away."""
     nap: wp.uint64
     """Address of a function that lets other threads have the core for a time [us]."""
     words: wp.array(dtype=wp.int32)
@@ -61,7 +68,7 @@ class Team:
 
 
 CODE = f"""
-    const int n_of_all = body.n_elements, seat = team.seat, seats = team.seats, keeps_books = seat == 0;
+    const int seat = team.seat, seats = team.seats, keeps_books = seat == 0;
     int* const words = team.words.data;
     double* const shares = team.shares.data;
     const int shares_s0 = team.room;
@@ -82,8 +89,7 @@ CODE = f"""
 #endif
         }}
         // Every thread tells the others that it has come, and waits for them.
-        static inline void meet(int* words, int member, int members, int now, int n, naps nap) {{
-            const int patience = {PATIENCE} + {PATIENCE_PER_ELEMENT} * n;
+        static inline void meet(int* words, int member, int members, int now, int patience, naps nap) {{
             set(words + {MET} + member * {LINE}, now);
             for (int other = 0; other < members; ++other) {{
                 int looks = 0;
@@ -97,9 +103,13 @@ CODE = f"""
                 }}
             }}
         }}
-        // Choose who goes on: those of the team who were not late, then those who are ready.
-        static inline void choose(int* words, int seats) {{
+        // Choose who goes on: those of the team who were not late, then those who are ready. Where the one
+        // that chooses was late itself, there may be more threads than cores: the last one before it goes.
+        static inline void choose(int* words, int seats, int members) {{
             int size = 0;
+            int* const own = words + {LATE} + (members - 1) * {LINE};
+            if (members > 1 && get(own)) set(own - {LINE}, 1);
+            set(own, 0);
             for (int seat = 1; seat < seats; ++seat) {{
                 int* const state = words + {STATE} + seat * {LINE};
                 int* const rank = words + {RANK} + seat * {LINE};
@@ -112,7 +122,6 @@ CODE = f"""
                     *rank = size++;
                 }}
             }}
-            set(words + {LATE} + size * {LINE}, 0); // who keeps the books may be late
             words[{SIZE}] = size + 1;
         }}
         // Let those begin who were chosen.
@@ -126,10 +135,8 @@ CODE = f"""
             }}
         }}
         // Wait to be called; false where the simulation is at its end.
-        static inline bool called(int* words, int seat, int away, int n, naps nap) {{
+        static inline bool called(int* words, int seat, int away, int looks, naps nap) {{
             int* const state = words + {STATE} + seat * {LINE};
-            const long long much = {READY} + {READY_PER_ELEMENT}ll * n;
-            const int looks = much < {MOST_READY} ? (int)much : {MOST_READY};
             while (!get(words + {DONE})) {{
                 set(state, 1);
                 for (int k = 0; k < looks && get(state) != 3 && !get(words + {DONE}); ++k) look();
@@ -152,10 +159,10 @@ CODE = f"""
     }};
 """
 """C++ at the beginning of a time loop whose lanes share a simulation."""
-MEET = "if (members > 1) team_op::meet(words, member, members, ++meetings, n_of_all, nap);"
+MEET = "if (members > 1) team_op::meet(words, member, members, ++meetings, team.patience, nap);"
 """C++ of a meeting."""
 SETTLE = """
-    if (keeps_books && seats > 1) team_op::choose(words, seats);
+    if (keeps_books && seats > 1) team_op::choose(words, seats, members);
     if (!keeps_books) latched_of[member * 16] = op::most(LATCHED);
 """
 """C++ before the meeting that ends a step."""
@@ -176,7 +183,7 @@ REGROUP = f"""
             members = 1;
         }}
         if (members == 1) {{
-            if (!team_op::called(words, seat, away, n_of_all, nap)) return;
+            if (!team_op::called(words, seat, away, team.ready, nap)) return;
             STEP = words[{STEP}];
             UNTIL = words[{UNTIL}];
             came = meetings = words[{COUNT}];
@@ -203,6 +210,9 @@ class Seats:
 
     def __init__(self, n_elements: int, seats: int, where: Any) -> None:
         self.seats, self.room = seats, n_elements + 2 * SPARE
+        self.patience = min(PATIENCE + PATIENCE_EACH * n_elements, MOST_LOOKS)
+        self.ready = min(READY + READY_EACH * n_elements, MOST_LOOKS)
+        self.nap = nap_function()
         self.words: Any = wp.zeros(WORDS, dtype=wp.int32, device=where)
         self.words.numpy()[SIZE] = 1
         size = int(Share.COUNT) * self.room + 16 * seats
@@ -211,8 +221,9 @@ class Seats:
     def team(self, seat: int) -> Any:
         """The argument of the thread in a seat."""
         team = Team()
-        team.seat, team.seats, team.room, team.nap = seat, self.seats, self.room, nap_function()
-        team.words, team.shares = self.words, self.shares
+        team.seat = seat
+        for name in ("seats", "room", "patience", "ready", "nap", "words", "shares"):
+            setattr(team, name, getattr(self, name))
         return team
 
     def close(self) -> None:

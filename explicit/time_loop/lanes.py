@@ -106,7 +106,7 @@ class LaneFunctions:
     add_to: Any
     """``add_to(sum, x, k)``: the sum with the share of the k-th element or node."""
     add_share: Any
-    """``add_share(sum, which, x, k)``: the same for a sum that threads of a CPU make together, see `joined`."""
+    """``add_share(sum, which, x, k)``: the same for a sum of every step over elements, the one of `Share`."""
     put_share: Any
     """``put_share(sum, which)``: the elements are swept; call it before the lanes meet."""
     joined: Any
@@ -133,8 +133,8 @@ class LaneFunctions:
     control_sync: Any
     """``control_sync()``: the control warp's lanes have read what they are about to write."""
     settle: Any
-    """``settle(latched)``: call it before the lanes meet at the end of a step, with their largest values. Of a
-    CPU's threads it is settled who goes on."""
+    """``settle(latched)``: of a CPU's threads, who goes on with the next step; with the largest value that
+    each would leave to the others. Call it before the lanes meet at the end of a step."""
     regroup: Any
     """``regroup(step, until_measured, latched)``: the same three to begin a step with. Threads of a CPU come
     and go here (`explicit.simd.team`)."""
@@ -284,10 +284,10 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
 
     return LaneFunctions(
         sync=sync, empty_sum=empty_sum, add_to=add_to, add_share=add_share, put_share=put_share,
-        joined=joined, settle=settle, regroup=regroup, disband=disband, first_element=first_element, end_element=end_element, sum_first=sum_first,
-        end_inner=end_inner, is_worker=is_worker, n_workers=n_workers,
-        is_control=is_control, is_writer=is_writer, put_total=put_total, put_largest=put_largest,
-        get_total=get_total, get_largest=get_largest, boundary_totals=boundary_totals,
-        control_sync=control_sync, boundary_first=boundary_first, first_inner=first_inner,
+        joined=joined, is_worker=is_worker, n_workers=n_workers, is_control=is_control, is_writer=is_writer,
+        put_total=put_total, put_largest=put_largest, get_total=get_total, get_largest=get_largest,
+        boundary_totals=boundary_totals, control_sync=control_sync, settle=settle, regroup=regroup,
+        disband=disband, first_element=first_element, end_element=end_element, sum_first=sum_first,
+        boundary_first=boundary_first, first_inner=first_inner, end_inner=end_inner,
         inner_stride=inner_stride, control_first=control_first, control_stride=control_stride,
     )  # fmt: skip
