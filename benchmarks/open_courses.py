@@ -63,6 +63,14 @@ class Course:
         self, points: FloatArray, mesh: tuple[int, int], *, element: str = "one_point", grading: float = 2.0
     ) -> FloatArray:
         """This solver's at some m, nu and beta, shape [n, k]."""
+        found = self.runs(points, mesh, element=element, grading=grading)
+        each = zip(found.force_transmission, found.surface_y[:, 1:], found.surface_r[:, 1:], strict=True)
+        return np.array([self._data(*one) for one in each])
+
+    def runs(
+        self, points: FloatArray, mesh: tuple[int, int], *, element: str, grading: float
+    ) -> explicit.Response:
+        """Forces at the truth's times within its frames, surfaces at its frames."""
         diameter, length = self.size
         model = explicit.Model(
             mesh=explicit.cylinder(
@@ -83,14 +91,13 @@ class Course:
                 stiffness_factor=m, poisson=nu, damping=beta, motion=nothing, material=nothing
             ),
             explicit.Sampling(
-                force_times=self.times[self.within], surface_times=self.frames[1:], ledger_every=16
+                force_times=self.times[self.within], surface_times=self.frames, ledger_every=16
             ),
             device="cpu",
         )
         if not found.completed.all():
             raise ValueError(f"a run ended {found.describe(int(np.argmin(found.completed)))}")
-        each = zip(found.force_transmission, found.surface_y, found.surface_r, strict=True)
-        return np.array([self._data(*one) for one in each])
+        return found
 
     def _data(self, force: FloatArray, y: FloatArray, r: FloatArray) -> FloatArray:
         whole = int(END / self.frames[-1] * len(force)) // BIN * BIN

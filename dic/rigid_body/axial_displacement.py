@@ -12,10 +12,10 @@ from dic.rigid_body.axial_translations import OWN_SHARE, Translations, rim_of, t
 from dic.rigid_body.rest_from_rim import RestGeometry, Rim, glance
 from dic.surfaces import SpecimenFrame
 
-MODEL = 0.015
+MODEL = 0.008
 """Standard deviation of the mean place at rest for what the static frames share: warm air, interpolation
 [px]."""
-FACE_SHARE, NARROW_FACE = 0.01, 1.0
+FACE_SHARE, NARROW_FACE = 0.001, 1.0
 """And this share of the flyer's face beside its rim, where a camera sees more than so much of it [px]: it
 moves with the flyer, but what it hides of the specimen does not."""
 FEWEST_AT_REST = 3

@@ -13,7 +13,7 @@ from dic.outcome import PointOutcome
 from dic.rigid_body.edge_registration import RegisteredEdge
 from dic.rigid_body.frames_before import SEARCH_RANGE, consistent_frames, registered_edges
 from dic.rigid_body.rest_from_rim import RestGeometry, Rim, find_rim
-from dic.rigid_body.translation import FREE, lateral_places, translation_in
+from dic.rigid_body.translation import FREE, LEAST_LATERAL, lateral_places, translation_in
 from dic.stereo.rays import pixels_per_length
 from dic.surfaces import SpecimenFrame
 from dic.surfaces.overlap import overlap_matrix
@@ -37,7 +37,8 @@ class Translations:
     n_points: list[int]
     """Points that each is from; 0: the edge strip."""
     common: float
-    """Standard deviation that the frames at rest have in common [m]."""
+    """Standard deviation that the frames at rest have in common: what the place across the axis may be off
+    by there, seen along the axis [m]."""
     pixel: float
     """Length along the axis that a pixel shows [m]."""
     places: FloatArray
@@ -92,10 +93,11 @@ def translations(
         near = moves[twice[np.argmin(np.abs(twice - k))]]
         sure = FREE * pixel
         if not np.isfinite(moves[k]).all():
-            near, sure = np.array([across[k, 0], near[1], across[k, 1]]), float(lateral[k])
+            near, sure = np.array([across[k, 0], near[1], across[k, 1]]), LEAST_LATERAL * pixel
         fit = translation_in(body, rig, frame, k, places, known, near, sure, overlap)
         if fit is not None and static[k] and k not in twice and not common:
-            beside = near + np.array([place_sigma[0], 0.0, place_sigma[1]])
+            off = np.hypot(place_sigma, lateral[k])
+            beside = near + np.array([off[0], 0.0, off[1]])
             other = translation_in(body, rig, frame, k, places, known, beside, sure, overlap)
             common = 0.0 if other is None else abs(other[0] - fit[0])
         if fit is not None:

@@ -8,7 +8,23 @@ PAST_RIM = ("tests/unit/dic/test_dic_past_rim.py",)
 BY_EDGE = ("tests/unit/dic/test_dic_seen_by_edge.py",)
 STRIP = "tests/unit/dic/test_dic_edge_registration.py"
 
+ALONE = ("tests/unit/dic/test_dic_one_camera_at_rest.py",)
+
 FAULTS = (
+    Fault(
+        name="one camera at rest: what the body may have moved across is forgotten",
+        file="dic/rigid_body/axial_translations.py",
+        right="off = np.hypot(place_sigma, lateral[k])",
+        wrong="off = place_sigma",
+        tests=ALONE,
+    ),
+    Fault(
+        name="one camera at rest: depth by perspective",
+        file="dic/rigid_body/axial_translations.py",
+        right="across[k, 1]]), LEAST_LATERAL * pixel",
+        wrong="across[k, 1]]), float(lateral[k])",
+        tests=ALONE,
+    ),
     Fault(
         name="region past the rim: kept to a pixel beyond it",
         file="dic/rigid_body/past_rim.py",
@@ -106,7 +122,7 @@ FAULTS = (
     Fault(
         name="zero: the face beside the rim adds nothing",
         file="dic/rigid_body/axial_displacement.py",
-        right="FACE_SHARE, NARROW_FACE = 0.01, 1.0",
+        right="FACE_SHARE, NARROW_FACE = 0.001, 1.0",
         wrong="FACE_SHARE, NARROW_FACE = 0.0, 1.0",
         tests=(f"{RIM[0]}::test_what_static_frames_share",),
     ),

@@ -34,8 +34,8 @@ def test_what_was_seen_and_the_end_are_joined():
 
 
 def test_what_static_frames_share():
-    assert shared(0.5) == 0.015
-    assert shared(5.0) == pytest.approx(np.hypot(0.015, 0.04))  # 0.01 of what is more than 1 px
+    assert shared(0.5) == 0.008
+    assert shared(5.0) == pytest.approx(np.hypot(0.008, 0.004))  # 0.001 of what is more than 1 px
 
 
 def test_the_face_is_seen_at_a_glance_from_below_only():
