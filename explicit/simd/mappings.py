@@ -72,7 +72,9 @@ class LaneIsSimulation(Lanes):
     """
 
     lanes_inside = True
-    own = frozenset({"empty_sum", "add_to", "add_share", "put_share", "joined", "regroup", "settle"})
+    own = frozenset(
+        {"empty_sum", "add_to", "add_share", "put_share", "joined", "regroup", "settle", "disband"}
+    )
 
     def wp_tid(self) -> Value:
         """Simulation and lane within it: the last lanes of an incomplete pack repeat its last simulation."""
@@ -88,14 +90,15 @@ class LaneIsSimulation(Lanes):
         if name == "empty_sum":
             return Vector((literal(0, "f64"),) * self.lanes, bank="new")
         if name in ("add_to", "add_share"):
-            return self._add_to(arguments[0], *arguments[-2:], node)  # type: ignore[arg-type]
-        if name in ("sync", "put_share", "settle", "disband"):
+            sofar, share, place = arguments[0], arguments[-2], arguments[-1]
+            return self._add_to(sofar, share, place, node)  # type: ignore[arg-type]
+        if name in ("sync", "put_share", "settle"):
             return Known(None)
         if name == "regroup":
             return tuple(arguments)
         if name == "is_control":
             return literal(1, "i32")
-        if name in BOUNDS or name == "joined":
+        if name in BOUNDS or name in ("joined", "disband"):
             return arguments[0]
         if name == "get_largest":
             parts, k = arguments

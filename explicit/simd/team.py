@@ -27,9 +27,9 @@ LINE = 32
 MET, LATE, STATE, RANK, ALL, DONE, WORDS = (row * MOST_SEATS * LINE for row in range(7))
 """Places of words. By a thread's rank in the team: how often it has met the others, and whether it was late.
 By its seat: whether it is away (0), ready (1), chosen (2) or in the team (3), and its rank. Of all: how many
-they are, and for one that comes the step, the steps until the bound is measured, and the meetings so far.
-Then whether the simulation is at its end."""
-SIZE, STEP, UNTIL, COUNT = (ALL + k for k in range(4))
+they are, for one that comes the step, the steps until the bound is measured and the meetings so far, and
+whether one has to leave. Then whether the simulation is at its end."""
+SIZE, STEP, UNTIL, COUNT, LEFT = (ALL + k for k in range(5))
 PATIENCE, READY = 1000, 5000
 """Looks at another thread's word before it is late, and of a thread that waits for a call before it gives its
 core away: 10 to 40 ns each."""
@@ -38,8 +38,11 @@ PATIENCE_EACH, READY_EACH = 1, 4
 it takes longer than one alone would, and some steps pass while it waits for a call."""
 MOST_LOOKS = 1 << 22
 """Most of either, some 50 ms."""
-NAP, LONGEST_NAP, WAIT = 5000, 160000, 20
-"""How long a thread is away at first and at most, and between two looks at one that is late [us]."""
+NAP, LONGEST_NAP, PIECE, WAIT = 5000, 160000, 500, 20
+"""How long a thread is away at first and at most, looking now and then whether the simulation is at its end,
+and how long between two looks at one that is late [us]."""
+UNIT = 1000 if sys.platform == "win32" else 1
+"""Unit of the system's naps [us]."""
 PAYS = 1000
 """Meetings after which being in the team has paid, and the next time away is short again."""
 
@@ -60,9 +63,9 @@ class Team:
     """Looks of a thread that waits for a call before it gives its core away."""
     nap: wp.uint64
     """Address of a function that lets other threads have the core for a time [us]."""
-    words: wp.array(dtype=wp.int32)
+    words: wp.array(dtype=wp.int32)  # type: ignore[valid-type]
     """What they tell each other."""
-    shares: wp.array(dtype=wp.float64)
+    shares: wp.array(dtype=wp.float64)  # type: ignore[valid-type]
     """For each sum of `Share`, its elements' shares and a pack of the first thread's sum; then by rank the
     largest value that a thread has latched."""
 
@@ -76,12 +79,15 @@ CODE = f"""
     typedef void (*naps)(unsigned);
     const naps nap = (naps)team.nap;
     const i32v lane_of_all = lane_numbers + (keeps_books ? 0 : 0x40000000);
-    int member = 0, members = 1, meetings = 0, away = {NAP}, came = 0;
+    int member = 0, members = 1, meetings = 0, nap_next = {NAP}, came = 0;
     struct team_op {{
         static inline int get(const int* word) {{ return __atomic_load_n(word, __ATOMIC_ACQUIRE); }}
         static inline void set(int* word, int value) {{ __atomic_store_n(word, value, __ATOMIC_RELEASE); }}
         static inline bool change(int* word, int from, int to) {{
             return __atomic_compare_exchange_n(word, &from, to, false, __ATOMIC_ACQ_REL, __ATOMIC_ACQUIRE);
+        }}
+        static inline void away(const int* words, int time, naps nap) {{
+            for (; time > 0 && !get(words + {DONE}); time -= {PIECE}) nap({-(-PIECE // UNIT)});
         }}
         static inline void look() {{
 #if defined(__x86_64__)
@@ -98,7 +104,7 @@ CODE = f"""
                         look();
                     }} else {{
                         set(words + {LATE} + other * {LINE}, 1);
-                        nap({WAIT});
+                        nap({-(-WAIT // UNIT)});
                     }}
                 }}
             }}
@@ -110,6 +116,7 @@ CODE = f"""
             int* const own = words + {LATE} + (members - 1) * {LINE};
             if (members > 1 && get(own)) set(own - {LINE}, 1);
             set(own, 0);
+            words[{LEFT}] = 0;
             for (int seat = 1; seat < seats; ++seat) {{
                 int* const state = words + {STATE} + seat * {LINE};
                 int* const rank = words + {RANK} + seat * {LINE};
@@ -118,6 +125,7 @@ CODE = f"""
                     set(words + {LATE} + *rank * {LINE}, 0);
                     *rank = -1;
                     set(state, 0);
+                    words[{LEFT}] = 1;
                 }} else if (now == 3 || (now == 1 && change(state, 1, 2))) {{
                     *rank = size++;
                 }}
@@ -135,7 +143,7 @@ CODE = f"""
             }}
         }}
         // Wait to be called; false where the simulation is at its end.
-        static inline bool called(int* words, int seat, int away, int looks, naps nap) {{
+        static inline bool called(int* words, int seat, int time, int looks, naps nap) {{
             int* const state = words + {STATE} + seat * {LINE};
             while (!get(words + {DONE})) {{
                 set(state, 1);
@@ -144,7 +152,7 @@ CODE = f"""
                     while (get(state) != 3 && !get(words + {DONE})) look();
                     return get(state) == 3;
                 }}
-                nap(away);
+                away(words, time, nap);
             }}
             return false;
         }}
@@ -166,24 +174,28 @@ SETTLE = """
     if (!keeps_books) latched_of[member * 16] = op::most(LATCHED);
 """
 """C++ before the meeting that ends a step."""
+INHERIT = """
+    for (int rank = 0; rank < members - 1; ++rank) { // what those that leave have latched
+        const f64v other = (f64v)(latched_of[rank * 16]);
+        LATCHED = other > LATCHED ? other : LATCHED;
+    }
+""".strip()
 REGROUP = f"""
     if (keeps_books && seats > 1) {{
-        if (words[{SIZE}] < members) // who goes leaves what it has latched
-            for (int rank = 0; rank < members - 1; ++rank) {{
-                const f64v other = (f64v)(latched_of[rank * 16]);
-                LATCHED = other > LATCHED ? other : LATCHED;
-            }}
+        if (words[{LEFT}]) {{
+            {INHERIT}
+        }}
         team_op::call(words, seats, STEP, UNTIL, meetings);
         members = words[{SIZE}];
         member = members - 1;
     }} else if (!keeps_books) {{
         if (members > 1 && words[{RANK} + seat * {LINE}] < 0) {{
-            away = meetings - came > {PAYS} ? {NAP} : away < {LONGEST_NAP} ? 2 * away : away;
-            nap(away);
+            nap_next = meetings - came > {PAYS} ? {NAP} : nap_next < {LONGEST_NAP} ? 2 * nap_next : nap_next;
+            team_op::away(words, nap_next, nap);
             members = 1;
         }}
         if (members == 1) {{
-            if (!team_op::called(words, seat, away, team.ready, nap)) return;
+            if (!team_op::called(words, seat, nap_next, team.ready, nap)) return;
             STEP = words[{STEP}];
             UNTIL = words[{UNTIL}];
             came = meetings = words[{COUNT}];
@@ -196,6 +208,7 @@ REGROUP = f"""
 """C++ of the beginning of a step, where threads come and go."""
 DISBAND = f"""
     if (!keeps_books) return;
+    {INHERIT}
     if (seats > 1) team_op::set(words + {DONE}, 1);
     members = 1;
     member = 0;

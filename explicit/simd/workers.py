@@ -15,7 +15,7 @@ class LaneIsWorker(Lanes):
     which this one is and how many they are.
     """
 
-    own = frozenset({"add_share", "put_share", "joined", "regroup", "settle"})
+    own = frozenset({"add_share", "put_share", "joined", "regroup", "settle", "disband"})
 
     def __init__(self, lanes: int) -> None:
         super().__init__(lanes)
@@ -33,24 +33,28 @@ class LaneIsWorker(Lanes):
         """What depends on the thread, sums and largest values over the lanes, in a fixed order."""
         if name == "is_control":
             return Scalar("i32", "keeps_books")
-        if name in ("sync", "disband"):
-            self.lines.extend((MEET if name == "sync" else DISBAND).strip().splitlines())
+        if name == "sync":
+            self.emit(MEET)
         elif name == "settle":
             latched = self.pack(self._number(arguments[0], node))
             self.lines.extend(SETTLE.replace("LATCHED", latched).strip().splitlines())
         elif name == "regroup":
-            return self._regrouped(arguments, node)
+            return self._regrouped(REGROUP, ("STEP", "UNTIL", "LATCHED"), arguments, node)
+        elif name == "disband":
+            return self._regrouped(DISBAND, ("LATCHED",), arguments, node)[0]
         elif name in BOUNDS:
             return self._bound(name, [self._number(argument, node) for argument in arguments])
         elif name == "add_share":
-            return self._add_share(*(self._number(argument, node) for argument in arguments), node)
+            sofar, which, share, place = (self._number(argument, node) for argument in arguments)
+            return self._add_share(sofar, which, share, place, node)
         elif name == "put_share":
             sofar, which = (self._number(argument, node) for argument in arguments)
             self.emit("if (member == 0 && members > 1) {")
             self.emit(f"{self._first_sum(which)} = {self.pack(sofar)};")
             self.emit("}")
         elif name == "joined":
-            return self._joined_sum(*(self._number(argument, node) for argument in arguments))
+            sofar, which, n = (self._number(argument, node) for argument in arguments)
+            return self._joined_sum(sofar, which, n)
         elif name == "get_largest":
             return self._largest(arguments, node)
         elif name in ("put_total", "put_largest"):
@@ -80,10 +84,12 @@ class LaneIsWorker(Lanes):
         place = self.temporary("i32", made, False)
         return self.temporary("i32", f"lane_numbers + {place.code}", True, lane=True) if begins else place
 
-    def _regrouped(self, arguments: Sequence[Value], node: ast.AST) -> tuple[Scalar, ...]:
-        """With what this thread goes on."""
-        code, found = REGROUP, []
-        for key, value in zip(("STEP", "UNTIL", "LATCHED"), arguments, strict=True):
+    def _regrouped(
+        self, code: str, keys: Sequence[str], arguments: Sequence[Value], node: ast.AST
+    ) -> tuple[Scalar, ...]:
+        """With what this thread goes on where threads come and go."""
+        found = []
+        for key, value in zip(keys, arguments, strict=True):
             number, name = self._number(value, node), self.name(key.lower())
             varying = key == "LATCHED"
             found.append(Scalar(number.kind, name, varying))

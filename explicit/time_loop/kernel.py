@@ -197,7 +197,7 @@ def time_loop_kernel(
             step += 1
             sync()
 
-        disband()
+        latched = disband(latched)
         if int(control[Control.STATUS]) == 0:  # a last check of what happened since the one before
             if is_worker(lane) == 1:
                 put_total(partials, Total.MOTION, motion(body, fields, lane))

@@ -139,7 +139,8 @@ class LaneFunctions:
     """``regroup(step, until_measured, latched)``: the same three to begin a step with. Threads of a CPU come
     and go here (`explicit.simd.team`)."""
     disband: Any
-    """``disband()``: the loop is at its end, and what follows is done by one thread."""
+    """``disband(latched)``: the loop is at its end, and what follows is done by one thread of a CPU: the
+    largest value that it and the others have latched."""
     first_element: Any
     """``first_element(lane, n)``: the element of n at which a worker begins."""
     end_element: Any
@@ -252,8 +253,9 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def regroup(step: int, until_measured: int, latched: wp.float64):
         return step, until_measured, latched
 
-    @wp.func_native(snippet="")
-    def disband(): ...
+    @wp.func
+    def disband(latched: wp.float64):
+        return latched
 
     @wp.func_native(snippet="return lane;")
     def first_element(lane: int, n: int) -> int: ...
