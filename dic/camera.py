@@ -81,10 +81,15 @@ class Camera:
         k1, k2, p1, p2, k3 = self.distortion
         x, y = ideal[..., 0], ideal[..., 1]
         r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        # Terms of coefficients that are 0 are left out, here and below: most lenses have one or two others.
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3) if k2 or k3 else k1)
         seen = np.empty(ideal.shape)  # np.stack takes longer than the sums, of few points
-        seen[..., 0] = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-        seen[..., 1] = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+        if p1 or p2:
+            seen[..., 0] = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+            seen[..., 1] = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+        else:
+            np.multiply(x, radial, out=seen[..., 0])
+            np.multiply(y, radial, out=seen[..., 1])
         return seen
 
     def project(self, X: FloatArray) -> FloatArray:
@@ -102,7 +107,10 @@ class Camera:
     def to_pixels(self, plane: FloatArray) -> FloatArray:
         """Points of the plane z = 1, distorted already, in pixels, shape [..., 2]."""
         pixels = np.empty(plane.shape)
-        pixels[..., 0] = self.fx * plane[..., 0] + self.skew * plane[..., 1] + self.cx
+        sheared = self.fx * plane[..., 0]
+        if self.skew:
+            sheared = sheared + self.skew * plane[..., 1]
+        pixels[..., 0] = sheared + self.cx
         pixels[..., 1] = self.fy * plane[..., 1] + self.cy
         return pixels
 
@@ -119,6 +127,8 @@ class Camera:
         pixels = np.asarray(pixels, dtype=np.float64)
         y = (pixels[..., 1] - self.cy) / self.fy
         target = np.stack([(pixels[..., 0] - self.cx - self.skew * y) / self.fx, y], axis=-1)
+        if not any(self.distortion):
+            return target
         ideal = target.copy()
         lost = np.any(np.isnan(target), axis=-1)  # a NaN pixel stays NaN and stops nobody
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what runs away is told below
@@ -143,13 +153,18 @@ class Camera:
         k1, k2, p1, p2, k3 = self.distortion
         x, y = ideal[..., 0], ideal[..., 1]
         r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        growth = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))  # d radial / d x = growth x
-        across = growth * x * y + 2.0 * p1 * x + 2.0 * p2 * y
+        higher = k2 or k3
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3) if higher else k1)
+        # d radial / d x = growth x
+        growth = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3) if higher else k1)
+        xx, xy, yy = radial + growth * x * x, growth * x * y, radial + growth * y * y
+        if p1 or p2:
+            xx = xx + 2.0 * p1 * y + 6.0 * p2 * x
+            xy = xy + 2.0 * p1 * x + 2.0 * p2 * y
+            yy = yy + 6.0 * p1 * y + 2.0 * p2 * x
         slope = np.empty((*ideal.shape, 2))
-        slope[..., 0, 0] = radial + growth * x * x + 2.0 * p1 * y + 6.0 * p2 * x
-        slope[..., 0, 1] = slope[..., 1, 0] = across
-        slope[..., 1, 1] = radial + growth * y * y + 6.0 * p1 * y + 2.0 * p2 * x
+        slope[..., 0, 0], slope[..., 1, 1] = xx, yy
+        slope[..., 0, 1] = slope[..., 1, 0] = xy
         return slope
 
 

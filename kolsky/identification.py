@@ -124,7 +124,7 @@ def identify(
 
         @cache
         def judged_fit() -> tuple[Sources, dict[str, FloatArray], tuple[FitQuality, ...]]:
-            sources = Sources(inputs=inputs, mesh=mesh(), roughness=fine.roughness, declared=declared)
+            sources = Sources(inputs=inputs, mesh=mesh(), deviations=fine.deviations, declared=declared)
             changes = residual_sources(sources)
             fit = fit_quality(fine.objective, vector, fine.jacobian, names=box.names, changes=changes)
             return sources, changes, fit
@@ -149,7 +149,7 @@ def identify(
         box,
         fine.x,
         noise=noise_parts(fine, sources),
-        numerical=numerical_parts(sources.mesh, gain, roughness=sources.roughness),
+        numerical=numerical_parts(sources.mesh, gain, roughness=fine.roughness),
         mesh_shift=sources.mesh.shift(gain),
         mesh_correction=sources.mesh.correction(gain),
         confirmed=fine.confirmed,

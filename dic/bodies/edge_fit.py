@@ -14,7 +14,7 @@ from scipy import ndimage
 from scipy.optimize import minimize
 
 from dic.arrays import BoolArray, FloatArray, IntArray
-from dic.bodies.edge_model import sandwich, with_slopes
+from dic.bodies.edge_model import of_bands, sandwich
 from dic.camera import Camera
 from dic.surfaces import SpecimenFrame
 
@@ -137,8 +137,7 @@ def fit_edge(
 
     def cost(p: FloatArray) -> tuple[float, FloatArray]:
         total, slope = 0.0, np.zeros(p.size)
-        for k in range(n):
-            C, slopes = with_slopes(p, u, width[k], free)
+        for k, (C, slopes) in enumerate(of_bands(p, u, width, free)):
             L = np.linalg.cholesky(C)
             inverse = np.linalg.inv(C)
             left = inverse @ whole[k]

@@ -1,5 +1,6 @@
 """Covariance of the rows of a strip across an edge, and what the scatter of its columns says of the edge."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 
@@ -43,6 +44,51 @@ class _Side:
     [n_u]; None if the body ends beyond the strip."""
 
 
+@dataclass(frozen=True)
+class _Paint:
+    """Covariance of the paint of one body and its slopes, wherever the body ends."""
+
+    size: float
+    """Its standard deviation."""
+    covariance: FloatArray
+    """Of the places of paint, shape [n_v, n_v]."""
+    by_length: FloatArray
+    """Slope over the logarithm of the length, for a standard deviation of 1, shape [n_v, n_v]."""
+    by_shape: FloatArray
+    """The same over that of the shape."""
+
+    @classmethod
+    def of(cls, n: int, size: float, length: float, shape: float) -> "_Paint":
+        """The paint at `n` places in a row."""
+        lag, apart = CELL * np.arange(n, dtype=np.float64), _apart(n)
+        lengths, shapes = paint_slopes(lag, length, shape)
+        return cls(size, size**2 * paint(lag, length, shape)[apart], lengths[apart], shapes[apart])
+
+
+@dataclass(frozen=True)
+class _Share:
+    """Share of one body in the covariance of the rows, and its slopes, each of shape [n_rows, n_rows]."""
+
+    covariance: FloatArray
+    by_blur: FloatArray
+    by_length: FloatArray
+    by_shape: FloatArray
+    by_end: FloatArray | None
+    """None if the body ends beyond the strip."""
+
+    @classmethod
+    def of(cls, side: _Side, of: _Paint) -> "_Share":
+        """What a body's paint gives the pixels."""
+        near, sized = side.seen @ of.covariance, of.size**2 * side.seen
+        return cls(
+            covariance=near @ side.seen.T,
+            by_blur=_both(near @ side.by_blur.T),
+            by_length=sized @ of.by_length @ side.seen.T,
+            by_shape=sized @ of.by_shape @ side.seen.T,
+            by_end=None if side.end is None else _both(np.outer(near[:, side.end[0]], side.end[1])),
+        )
+
+
 def covariance(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> FloatArray:
     """Covariance of the rows of a strip, shape [n_rows, n_rows]; parameters as for `with_slopes`."""
     return with_slopes(p, u, width, free)[0]
@@ -68,34 +114,35 @@ def with_slopes(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> 
     tuple of NDArray
         Covariance, shape [n_rows, n_rows], and slopes, shape [9, n_rows, n_rows].
     """
+    return next(of_bands(p, u, [width], free))
+
+
+def of_bands(
+    p: FloatArray, u: FloatArray, widths: Iterable[FloatArray], free: bool
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """`with_slopes` of several bands in turn: what is alike for all of them, above all the body before the
+    edge, is worked out once."""
     edge, (blur, first, other, contrast, second, noise, shape) = p[0], np.exp(p[1:8])
-    band = float(width[0] + (p[8] * width[1] if free else 0.0))
     v = np.arange(u[0] - BEYOND, u[-1] + BEYOND + CELL, CELL)
-    lag, apart = CELL * np.arange(v.size, dtype=np.float64), _apart(v.size)
-    slopes = np.zeros((9, u.size, u.size))
-    C = noise**2 * np.eye(u.size)
-    slopes[6] = 2.0 * C
-    body, beyond = _side(u, v, edge, blur, below=True), _side(u, v, edge + band, blur, below=False)
-    for side, length, size, by_length, by_size in (
-        (body, first, contrast, 2, 4),
-        (beyond, other, second, 3, 5),
-    ):
-        K = size**2 * paint(lag, length, shape)[apart]
-        near = side.seen @ K
-        part = near @ side.seen.T
-        C += part
-        slopes[by_size] = 2.0 * part
-        slopes[1] += _both(near @ side.by_blur.T)
-        lengths, shapes = paint_slopes(lag, length, shape)
-        slopes[by_length] = size**2 * side.seen @ lengths[apart] @ side.seen.T
-        slopes[7] += size**2 * side.seen @ shapes[apart] @ side.seen.T
-        if side.end is not None:
-            cell, by_end = side.end
-            moved = _both(np.outer(near[:, cell], by_end))
-            slopes[0] += moved
-            if free and side is beyond:
-                slopes[8] = width[1] * moved
-    return C, slopes
+    paint_beyond = _Paint.of(v.size, second, other, shape)
+    body = _Share.of(_side(u, v, edge, blur, below=True), _Paint.of(v.size, contrast, first, shape))
+    for width in widths:
+        band = float(width[0] + (p[8] * width[1] if free else 0.0))
+        beyond = _Share.of(_side(u, v, edge + band, blur, below=False), paint_beyond)
+        slopes = np.zeros((9, u.size, u.size))
+        C = noise**2 * np.eye(u.size)
+        slopes[6] = 2.0 * C
+        for share, by_length, by_size in ((body, 2, 4), (beyond, 3, 5)):
+            C += share.covariance
+            slopes[by_size] = 2.0 * share.covariance
+            slopes[1] += share.by_blur
+            slopes[by_length] = share.by_length
+            slopes[7] += share.by_shape
+            if share.by_end is not None:
+                slopes[0] += share.by_end
+                if free and share is beyond:
+                    slopes[8] = width[1] * share.by_end
+        yield C, slopes
 
 
 @cache
@@ -143,8 +190,7 @@ def sandwich(
     ]
     n_blocks = counts.shape[1]
     g, H = np.zeros((n_blocks, len(used))), np.zeros((len(used), len(used)))
-    for k in range(len(width)):
-        C, every = with_slopes(p, u, width[k], free)
+    for k, (C, every) in enumerate(of_bands(p, u, width, free)):
         inverse, slopes = np.linalg.inv(C), every[used]
         middle = [inverse @ D @ inverse for D in slopes]
         for b in range(n_blocks):

@@ -21,6 +21,8 @@ MARGIN = 0.5
 """Distance that a subset keeps from the ends: about the width of an edge in a picture [px]."""
 SMALL = 1e-5
 """Distance of the places that tell a picture's scale [m]."""
+AT_ONCE = 50_000
+"""Points of all frames that are looked at in one go: of few points many frames, as a call takes its time."""
 SLACK = 0.8
 """Share of a picture's scale that is sure everywhere on the specimen [-]."""
 
@@ -68,23 +70,25 @@ def past_the_ends(
     position = frame.positions(r.position)
     valid = r.outcome == PointOutcome.VALID
     past = np.zeros(valid.shape, dtype=bool)
+    step = max(1, AT_ONCE // max(len(body.points), 1))
+    parts = [slice(first, first + step) for first in range(0, len(valid), step)]
     for side, end in zip((-1.0, 1.0), ends, strict=True):
         reach = _reach(body, side * toward, subset // 2)
         for camera, track, pixels in zip(rig.cameras, body.tracks, r.pixels, strict=True):
             along, scale = axis_in_picture(camera, frame, position[valid])
             hidden = 0.0 if platen is None else platen * _steepest(camera, frame, side, end)
-            for k in np.flatnonzero(np.isfinite(end)).tolist():
-                y = position[k, :, 1]
+            for part in parts:
+                known = valid[part] & np.isfinite(end[part, None])
                 with np.errstate(invalid="ignore"):  # no point
-                    near = valid[k] & (side * (end[k] - y) < 2.0 * subset / (SLACK * scale) + hidden)
-                rows = np.flatnonzero(near)
-                if not rows.size:
-                    continue
+                    before = side * (end[part, None] - position[part, :, 1])
+                    near = known & (before < 2.0 * subset / (SLACK * scale) + hidden)
+                k, rows = np.nonzero(near)
+                k += part.start
                 room = visible_room(
-                    camera, frame, position[k, rows], pixels[k, rows], float(end[k]), side * along, platen
+                    camera, frame, position[k, rows], pixels[k, rows], end[k], side * along, platen
                 )
-                step = side * reach[rows, None] * toward
-                past[k, rows] |= _extent(track, k, rows, step) @ (side * along) > room - MARGIN
+                extent = _extent(track, k, rows, side * reach[rows, None] * toward)
+                past[k, rows] |= extent @ (side * along) > room - MARGIN
     return past
 
 
@@ -93,7 +97,7 @@ def visible_room(
     frame: SpecimenFrame,
     places: FloatArray,
     pixels: FloatArray,
-    end: float,
+    end: FloatArray | float,
     outward: FloatArray,
     platen: float | None,
 ) -> FloatArray:
@@ -112,13 +116,14 @@ def visible_room(
     pixels
         Where the camera sees them [px], shape [n, 2].
     end
-        y of the end [m].
+        y of the end [m], one or one a point, shape [n].
     outward
         Unit vector toward that end in the picture, shape [2].
     platen
         Radius of the platen's rim [m]; None: not known.
     """
-    at_end = np.column_stack([places[:, 0], np.full(len(places), end), places[:, 2]])
+    y = np.full(len(places), end)
+    at_end = np.column_stack([places[:, 0], y, places[:, 2]])
     room = (camera.project(frame.in_rig(at_end)) - pixels) @ outward
     if platen is None:
         return np.asarray(room)
@@ -128,7 +133,7 @@ def visible_room(
     share = (-b - np.sqrt(np.maximum(b**2 - a * c, 0.0))) / a
     before = (b**2 > a * c) & (share < 1.0)
     rim = start + share[:, None] * way
-    on_rim = np.column_stack([rim[:, 0], np.full(len(places), end), rim[:, 1]])[before]
+    on_rim = np.column_stack([rim[:, 0], y, rim[:, 1]])[before]
     room[before] = np.minimum(room[before], (camera.project(frame.in_rig(on_rim)) - pixels[before]) @ outward)
     return np.asarray(room)
 
@@ -159,8 +164,8 @@ def _steepest(camera: Camera, frame: SpecimenFrame, side: float, end: FloatArray
     return float(np.max(np.nan_to_num(side * (y - end)), initial=0.0) / np.hypot(x, z))
 
 
-def _extent(track: Track, k: int, rows: IntArray, step: FloatArray) -> FloatArray:
-    """Steps in the material picture as a picture shows them [px], shape [n, 2]."""
+def _extent(track: Track, k: IntArray, rows: IntArray, step: FloatArray) -> FloatArray:
+    """Steps in the material picture from points `rows` as pictures `k` show them [px], shape [n, 2]."""
     warp = track.warp[k, rows]
     return np.asarray(step + carried(warp, step)[:, :2] - warp[:, :2])
 

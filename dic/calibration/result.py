@@ -106,7 +106,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Checks:
-    """Predictions of the calibration against what it was not told."""
+    """Predictions of the calibration against what it was not told; NaN where none were wanted."""
 
     fit_rms: float
     """Root mean square residual of the points used [px]."""

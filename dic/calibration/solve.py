@@ -44,6 +44,7 @@ def calibrate(
     names: Sequence[str] | None = None,
     reject: bool = True,
     folds: int = 5,
+    predict: bool = True,
 ) -> Calibration:
     """Cameras, their relative pose and all covariances, from pairs of pictures of a target.
 
@@ -73,6 +74,9 @@ def calibrate(
         Look for bad pairs and points. False keeps all, whatever they are.
     folds
         Parts for the prediction of held-out pairs; 0 leaves the check out.
+    predict
+        Compare the calibration with what it was not told, held-out pairs and distances on the target; False
+        for a caller that wants the cameras alone: the `Checks` of it are then NaN.
 
     Raises
     ------
@@ -102,7 +106,7 @@ def calibrate(
     together = clustering(fit, kept, columns)
     found = StereoRig(fit.rig.cameras, fit.covariance * fit.unit**2 * max(1.0, together))
     off = np.concatenate([finished_view(fit.rig, s, np.ones(len(s.ids), dtype=bool)).residual for s in kept])
-    ratio, ratio_sigma, shape = checks.distances(fit.rig, kept)
+    ratio, ratio_sigma, shape = checks.distances(fit.rig, kept) if predict else 3 * (float("nan"),)
     return Calibration(
         rig=found,
         free=tuple(name for name in PARAMETERS if name in free),
@@ -114,8 +118,8 @@ def calibrate(
         freedom=fit.freedom,
         checks=Checks(
             fit_rms=float(np.sqrt(np.mean(np.sum(off**2, axis=1)))),
-            held_out_rms=checks.held_out(fit, kept, columns, folds),
-            folds=folds,
+            held_out_rms=checks.held_out(fit, kept, columns, folds if predict else 0),
+            folds=folds if predict else 0,
             distance_ratio=ratio,
             distance_sigma=ratio_sigma,
             distance_rms=shape,

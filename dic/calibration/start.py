@@ -18,6 +18,11 @@ TRIED = 6
 
 def resection(camera: Camera, view: View) -> list[Pose]:
     """Poses of a target in a camera's own frame, best first; two where a flat target leaves both open."""
+    return [pose for _, pose in resected(camera, view)]
+
+
+def resected(camera: Camera, view: View) -> list[tuple[float, Pose]]:
+    """The poses of `resection`, each after its `misfit` [px]."""
     pixels = camera.undistort(view.pixels)
     points = np.ascontiguousarray(view.points)
     flat = np.ptp(points[:, 2]) == 0.0
@@ -35,7 +40,7 @@ def resection(camera: Camera, view: View) -> list[Pose]:
         t = translation.ravel() - R @ shift
         if np.all(np.isfinite(R)) and np.all(np.isfinite(t)) and t[2] + (R @ shift)[2] > 0.0:
             poses.append((R, t))
-    return sorted(poses, key=lambda pose: misfit(camera, view, pose))
+    return sorted(((misfit(camera, view, pose), pose) for pose in poses), key=lambda found: found[0])
 
 
 def misfit(camera: Camera, view: View, pose: Pose) -> float:
@@ -67,7 +72,7 @@ def focal_start(sensor: tuple[int, int], views: Sequence[View]) -> Camera:
     def off(logarithm: float) -> float:
         f = float(np.exp(logarithm)) * max(sensor)
         camera = Camera(fx=f, fy=f, cx=middle[0], cy=middle[1], sensor=sensor)
-        best = [min((misfit(camera, s, p) for p in resection(camera, s)[:1]), default=np.inf) for s in few]
+        best = [next((value for value, _ in resected(camera, s)), np.inf) for s in few]
         return float(np.median(best))
 
     low, high = np.log(FOCAL)

@@ -1,6 +1,7 @@
 """Translation of a rigid body in one frame: least squares over the pixels of both cameras."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -10,7 +11,7 @@ from dic.bodies.follow import TrackedBody
 from dic.camera import Camera, StereoRig
 from dic.correlation.warp import apply
 from dic.outcome import PointOutcome
-from dic.robust import MEDIAN_LENGTH
+from dic.robust import MEDIAN_LENGTH, median
 from dic.stereo.rays import projection_slope
 from dic.surfaces import SpecimenFrame
 from dic.tracking import Track
@@ -45,6 +46,11 @@ class ObservedPoints:
     covariance: FloatArray
     """Of the pixels [px²], shape [n, 2, 2]."""
 
+    @cached_property
+    def noise(self) -> FloatArray:
+        """Standard deviation of a coordinate [px], shape [n]."""
+        return np.asarray(np.sqrt(0.5 * np.trace(self.covariance, axis1=1, axis2=2)))
+
     @classmethod
     def of(
         cls, camera: Camera, track: Track, k: int, places: FloatArray, known: BoolArray
@@ -62,10 +68,9 @@ class ObservedPoints:
         """Points within `GATE` robust standard deviations of the body's motion, shape [n]."""
         if not len(off):
             return np.zeros(0, dtype=bool)
-        size = np.linalg.norm(off - np.median(off, axis=0), axis=1)
-        noise = np.sqrt(0.5 * np.trace(self.covariance, axis1=1, axis2=2))
-        spread = max(1.0, float(np.median(size / noise)) / MEDIAN_LENGTH)
-        return np.asarray(size <= GATE * spread * noise)
+        size = np.linalg.norm(off - median(off), axis=1)
+        spread = max(1.0, float(median(size / self.noise)) / MEDIAN_LENGTH)
+        return np.asarray(size <= GATE * spread * self.noise)
 
 
 def lateral_places(
@@ -139,17 +144,21 @@ def translation_in(
     move, keep = near.copy(), [np.ones(len(points.rows), dtype=bool) for points in seen]
     off = [points.off(frame, move) for points in seen]
     across = lateral**-2
+    counted_before: list[BoolArray] = [np.zeros(0, dtype=bool) for _ in seen]
+    shared: list[FloatArray] = [np.zeros(0) for _ in seen]  # covariances of the points that count
     for _ in range(3):
         H = np.diag([across, 0.0, across])
         g = H @ (near - move)
-        for points, fine, away in zip(seen, keep, off, strict=True):
+        for i, (points, fine, away) in enumerate(zip(seen, keep, off, strict=True)):
             if not fine.any():
                 continue
             J = projection_slope(points.camera, frame.in_rig(points.places[fine] + move)) @ frame.rotation.T
-            rows = points.rows[fine]
-            together = np.bincount(rows, minlength=len(places)).astype(np.float64)
-            factor = (overlap @ together)[rows]
-            weighted = np.linalg.solve(points.covariance[fine] * factor[:, None, None], J)
+            if not np.array_equal(fine, counted_before[i]):  # mostly the same ones again
+                rows = points.rows[fine]
+                together = np.bincount(rows, minlength=len(places)).astype(np.float64)
+                factor = (overlap @ together)[rows]
+                counted_before[i], shared[i] = fine, points.covariance[fine] * factor[:, None, None]
+            weighted = np.linalg.solve(shared[i], J)
             H += np.tensordot(J, weighted, axes=([0, 1], [0, 1]))
             g += np.tensordot(weighted, away[fine], axes=([0, 1], [0, 1]))
         move = move + np.linalg.solve(H, g)

@@ -75,8 +75,11 @@ def pixels_per_length(camera: Camera, X: FloatArray, direction: FloatArray) -> F
 
 def pixel_slope(camera: Camera, ideal: FloatArray) -> FloatArray:
     """Derivative of the pixel by the ideal image point on the plane z = 1 [px], shape [..., 2, 2]."""
-    grid = np.array([[camera.fx, camera.skew], [0.0, camera.fy]])
-    return np.asarray(grid @ camera.distortion_slope(ideal))
+    slope = camera.distortion_slope(ideal)
+    if camera.skew:
+        return np.asarray(np.array([[camera.fx, camera.skew], [0.0, camera.fy]]) @ slope)
+    slope *= np.array([[camera.fx], [camera.fy]])
+    return slope
 
 
 def projection_slope(camera: Camera, X: FloatArray) -> FloatArray:

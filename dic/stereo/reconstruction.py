@@ -19,8 +19,9 @@ MOST_COMMON = 0.9
 """Share of a camera's noise, in any direction, that it may have in common with the other."""
 GATE, GATE_SIGMAS = 0.5, 5.0
 """Epipolar distance that a calibration is allowed [px], and that noise is, in its standard deviations."""
-AT_ONCE = 50_000
-"""Points of some frames that are reconstructed at once, which bounds the memory."""
+AT_ONCE = 20_000
+"""Points of some frames that are reconstructed at once, which bounds the memory; few enough for the threads
+to end together."""
 THREADS = 4
 """Threads at most that do so side by side: what lies between takes some 80 MB in each."""
 TINY = 1e-10

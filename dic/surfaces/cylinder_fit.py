@@ -44,7 +44,8 @@ def complete_basis(axis: FloatArray, near: FloatArray | None = None) -> FloatArr
         near = np.eye(3)[np.argmin(np.abs(axis))]
     e1 = near - (near @ axis) * axis
     e1 = e1 / np.linalg.norm(e1)
-    return np.array([e1, np.cross(axis, e1), axis])
+    (a, b, c), (x, y, z) = axis.tolist(), e1.tolist()  # numpy.cross takes a hundred times as long for two
+    return np.array([e1, [b * z - c * y, c * x - a * z, a * y - b * x], axis])
 
 
 Shape = tuple[FloatArray, FloatArray, float]
@@ -88,7 +89,7 @@ def fit_shape(
 
     def residual(x: FloatArray) -> FloatArray:
         basis, point, R = shape(x)
-        off = (distances(X, point, basis)[0] - R) / sigma
+        off = (np.linalg.norm(_from_axis(X, point, basis), axis=1) - R) / sigma
         return off if held or radius is None else np.append(off, (R - radius) / radius_sigma)
 
     found = least_squares(
@@ -122,7 +123,12 @@ def _changed(shape: Shape, change: FloatArray) -> Shape:
 
 def distances(X: FloatArray, point: FloatArray, basis: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Distances from the axis [m], shape [n], and unit normals, shape [n, 3]."""
-    away = X - point
-    away = away - np.outer(away @ basis[2], basis[2])
+    away = _from_axis(X, point, basis)
     distance = np.linalg.norm(away, axis=1)
     return distance, away / np.maximum(distance, np.finfo(float).tiny)[:, None]
+
+
+def _from_axis(X: FloatArray, point: FloatArray, basis: FloatArray) -> FloatArray:
+    """Vectors from the axis to points, across it [m], shape [n, 3]."""
+    away = X - point
+    return np.asarray(away - np.outer(away @ basis[2], basis[2]))

@@ -175,7 +175,8 @@ def _slopes(q: FloatArray, used: BoolArray, order: int) -> tuple[IntArray, Float
     T = np.column_stack(terms)
     here = used.astype(np.float64)
     count = here.sum(axis=1)
-    normal = np.einsum("fm,ma,mb->fab", here, T, T, optimize=True)
+    pairs = (T[:, :, None] * T[:, None]).reshape(len(T), -1)
+    normal = (here @ pairs).reshape(len(here), T.shape[1], -1)
     mean = normal[:, 0, 1:3] / np.maximum(count, 1.0)[:, None]
     scatter = normal[:, 1:3, 1:3] / np.maximum(count, 1.0)[:, None, None] - mean[:, :, None] * mean[:, None]
     enough = (count >= FEWEST[order]) & (np.linalg.eigvalsh(scatter)[:, 0] >= THINNEST**2)
@@ -187,12 +188,18 @@ def _slopes(q: FloatArray, used: BoolArray, order: int) -> tuple[IntArray, Float
 
 def _tangents(A0: FloatArray) -> FloatArray:
     """Unit tangent vectors around (with x) and along y, from two slopes; both [n_frames, 3, 2]."""
-    normal = np.cross(A0[..., 0], A0[..., 1])
+    normal = _cross(A0[..., 0], A0[..., 1])
     normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     along = np.array([0.0, 1.0, 0.0]) - normal[:, 1:2] * normal
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
-    around = np.cross(along, normal)
+    around = _cross(along, normal)
     return np.stack([around * np.where(around[:, :1] < 0.0, -1.0, 1.0), along], axis=-1)
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross products of rows, shape [n, 3]: `numpy.cross` with a fifth of its time, for few rows."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 def _covariance(

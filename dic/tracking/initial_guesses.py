@@ -6,6 +6,7 @@ from scipy.spatial import cKDTree
 
 from dic.arrays import FloatArray, IntArray
 from dic.opencv import cv2
+from dic.robust import median
 from dic.tracking.frames import Picture
 
 ORDERS = (0, 1, 2)
@@ -53,7 +54,7 @@ class Predictor:
             foretold = np.stack([self._foretold[k][rows[past]] for k in ORDERS[: highest + 1]])
             off = np.abs(foretold - found)
             for k, part in enumerate(PARTS):
-                self.order[k] = int(np.argmin(np.median(off[..., part].max(axis=-1), axis=-1)))
+                self.order[k] = int(np.argmin(median(off[..., part].max(axis=-1), axis=-1)))
         self._foretold = {}
         again = (self.known[rows] > 0) & (self.frame[0, rows] == frame)  # a first guess, now found
         later = rows[~again]

@@ -117,6 +117,7 @@ def search_by_quadratic(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOpt
         missed=missed,
         mesh_shift=x - coarse.x if on_coarse is None else -on_coarse,
         roughness=found.roughness,
+        deviations=found.surrogate.residuals / np.sqrt(found.surrogate.degrees_of_freedom),
         element_shift=_moved_by(stages, found, refined_numerics(stages).with_other_element()),
     )
 

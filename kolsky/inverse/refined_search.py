@@ -66,6 +66,9 @@ class RefinedOptimum:
     """Optimum on the refined mesh minus that on the surrogate's, shape [d]."""
     roughness: FloatArray | None = None
     """Standard deviation of the optimum from the response's roughness, shape [d]; None if it is smooth."""
+    deviations: FloatArray | None = None
+    """What a run deviates from the model, one row a run over the root of the degrees of freedom, so that
+    squares of what a map makes of them add up to a variance, shape [n, k]; None if the response is smooth."""
     element_shift: FloatArray | None = None
     """Optimum with the other element minus the answer, shape [d]; None if it was not asked."""
 

@@ -21,8 +21,19 @@ LARGEST_RMS = 1.0
 """Largest residual of a calibration that is used [px]: a blurred target leaves a tenth of it."""
 
 
-def calibration_of(toml: TomlFile, section: CalibrationSection, progress: Progress) -> "Calibration":
+def calibration_of(
+    toml: TomlFile, section: CalibrationSection, progress: Progress, *, predict: bool = True
+) -> "Calibration":
     """The calibration from the pictures that a file names.
+
+    Parameters
+    ----------
+    toml, section
+        The file and its table.
+    progress
+        Told of the pictures done.
+    predict
+        As of `dic.calibration.calibrate`: False if the cameras alone are wanted.
 
     Raises
     ------
@@ -30,13 +41,13 @@ def calibration_of(toml: TomlFile, section: CalibrationSection, progress: Progre
         If the pictures cannot be read or do not go together, the target is impossible, or what is seen of it
         does not determine the cameras.
     """
-    with calibration_begun(toml, section) as solved:
+    with calibration_begun(toml, section, predict=predict) as solved:
         return solved(progress)
 
 
 @contextmanager
 def calibration_begun(
-    toml: TomlFile, section: CalibrationSection
+    toml: TomlFile, section: CalibrationSection, *, predict: bool = True
 ) -> "Iterator[Callable[[Progress], Calibration]]":
     """Begin to look for the target, as `calibrated_beside`, for pictures of the whole sensors.
 
@@ -67,7 +78,8 @@ def calibration_begun(
 
         def solved(progress: Progress) -> "Calibration":
             views = joined(lambda done, total: progress("calibration", done, total))
-            return _solved(toml, section, series, views, targets[0], [str(number) for number in numbers[0]])
+            names = [str(number) for number in numbers[0]]
+            return _solved(toml, section, series, views, targets[0], names, predict)
 
         yield solved
 
@@ -79,6 +91,7 @@ def _solved(
     views: Sequence[Sequence[Any]],
     target: Any,
     names: list[str],
+    predict: bool,
 ) -> "Calibration":
     """The calibration from what was seen of the target."""
     from dic.calibration import Undetermined, calibrate
@@ -96,6 +109,7 @@ def _solved(
             distortion=section.distortion or "none",
             square_pixels=section.square_pixels,
             names=names,
+            predict=predict,
         )
 
     try:

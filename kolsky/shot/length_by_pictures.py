@@ -11,14 +11,17 @@ says of a and b follows by the conditional normal distribution. The zero of the 
 conditioned on the same d where it is made (`dic.rigid_body.axial_displacement.joined_rest`).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dic.result import StereoResult
-from dic.rigid_body.axial_displacement import MOST_APART
-from dic.stereo.systematic import calibration_slopes
 from kolsky.base.arrays import FloatArray
+
+if TYPE_CHECKING:  # a shot is loaded, and others look at its target, before anything is correlated
+    from dic.result import StereoResult
 
 SAID = 3.0
 """Disagreement of declared length and pictures that is said, in standard deviations of both."""
@@ -103,6 +106,8 @@ def calibration_variance(result: StereoResult, length: float) -> float:
     length
         The length from the lower end up [m].
     """
+    from dic.stereo.systematic import calibration_slopes
+
     rig, frame = result.rig, result.placement.frame
     if rig.covariance is None:
         return 0.0
@@ -126,6 +131,8 @@ def conditioned_length(rim: RimAtRest, *, declared: float, sigma: float, y_sigma
     y_sigma
         Standard uncertainty of the outline's heights, that of the lower end [m].
     """
+    from dic.rigid_body.axial_displacement import MOST_APART
+
     found = LengthByPictures(
         declared=declared,
         declared_sigma=sigma,

@@ -58,7 +58,7 @@ def calibrated_beside(pictures: PictureSet) -> Iterator[Callable[[Progress], Cal
     if section.file is not None:
         yield lambda progress: _cropped(pictures, Calibrated(*_from_file(toml, section)))
         return
-    with calibration_begun(toml, section) as solved:
+    with calibration_begun(toml, section, predict=False) as solved:
 
         def cameras(progress: Progress) -> Calibrated:
             found = solved(progress)
@@ -91,7 +91,7 @@ def rig_of(toml: TomlFile, section: CalibrationSection, progress: Progress) -> C
     """
     if section.file is not None:
         return Calibrated(*_from_file(toml, section))
-    found = calibration_of(toml, section, progress)
+    found = calibration_of(toml, section, progress, predict=False)
     return Calibrated(rig=found.rig, words=_words(found))
 
 

@@ -22,6 +22,7 @@ from kolsky.inverse.uncertainty_results import (
 )
 from kolsky.uncertainty.input_directions import InputDirections, input_directions
 from kolsky.uncertainty.profile_likelihood import (
+    SAID,
     TOLERANCE,
     LinearisedOptimum,
     ParameterProfiles,
@@ -178,7 +179,7 @@ def analysis_warnings(
 ) -> Iterator[str]:
     """Say which profiles are not confirmed or not closed, and that chains are too short."""
     for profile in profiles:
-        if profile.error > TOLERANCE * profile.level:
+        if profile.error > SAID * profile.level:
             yield (
                 f"the profile likelihood of {profile.name} is not confirmed: runs along it differ by "
                 f"{profile.error:.2g} where the interval ends at a rise of {profile.level:.3g}; widen or "

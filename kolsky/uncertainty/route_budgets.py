@@ -32,12 +32,18 @@ class Sources:
     """Noise and scales of the inputs."""
     mesh: MeshChange
     """Mesh and element."""
-    roughness: FloatArray | None = None
-    """Standard deviation of the joint optimum from the response's roughness, shape [d]; a route is taken to
-    be as rough."""
+    deviations: FloatArray | None = None
+    """What a run deviates from the model of a rough response (`RefinedOptimum.deviations`), shape [n, k];
+    each route, and the difference of two, makes of them what its own map does."""
     declared: FloatArray | None = None
     """Changes by what shot.toml declares uncertain, their mean square the sum over the keys, shape [n, k];
     the joint answer counts these by itself, `Estimate.sigma_systematic`."""
+
+    def roughness(self, gain: FloatArray) -> FloatArray | None:
+        """Standard deviation of an optimum from the response's roughness, shape [d]; None if it is smooth."""
+        if self.deviations is None:
+            return None
+        return np.asarray(np.sqrt(np.sum((self.deviations @ gain.T) ** 2, axis=0)))
 
     def parts(
         self, residual: FloatArray, gain: FloatArray, gains: Sequence[FloatArray] | None = None
@@ -54,7 +60,7 @@ class Sources:
         found = {
             RESIDUALS: np.sqrt(np.diag(residual)),
             **self.inputs.parts(gain, gains),
-            **numerical_parts(self.mesh, gain, roughness=self.roughness),
+            **numerical_parts(self.mesh, gain, roughness=self.roughness(gain)),
         }
         if self.declared is not None and len(self.declared):
             found[DECLARED] = replicate_uncertainty(self.declared @ gain.T)

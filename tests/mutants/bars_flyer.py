@@ -12,6 +12,7 @@ CARRIED = "tests/unit/bars/test_carried_uncertainty.py"
 EVENTS = "kolsky/bars/flyer/event_signals.py"
 CLOCKS = "kolsky/bars/flyer/synchronisation.py"
 GAP = "kolsky/bars/flyer/unseen.py"
+MANY = "kolsky/bars/flyer/evidences.py"
 
 FAULTS = (
     Fault(
@@ -28,7 +29,21 @@ FAULTS = (
         "- 1e9 * (normal**2).sum(axis=1)",
         SMOOTHNESS,
     ),
-    Fault("draws weighed twice as much", GAP, "-0.5 * deviance(one)[0]", "-deviance(one)[0]", SMOOTHNESS),
+    Fault("draws weighed twice as much", GAP, "-0.5 * deviances(drawn)", "-deviances(drawn)", SMOOTHNESS),
+    Fault(
+        "many smoothnesses: frames without a displacement tell of the noise",
+        MANY,
+        "np.where(self.weight > 0.0, np.sum(self._noise, axis=2), 1.0)",
+        "np.sum(self._noise, axis=2)",
+        SMOOTHNESS,
+    ),
+    Fault(
+        "many smoothnesses: what a shared error gains anew by its standard deviation",
+        MANY,
+        "1.0 - self.shared[1][k] ** 2",
+        "1.0 - self.shared[1][k]",
+        SMOOTHNESS,
+    ),
     Fault(
         "means of the draws scatter about nothing",
         GAP,

@@ -54,6 +54,13 @@ FAULTS = (
         tests=GATES,
     ),
     Fault(
+        name="past the ends: frames of a later part taken for those of the first",
+        file="dic/bodies/past_ends.py",
+        right="k += part.start",
+        wrong="k += 0",
+        tests=(f"{PAST[0]}::test_frames_are_judged_alike_one_by_one_and_together",),
+    ),
+    Fault(
         name="edge: the band lies before the edge",
         file="dic/bodies/edge_model.py",
         right="_side(u, v, edge + band, blur, below=False)",
@@ -70,8 +77,8 @@ FAULTS = (
     Fault(
         name="edge: paint adds by its standard deviation",
         file="dic/bodies/edge_model.py",
-        right="K = size**2 * paint(",
-        wrong="K = size * paint(",
+        right="size**2 * paint(lag",
+        wrong="size * paint(lag",
         tests=(f"{EDGE}::test_covariance_of_paint_that_ends",),
     ),
     Fault(

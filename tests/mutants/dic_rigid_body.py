@@ -73,8 +73,8 @@ FAULTS = (
     Fault(
         name="flyer's points: spread from the median length times its constant",
         file="dic/rigid_body/translation.py",
-        right="float(np.median(size / noise)) / MEDIAN_LENGTH",
-        wrong="float(np.median(size / noise)) * MEDIAN_LENGTH",
+        right="float(median(size / self.noise)) / MEDIAN_LENGTH",
+        wrong="float(median(size / self.noise)) * MEDIAN_LENGTH",
         tests=GATES,
     ),
     Fault(
@@ -210,5 +210,12 @@ FAULTS = (
         right="np.square(sigmas))), 0.5 * apart))",
         wrong="np.square(sigmas))), 0.05 * apart))",
         tests=(f"{RIM[0]}::test_cameras_that_disagree_widen_the_rim",),
+    ),
+    Fault(
+        name="medians: of an even number the upper middle value",
+        file="dic/robust.py",
+        right="0.5 * (ordered[half - 1] + ordered[half])",
+        wrong="0.5 * (ordered[half] + ordered[half])",
+        tests=("tests/unit/dic/test_dic_speed_parts.py::test_a_median_is_numpy_s",),
     ),
 )

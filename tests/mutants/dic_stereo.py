@@ -3,6 +3,7 @@
 from tests.mutants.fault import Fault
 
 GATES = ("tests/unit/dic/test_dic_gates.py",)
+LENSES = ("tests/unit/dic/test_dic_triangulate.py::test_lenses_with_some_coefficients",)
 
 FAULTS = (
     Fault(
@@ -85,5 +86,19 @@ FAULTS = (
         right="np.maximum(gate, gate_sigmas * found.epipolar_sigma)",
         wrong="np.minimum(gate, gate_sigmas * found.epipolar_sigma)",
         tests=("tests/unit/dic/test_dic_reconstruct.py",),
+    ),
+    Fault(
+        name="lens: of a sixth power alone no term is left",
+        file="dic/camera.py",
+        right="if k2 or k3 else k1)",
+        wrong="if k2 else k1)",
+        tests=LENSES,
+    ),
+    Fault(
+        name="slope of a pixel: focal lengths by columns",
+        file="dic/stereo/rays.py",
+        right="np.array([[camera.fx], [camera.fy]])",
+        wrong="np.array([[camera.fx, camera.fy]])",
+        tests=LENSES,
     ),
 )

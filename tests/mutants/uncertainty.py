@@ -11,6 +11,13 @@ WARNINGS = ("tests/unit/uncertainty/test_warnings.py",)
 
 FAULTS = (
     Fault(
+        name="routes: roughness as a mean over the runs",
+        file="kolsky/uncertainty/route_budgets.py",
+        right="np.sqrt(np.sum((self.deviations @ gain.T) ** 2, axis=0))",
+        wrong="np.sqrt(np.mean((self.deviations @ gain.T) ** 2, axis=0))",
+        tests=ROUTES,
+    ),
+    Fault(
         name="patterns of the flyer's noise as if each were a draw of many",
         file="kolsky/uncertainty/input_noise.py",
         right="np.asarray(np.sqrt(len(patterns)) * patterns)",
@@ -128,6 +135,13 @@ FAULTS = (
         right="np.maximum(np.diag(together) / np.diag(alone), 1.0)",
         wrong="np.diag(alone) / np.diag(together)",
         tests=SYSTEMATIC,
+    ),
+    Fault(
+        name="a profile is said where its end is off by three quarters",
+        file="kolsky/uncertainty/profile_likelihood.py",
+        right="SAID = 1.0 - 0.75**2",
+        wrong="SAID = 1.0 - 0.25**2",
+        tests=WARNINGS,
     ),
     Fault(
         name="a profile is confirmed at its whole level",

@@ -36,9 +36,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import block_diag, cholesky, solve_triangular
 
+from kolsky.bars.flyer.evidences import Evidences
 from kolsky.bars.flyer.jerks import (
     ZERO_PRIOR,
-    evidence,
     hat_functions,
     maximum_likelihood,
     noise_parts,
@@ -129,7 +129,7 @@ def fit_flyer(
 
         data = (y, weight, np.diff(knots) / frame, hats, parts, shared)
         likeliest = np.concatenate([log_scales, log_tau])
-        draws = weighted_draws(likeliest, free, lambda theta: evidence(theta, *data))
+        draws = weighted_draws(likeliest, free, lambda rows: Evidences(rows, *data))
         spread = mixed_covariance(*draws, u * z[1:], solution)
     if covariance is not None:
         # Of the jerks by the displacements.

@@ -4,8 +4,11 @@ Everything is in units of sigma and frames: n_frames data y with weights sigma_t
 in each of the n_spans spans between the knots; tau is the jerks' prior standard deviation.
 """
 
+from functools import cache
+
 import numpy as np
-from scipy.linalg import lapack, qr, solve_triangular
+from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from kolsky.base.arrays import FloatArray
 
@@ -60,13 +63,23 @@ def posterior(y: FloatArray, G: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     tuple of NDArray
         Mean [n_unknowns], covariance [n_unknowns, n_unknowns] and residual [n_frames].
     """
-    p = G.shape[1]
-    stacked = np.block([[G, y[:, None]], [np.eye(p), np.zeros((p, 1))]])
-    R = qr(stacked, mode="r", check_finite=False)[0][:p]
-    z = solve_triangular(R[:, :p], R[:, p], check_finite=False)
-    upper, _ = lapack.dpotri(R[:, :p])  # inverse of R'R; R's diagonal has no zero
-    V = np.triu(upper) + np.triu(upper, 1).T
-    return z, V, y - G @ z
+    n, p = G.shape
+    stacked = np.zeros((n + p, p + 1), order="F")
+    stacked[:n, :p], stacked[:n, p] = G, y
+    np.fill_diagonal(stacked[n:], 1.0)
+    # LAPACK itself: what SciPy copies and checks takes as long as the factors of matrices so small.
+    work = int(lapack.dgeqrf_lwork(n + p, p + 1)[0])
+    factors = lapack.dgeqrf(stacked, lwork=work, overwrite_a=True)[0]
+    R = factors[:p, :p]
+    z, _ = lapack.dtrtrs(np.ascontiguousarray(R).T, factors[:p, p], lower=1, trans=1)
+    inverse, _ = lapack.dpotri(R)  # of R'R, above the diagonal; R's own has no zero
+    return z, np.where(_above(p), inverse, inverse.T), y - G @ z
+
+
+@cache
+def _above(n: int) -> NDArray[np.bool_]:
+    """On or above the diagonal, shape [n, n]."""
+    return np.triu(np.ones((n, n), dtype=bool))
 
 
 def noise_parts(weight: FloatArray) -> FloatArray:
@@ -153,6 +166,36 @@ def _searched(
     return x, value, str(best.message)
 
 
+def state_space(
+    weight: FloatArray, spans: FloatArray, shared: tuple[FloatArray, FloatArray] | None
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """The motion from frame to frame as a filter takes it: state (zero, x, v, a), and an error that frames
+    share.
+
+    Parameters
+    ----------
+    weight, spans, shared
+        As for `evidence`.
+
+    Returns
+    -------
+    tuple of NDArray
+        What a frame shows of the state [n_frames, m], the state's change from the frame before [n_frames, m,
+        m], what a jerk of 1 since then adds to it [n_frames, m], and its covariance before the first frame
+        [m, m]; m is 4, or 5 with a shared error.
+    """
+    n, moving = weight.size, slice(weight.size - spans.size, weight.size)
+    m = 4 if shared is None else 5
+    kicks, steps = np.zeros((n, m)), np.tile(np.eye(m), (n, 1, 1))
+    steps[moving, 1, 2] = steps[moving, 2, 3] = kicks[moving, 3] = spans
+    steps[moving, 1, 3] = kicks[moving, 2] = spans**2 / 2.0
+    kicks[moving, 1] = spans**3 / 6.0
+    seen = weight[:, None] * np.array([1.0, 1.0, 0.0, 0.0, 0.0])[:m]
+    if shared is not None:
+        seen[:, 4], steps[:, 4, 4] = shared
+    return seen, steps, kicks, np.diag([ZERO_PRIOR**2, 0.0, 0.0, 0.0, 1.0][:m])
+
+
 def evidence(
     theta: FloatArray,
     y: FloatArray,
@@ -199,21 +242,15 @@ def evidence(
     parts = np.ones((y.size, 1)) if parts is None else parts
     scales, tau = np.split(theta, [parts.shape[1]])
     noise, variance = parts * np.exp(2.0 * scales), np.exp(2.0 * (hats @ tau))
-    n, moving = y.size, slice(y.size - spans.size, y.size)
-    m = 4 if shared is None else 5
-    kicks, steps = np.zeros((n, m)), np.tile(np.eye(m), (n, 1, 1))
-    steps[moving, 1, 2] = steps[moving, 2, 3] = kicks[moving, 3] = spans
-    steps[moving, 1, 3] = kicks[moving, 2] = spans**2 / 2.0
-    kicks[moving, 1] = spans**3 / 6.0
+    seen, steps, kicks, P = state_space(weight, spans, shared)
+    n, m = seen.shape
+    moving = slice(n - spans.size, n)
     growth = np.zeros((n, m, m))
     growth[moving] = variance[:, None, None] * kicks[moving, :, None] * kicks[moving, None, :]
-    seen = weight[:, None] * np.array([1.0, 1.0, 0.0, 0.0, 0.0])[:m]
     data = weight > 0.0
     own = np.where(data, noise.sum(axis=1), 1.0)  # a frame without a displacement says nothing of the noise
     S, K, left, eye = np.empty(n), np.empty((n, m)), np.empty((n, m, m)), np.eye(m)
-    P = np.diag([ZERO_PRIOR**2, 0.0, 0.0, 0.0, 1.0][:m])
     if shared is not None:
-        seen[:, 4], steps[:, 4, 4] = shared
         growth[:, 4, 4] = 1.0 - shared[1] ** 2
     # Views of the frames are made once: to make one takes as long as to multiply two of these matrices.
     rows, turns = seen[:, None], np.swapaxes(steps, 1, 2)

@@ -14,6 +14,7 @@ the largest error of the path is 12.3 and 8.7 um; it was known to 4.9 and 3.3 um
 """
 
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
@@ -30,8 +31,19 @@ LEAST_CURVATURE = 0.1
 LEAST_WEIGHT = 1e-5
 """A draw with less weight is left out."""
 
-Deviance = Callable[[FloatArray], tuple[float, FloatArray]]
-"""-2 ln L and its gradient."""
+
+class Deviances(Protocol):
+    """-2 ln L for several rows of unknowns."""
+
+    @property
+    def values(self) -> FloatArray:
+        """The values, shape [n_rows]."""
+
+    @property
+    def gradients(self) -> FloatArray:
+        """Their gradients, shape [n_rows, n]."""
+
+
 Solution = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Mean and covariance of the jerks with some smoothness and noise."""
 
@@ -52,7 +64,9 @@ def unseen_controls(hats: FloatArray, t: FloatArray, seen: BoolArray, knots: Flo
     return np.asarray((hats[hidden[:-1] | hidden[1:]] > 0.0).any(axis=0))
 
 
-def weighted_draws(theta: FloatArray, free: BoolArray, deviance: Deviance) -> tuple[FloatArray, FloatArray]:
+def weighted_draws(
+    theta: FloatArray, free: BoolArray, deviances: Callable[[FloatArray], Deviances]
+) -> tuple[FloatArray, FloatArray]:
     """Draws about the likeliest values of some unknowns, and their weights, which add up to one.
 
     Pairs of draws lie opposite to each other; the same call gives the same draws.
@@ -63,8 +77,8 @@ def weighted_draws(theta: FloatArray, free: BoolArray, deviance: Deviance) -> tu
         The likeliest values, shape [n].
     free
         Those that are drawn; the others stay, shape [n].
-    deviance
-        -2 ln L at values of all, and its gradient.
+    deviances
+        -2 ln L of rows of values of all, shape [n_rows, n].
 
     Returns
     -------
@@ -72,18 +86,16 @@ def weighted_draws(theta: FloatArray, free: BoolArray, deviance: Deviance) -> tu
         Values [n_draws, n], weights [n_draws].
     """
     rows = np.flatnonzero(free)
-    curvature = np.empty((rows.size, rows.size))
-    for i, row in enumerate(rows):
-        step = STEP * np.eye(theta.size)[row]
-        rise = deviance(theta + step)[1] - deviance(theta - step)[1]
-        curvature[i] = 0.5 * rise[rows] / (2.0 * STEP)
+    steps = STEP * np.eye(theta.size)[rows]
+    ahead, behind = np.split(deviances(np.concatenate([theta + steps, theta - steps])).gradients[:, rows], 2)
+    curvature = 0.5 * (ahead - behind) / (2.0 * STEP)
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
     widths = WIDER / np.sqrt(np.maximum(values, LEAST_CURVATURE))
     half = np.random.default_rng(0).standard_normal((DRAWS // 2, rows.size))
     normal = np.concatenate([half, -half])
     drawn = np.tile(theta, (DRAWS, 1))
     drawn[:, rows] += normal * widths @ vectors.T
-    log = np.array([-0.5 * deviance(one)[0] for one in drawn]) + 0.5 * (normal**2).sum(axis=1)
+    log = -0.5 * deviances(drawn).values + 0.5 * (normal**2).sum(axis=1)
     weight = np.exp(log - log.max())
     return drawn, weight / weight.sum()
 

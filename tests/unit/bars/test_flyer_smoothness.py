@@ -1,11 +1,14 @@
 """The unknown smoothness of a flyer that no frame shows: closed forms, and known motions."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from test_flyer_unseen import FRAME, SIGMA, SPEED
 
+from kolsky.bars.flyer.evidences import Evidences
 from kolsky.bars.flyer.fit import fit_flyer
-from kolsky.bars.flyer.jerks import hat_functions
+from kolsky.bars.flyer.jerks import evidence, hat_functions, noise_parts
 from kolsky.bars.flyer.unseen import DRAWS, mixed_covariance, unseen_controls, weighted_draws
 from kolsky.base.records import FlyerMotion
 
@@ -14,12 +17,33 @@ MODE = np.array([7.0, 1.0, -3.0])
 FREE = np.array([False, True, True])
 
 
-def quadratic(theta):
+def quadratic(thetas):
     """-2 ln L of a normal likelihood of the second and third unknown, with precision A."""
-    off = theta - MODE
-    slope = np.zeros(3)
-    slope[1:] = 2.0 * A @ off[1:]
-    return float(off[1:] @ A @ off[1:]), slope
+    off = thetas[:, 1:] - MODE[1:]
+    slopes = np.hstack([np.zeros((len(off), 1)), 2.0 * off @ A])
+    return SimpleNamespace(values=np.sum(off @ A * off, axis=1), gradients=slopes)
+
+
+@pytest.mark.parametrize("shares", [False, True])
+@pytest.mark.parametrize("two_parts", [False, True])
+def test_many_smoothnesses_at_once_have_the_likelihood_of_each(two_parts, shares):
+    """Uneven spans, seven frames at rest, and three that show nothing."""
+    rng = np.random.default_rng(4)
+    spans, n = rng.uniform(0.5, 1.5, 29), 36
+    hats = hat_functions(np.cumsum(spans) - 0.5 * spans)
+    weight = rng.uniform(0.3, 1.5, n)
+    weight[9:12] = 0.0
+    y = weight * (np.maximum(np.arange(n) - 9.0, 0.0) ** 2 + rng.standard_normal(n))
+    parts = noise_parts(weight) if two_parts else None
+    shared = (0.7 * weight, rng.uniform(0.2, 0.9, n)) if shares else None
+    scales = rng.uniform(0.0, 1.0, (5, 2 if two_parts else 1))
+    thetas = np.hstack([scales, rng.uniform(-4.0, 2.0, (5, hats.shape[1]))])
+    data = (y, weight, spans, hats, parts, shared)
+    values, slopes = zip(*(evidence(theta, *data) for theta in thetas), strict=True)
+    together = Evidences(thetas, *data)
+    # the same products, in an order that a BLAS may choose anew for several matrices
+    np.testing.assert_allclose(together.values, values, rtol=1e-12)
+    np.testing.assert_allclose(together.gradients, slopes, rtol=1e-9, atol=1e-9 * np.abs(slopes).max())
 
 
 def test_draws_have_the_likelihood_s_mean_and_covariance():
@@ -36,7 +60,7 @@ def test_draws_have_the_likelihood_s_mean_and_covariance():
 
 
 def test_the_same_call_draws_the_same():
-    first, second = weighted_draws(MODE, FREE, quadratic), weighted_draws(MODE, FREE, quadratic)
+    first, second = (weighted_draws(MODE, FREE, quadratic) for _ in range(2))
     np.testing.assert_array_equal(first[0], second[0])
 
 

@@ -112,6 +112,17 @@ def test_sightings_without_noise_give_the_cameras():
     assert found.checks.distance_ratio == pytest.approx(1.0, abs=1e-9)
 
 
+def test_cameras_alone_are_those_of_a_calibration_that_is_checked():
+    views = sightings(true_poses(8))
+    whole = calibrate(*views, CHESS, sensors=SIZE, distortion="k1")
+    alone = calibrate(*views, CHESS, sensors=SIZE, distortion="k1", predict=False)
+    np.testing.assert_array_equal(parameters(alone), parameters(whole))
+    np.testing.assert_array_equal(alone.rig.covariance, whole.rig.covariance)
+    assert alone.rms == whole.rms
+    assert np.isfinite([whole.checks.held_out_rms, whole.checks.distance_ratio]).all()
+    assert np.isnan([alone.checks.held_out_rms, alone.checks.distance_ratio, alone.checks.distance_rms]).all()
+
+
 def test_the_minimum_is_opencvs():
     """Same data, same parameters, its `stereoCalibrate`: the minimum of the same sum of squares."""
     views = sightings(true_poses(8))

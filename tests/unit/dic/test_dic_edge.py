@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
 from dic.bodies.edge_fit import HALF, fit_edge, gap_before, without_shading
-from dic.bodies.edge_model import block_sigma, covariance, paint, with_slopes
+from dic.bodies.edge_model import block_sigma, covariance, of_bands, paint, with_slopes
 from dic.bodies.ends import MODEL, end_in_camera, of_phases, weighted_mean
 from dic.camera import Camera
 from dic.surfaces import SpecimenFrame
@@ -83,6 +83,15 @@ def test_slopes_of_the_covariance(edge):
             ]
         )
         np.testing.assert_allclose(with_slopes(p, U, width, free)[1], numeric, atol=1e-8)
+
+
+def test_bands_of_several_widths_have_the_covariance_of_each():
+    p = np.array([0.37, *np.log([0.8, 1.5, 2.5, 1.2, 0.6, 0.1, 2.0]), 0.4])
+    widths = np.array([[0.0, 0.5], [0.33, 1.1], [2.0, 0.0]])
+    for width, (C, slopes) in zip(widths, of_bands(p, U, widths, True), strict=True):
+        alone = with_slopes(p, U, width, True)
+        np.testing.assert_array_equal(C, alone[0])
+        np.testing.assert_array_equal(slopes, alone[1])
 
 
 def test_covariance_of_paint_that_ends():

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from dic.bodies import past_ends
 from dic.bodies.past_ends import axis_in_picture, past_the_ends, visible_room
 from dic.camera import Camera, StereoRig
 from dic.outcome import PointOutcome
@@ -138,3 +139,18 @@ def test_without_a_known_end_nothing_is_past_it():
     body = seen((3e-3, 3e-3), column([1.0]))
     unknown = (np.zeros(1), np.full(1, np.nan))
     assert not past_the_ends(body[0], body[1], FRAME, 15, (0.0, -1.0), unknown, platen=RIM).any()
+
+
+def test_frames_are_judged_alike_one_by_one_and_together(monkeypatch):
+    """Two frames of which the second has its end half a pixel lower."""
+    (body, rig), lower = seen((3e-3, 3e-3), column([7.9, 8.1, 8.7])), 0.5 * (AWAY - RADIUS) / FOCAL
+    for track in body.tracks:
+        track.warp = np.repeat(track.warp, 2, axis=0)
+    r = body.reconstruction
+    r.position, r.outcome = np.repeat(r.position, 2, axis=0), np.repeat(r.outcome, 2, axis=0)
+    r.pixels = tuple(np.repeat(pixels, 2, axis=0) for pixels in r.pixels)
+    ends = (np.zeros(2), np.array([LENGTH, LENGTH - lower]))
+    wanted = [[True, False, False], [True, True, False]]
+    for most in (50_000, 1):
+        monkeypatch.setattr(past_ends, "AT_ONCE", most)
+        assert past_the_ends(body, rig, FRAME, 15, (0.0, -1.0), ends, platen=RIM).tolist() == wanted

@@ -25,6 +25,7 @@ from dic.correlation.warp import identity
 from dic.images import PictureError
 from dic.images.kept import KeptPictures, kept
 from dic.rigid_body.adjustment import MotionPrior, Observations, adjust
+from dic.robust import median
 from dic.stereo.rays import inverse, largest_eigenvalue
 from dic.stereo.synchronisation import _median
 from dic.synthetic.speckles import render, speckle_pattern
@@ -370,3 +371,11 @@ def test_medians_are_those_of_the_numbers_that_are_there(axis):
     values[rng.random(values.shape) < 0.4] = np.nan
     values[3], values[:, 4] = np.nan, np.nan
     np.testing.assert_array_equal(_median(values, axis), np.nanmedian(values, axis=axis))
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 8])
+def test_a_median_is_numpy_s(n):
+    values = np.random.default_rng(n).standard_normal((n, 3))
+    np.testing.assert_array_equal(median(values), np.median(values, axis=0))
+    np.testing.assert_array_equal(median(values.T, axis=-1), np.median(values.T, axis=-1))
+    assert float(median(values[:, 0])) == np.median(values[:, 0])

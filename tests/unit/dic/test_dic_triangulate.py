@@ -14,6 +14,7 @@ from dic.stereo import (
     triangulate,
 )
 from dic.stereo.epipolar import epipolar_curve, epipolar_sigma
+from dic.stereo.rays import pixel_slope
 
 LENS = (-0.18, 0.4, 1e-3, -2e-3, -0.3)
 NOISE0 = np.array([[4e-4, 1e-4], [1e-4, 2e-4]])
@@ -52,6 +53,32 @@ def undistorted(pixels: np.ndarray, matrix: np.ndarray, lens: np.ndarray) -> np.
     until = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-14)
     with_criteria = getattr(cv2, "undistortPointsIter", cv2.undistortPoints)
     return with_criteria(pixels[:, None], matrix, lens, R=None, P=None, criteria=until)[:, 0]
+
+
+@pytest.mark.parametrize("skew", [0.0, 0.7])
+@pytest.mark.parametrize("kept", [(), (0,), (1,), (4,), (0, 1), (2,), (3,), (0, 2, 3), (0, 1, 2, 3, 4)])
+def test_lenses_with_some_coefficients(kept: tuple[int, ...], skew: float) -> None:
+    """Brown's formula written out, its slope by differences, and the way back."""
+    lens = tuple(value if k in kept else 0.0 for k, value in enumerate(LENS))
+    k1, k2, p1, p2, k3 = lens
+    cam = camera((0.0, 0.0, 0.0), (0.0, 0.0, 0.3), skew=skew, distortion=lens)
+    ideal = np.random.default_rng(3).uniform(-0.2, 0.2, (40, 2))
+    x, y = ideal.T
+    r2 = x**2 + y**2
+    radial = 1.0 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+    across = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x**2)
+    down = y * radial + p1 * (r2 + 2.0 * y**2) + 2.0 * p2 * x * y
+    plane = cam.distort(ideal)
+    np.testing.assert_allclose(plane, np.stack([across, down], axis=1), atol=1e-15)
+    pixels = cam.to_pixels(plane)
+    wanted = np.stack([cam.fx * across + skew * down + cam.cx, cam.fy * down + cam.cy], axis=1)
+    np.testing.assert_allclose(pixels, wanted, rtol=1e-14)
+    np.testing.assert_allclose(cam.undistort(pixels), ideal, atol=1e-12)
+    steps = 1e-6 * np.eye(2)
+    by_ideal = [
+        (cam.to_pixels(cam.distort(ideal + h)) - cam.to_pixels(cam.distort(ideal - h))) / 2e-6 for h in steps
+    ]
+    np.testing.assert_allclose(pixel_slope(cam, ideal), np.stack(by_ideal, axis=-1), rtol=1e-7, atol=1e-3)
 
 
 @pytest.mark.parametrize("k", [0, 1])

@@ -107,6 +107,8 @@ def test_a_rough_response_is_averaged_and_its_roughness_told() -> None:
     planted = np.sqrt(np.diag(gain @ gain.T)) * 0.2
     # 15 runs, 6 terms: 9 degrees of freedom, a standard deviation is known to 24 %; three of it.
     np.testing.assert_allclose(found.roughness, planted, rtol=0.72)
+    assert found.deviations is not None  # what the routes' maps make of them, the joint one makes the same
+    np.testing.assert_allclose(np.sum((found.deviations @ gain.T) ** 2, axis=0), found.roughness**2)
     # The data's noise and what the quadratic does not average of the jumps: 6 of 15 of their variance.
     assert (np.abs(found.x - TRUTH) < 3.0 * np.hypot(found.sigma, found.roughness)).all()
     assert found.confirmed

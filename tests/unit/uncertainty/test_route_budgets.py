@@ -104,6 +104,22 @@ def test_declared_inputs_are_counted_by_each_map() -> None:
     assert apart == pytest.approx({"stiffness_factor": 1.0, "damping": 0.0}, abs=1e-12)
 
 
+def test_a_rough_response_counts_as_each_map_makes_of_it() -> None:
+    """Two runs that deviate like a parameter, one in the force alone: 0.3 and 0.4 move the joint optimum; the
+    route of the force by 0.3 and 0.4, that of the outline by 0.4 alone, and their difference by 0.3."""
+    rough = np.stack([0.3 * JACOBIAN[:, 0] * (np.arange(K) < N), 0.4 * JACOBIAN[:, 0]])
+    given = replace(sources(), deviations=rough)
+    pair = [optimum("force", (1.0, 2.0)), optimum("shape", (1.0, 2.0))]
+    parts = [{p.source: p.sigma for p in budgeted(NAMES, one, given).budget} for one in pair]
+    assert parts[0]["roughness"] == pytest.approx({"stiffness_factor": 0.5, "damping": 0.0}, abs=1e-12)
+    assert parts[1]["roughness"] == pytest.approx({"stiffness_factor": 0.4, "damping": 0.0}, abs=1e-12)
+    found = route_difference(NAMES, pair, given)
+    assert found is not None
+    apart = {p.source: p.sigma for p in found.budget}["roughness"]
+    assert apart == pytest.approx({"stiffness_factor": 0.3, "damping": 0.0}, abs=1e-12)
+    assert sources().roughness(gain("joint")) is None
+
+
 def test_a_route_is_corrected_by_its_own_map() -> None:
     mesh = np.where(np.arange(K) < N, 0.2, 0.0)  # of the force alone
     for part in ("force", "shape"):

@@ -1,6 +1,7 @@
 """Warnings: each is raised by its own cause, with its numbers, and by nothing else."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from kolsky.inverse.graded_mesh import coarser_graded, graded
 from kolsky.inverse.method_comparison import Method
 from kolsky.inverse.result import Identification, RouteDifference, Verdict
 from kolsky.inverse.uncertainty_results import ParameterProfile
-from kolsky.uncertainty.analyse import analysis_warnings
+from kolsky.uncertainty.analyse import UncertaintyAnalysis, analysis_warnings
 from kolsky.uncertainty.numerical import LostRun
 from kolsky.uncertainty.warnings.collect import collect_warnings
 
@@ -329,14 +330,27 @@ def test_runs_that_would_do() -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "kind", "said"), [(0.38, "identified", 0), (0.39, "identified", 1), (0.1, "ridge", 1)]
+    ("error", "kind", "said", "own"),
+    [
+        (0.38, "identified", 0, True),  # a tenth of 3.84
+        (0.39, "identified", 0, False),
+        (1.67, "identified", 0, False),  # 0.4375 of it: the end of a parabola a quarter too far in
+        (1.69, "identified", 1, False),
+        (0.1, "ridge", 1, True),
+    ],
 )
-def test_a_profile_is_confirmed_within_a_tenth_of_its_level(error: float, kind: str, said: int) -> None:
+def test_a_profile_is_confirmed_within_a_tenth_of_its_level_and_said_beyond_a_quarter_of_its_reach(
+    error: float, kind: str, said: int, own: bool
+) -> None:
     x = np.linspace(1.0, 1.2, 5)
     profile = ParameterProfile(
         "stiffness_factor", x, 0.0 * x, x[:, None], 3.84, 1.0, (1.0, 1.2), (1.0, 1.2), kind, "it is so", error
     )
     assert len(list(analysis_warnings((profile,), None))) == said
+    found = SimpleNamespace(optimum=np.array([1.1]))
+    analysis: Any = SimpleNamespace(found=found, profiles=(profile,), runs=3, posterior=None)
+    (method,) = UncertaintyAnalysis.methods(analysis, estimate().estimates)
+    assert method.converged is own
 
 
 def test_lost_runs_that_were_to_tell_the_meshs_error() -> None:
