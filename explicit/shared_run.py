@@ -6,7 +6,7 @@ from typing import Any
 
 from explicit.simd.team import MOST_SEATS, Seats, alone
 
-ELEMENTS_EACH = 384
+ELEMENTS_EACH = 768
 """Elements of a thread, at least: with fewer, the threads meet too often."""
 
 
