@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
+from itertools import zip_longest
 from math import prod
 from typing import Any
 
@@ -17,6 +18,7 @@ from explicit.mesh_arguments import body_of
 from explicit.model import Model
 from explicit.page_locked import POOL
 from explicit.precision import Precision
+from explicit.shared_run import SharedRun
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
 from explicit.time_loop.kernel import TimeLoopKernel
 
@@ -161,7 +163,10 @@ def packs(n_samples: int, lanes: int, n_elements: int, threads: int = 1) -> list
 
 
 def run_in_lanes(batch: PreparedBatch, threads: int, progress: Progress | None) -> dict[str, FloatArray]:
-    """Packs of simulations, or simulations of packs of elements, shared out over threads."""
+    """Packs of simulations, or simulations of packs of elements, shared out over threads.
+
+    Threads for which none is left join one that is at work (`explicit.shared_run`).
+    """
     _work(lane_jobs(batch, threads), threads, progress)
     return histories_of(batch)
 
@@ -177,8 +182,8 @@ def histories_of(batch: PreparedBatch) -> dict[str, FloatArray]:
     return {name: getattr(batch.output, name).numpy().copy() for name in HISTORIES}
 
 
-def lane_jobs(batch: PreparedBatch, threads: int = 1) -> list[Callable[[], int]]:
-    """The launches of a batch on a CPU, in any order; each returns how many simulations it has run.
+def lane_jobs(batch: PreparedBatch, threads: int = 1) -> list[SharedRun]:
+    """The launches of a batch on a CPU, in any order.
 
     Kernels are generated and loaded here: a launch compiles nothing. `threads` are those that have nothing
     else to do, see `packs`.
@@ -192,23 +197,37 @@ def lane_jobs(batch: PreparedBatch, threads: int = 1) -> list[Callable[[], int]]
             kernels[mapping] = lane_kernel(kernel.kernel, kernel.structs, numbers, mapping, lanes).kernel
             wp.load_module(kernels[mapping].module, device=batch.where, block_dim=1)
 
-    def one(mapping: Mapping, first: int, count: int) -> int:
+    def begin(mapping: Mapping, first: int, count: int) -> Callable[[Any], None]:
         width = lanes if mapping == "simulation" else 1
         state = state_of(kernel, model, numbers, batch.where, 1, width)
-        inputs = [body, batch.parameters, state, batch.output, first, count]
-        wp.launch(kernels[mapping], dim=1, inputs=inputs, device=batch.where, block_dim=1)
-        return count
 
-    return [partial(one, *job) for job in jobs]
+        def launch(team: Any) -> None:
+            inputs = [body, batch.parameters, state, batch.output, first, count, team]
+            wp.launch(kernels[mapping], dim=1, inputs=inputs, device=batch.where, block_dim=1)
+
+        return launch
+
+    def one(mapping: Mapping, first: int, count: int) -> SharedRun:
+        shared = model.mesh.n_elements if mapping == "worker" else 0
+        return SharedRun(partial(begin, mapping, first, count), count, shared, batch.where)
+
+    return [one(*job) for job in jobs]
 
 
-def _work(jobs: Sequence[Callable[[], int]], threads: int, progress: Progress | None) -> None:
-    if len(jobs) < 2:  # a thread takes longer to start than a tenth of a run
-        _report((job() for job in jobs), progress)
+def _work(jobs: Sequence[SharedRun], threads: int, progress: Progress | None) -> None:
+    """Run all launches; threads that are left without one join the last ones."""
+    last = jobs[max(len(jobs) - threads + 1, 0) :] if threads > 1 else []
+    joining = [job.offer(threads) for job in reversed(last)]
+    tasks = [one for seat in zip_longest(*joining) for one in seat if one is not None]
+    if len(jobs) + len(tasks) < 2:  # a thread takes longer to start than a tenth of a run
+        _report((job.run() for job in jobs), progress)
         return
-    with ThreadPoolExecutor(min(threads, len(jobs))) as pool:
-        done = as_completed([pool.submit(job) for job in jobs])
+    with ThreadPoolExecutor(min(threads, len(jobs) + len(tasks))) as pool:
+        done = as_completed([pool.submit(job.run) for job in jobs])
+        joined = [pool.submit(task) for task in tasks]  # no thread takes one while a launch is waiting
         _report((future.result() for future in done), progress)
+        for future in joined:
+            future.result()
 
 
 def _report(counts: Iterable[int], progress: Progress | None) -> None:

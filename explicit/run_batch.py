@@ -72,7 +72,8 @@ def run(
     device : str
         "cpu", or a CUDA device such as "cuda" or "cuda:0".
     threads : int, optional
-        CPU threads; default all cores. A result does not depend on it.
+        CPU threads; default all cores. Those for which no simulation is left share one that is at work, if
+        its mesh is large enough; with 1 nothing is shared. A result does not depend on it.
     progress : callable, optional
         Called with the number of simulations finished since the last call.
     modules : Path or str, optional

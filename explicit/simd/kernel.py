@@ -8,9 +8,11 @@ import warp as wp
 
 from explicit.precision import Precision
 from explicit.simd.kept_code import file_of, kept
-from explicit.simd.mappings import LaneIsSimulation, LaneIsWorker
+from explicit.simd.mappings import LaneIsSimulation
 from explicit.simd.prelude import prelude
+from explicit.simd.team import CODE, Team
 from explicit.simd.values import Scalar, Struct
+from explicit.simd.workers import LaneIsWorker
 from explicit.time_loop.structs import Structs
 
 Mapping = Literal["simulation", "worker"]
@@ -25,7 +27,8 @@ class LaneKernel:
     """A kernel over lanes."""
 
     kernel: Any
-    """Launch with dim 1 and inputs (body, batch, state, output, first, count)."""
+    """Launch with dim 1 and inputs (body, batch, state, output, first, count, team); by each thread of those
+    that share a simulation (`explicit.simd.team`)."""
     lanes: int
     """Lanes of a pack."""
 
@@ -43,7 +46,8 @@ def lane_kernel(
     structs, precision
         Types of its arguments and its arithmetic.
     mapping
-        "simulation": a lane is a simulation; "worker": the lanes share one simulation.
+        "simulation": a lane is a simulation; "worker": the lanes share one simulation, which several threads
+        may.
     lanes : int
         Lanes of a pack, a power of two.
     """
@@ -61,17 +65,35 @@ def lane_kernel(
     def translate() -> str:
         translator = {"simulation": LaneIsSimulation, "worker": LaneIsWorker}[mapping](lanes)
         before = prelude(lanes, "f64" if precision.name == "fp64" else "f32")
+        if mapping == "worker":
+            before += CODE
         return before + translator.translate(time_loop.func, arguments)
 
     code = kept(time_loop, _choice(precision, mapping, lanes), translate)
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
 
     @wp.func_native(snippet=code)
-    def time_loop_lanes(body: Body, batch: Batch, state: State, output: Output, first: int, count: int): ...  # type: ignore[valid-type]
+    def time_loop_lanes(
+        body: Body,  # type: ignore[valid-type]
+        batch: Batch,  # type: ignore[valid-type]
+        state: State,  # type: ignore[valid-type]
+        output: Output,  # type: ignore[valid-type]
+        first: int,
+        count: int,
+        team: Team,
+    ): ...
 
     @wp.kernel(module="unique", enable_backward=False, module_options={"cpu_compiler_flags": FLAGS})
-    def time_loop_packs(body: Body, batch: Batch, state: State, output: Output, first: int, count: int):  # type: ignore[valid-type]
-        time_loop_lanes(body, batch, state, output, first, count)
+    def time_loop_packs(
+        body: Body,  # type: ignore[valid-type]
+        batch: Batch,  # type: ignore[valid-type]
+        state: State,  # type: ignore[valid-type]
+        output: Output,  # type: ignore[valid-type]
+        first: int,
+        count: int,
+        team: Team,
+    ):
+        time_loop_lanes(body, batch, state, output, first, count, team)
 
     return LaneKernel(time_loop_packs, lanes)
 

@@ -1,4 +1,4 @@
-"""Meanings of a lane: a simulation each, or the elements and nodes of one simulation in turn."""
+"""Meanings of a lane: what they have in common, and a simulation each (`explicit.simd.workers`: a worker)."""
 
 import ast
 from collections.abc import Sequence
@@ -6,9 +6,18 @@ from collections.abc import Sequence
 from explicit.simd.control import Control
 from explicit.simd.values import Array, Known, Scalar, Value, Vector, literal
 
+BOUNDS = (
+    "first_element", "end_element", "sum_first", "boundary_first",
+    "first_inner", "end_inner", "control_first",
+)  # fmt: skip
+"""Functions that say where a sweep begins or ends; asked with the lane or the end of all."""
 
-class _Lanes(Control):
+
+class Lanes(Control):
     """Common part of both mappings: a lane is worker and control at once."""
+
+    side_by_side = 1
+    """Elements of one simulation that are at work at once in a thread."""
 
     def shared(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
         """The lane functions whose meaning does not depend on what a lane is."""
@@ -22,15 +31,15 @@ class _Lanes(Control):
             return Vector(tuple(self.entry((table, k, column), node) for k in rows))
         if name == "four":
             return self.four(arguments, node)
-        if name in ("sync", "control_sync"):
+        if name == "control_sync":
             return Known(None)
-        if name in ("is_worker", "is_control", "is_writer"):
+        if name in ("is_worker", "is_writer"):
             return literal(1, "i32")
         if name in ("n_workers", "inner_stride", "control_stride"):
-            return self.wp_block_dim()
-        if name in ("boundary_first", "first_inner", "control_first", "stride"):
+            return literal(self.side_by_side, "i32")
+        if name == "stride":
             return arguments[0]
-        if name in ("get_total", "get_largest"):
+        if name == "get_total":
             parts, k = arguments
             return self.load(self.part(parts, (k,), node))  # type: ignore[arg-type]
         if name == "boundary_totals":
@@ -56,14 +65,16 @@ class _Lanes(Control):
         return Known(None)
 
 
-class LaneIsSimulation(_Lanes):
+class LaneIsSimulation(Lanes):
     """Every lane is a simulation; elements and nodes come one after the other.
 
     Fields of the state are laid out with the lanes of an entry side by side.
     """
 
     lanes_inside = True
-    own = frozenset({"empty_sum", "add_to"})
+    own = frozenset(
+        {"empty_sum", "add_to", "add_share", "put_share", "joined", "regroup", "settle", "disband"}
+    )
 
     def wp_tid(self) -> Value:
         """Simulation and lane within it: the last lanes of an incomplete pack repeat its last simulation."""
@@ -78,9 +89,20 @@ class LaneIsSimulation(_Lanes):
         """Nobody to wait for; sums are made as the lanes of one simulation would make them."""
         if name == "empty_sum":
             return Vector((literal(0, "f64"),) * self.lanes, bank="new")
-        if name == "add_to":
-            sofar, share, place = arguments
+        if name in ("add_to", "add_share"):
+            sofar, share, place = arguments[0], arguments[-2], arguments[-1]
             return self._add_to(sofar, share, place, node)  # type: ignore[arg-type]
+        if name in ("sync", "put_share", "settle"):
+            return Known(None)
+        if name == "regroup":
+            return tuple(arguments)
+        if name == "is_control":
+            return literal(1, "i32")
+        if name in BOUNDS or name in ("joined", "disband"):
+            return arguments[0]
+        if name == "get_largest":
+            parts, k = arguments
+            return self.load(self.part(parts, (k,), node))  # type: ignore[arg-type]
         if name == "put_total":
             return self.hand_over(arguments, self._total(arguments[2], node), node)
         if name == "put_largest":
@@ -108,26 +130,3 @@ class LaneIsSimulation(_Lanes):
             pairs = zip(parts[:half], parts[half:], strict=True)
             parts = [self.temporary("f64", f"{a.code} + {b.code}", True) for a, b in pairs]
         return parts[0]
-
-
-class LaneIsWorker(_Lanes):
-    """The lanes share the elements and nodes of one simulation, as the threads of a block do on a GPU."""
-
-    def wp_tid(self) -> Value:
-        """Simulation and lane within it."""
-        return (literal(0, "i32"), Scalar("i32", "lane_numbers", True, lane=True))
-
-    def wp_block_dim(self) -> Scalar:
-        """As many workers as lanes."""
-        return literal(self.lanes, "i32")
-
-    def together(self, name: str, arguments: Sequence[Value], node: ast.Call) -> Value:
-        """Sums and largest values over the lanes, in a fixed order."""
-        if name not in ("put_total", "put_largest"):
-            return self.shared(name, arguments, node)
-        value = arguments[2]
-        if self.mask is not None or not isinstance(value, Scalar):
-            raise self.refuse(node, "every lane must take part")
-        made = {"put_total": "op::sum", "put_largest": "op::most"}[name]
-        total = self.temporary("f64", f"{made}({self.pack(value)})", False)
-        return self.hand_over(arguments, total, node)

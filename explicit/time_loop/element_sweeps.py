@@ -10,6 +10,7 @@ from explicit.elements import ElementFunctions
 from explicit.precision import Precision
 from explicit.time_loop.grouped_tables import entries_function
 from explicit.time_loop.lanes import LaneFunctions
+from explicit.time_loop.slots import Share
 from explicit.time_loop.state_layout import StateLayout
 from explicit.time_loop.structs import Structs, simulation_structs
 
@@ -64,6 +65,9 @@ def sweep_functions(
     real = precision.real
     Body, Solid, Fields = structs.Body, element.Solid, simulation_structs(precision).Fields
     empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
+    add_share, sum_first = lanes.add_share, lanes.sum_first
+    first_element, end_element = lanes.first_element, lanes.end_element
+    lost, restrained = int(Share.POWER), int(Share.ARTIFICIAL)
     corner = corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
     read_shape, corner_stride = element.read_shape, layout.corner_stride
@@ -81,8 +85,9 @@ def sweep_functions(
         """Corner forces of this lane's elements; the largest omega^2; powers lost, as of the element."""
         worst, power, artificial = real(0.0), empty_sum(), empty_sum()
         stride = corner_stride(body.n_elements)
-        e = lane
-        while e < body.n_elements:
+        e = first_element(lane, body.n_elements)
+        end = end_element(body.n_elements)
+        while e < end:
             q = nodes(body, e)
             f_r, f_y, omega_squared, dissipated, controlled = element_forces(
                 read_shape(body.shapes, e, measure),
@@ -98,8 +103,8 @@ def sweep_functions(
                 fields.corner_r[a * stride + e] = f_r[a]
                 fields.corner_y[a * stride + e] = f_y[a]
             worst = wp.max(worst, omega_squared)
-            power = add_to(power, wp.float64(dissipated), e)
-            artificial = add_to(artificial, wp.float64(controlled), e)
+            power = add_share(power, lost, wp.float64(dissipated), e)
+            artificial = add_share(artificial, restrained, wp.float64(controlled), e)
             e += n_workers()
         return wp.float64(worst), power, artificial
 
@@ -115,7 +120,7 @@ def sweep_functions(
         """Strain and hourglass energy, volume past the data and the largest s of this lane's elements."""
         elastic, hourglass, past = empty_sum(), empty_sum(), empty_sum()
         most = real(0.0)
-        e = lane
+        e = sum_first(lane)
         while e < body.n_elements:
             q = nodes(body, e)
             shape = read_shape(body.shapes, e, 0)

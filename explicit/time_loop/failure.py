@@ -64,6 +64,7 @@ def failure_functions(
     real = precision.real
     Body, Solid, Fields = structs.Body, element.Solid, simulation_structs(precision).Fields
     empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
+    sum_first, first_element, end_element = lanes.sum_first, lanes.first_element, lanes.end_element
     sync, put_largest, get_largest = lanes.sync, lanes.put_largest, lanes.get_largest
     number, corner = entry_function(real), corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
@@ -76,7 +77,7 @@ def failure_functions(
     @wp.func
     def motion(body: Body, fields: Fields, lane: int):
         kinetic = empty_sum()
-        n = lane
+        n = sum_first(lane)
         while n < body.n_nodes:
             squared = fields.v_r[n] * fields.v_r[n] + fields.v_y[n] * fields.v_y[n]
             kinetic = add_to(kinetic, wp.float64(half * number(body.masses, 0, n) * squared), n)
@@ -86,8 +87,9 @@ def failure_functions(
     @wp.func
     def strain(body: Body, limit: real, fields: Fields, lane: int):
         past = real(0.0)
-        e = lane
-        while e < body.n_elements:
+        e = first_element(lane, body.n_elements)
+        end = end_element(body.n_elements)
+        while e < end:
             q = nodes(body, e)
             _jacobian, s = element_strains(
                 read_shape(body.shapes, e, 0),

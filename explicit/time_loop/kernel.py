@@ -24,7 +24,7 @@ from explicit.time_loop.lanes import BLOCK, SHARING, SMALL_BLOCK, lane_functions
 from explicit.time_loop.next_step import next_step_functions
 from explicit.time_loop.node_sweeps import node_sweeps
 from explicit.time_loop.record import record_functions
-from explicit.time_loop.slots import CONTROL_SIZE, Control, Total
+from explicit.time_loop.slots import CONTROL_SIZE, Control, Share, Total
 from explicit.time_loop.state_layout import state_layout
 from explicit.time_loop.structs import Structs, batch_structs
 
@@ -93,6 +93,9 @@ def time_loop_kernel(
     check, check_every = planning.check, int(CHECK_EVERY)
     sync, is_worker, is_control, empty_sum = lanes.sync, lanes.is_worker, lanes.is_control, lanes.empty_sum
     put_total, put_largest = lanes.put_total, lanes.put_largest
+    put_share, joined = lanes.put_share, lanes.joined
+    settle, regroup, disband = lanes.settle, lanes.regroup, lanes.disband
+    lost, held_back = int(Share.POWER), int(Share.ARTIFICIAL)
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     HALF = wp.float64(0.5)
     control_size = int(CONTROL_SIZE)
@@ -120,6 +123,7 @@ def time_loop_kernel(
         going, step, until_measured, latched = int(1), int(-1), int(0), wp.float64(0.0)
 
         while going == 1:  # before the first step the elements only say how large it may be
+            step, until_measured, latched = regroup(step, until_measured, latched)
             # While the workers sweep the elements, the control warp ends the step before.
             power, artificial = empty_sum(), empty_sum()
             if is_worker(lane) == 1:
@@ -129,6 +133,8 @@ def time_loop_kernel(
                     until_measured = batch.measure_every
                 until_measured -= 1
                 worst, power, artificial = element_forces(body, solid, row, fields, lane, measure)
+                put_share(power, lost)
+                put_share(artificial, held_back)
                 stiffer = relaxed_forces(
                     body, solid, row, branches, memory, control, step, fields, lane, measure
                 )
@@ -153,6 +159,8 @@ def time_loop_kernel(
             going = int(control[Control.GOING])
             if going == 1 and step >= 0:
                 now = read_step(control, step)
+                power = joined(power, lost, body.n_elements)
+                artificial = joined(artificial, held_back, body.n_elements)
                 kinetic = empty_sum()
                 if now.ledger == 1:
                     elastic, hourglass, past = empty_sum(), empty_sum(), empty_sum()
@@ -185,9 +193,11 @@ def time_loop_kernel(
                 landed += land_step
             if going == 1 and is_control(lane) == 1:
                 next_step(batch, output, sample, step + 1, control, partials)
+            settle(latched)
             step += 1
             sync()
 
+        latched = disband(latched)
         if int(control[Control.STATUS]) == 0:  # a last check of what happened since the one before
             if is_worker(lane) == 1:
                 put_total(partials, Total.MOTION, motion(body, fields, lane))

@@ -105,6 +105,12 @@ class LaneFunctions:
     """``empty_sum()``: where a sum over elements or nodes begins."""
     add_to: Any
     """``add_to(sum, x, k)``: the sum with the share of the k-th element or node."""
+    add_share: Any
+    """``add_share(sum, which, x, k)``: the same for a sum of every step over elements, the one of `Share`."""
+    put_share: Any
+    """``put_share(sum, which)``: the elements are swept; call it before the lanes meet."""
+    joined: Any
+    """``joined(sum, which, n)``: the sum over n elements after they have met, in the order of one thread."""
     is_worker: Any
     """``is_worker(lane)``: 1 for a lane that sweeps elements."""
     n_workers: Any
@@ -126,11 +132,30 @@ class LaneFunctions:
     the control warp."""
     control_sync: Any
     """``control_sync()``: the control warp's lanes have read what they are about to write."""
+    settle: Any
+    """``settle(latched)``: of a CPU's threads, who goes on with the next step; with the largest value that
+    each would leave to the others. Call it before the lanes meet at the end of a step."""
+    regroup: Any
+    """``regroup(step, until_measured, latched)``: the same three to begin a step with. Threads of a CPU come
+    and go here (`explicit.simd.team`)."""
+    disband: Any
+    """``disband(latched)``: the loop is at its end, and what follows is done by one thread of a CPU: the
+    largest value that it and the others have latched."""
+    first_element: Any
+    """``first_element(lane, n)``: the element of n at which a worker begins."""
+    end_element: Any
+    """``end_element(n)``: the one before which it ends."""
+    sum_first: Any
+    """``sum_first(lane)``: where a worker begins a sweep that is rare and adds up: of a CPU's threads the
+    last has all of it."""
     boundary_first: Any
     """``boundary_first(lane)``: the boundary node at which a worker begins."""
     first_inner: Any
-    """``first_inner(lane)``: the node of the interior at which a worker begins. A whole block keeps its last
-    workers for the boundary, where a node takes several times as long."""
+    """``first_inner(lane, n, adds)``: the node of n in the interior at which a worker begins. A whole block
+    keeps its last workers for the boundary, where a node takes several times as long. `adds` is 1 where the
+    sweep adds up."""
+    end_inner: Any
+    """``end_inner(n, adds)``: the node before which it ends."""
     inner_stride: Any
     """``inner_stride()``: how far a worker goes on there."""
     control_first: Any
@@ -178,6 +203,18 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def add_to(sofar: wp.float64, share: wp.float64, place: int):
         return sofar + share
 
+    @wp.func
+    def add_share(sofar: wp.float64, which: int, share: wp.float64, place: int):
+        return sofar + share
+
+    @wp.func
+    def put_share(sofar: wp.float64, which: int):
+        return
+
+    @wp.func
+    def joined(sofar: wp.float64, which: int, n: int):
+        return sofar
+
     @wp.func_native(snippet=either("return lane < THREADS - 32;", "return 1;"))
     def is_worker(lane: int) -> int: ...
 
@@ -208,11 +245,35 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     @wp.func_native(snippet=either("__syncwarp();", ""))
     def control_sync(): ...
 
+    @wp.func
+    def settle(latched: wp.float64):
+        return
+
+    @wp.func
+    def regroup(step: int, until_measured: int, latched: wp.float64):
+        return step, until_measured, latched
+
+    @wp.func
+    def disband(latched: wp.float64):
+        return latched
+
+    @wp.func_native(snippet="return lane;")
+    def first_element(lane: int, n: int) -> int: ...
+
+    @wp.func_native(snippet="return n;")
+    def end_element(n: int) -> int: ...
+
+    @wp.func_native(snippet="return lane;")
+    def sum_first(lane: int) -> int: ...
+
     @wp.func_native(snippet=either("return THREADS - 33 - lane;", "return lane;"))
     def boundary_first(lane: int) -> int: ...
 
     @wp.func_native(snippet=either(f"return lane < {inside} ? lane : 0x40000000;", "return lane;"))
-    def first_inner(lane: int) -> int: ...
+    def first_inner(lane: int, n: int, adds: int) -> int: ...
+
+    @wp.func_native(snippet="return n;")
+    def end_inner(n: int, adds: int) -> int: ...
 
     @wp.func_native(snippet=either(f"return {inside};", "return 1;"))
     def inner_stride() -> int: ...
@@ -224,9 +285,11 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def control_stride() -> int: ...
 
     return LaneFunctions(
-        sync=sync, empty_sum=empty_sum, add_to=add_to, is_worker=is_worker, n_workers=n_workers,
-        is_control=is_control, is_writer=is_writer, put_total=put_total, put_largest=put_largest,
-        get_total=get_total, get_largest=get_largest, boundary_totals=boundary_totals,
-        control_sync=control_sync, boundary_first=boundary_first, first_inner=first_inner,
+        sync=sync, empty_sum=empty_sum, add_to=add_to, add_share=add_share, put_share=put_share,
+        joined=joined, is_worker=is_worker, n_workers=n_workers, is_control=is_control, is_writer=is_writer,
+        put_total=put_total, put_largest=put_largest, get_total=get_total, get_largest=get_largest,
+        boundary_totals=boundary_totals, control_sync=control_sync, settle=settle, regroup=regroup,
+        disband=disband, first_element=first_element, end_element=end_element, sum_first=sum_first,
+        boundary_first=boundary_first, first_inner=first_inner, end_inner=end_inner,
         inner_stride=inner_stride, control_first=control_first, control_stride=control_stride,
     )  # fmt: skip

@@ -44,6 +44,7 @@ def node_sweeps(
     Fields, Surface, Step = simulation.Fields, simulation.Surface, simulation.Step
     empty_sum, add_to, boundary_first = lanes.empty_sum, lanes.add_to, lanes.boundary_first
     first_inner, inner_stride, n_workers = lanes.first_inner, lanes.inner_stride, lanes.n_workers
+    end_inner = lanes.end_inner
     contact = platens.contact
     numbers, corners_at = entries_function(real), entries_function(wp.int32)
     valence, zero, half = int(VALENCE), real(0.0), real(0.5)
@@ -89,8 +90,12 @@ def node_sweeps(
         damped: wp.float64,
     ):
         dt, interval = real(step.dt), real(step.interval)
-        n = first_inner(lane)
-        while n < body.n_inner:
+        adds = int(0)
+        if step.ledger == 1 or alpha > zero:
+            adds = 1
+        n = first_inner(lane, body.n_inner, adds)
+        end = end_inner(body.n_inner, adds)
+        while n < end:
             old, new, mass = free_velocity(body, fields, n, interval, alpha)
             if step.ledger == 1:
                 kinetic = add_to(kinetic, kinetic_energy(mass, old, new), n)

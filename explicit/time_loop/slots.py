@@ -115,6 +115,16 @@ class Total(IntEnum):
     COUNT = 19
 
 
+class Share(IntEnum):
+    """Sums over elements of every step that threads of a CPU make together."""
+
+    POWER = 0
+    """Power lost to damping [W]."""
+    ARTIFICIAL = 1
+    """Power of the hourglass control [W]."""
+    COUNT = 2
+
+
 class Ending(IntEnum):
     """Slots of what is known of a simulation at its end."""
 

@@ -11,6 +11,7 @@ from explicit.device import select_device
 from explicit.mesh_arguments import SPARE
 from explicit.precision import PRECISIONS, Precision
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
+from explicit.simd.team import alone
 from explicit.time_loop.grouped_tables import grouped
 from explicit.time_loop.structs import Structs
 
@@ -187,7 +188,7 @@ def lane_launch(
             continue
         count = min(width, N - first)
         arguments[2] = _arguments(numbers, given, 1, width)[2]
-        wp.launch(made, dim=1, inputs=[*arguments, first, count], device="cpu", block_dim=1)
+        wp.launch(made, dim=1, inputs=[*arguments, first, count, alone()], device="cpu", block_dim=1)
         state = arguments[2].u.numpy()
         u[first : first + count] = state[:, :count].T if width > 1 else state[:, :ELEMENTS]
     return _results(arguments[3], u)

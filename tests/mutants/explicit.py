@@ -9,6 +9,10 @@ STEP = (f"{FORMS}::test_the_step_bound_is_just_above_the_largest_frequency",)
 CONTACT = ("tests/unit/explicit/test_contact_laws.py",)
 PACKS = ("tests/unit/explicit/test_simd_solver.py",)
 
+SHARED_BITS = (
+    "tests/unit/explicit/test_simd_solver.py::test_threads_that_share_a_simulation_agree_bit_for_bit[deviatoric]",
+)
+
 FAULTS = (
     Fault(
         name="a node has the mass of one of its elements only",
@@ -179,5 +183,33 @@ FAULTS = (
         right="n_samples * cluster <= SPREAD * device.sm_count",
         wrong="n_samples <= SPREAD * device.sm_count",
         tests=("tests/unit/explicit/test_clusters.py",),
+    ),
+    Fault(
+        name="the first thread's shares of a sum are taken for kept ones",
+        file="explicit/simd/workers.py",
+        right="for (int {at} = team_op::end({n.code}, 0, members);",
+        wrong="for (int {at} = 0;",
+        tests=SHARED_BITS,
+    ),
+    Fault(
+        name="every thread sweeps the nodes of a sum",
+        file="explicit/simd/workers.py",
+        right="(keeps_books ? 0 : {n.code})",
+        wrong="0",
+        tests=SHARED_BITS,
+    ),
+    Fault(
+        name="threads join a mesh that has no work for them",
+        file="explicit/shared_run.py",
+        right="min(threads, self._n_elements // ELEMENTS_EACH, MOST_SEATS)",
+        wrong="min(threads, MOST_SEATS)",
+        tests=("tests/unit/explicit/test_shared_run.py",),
+    ),
+    Fault(
+        name="threads join launches that are at their end when a thread is idle",
+        file="explicit/drivers.py",
+        right="jobs[max(len(jobs) - threads + 1, 0) :]",
+        wrong="jobs[:]",
+        tests=("tests/unit/explicit/test_shared_run.py",),
     ),
 )

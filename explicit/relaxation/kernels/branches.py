@@ -55,6 +55,7 @@ def relaxation_functions(
     real = precision.real
     Body, Solid, Fields = structs.Body, element.Solid, simulation_structs(precision).Fields
     empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
+    sum_first, first_element, end_element = lanes.sum_first, lanes.first_element, lanes.end_element
     corner = corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
     read_shape, corner_stride = element.read_shape, layout.corner_stride
@@ -86,8 +87,9 @@ def relaxation_functions(
             interval = real(control[plan + Plan.INTERVAL])
         most = real(0.0)
         n_elements, stride = body.n_elements, corner_stride(body.n_elements)
-        e = lane
-        while e < body.n_elements:
+        e = first_element(lane, n_elements)
+        end = end_element(n_elements)
+        while e < end:
             q = nodes(body, e)
             shape = read_shape(body.shapes, e, measure)
             ur, uy, vr, vy = (
@@ -130,7 +132,7 @@ def relaxation_functions(
         elastic, hourglass, past, most = sweep_energies(body, lasting, row, limit_s, fields, lane)
         taken = empty_sum()
         n_elements = body.n_elements
-        e = lane
+        e = sum_first(lane)
         while e < body.n_elements:
             q = nodes(body, e)
             shape = read_shape(body.shapes, e, 0)

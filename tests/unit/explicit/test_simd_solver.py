@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
+from shared_launches import LONG, FullSeats, launch_shared
 
 from explicit import (
     CharacteristicBar,
@@ -30,6 +31,7 @@ from explicit.precision import PRECISIONS
 from explicit.relaxation import BergstromBoyce, PronySeries
 from explicit.relaxation.base import RateDependence
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
+from explicit.simd.team import alone
 from explicit.support import Support
 from explicit.time_loop.kernel import time_loop_kernel
 
@@ -143,8 +145,16 @@ def samples_of(case: Case) -> Samples:
     )
 
 
-def launch(case: Case, mapping: Mapping | None, n: int = N, shift: int = 0, spoil: bool = True) -> Any:
-    """The first n simulations; in packs that begin at `shift`."""
+def launch(
+    case: Case,
+    mapping: Mapping | None,
+    n: int = N,
+    shift: int = 0,
+    spoil: bool = True,
+    threads: int = 1,
+    patience: int = 0,
+) -> Any:
+    """The first n simulations; in packs that begin at `shift`; each shared by so many threads."""
     where = select_device("cpu")
     numbers, model = PRECISIONS[case.precision], model_of(case)
     kernel = time_loop_kernel(
@@ -169,7 +179,14 @@ def launch(case: Case, mapping: Mapping | None, n: int = N, shift: int = 0, spoi
     while first < n:
         count = min(width if first else (shift or width), n - first)
         state = state_of(kernel, model, numbers, where, 1, width)
-        wp.launch(made, 1, [body, batch, state, output, first, count], device=where, block_dim=1)
+
+        def share(team: Any, given: tuple[Any, ...] = (state, output, first, count)) -> None:
+            wp.launch(made, 1, [body, batch, *given, team], device=where, block_dim=1)
+
+        if threads == 1:
+            share(alone())
+        else:
+            assert launch_shared(share, FullSeats(model.mesh.n_elements, threads, where, patience)) > 0
         first += count
     return output
 
@@ -211,6 +228,16 @@ def test_the_mappings_agree_bit_for_bit(case: Case) -> None:
     a, b = results(case, "simulation"), results(case, "worker")
     for name in a:
         np.testing.assert_array_equal(a[name], b[name], err_msg=name)
+
+
+@EVERY
+def test_threads_that_share_a_simulation_agree_bit_for_bit(case: Case) -> None:
+    """Two that stay together; more that are late at a meeting now and then, or at each, go and come back."""
+    expected = results(case, "worker")
+    for threads, patience, n in ((2, LONG, CRUSHED + 1), (3, 1000, N), (2, 0, N)):
+        got = read(launch(case, "worker", n, threads=threads, patience=patience))
+        for name in got:
+            np.testing.assert_array_equal(got[name][:n], expected[name][:n], err_msg=f"{name}, {threads}")
 
 
 @EVERY

@@ -1,0 +1,264 @@
+"""Threads of a CPU that share one simulation: their parts, their meetings, who comes and who goes.
+
+Every thread runs the whole time loop on packs of its own, which follow each other in the mesh. The one in
+the first seat keeps the books: totals, records, the next step, the boundary. It begins alone, and its
+elements are the last. The others come when they have a core, and go for a while when they have been waited
+for: a thread that lost its core for a moment costs more than it brings. Nobody waits for a thread that has
+not come.
+
+Sums over elements are made in the order of one thread: the threads behind the first part keep the shares of
+their elements, and the last one adds its own and theirs, one after the other, to the sum of the first.
+"""
+
+import ctypes
+import sys
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from explicit.mesh_arguments import SPARE
+from explicit.time_loop.slots import Share, Total
+
+MOST_SEATS = 8
+"""Most threads that share a simulation. There is room for the largest values of `lanes.WARPS`."""
+LINE = 32
+"""Words from one to the next: two lines of a cache, for they are fetched in pairs."""
+MET, LATE, STATE, RANK, ALL, DONE, WORDS = (row * MOST_SEATS * LINE for row in range(7))
+"""Places of words. By a thread's rank in the team: how often it has met the others, and whether it was late.
+By its seat: whether it is away (0), ready (1), chosen (2) or in the team (3), and its rank. Of all: how many
+they are, for one that comes the step, the steps until the bound is measured and the meetings so far, and
+whether one has to leave. Then whether the simulation is at its end."""
+SIZE, STEP, UNTIL, COUNT, LEFT = (ALL + k for k in range(5))
+PATIENCE, READY = 1000, 5000
+"""Looks at another thread's word before it is late, and of a thread that waits for a call before it gives its
+core away: 10 to 40 ns each."""
+PATIENCE_EACH, READY_EACH = 1, 4
+"""More of them for each element of the mesh, which takes one thread as long as a look: a thread is late when
+it takes longer than one alone would, and some steps pass while it waits for a call."""
+MOST_LOOKS = 1 << 22
+"""Most of either, some 50 ms."""
+NAP, LONGEST_NAP, PIECE, WAIT = 5000, 160000, 500, 20
+"""How long a thread is away at first and at most, looking now and then whether the simulation is at its end,
+and how long between two looks at one that is late [us]."""
+UNIT = 1000 if sys.platform == "win32" else 1
+"""Unit of the system's naps [us]."""
+PAYS = 1000
+"""Meetings after which being in the team has paid, and the next time away is short again."""
+
+
+@wp.struct
+class Team:
+    """What the threads of one simulation share, and which of them this is."""
+
+    seat: int
+    """0 for the one that keeps the books."""
+    seats: int
+    """How many there are."""
+    room: int
+    """Numbers of each sum in `shares`."""
+    patience: int
+    """Looks at another thread's word before it is late."""
+    ready: int
+    """Looks of a thread that waits for a call before it gives its core away."""
+    nap: wp.uint64
+    """Address of a function that lets other threads have the core for a time [us]."""
+    words: wp.array(dtype=wp.int32)  # type: ignore[valid-type]
+    """What they tell each other."""
+    shares: wp.array(dtype=wp.float64)  # type: ignore[valid-type]
+    """For each sum of `Share`, its elements' shares and a pack of the first thread's sum; then by rank the
+    largest value that a thread has latched."""
+
+
+CODE = f"""
+    const int seat = team.seat, seats = team.seats, keeps_books = seat == 0;
+    int* const words = team.words.data;
+    double* const shares = team.shares.data;
+    const int shares_s0 = team.room;
+    double* const latched_of = shares + {int(Share.COUNT)} * shares_s0;
+    typedef void (*naps)(unsigned);
+    const naps nap = (naps)team.nap;
+    const i32v lane_of_all = lane_numbers + (keeps_books ? 0 : 0x40000000);
+    int member = 0, members = 1, meetings = 0, nap_next = {NAP}, came = 0;
+    struct team_op {{
+        static inline int get(const int* word) {{ return __atomic_load_n(word, __ATOMIC_ACQUIRE); }}
+        static inline void set(int* word, int value) {{ __atomic_store_n(word, value, __ATOMIC_RELEASE); }}
+        static inline bool change(int* word, int from, int to) {{
+            return __atomic_compare_exchange_n(word, &from, to, false, __ATOMIC_ACQ_REL, __ATOMIC_ACQUIRE);
+        }}
+        static inline void away(const int* words, int time, naps nap) {{
+            for (; time > 0 && !get(words + {DONE}); time -= {PIECE}) nap({-(-PIECE // UNIT)});
+        }}
+        static inline void look() {{
+#if defined(__x86_64__)
+            __builtin_ia32_pause();
+#endif
+        }}
+        // Every thread tells the others that it has come, and waits for them.
+        static inline void meet(int* words, int member, int members, int now, int patience, naps nap) {{
+            set(words + {MET} + member * {LINE}, now);
+            for (int other = 0; other < members; ++other) {{
+                int looks = 0;
+                while (get(words + {MET} + other * {LINE}) < now) {{
+                    if (++looks < patience) {{
+                        look();
+                    }} else {{
+                        set(words + {LATE} + other * {LINE}, 1);
+                        nap({-(-WAIT // UNIT)});
+                    }}
+                }}
+            }}
+        }}
+        // Choose who goes on: those of the team who were not late, then those who are ready. Where the one
+        // that chooses was late itself, there may be more threads than cores: the last one before it goes.
+        static inline void choose(int* words, int seats, int members) {{
+            int size = 0;
+            int* const own = words + {LATE} + (members - 1) * {LINE};
+            if (members > 1 && get(own)) set(own - {LINE}, 1);
+            set(own, 0);
+            words[{LEFT}] = 0;
+            for (int seat = 1; seat < seats; ++seat) {{
+                int* const state = words + {STATE} + seat * {LINE};
+                int* const rank = words + {RANK} + seat * {LINE};
+                const int now = get(state);
+                if (now == 3 && get(words + {LATE} + *rank * {LINE})) {{
+                    set(words + {LATE} + *rank * {LINE}, 0);
+                    *rank = -1;
+                    set(state, 0);
+                    words[{LEFT}] = 1;
+                }} else if (now == 3 || (now == 1 && change(state, 1, 2))) {{
+                    *rank = size++;
+                }}
+            }}
+            words[{SIZE}] = size + 1;
+        }}
+        // Let those begin who were chosen.
+        static inline void call(int* words, int seats, int step, int until, int meetings) {{
+            words[{STEP}] = step;
+            words[{UNTIL}] = until;
+            words[{COUNT}] = meetings;
+            for (int seat = 1; seat < seats; ++seat) {{
+                int* const state = words + {STATE} + seat * {LINE};
+                if (get(state) == 2) set(state, 3);
+            }}
+        }}
+        // Wait to be called; false where the simulation is at its end.
+        static inline bool called(int* words, int seat, int time, int looks, naps nap) {{
+            int* const state = words + {STATE} + seat * {LINE};
+            while (!get(words + {DONE})) {{
+                set(state, 1);
+                for (int k = 0; k < looks && get(state) != 3 && !get(words + {DONE}); ++k) look();
+                if (!change(state, 1, 0)) {{
+                    while (get(state) != 3 && !get(words + {DONE})) look();
+                    return get(state) == 3;
+                }}
+                away(words, time, nap);
+            }}
+            return false;
+        }}
+        // The first of n elements or nodes that a thread has: whole packs.
+        static inline int begin(int n, int member, int members) {{
+            return (int)((long long)((n + W - 1) / W) * member / members) * W;
+        }}
+        static inline int end(int n, int member, int members) {{
+            const int next = begin(n, member + 1, members);
+            return next < n ? next : n;
+        }}
+    }};
+"""
+"""C++ at the beginning of a time loop whose lanes share a simulation."""
+MEET = "if (members > 1) team_op::meet(words, member, members, ++meetings, team.patience, nap);"
+"""C++ of a meeting."""
+SETTLE = """
+    if (keeps_books && seats > 1) team_op::choose(words, seats, members);
+    if (!keeps_books) latched_of[member * 16] = op::most(LATCHED);
+"""
+"""C++ before the meeting that ends a step."""
+INHERIT = """
+    for (int rank = 0; rank < members - 1; ++rank) { // what those that leave have latched
+        const f64v other = (f64v)(latched_of[rank * 16]);
+        LATCHED = other > LATCHED ? other : LATCHED;
+    }
+""".strip()
+REGROUP = f"""
+    if (keeps_books && seats > 1) {{
+        if (words[{LEFT}]) {{
+            {INHERIT}
+        }}
+        team_op::call(words, seats, STEP, UNTIL, meetings);
+        members = words[{SIZE}];
+        member = members - 1;
+    }} else if (!keeps_books) {{
+        if (members > 1 && words[{RANK} + seat * {LINE}] < 0) {{
+            nap_next = meetings - came > {PAYS} ? {NAP} : nap_next < {LONGEST_NAP} ? 2 * nap_next : nap_next;
+            team_op::away(words, nap_next, nap);
+            members = 1;
+        }}
+        if (members == 1) {{
+            if (!team_op::called(words, seat, nap_next, team.ready, nap)) return;
+            STEP = words[{STEP}];
+            UNTIL = words[{UNTIL}];
+            came = meetings = words[{COUNT}];
+            LATCHED = (f64v)(0.0);
+        }}
+        members = words[{SIZE}];
+        member = words[{RANK} + seat * {LINE}];
+    }}
+"""
+"""C++ of the beginning of a step, where threads come and go."""
+DISBAND = f"""
+    if (!keeps_books) return;
+    {INHERIT}
+    if (seats > 1) team_op::set(words + {DONE}, 1);
+    members = 1;
+    member = 0;
+"""
+"""C++ at the end of the loop: one thread does the rest."""
+TOTALS = int(Total.COUNT)
+"""Values from those that one thread has handed over to those of the next."""
+
+
+class Seats:
+    """Seats at a simulation of so many elements on a device."""
+
+    def __init__(self, n_elements: int, seats: int, where: Any) -> None:
+        self.seats, self.room = seats, n_elements + 2 * SPARE
+        self.patience = min(PATIENCE + PATIENCE_EACH * n_elements, MOST_LOOKS)
+        self.ready = min(READY + READY_EACH * n_elements, MOST_LOOKS)
+        self.nap = nap_function()
+        self.words: Any = wp.zeros(WORDS, dtype=wp.int32, device=where)
+        self.words.numpy()[SIZE] = 1
+        size = int(Share.COUNT) * self.room + 16 * seats
+        self.shares: Any = wp.empty(size, dtype=wp.float64, device=where)
+
+    def team(self, seat: int) -> Any:
+        """The argument of the thread in a seat."""
+        team = Team()
+        team.seat = seat
+        for name in ("seats", "room", "patience", "ready", "nap", "words", "shares"):
+            setattr(team, name, getattr(self, name))
+        return team
+
+    def close(self) -> None:
+        """Send away who waits for a call."""
+        self.words.numpy()[DONE] = 1
+
+
+@cache
+def alone() -> Any:
+    """The argument of a thread that shares its simulation with nobody."""
+    team = Team()
+    team.seats = 1
+    return team
+
+
+@cache
+def nap_function() -> int:
+    """Address of the system's function that lets other threads have the core."""
+    if sys.platform == "win32":  # milliseconds there: longer naps
+        function = ctypes.WinDLL("kernel32").Sleep
+    else:
+        function = ctypes.CDLL(None).usleep
+    address = ctypes.cast(function, ctypes.c_void_p).value
+    assert address is not None
+    return address
