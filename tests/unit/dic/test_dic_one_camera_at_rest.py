@@ -1,4 +1,4 @@
-"""A body that one camera alone sees at rest: held where both saw it across the axis, with what that may be off."""
+"""A body that one camera alone sees at rest: held where both saw it across the axis."""
 
 import numpy as np
 import pytest
