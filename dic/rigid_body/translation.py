@@ -20,10 +20,11 @@ FREE = 9.0
 """Prior standard deviation of the lateral motion where both cameras see the body, which tell it, in lengths
 that a pixel shows [-]."""
 LATERAL_SIGMA = 0.9
-"""The same, at most, since the nearest frame that both cameras saw, where one alone does [-]."""
+"""Standard deviation of it, at most, since the nearest frame that both cameras saw, where one alone does
+[-]."""
 LEAST_LATERAL = 0.02
-"""And at least [-]: little, for one camera tells depth by the perspective of its points alone, and warm air
-looks like it."""
+"""And at least [-]; also the prior one where one camera alone sees the body: little, for it tells depth by
+the perspective of its points, and warm air looks like it."""
 NEAREST = 20
 """Frames that both cameras saw whose mean tells where a body is across the axis."""
 FEWEST_FRAMES = 10

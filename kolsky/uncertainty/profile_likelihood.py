@@ -22,8 +22,8 @@ from kolsky.uncertainty.reduced_likelihood import reduced_likelihood
 TOLERANCE = 0.1
 """Error of the rise at the runs along a profile, over the level, at which the surrogate is believed."""
 SAID = 1.0 - 0.75**2
-"""The same at which it is said: the rise goes with the square, so that an end of the interval may then be a
-quarter too far out. The answer's own interval does not rest on it."""
+"""The same at which it is said: the rise goes with the square, so that an end of the interval may then stand
+a quarter too near the optimum, or a fifth too far. The answer's own interval does not rest on it."""
 ROUNDS = 3
 """Most times that runs along the profiles are added to a surrogate."""
 ALONG = 6
