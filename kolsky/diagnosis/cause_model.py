@@ -11,7 +11,7 @@ from explicit import Response
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.diagnosis.alterations import UNALTERED, Alteration
 from kolsky.diagnosis.candidate_input import DECLARED, CandidateInput, Changed, together
-from kolsky.diagnosis.cause_fit import ExpectedResidual
+from kolsky.diagnosis.expected_residual import ExpectedResidual
 from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.launches import Launch, run_side_by_side
 from kolsky.inverse.observations import Observations

@@ -14,9 +14,10 @@ import numpy as np
 
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.diagnosis.candidate_input import DECLARED, CandidateInput
-from kolsky.diagnosis.cause_fit import Allowances, ExpectedResidual, LinearFit, evidence, fit_linear
+from kolsky.diagnosis.cause_fit import Allowances, LinearFit, evidence, fit_linear, solve_linear
 from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.diagnosis.cause_trial import Trial
+from kolsky.diagnosis.expected_residual import ExpectedResidual
 from kolsky.inverse.cause_results import COVERAGE
 from kolsky.inverse.staged_runs import StagedRuns
 
@@ -78,9 +79,9 @@ class CauseSearch:
                 self.columns[c.key] = change / (_inside(c, u + c.step) - u)
         self.declared = [c for c in candidates if c.key in self.columns and c.within(stages) is not None]
         here = self.residual(self.vector)
-        self.null = fit_linear(here, self.slope, expected, self.allowed())
+        self.null = solve_linear(here, self.slope, expected, self.allowed())
         self.at, self.left = self.clipped(x + self.null.step), self.null.residual
-        self.bare_left = fit_linear(here, self.slope, expected).residual
+        self.bare_left = solve_linear(here, self.slope, expected).residual
         self.before, self.bare = expected.misfits(self.left), expected.misfits(self.bare_left)
 
     def against(self, unchanged: Trial) -> None:
@@ -132,7 +133,7 @@ class CauseSearch:
     def relieved(self, residual: FloatArray, tried: CandidateInput) -> FloatArray:
         """A residual less what the declared uncertainties explain of it, shape [k]."""
         none = np.zeros((len(residual), 0))
-        return fit_linear(residual, none, self.expected, self.allowed(tried)).residual
+        return solve_linear(residual, none, self.expected, self.allowed(tried)).residual
 
     def alone(self, c: CandidateInput) -> Trial:
         """A declared input by one linear step with all others as they are declared."""
@@ -177,7 +178,7 @@ class CauseSearch:
             misfits = self.expected.misfits(fit.residual)
             if to != u + fit.step[-1]:
                 # It ends at the edge of what can be: the others follow it there.
-                at = fit_linear(here + own * (to - u), self.slope, self.expected, allowed)
+                at = solve_linear(here + own * (to - u), self.slope, self.expected, allowed)
                 misfits = self.expected.misfits(at.residual)
             x = self.clipped(self.x + fit.step[:-1])
             found.append(Trial(c, x, to, misfits, fit.residual, fit))
@@ -211,7 +212,7 @@ class CauseSearch:
         for (c, u), vector in zip(pairs, vectors, strict=True):
             if not np.isfinite(vector[: self.n_force]).all():
                 continue
-            fit = fit_linear(self.residual(vector), self.slope, self.expected, self.allowed(c))
+            fit = solve_linear(self.residual(vector), self.slope, self.expected, self.allowed(c))
             x = self.clipped(self.x + fit.step)
             trials.setdefault(c.key, []).append(
                 Trial(c, x, u, self.expected.misfits(fit.residual), fit.residual)

@@ -13,13 +13,13 @@ from explicit import Response
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.process import one_blas_thread
 from kolsky.diagnosis.candidate_input import DENSITY, SENSITIVITY, CandidateInput
-from kolsky.diagnosis.cause_fit import ExpectedResidual
 from kolsky.diagnosis.cause_inputs import CANDIDATES
 from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.diagnosis.cause_ranking import ranked
 from kolsky.diagnosis.cause_search import FOLLOWED, CauseSearch
 from kolsky.diagnosis.cause_trial import Trial
 from kolsky.diagnosis.cause_valleys import in_valleys, valley_is_free, without_change
+from kolsky.diagnosis.expected_residual import ExpectedResidual
 from kolsky.diagnosis.thresholds import UNEXPLAINED
 from kolsky.inverse.cause_results import CauseFinding
 from kolsky.inverse.staged_runs import StagedRuns

@@ -9,23 +9,23 @@ DECLARED = ("tests/unit/diagnosis/test_declared_causes.py",)
 FAULTS = (
     Fault(
         name="patterns without their unit prior",
-        file="kolsky/diagnosis/cause_fit.py",
+        file="kolsky/diagnosis/expected_residual.py",
         right="core = np.eye(self.patterns.shape[1]) + self.patterns.T @ VN",
         wrong="core = 1e-9 * np.eye(self.patterns.shape[1]) + self.patterns.T @ VN",
         tests=FIT,
     ),
     Fault(
         name="the noise taken off tau once, not squared",
-        file="kolsky/diagnosis/cause_fit.py",
+        file="kolsky/diagnosis/expected_residual.py",
         right="(left[use] ** 2 - self.sigma[use] ** 2).mean()",
         wrong="(left[use] ** 2 - self.sigma[use]).mean()",
         tests=FIT,
     ),
     Fault(
         name="a misfit that its own tau explains",
-        file="kolsky/diagnosis/cause_fit.py",
-        right="alone = replace(self.of(channel), tau=np.zeros(2))",
-        wrong="alone = self.of(channel)",
+        file="kolsky/diagnosis/expected_residual.py",
+        right="replace(self.of(channel), tau=np.zeros(2))",
+        wrong="self.of(channel)",
         tests=FIT,
     ),
     Fault(

@@ -118,8 +118,8 @@ FAULTS = (
     Fault(
         name="the misfit as if nothing were declared uncertain",
         file="kolsky/diagnosis/cause_search.py",
-        right="self.null = fit_linear(here, self.slope, expected, self.allowed())",
-        wrong="self.null = fit_linear(here, self.slope, expected)",
+        right="self.null = solve_linear(here, self.slope, expected, self.allowed())",
+        wrong="self.null = solve_linear(here, self.slope, expected)",
         tests=DECLARED,
     ),
     Fault(

@@ -6,7 +6,6 @@ from scipy.stats import t as student
 
 from kolsky.diagnosis.cause_fit import (
     BLOCKS,
-    ExpectedResidual,
     chance,
     evidence,
     explained_share,
@@ -14,6 +13,7 @@ from kolsky.diagnosis.cause_fit import (
     holm,
 )
 from kolsky.diagnosis.cause_model import leading_patterns
+from kolsky.diagnosis.expected_residual import ExpectedResidual
 
 K = 60
 """Entries: the first half are the force's."""
