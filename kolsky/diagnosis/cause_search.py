@@ -23,8 +23,6 @@ from kolsky.inverse.staged_runs import StagedRuns
 
 FOLLOWED = 6
 """Most starts that are followed by Gauss-Newton steps."""
-FINER = 6
-"""Finer values tried to each side."""
 TURNS = 6
 """Most Gauss-Newton steps of each."""
 KEPT = 60.0
@@ -195,35 +193,6 @@ class CauseSearch:
     def clipped(self, x: FloatArray) -> FloatArray:
         """Free parameters inside their ranges, shape [d]."""
         return np.clip(x, self.model.lower[: len(x)], self.model.upper[: len(x)])
-
-    def scanned(self, candidates: Sequence[CandidateInput]) -> list[Trial]:
-        """The best far values of every candidate, the free parameters by a linear step: starts."""
-        found = self._least([(c, u) for c in candidates for u in c.scan])
-        narrow = [t for t in found if t.candidate.finer > 0.0]
-        about = [(t.candidate, t.u + n * t.candidate.finer) for t in narrow for n in range(-FINER, FINER + 1)]
-        wide = [t for t in found if not t.candidate.finer > 0.0]
-        return wide + (self._least(about) if about else [])
-
-    def _least(self, tried: Sequence[tuple[CandidateInput, float]]) -> list[Trial]:
-        """Of each candidate the two values from which both neighbours are worse, as ringing has several."""
-        pairs = [(c, u) for c, u in tried if c.lowest <= u <= c.highest]
-        vectors = self.model.vectors([Point(self.x, c.changed(u)) for c, u in pairs])
-        trials: dict[str, list[Trial]] = {}
-        for (c, u), vector in zip(pairs, vectors, strict=True):
-            if not np.isfinite(vector[: self.n_force]).all():
-                continue
-            fit = solve_linear(self.residual(vector), self.slope, self.expected, self.allowed(c))
-            x = self.clipped(self.x + fit.step)
-            trials.setdefault(c.key, []).append(
-                Trial(c, x, u, self.expected.misfits(fit.residual), fit.residual)
-            )
-        found = []
-        for row in trials.values():
-            row.sort(key=lambda t: t.u)
-            losses = [self.loss(t.misfits) for t in row]
-            least = [i for i in range(len(row)) if losses[i] <= min(losses[max(i - 1, 0) : i + 2])]
-            found += [row[i] for i in sorted(least, key=lambda i: losses[i])[:2]]
-        return found
 
     def followed(self, starts: Sequence[Trial]) -> list[Trial]:
         """Gauss-Newton steps from each start with runs of their own; the answer itself if none is better."""

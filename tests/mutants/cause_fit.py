@@ -79,7 +79,7 @@ FAULTS = (
     ),
     Fault(
         name="patterns of a path that are not its covariance's",
-        file="kolsky/diagnosis/cause_model.py",
+        file="kolsky/diagnosis/cause_expected.py",
         right="root = safe[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))",
         wrong="root = safe[:, None] * vectors * np.maximum(values, 0.0)",
         tests=FIT,
@@ -101,8 +101,8 @@ FAULTS = (
     Fault(
         name="runs of one model for points of another",
         file="kolsky/diagnosis/cause_model.py",
-        right="return (tuple(sorted(point.changed.specimen.items())), any_slides(named))",
-        wrong="return (any_slides(named),)",
+        right="launch = (tuple(sorted(point.changed.specimen.items())), any_slides(named))",
+        wrong="launch = (any_slides(named),)",
         tests=RUNS,
     ),
     Fault(

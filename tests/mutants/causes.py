@@ -48,8 +48,8 @@ FAULTS = (
     Fault(
         name="an outline further out in the model, not in the file",
         file="kolsky/diagnosis/alterations.py",
-        right="self._radii(response, observations, sample) - self.Z_offset",
-        wrong="self._radii(response, observations, sample) + self.Z_offset",
+        right="known - self.Z_offset",
+        wrong="known + self.Z_offset",
         tests=ALTERED,
     ),
     Fault(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
+from kolsky.diagnosis.cause_expected import leading_patterns
 from kolsky.diagnosis.cause_fit import (
     BLOCKS,
     chance,
@@ -12,7 +13,6 @@ from kolsky.diagnosis.cause_fit import (
     fit_linear,
     holm,
 )
-from kolsky.diagnosis.cause_model import leading_patterns
 from kolsky.diagnosis.expected_residual import ExpectedResidual
 
 K = 60

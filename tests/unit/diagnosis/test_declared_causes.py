@@ -1,5 +1,6 @@
 """Inputs within their declared uncertainty: what they explain is no misfit, and they are not named."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from math import inf
 from types import SimpleNamespace
@@ -122,6 +123,11 @@ class LinearModel:
 
     def slopes(self, x: FloatArray, changed: Changed) -> list[Any]:
         return [SimpleNamespace(x=x + 0.01, changed=changed)]
+
+    beside = False
+
+    def ahead(self, points: Any) -> Any:
+        return nullcontext()
 
     def vectors(self, points: Any) -> FloatArray:
         return np.array(
