@@ -19,9 +19,9 @@ _NUMERICS = {"mesh": "mesh and step", "roughness": "roughness of the response"}
 _VERDICTS = {
     Verdict.IDENTIFIED: "The optimum lies inside the design, and a simulation at it confirms the surrogate.",
     Verdict.FORCE_ALONE: "The optimum lies inside the design, and a simulation at it confirms the surrogate. "
-    "No outline was measured, or it hardly bears on the value: the force is not checked against it.",
+    "No outline was measured, or by itself it tells the value too poorly to check the force.",
     Verdict.OUTLINE_ALONE: "The optimum lies inside the design, and a simulation at it confirms the "
-    "surrogate. The force hardly bears on the value: the outline is not checked against it.",
+    "surrogate. By itself the force tells the value too poorly to check the outline.",
     Verdict.UNEXPLAINED: "The residual is larger than noise, inputs and mesh leave where the model is right: "
     "do not use the value before the cause is found. The warnings name the channel.",
     Verdict.CONTRADICTED: "Force and outline ask for values that are further apart than their uncertainties "
