@@ -142,7 +142,7 @@ def _on_refined(
     beside: FloatArray | None,
     *,
     shift: FloatArray,
-    final: bool,
+    final: bool = False,
 ) -> tuple[RefinedRun, Beside | None]:
     """Steps on the refined mesh until a run leaves the optimum where it is.
 

@@ -4,6 +4,7 @@ from tests.mutants.fault import Fault
 
 RUNS = ("tests/unit/diagnosis/test_cause_runs.py",)
 FIT = ("tests/unit/diagnosis/test_cause_fit.py",)
+SCAN = ("tests/unit/diagnosis/test_cause_scan.py",)
 DECLARED = ("tests/unit/diagnosis/test_declared_causes.py",)
 
 FAULTS = (
@@ -110,6 +111,41 @@ FAULTS = (
         file="kolsky/diagnosis/cause_model.py",
         right="tuple(sorted(point.changed.values.items())), point.changed.motion)",
         wrong="tuple(sorted(point.changed.values.items())))",
+        tests=RUNS,
+    ),
+    Fault(
+        name="weights of another tau",
+        file="kolsky/diagnosis/expected_residual.py",
+        right="return self if (tau == self.tau).all() else",
+        wrong="return self if (tau == self.tau).any() else",
+        tests=FIT,
+    ),
+    Fault(
+        name="radii at the height of another alteration",
+        file="kolsky/diagnosis/alterations.py",
+        right="return self.outline_lag, self.y_offset",
+        wrong="return self.outline_lag, 0.0",
+        tests=("tests/unit/diagnosis/test_alterations.py",),
+    ),
+    Fault(
+        name="finer values to one side only",
+        file="kolsky/diagnosis/cause_scan.py",
+        right="range(-FINER, FINER + 1)",
+        wrong="range(0, FINER + 1)",
+        tests=SCAN,
+    ),
+    Fault(
+        name="values asked for that are at work",
+        file="kolsky/diagnosis/cause_scan.py",
+        right="found = _tried(search, altered)",
+        wrong="found = _tried(search, [*altered, *narrow])[: len(altered)]",
+        tests=SCAN,
+    ),
+    Fault(
+        name="runs made ahead that nobody keeps",
+        file="kolsky/diagnosis/cause_model.py",
+        right="            found = self._named(fresh, made())\n",
+        wrong="            found = self._named(fresh, made()) and {}\n",
         tests=RUNS,
     ),
 )
