@@ -62,7 +62,7 @@ def search(*, beside: bool) -> tuple[CauseSearch, Ahead]:
             ("m", ALTERED, NARROW, WIDE, "bend"), (300.0, 9.0, 9.0, 9.0, 1.0), rows, strict=True
         )
     }
-    model = Ahead(columns, 2.0 * columns[NARROW] + rng.standard_normal(K), beside=beside)
+    model = Ahead(columns, -2.0 * columns[NARROW] + rng.standard_normal(K), beside=beside)
     one: Any = model
     return CauseSearch(stages(), one, expected(), np.ones(K, dtype=bool), inputs()), model
 
