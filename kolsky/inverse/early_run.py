@@ -7,9 +7,8 @@ once.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,9 +17,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Forward
 from kolsky.inverse.graded_mesh import graded
 from kolsky.inverse.idle_core import begun_in_thread, leaves_a_core
-
-if TYPE_CHECKING:
-    from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.settings import Settings
 
 LIKELY = 1.0
 """Step in standard deviations behind which the next run is probably confirmed [-]: a step with the slopes of
@@ -39,16 +36,25 @@ class EarlyRun:
     """Waits for it."""
 
     @classmethod
-    def begun(cls, stages: StagedRuns, x: FloatArray) -> EarlyRun | None:
-        """Begin the run at a point, shape [d], on one thread; None where no core is idle beside a run."""
-        settings, forward = stages.settings, stages.prepared.forward
+    def begun(
+        cls, forward: Forward, settings: Settings, names: Sequence[str], x: FloatArray
+    ) -> EarlyRun | None:
+        """Begin the run of a point on one thread; None where no core is idle beside a run.
+
+        Parameters
+        ----------
+        forward, settings
+            The shot under the path as it is now, and what is held.
+        names, x
+            The free parameters, and the point in SI, shape [d].
+        """
         numerics = settings.numerics
         if numerics.compressible is not None or not leaves_a_core(numerics.device, numerics.threads):
             return None
-        values = {**settings.held, **dict(zip(stages.box.names, x.tolist(), strict=True))}
+        values = {**settings.held, **dict(zip(names, x.tolist(), strict=True))}
         alone = replace(graded(numerics, settings.refined_mesh), threads=1)
         return cls(x, forward, begun_in_thread(lambda: forward.run(values, alone)))
 
-    def is_of(self, stages: StagedRuns, x: FloatArray) -> bool:
-        """True if it is the run of a point under the path as it is now."""
-        return self.forward is stages.prepared.forward and np.array_equal(self.x, x)
+    def is_of(self, forward: Forward, x: FloatArray) -> bool:
+        """True if it is the run of a point under that very path."""
+        return self.forward is forward and np.array_equal(self.x, x)

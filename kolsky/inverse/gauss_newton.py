@@ -156,7 +156,7 @@ def _on_refined(
             # The meshes' difference at the optimum is as good for a point not far away.
             points = np.stack([_counterpart(stages, beside, moved), x])
         if final and len(points) == 1 and (found.step.moved <= LIKELY if found else not shift.any()):
-            stages.early = EarlyRun.begun(stages, x)
+            stages.early = EarlyRun.begun(stages.prepared.forward, stages.settings, stages.box.names, x)
         check = completed_apart(stages, points)
         if len(check) == 2:
             other = Beside(points[0], check[0].prediction, check[0].response)

@@ -93,7 +93,7 @@ def made(stages: StagedRuns, point: FloatArray, numerics: Sequence[Numerics]) ->
         values = {**stages.settings.held, **dict(zip(stages.box.names, at.tolist(), strict=True))}
         launches.append(Launch(stages.prepared.forward, values, one))
     early, last = stages.early, graded(stages.settings.numerics, stages.settings.refined_mesh)
-    if early is not None and numerics[-1] == last and early.is_of(stages, point):
+    if early is not None and numerics[-1] == last and early.is_of(stages.prepared.forward, point):
         responses = [*run_side_by_side(launches[-2::-1])[::-1], early.response()]
     else:
         responses = run_side_by_side(launches[::-1])[::-1]  # the longest first

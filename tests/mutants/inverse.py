@@ -212,7 +212,7 @@ FAULTS = (
     Fault(
         name="a run begun early taken for one under another path",
         file="kolsky/inverse/early_run.py",
-        right="return self.forward is stages.prepared.forward and np",
+        right="return self.forward is forward and np",
         wrong="return np",
         tests=EARLY,
     ),

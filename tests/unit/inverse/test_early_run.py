@@ -39,40 +39,39 @@ def test_work_that_is_begun_goes_on_when_the_caller_has_returned() -> None:
         begun_in_thread(fails)()
 
 
-def staged(**choices: Any) -> Any:
-    """Simulations that answer with what they are asked."""
-    forward = SimpleNamespace(run=lambda values, numerics: (values, numerics))
+def chosen(**numerics: Any) -> Any:
     return SimpleNamespace(
-        settings=SimpleNamespace(
-            numerics=Numerics(**{"threads": 2, **choices}), refined_mesh=REFINED, held={"poisson": 0.499}
-        ),
-        box=SimpleNamespace(names=("stiffness_factor",)),
-        prepared=SimpleNamespace(forward=forward),
+        numerics=Numerics(**{"threads": 2, **numerics}), refined_mesh=REFINED, held={"poisson": 0.499}
     )
 
 
+def shot() -> Any:
+    """A shot that answers with what it is asked."""
+    return SimpleNamespace(run=lambda values, numerics: (values, numerics))
+
+
 def test_it_is_the_finest_graded_run_of_the_point_on_one_thread() -> None:
-    stages, x = staged(), np.array([1.2])
-    early = EarlyRun.begun(stages, x)
+    forward, x = shot(), np.array([1.2])
+    early = EarlyRun.begun(forward, chosen(), ("stiffness_factor",), x)
     assert early is not None
     values, numerics = early.response()  # type: ignore[misc]
     assert values == {"poisson": 0.499, "stiffness_factor": 1.2}
     assert numerics == graded(Numerics(threads=1), REFINED)
-    assert early.is_of(stages, np.array([1.2]))
-    assert not early.is_of(stages, np.array([1.2 + 1e-15]))
-    stages.prepared = SimpleNamespace(forward=SimpleNamespace())  # the path has been moved
-    assert not early.is_of(stages, x)
+    assert early.is_of(forward, np.array([1.2]))
+    assert not early.is_of(forward, np.array([1.2 + 1e-15]))
+    assert not early.is_of(shot(), x)  # the path has been moved
 
 
-@pytest.mark.parametrize("choices", [{"threads": 1}, {"compressible": 0.49}])
-def test_none_is_begun_without_an_idle_core_or_a_graded_mesh(choices: dict[str, Any]) -> None:
-    assert EarlyRun.begun(staged(**choices), np.array([1.2])) is None
+@pytest.mark.parametrize("numerics", [{"threads": 1}, {"compressible": 0.49}])
+def test_none_is_begun_without_an_idle_core_or_a_graded_mesh(numerics: dict[str, Any]) -> None:
+    assert EarlyRun.begun(shot(), chosen(**numerics), ("stiffness_factor",), np.array([1.2])) is None
 
 
 def test_it_is_begun_beside_the_run_that_is_probably_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
     begun: list[np.ndarray] = []
-    monkeypatch.setattr(gauss_newton.EarlyRun, "begun", lambda stages, x: begun.append(x))
+    monkeypatch.setattr(gauss_newton.EarlyRun, "begun", lambda *args: begun.append(args[-1]))
     made: Any = MadeUp()
+    made.prepared = SimpleNamespace(forward=None)
     one = Objective(made.observations, np.empty(0, dtype=bool))
     h = 1e-6 * np.array([1.0, 0.01])
     answer = np.array([1.05, 0.49885])
