@@ -3,13 +3,16 @@
 from contextlib import nullcontext
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from kolsky.base.process import infrequent_gc
 from kolsky.cli import texts
 from kolsky.cli.options import AsJson, Figures, Out, ShotPath
+
+if TYPE_CHECKING:
+    from dic.result import StereoResult
 
 
 @infrequent_gc()
@@ -62,6 +65,7 @@ def dic(
     from kolsky.base.files import usable_folder
     from kolsky.base.process import keep_freed_memory, single_threaded_libraries
     from kolsky.cli.terminal import print_result, progress_bars, since
+    from kolsky.report.page_process import drawers, surface_page_process
     from kolsky.shot.load import load_pictures
     from kolsky.shot.rig import calibrated_beside
 
@@ -69,23 +73,35 @@ def dic(
     loaded = load_pictures(shot)
     folder = usable_folder(out or loaded.folder / "results")
     kept = not again and (folder / "dic.h5").exists()  # may be read back; the cameras are found if not
-    with progress_bars() as progress, forking(), single_threaded_libraries():
+    with (
+        surface_page_process(drawers()) as page,
+        progress_bars() as progress,
+        forking(),
+        single_threaded_libraries(),
+    ):
         began = perf_counter()
         with nullcontext() if kept else calibrated_beside(loaded.pictures) as cameras:
             # imported while others look at the target
             from kolsky.report.result_folder import load_dic_page, write_dic_results
+            from kolsky.report.surface_view import read_surface_view
             from kolsky.shot.optical_data import RESULT_FILE, surfaces
+
+            def draw_ahead(result: "StereoResult") -> None:
+                if page is not None:
+                    page.draw_ahead(read_surface_view(loaded.name, result, loaded.pictures.series))
 
             found = surfaces(
                 loaded.pictures, folder, device=device, again=again, progress=progress, cameras=cameras,
-                idle=load_dic_page,
+                idle=load_dic_page if page is None else lambda: None, known=draw_ahead,
             )  # fmt: skip
-    result, now = found.result, perf_counter()
-    times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
-    times["surfaces file"] = now - began - sum(times.values())
-    now = perf_counter()
-    write_dic_results(folder, loaded, found, formats=formats, csv=csv, vtp=vtp, processes=2)
-    times["files and page"] = perf_counter() - now
+        result, now = found.result, perf_counter()
+        times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
+        times["surfaces file"] = now - began - sum(times.values())
+        now = perf_counter()
+        write_dic_results(
+            folder, loaded, found, formats=formats, csv=csv, vtp=vtp, processes=drawers(), page=page
+        )
+        times["files and page"] = perf_counter() - now
     print_result(
         found.rows(),
         {"shot": loaded.name, **found.summary()} if as_json else None,
