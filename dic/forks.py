@@ -44,6 +44,11 @@ def can_fork() -> bool:
     return sys.platform == "linux" and cores() > 1
 
 
+def allowed() -> bool:
+    """Return True within `forking`, where `can_fork`."""
+    return _FORKING.get() and can_fork()
+
+
 class Later(Generic[Result]):
     """Result of work that is under way beside this."""
 

@@ -10,6 +10,7 @@ from dic.arrays import BoolArray, FloatArray
 from dic.bodies.follow import Progress
 from dic.bodies.matched import MatchedBody
 from dic.bodies.region import Region
+from dic.bodies.second_camera import SecondCamera
 from dic.camera import StereoRig
 from dic.chain import remarks
 from dic.chain.facts import facts_of, speckles_of
@@ -85,6 +86,7 @@ def measure(
     progress: Progress | None = None,
     idle: Callable[[], None] = lambda: None,
     inspection: Inspection | None = None,
+    second: SecondCamera | None = None,
 ) -> StereoResult:
     """Measure surfaces, outline and the flyer's displacement in two series of pictures.
 
@@ -112,6 +114,8 @@ def measure(
         Work of the caller's for the time in which this process waits for another one.
     inspection
         Of these pictures and static frames, if the caller has made it (`inspect_pictures`).
+    second
+        A process that follows camera 1 in the pictures of the inspection (`dic.bodies.second_camera`).
 
     Returns
     -------
@@ -131,7 +135,7 @@ def measure(
     findings = clock("cameras", lambda: check_cameras(inputs, specimen))
     try:
         matched = clock("match between the cameras", lambda: _matched(inputs, specimen, flyer))
-        body, *others = clock("tracking", lambda: follow(inputs, matched, progress))
+        body, *others = clock("tracking", lambda: follow(inputs, matched, progress, second))
         tracked_flyer = others[0] if others else None
         rest_state = clock("test frame", partial(fit_test_frame, inputs, body, tracked_flyer))
     except ChainError as error:
