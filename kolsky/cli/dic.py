@@ -1,6 +1,6 @@
 """`kolsky dic`: from the pictures of a shot to surfaces, files, tables and a page."""
 
-from contextlib import nullcontext
+from contextlib import ExitStack
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
@@ -65,7 +65,6 @@ def dic(
     from kolsky.base.files import usable_folder
     from kolsky.base.process import keep_freed_memory, single_threaded_libraries
     from kolsky.cli.terminal import print_result, progress_bars, since
-    from kolsky.report.page_process import drawers, surface_page_process
     from kolsky.shot.load import load_pictures
     from kolsky.shot.rig import calibrated_beside
 
@@ -73,27 +72,25 @@ def dic(
     loaded = load_pictures(shot)
     folder = usable_folder(out or loaded.folder / "results")
     kept = not again and (folder / "dic.h5").exists()  # may be read back; the cameras are found if not
-    with (
-        surface_page_process(drawers()) as page,
-        progress_bars() as progress,
-        forking(),
-        single_threaded_libraries(),
-    ):
+    with progress_bars() as progress, forking(), single_threaded_libraries(), ExitStack() as stack:
         began = perf_counter()
-        with nullcontext() if kept else calibrated_beside(loaded.pictures) as cameras:
-            # imported while others look at the target
-            from kolsky.report.result_folder import load_dic_page, write_dic_results
-            from kolsky.report.surface_view import read_surface_view
-            from kolsky.shot.optical_data import RESULT_FILE, surfaces
+        cameras = None if kept else stack.enter_context(calibrated_beside(loaded.pictures))
+        # imported while others look at the target
+        from kolsky.report.page_process import drawers, surface_page_process
+        from kolsky.report.result_folder import load_dic_page, write_dic_results
+        from kolsky.report.surface_view import read_surface_view
+        from kolsky.shot.optical_data import RESULT_FILE, surfaces
 
-            def draw_ahead(result: "StereoResult") -> None:
-                if page is not None:
-                    page.draw_ahead(read_surface_view(loaded.name, result, loaded.pictures.series))
+        page = stack.enter_context(surface_page_process(drawers()))  # forked with what both need
 
-            found = surfaces(
-                loaded.pictures, folder, device=device, again=again, progress=progress, cameras=cameras,
-                idle=load_dic_page if page is None else lambda: None, known=draw_ahead,
-            )  # fmt: skip
+        def draw_ahead(result: "StereoResult") -> None:
+            if page is not None:
+                page.draw_ahead(read_surface_view(loaded.name, result, loaded.pictures.series))
+
+        found = surfaces(
+            loaded.pictures, folder, device=device, again=again, progress=progress, cameras=cameras,
+            idle=load_dic_page if page is None else lambda: None, known=draw_ahead,
+        )  # fmt: skip
         result, now = found.result, perf_counter()
         times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
         times["surfaces file"] = now - began - sum(times.values())
