@@ -55,6 +55,15 @@ def load_identify_page() -> None:
     load_template()
 
 
+def load_surface_page() -> None:
+    """Import what the page of `kolsky dic` is drawn with, and load its fonts: as `load_identify_page`."""
+    from kolsky.report.canvas import load_drawing
+    from kolsky.report.result_folder import load_dic_page
+
+    load_dic_page()
+    load_drawing()
+
+
 class PageProcess:
     """The process that draws the page of an identification; what it does not deliver is drawn here.
 
@@ -152,11 +161,9 @@ def surface_page_process(processes: int) -> Iterator[SurfacePageProcess | None]:
 
 def _draw_surfaces(take: Callable[[], Any], processes: int) -> None:
     """Load what the page needs, draw what is known without the flight, and write the page."""
-    from kolsky.report.result_folder import load_dic_page
-
     gc.freeze()
     with infrequent_gc(), ExitStack() as stack:
-        load_dic_page()
+        load_surface_page()
         told, ahead = take(), dict[str, Callable[[], str]]()
         while not isinstance(told, tuple):  # the latest view is that of the page
             view, ahead = told, stack.enter_context(_drawn_ahead(told, processes))
