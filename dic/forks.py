@@ -49,6 +49,16 @@ def allowed() -> bool:
     return _FORKING.get() and can_fork()
 
 
+MOST_PARTS = 4
+"""Most processes that one array is divided between: to fork one takes as long as some frames."""
+
+
+def parts() -> int:
+    """Parts that small work is worth being divided into: as many as cores, `MOST_PARTS` at most, and
+    1 where forks are not allowed."""
+    return min(cores(), MOST_PARTS) if allowed() else 1
+
+
 class Later(Generic[Result]):
     """Result of work that is under way beside this."""
 

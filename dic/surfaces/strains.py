@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from dic.arrays import BoolArray, FloatArray, IntArray
-from dic.forks import allowed, cores, side_by_side
+from dic.forks import parts, side_by_side
 from dic.surfaces.overlap import overlap_correlation
 from dic.surfaces.surface_history import SurfaceHistory
 from dic.surfaces.tensors import StrainHistory
@@ -86,8 +86,6 @@ class StrainGauge:
 
 MOST_SENT = 400_000
 """Points times frames whose strains forks work out and send back: some 80 MB."""
-MOST_PROCESSES = 4
-"""Most processes that work on them."""
 THINNEST = 0.3
 """Least spread of a window's points in any direction [steps, root mean square]."""
 
@@ -157,9 +155,9 @@ def strains(
         return found
 
     # what forks send back is some 200 bytes a point and frame
-    parts = min(cores(), MOST_PROCESSES) if allowed() and frames * n <= MOST_SENT else 1
-    works = [partial(fitted, range(part, n, parts)) for part in range(parts)]
-    for each in side_by_side(works, processes=parts):
+    processes = parts() if frames * n <= MOST_SENT else 1
+    works = [partial(fitted, range(part, n, processes)) for part in range(processes)]
+    for each in side_by_side(works, processes=processes):
         for i, k, F_i, B, V_i, share_i, centre_i in each:
             F[k, i], basis[k, i], V[k, i] = F_i, B, V_i
             share[k, i], centre[k, i], outcome[k, i] = share_i, centre_i, StrainOutcome.VALID
