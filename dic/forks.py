@@ -54,7 +54,7 @@ MOST_PARTS = 4
 
 
 def parts() -> int:
-    """Parts that small work is worth being divided into: as many as cores, `MOST_PARTS` at most, and
+    """Parts that small work is worth being divided into: as many as there are cores, at most `MOST_PARTS`;
     1 where forks are not allowed."""
     return min(cores(), MOST_PARTS) if allowed() else 1
 
