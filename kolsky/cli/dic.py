@@ -76,8 +76,8 @@ def dic(
         began = perf_counter()
         cameras = None if kept else stack.enter_context(calibrated_beside(loaded.pictures))
         # imported while others look at the target
-        from kolsky.report.page_process import drawers, surface_page_process
-        from kolsky.report.result_folder import load_dic_page, write_dic_results
+        from kolsky.report.page_process import drawers, load_surface_page, surface_page_process
+        from kolsky.report.result_folder import write_dic_results
         from kolsky.report.surface_view import read_surface_view
         from kolsky.shot.optical_data import RESULT_FILE, surfaces
 
@@ -89,7 +89,7 @@ def dic(
 
         found = surfaces(
             loaded.pictures, folder, device=device, again=again, progress=progress, cameras=cameras,
-            idle=load_dic_page if page is None else lambda: None, known=draw_ahead,
+            idle=load_surface_page if page is None else lambda: None, known=draw_ahead,
         )  # fmt: skip
         result, now = found.result, perf_counter()
         times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}

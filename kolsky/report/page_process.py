@@ -57,10 +57,11 @@ def load_identify_page() -> None:
 
 def load_surface_page() -> None:
     """Import what the page of `kolsky dic` is drawn with, and load its fonts: as `load_identify_page`."""
-    from kolsky.report.canvas import load_drawing
-    from kolsky.report.result_folder import load_dic_page
+    import matplotlib.backends.backend_svg  # noqa: F401
 
-    load_dic_page()
+    import kolsky.report.pages.surfaces  # noqa: F401
+    from kolsky.report.canvas import load_drawing
+
     load_drawing()
 
 

@@ -80,16 +80,6 @@ def write_identify_results(
                 written()
 
 
-def load_dic_page() -> None:
-    """Import what the page of surfaces is drawn with.
-
-    Of use in a thread while pictures are correlated, which needs no interpreter, see `dic.forks.beside`.
-    """
-    import matplotlib.backends.backend_svg  # noqa: F401
-
-    import kolsky.report.pages.surfaces  # noqa: F401
-
-
 def read_identify_results(folder: Path, shot: Shot) -> Identification:
     """Read the identification of a shot back from its folder.
 
