@@ -54,9 +54,9 @@ MOST_PARTS = 4
 
 
 def parts() -> int:
-    """Parts that small work is worth being divided into: as many as there are cores, at most `MOST_PARTS`;
-    1 where forks are not allowed."""
-    return min(cores(), MOST_PARTS) if allowed() else 1
+    """Parts that small work is worth being divided into: as many as there are cores but one, which other work
+    has, at most `MOST_PARTS`; 1 where forks are not allowed."""
+    return min(cores() - 1, MOST_PARTS) if allowed() else 1
 
 
 class Later(Generic[Result]):

@@ -12,7 +12,7 @@ from dic.bodies.region import Region, grid_points, polygon_mask
 from dic.camera import StereoRig
 from dic.chain.settings import ChainError, ChainSettings
 from dic.correlation import Noise
-from dic.forks import allowed, beside
+from dic.forks import beside, parts
 from dic.images import PictureError, Pictures
 from dic.images.health import frame_health
 from dic.images.kept import kept
@@ -88,7 +88,7 @@ def inspect_pictures(pictures: tuple[Pictures, Pictures], static: BoolArray) -> 
     def other() -> tuple[tuple[IntArray, GreyNoise], dict[int, Grey]]:
         return _inspect_one(1, series[1], static), dict(series[1].held)
 
-    if allowed() and series[1].n_frames * int(np.prod(series[1].shape)) <= MOST_SENT:
+    if parts() > 1 and series[1].n_frames * int(np.prod(series[1].shape)) <= MOST_SENT:
         with beside(other) as later:
             health0, grey0 = _inspect_one(0, series[0], static)
             (health1, grey1), read = later()
