@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dic.apart import apart
+from dic.arrays import FloatArray
 from dic.bodies import follow, second_camera
 from dic.bodies.matched import MatchedBody, track_body
 from dic.correlation import Correlation, Noise
@@ -21,7 +22,7 @@ pytestmark = pytest.mark.skipif(not can_fork(), reason="one core, or no copies o
 
 
 def test_a_process_works_on_what_it_is_told_later() -> None:
-    began = []
+    began: list[str] = []
 
     def work(take: Any) -> tuple[int, list[Any], int]:
         return os.getpid(), [take(), take()], len(began)
@@ -56,25 +57,20 @@ def bodies() -> tuple[tuple[PicturesInMemory, PicturesInMemory], list[MatchedBod
     """A body that moves by a pixel a frame before two cameras, its points where they are in both, and the
     same as a rigid one."""
     shape, n = (90, 90), 5
-    series = tuple(
-        PicturesInMemory(
-            tuple(
-                np.rint(
-                    1000.0
-                    + 100.0
-                    * render(
-                        speckle_pattern(shape, size=4.0, seed=3),
-                        shape,
-                        material=lambda p, k=k, own=own: p - np.array([0.3 * own, k * 1.0]),
-                        noise=1.0,
-                        seed=10 * own + k,
-                    )
-                ).astype(np.uint16)
-                for k in range(n)
-            )
-        )
-        for own in (0, 1)
-    )
+
+    def camera(own: int) -> PicturesInMemory:
+        pattern, frames = speckle_pattern(shape, size=4.0, seed=3), []
+        for k in range(n):
+            move = np.array([0.3 * own, k * 1.0])
+
+            def moved(p: FloatArray, move: FloatArray = move) -> FloatArray:
+                return p - move
+
+            grey = render(pattern, shape, material=moved, noise=1.0, seed=10 * own + k)
+            frames.append(np.rint(1000.0 + 100.0 * grey).astype(np.uint16))
+        return PicturesInMemory(tuple(frames))
+
+    series = camera(0), camera(1)
     y, x = np.mgrid[25:61:9, 25:61:9]
     points = np.stack([x.ravel(), y.ravel()], axis=1).astype(float)
     m = len(points)
@@ -98,7 +94,7 @@ def bodies() -> tuple[tuple[PicturesInMemory, PicturesInMemory], list[MatchedBod
         )
         for name, rigid in (("specimen", False), ("flyer", True))
     ]  # fmt: skip
-    return series, made  # type: ignore[return-value]
+    return series, made
 
 
 def followed(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
