@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import zip_longest
 from math import prod
+from threading import Lock
 from typing import Any
 
 import warp as wp
@@ -182,16 +183,21 @@ def histories_of(batch: PreparedBatch) -> dict[str, FloatArray]:
     return {name: getattr(batch.output, name).numpy().copy() for name in HISTORIES}
 
 
+def constants_of(batch: PreparedBatch) -> Any:
+    """The constants of a batch's mesh on the CPU; made once."""
+    return body_of(batch.kernel, batch.model, batch.numbers, batch.where, False)
+
+
 def lane_jobs(batch: PreparedBatch, threads: int = 1) -> list[SharedRun]:
     """The launches of a batch on a CPU, in any order.
 
-    Kernels are generated and loaded here: a launch compiles nothing. `threads` are those that have nothing
-    else to do, see `packs`.
+    Kernels are generated and loaded here: a launch compiles nothing. The first one makes the constants of the
+    mesh, beside other batches at work. `threads` are those that have nothing else to do, see `packs`.
     """
     kernel, model, numbers = batch.kernel, batch.model, batch.numbers
     lanes = PACK_BYTES // numbers.dtype().itemsize
     jobs = packs(batch.n_samples, lanes, model.mesh.n_elements, threads)
-    body, kernels = body_of(kernel, model, numbers, batch.where, False), {}
+    once, kernels = Lock(), {}
     with GENERATING:
         for mapping in {job[0] for job in jobs}:
             kernels[mapping] = lane_kernel(kernel.kernel, kernel.structs, numbers, mapping, lanes).kernel
@@ -200,6 +206,8 @@ def lane_jobs(batch: PreparedBatch, threads: int = 1) -> list[SharedRun]:
     def begin(mapping: Mapping, first: int, count: int) -> Callable[[Any], None]:
         width = lanes if mapping == "simulation" else 1
         state = state_of(kernel, model, numbers, batch.where, 1, width)
+        with once:
+            body = constants_of(batch)
 
         def launch(team: Any) -> None:
             inputs = [body, batch.parameters, state, batch.output, first, count, team]

@@ -15,6 +15,7 @@ from explicit.device import GENERATING, select_device
 from explicit.drivers import (
     PreparedBatch,
     collect_from_gpu,
+    constants_of,
     lane_jobs,
     launch_on_gpu,
     run_all_in_lanes,
@@ -114,7 +115,9 @@ def load_time_loop(problem: Problem, *, device: str = "cpu") -> None:
     """
     where = select_device(device)
     if not where.is_cuda:
-        lane_jobs(_prepared(problem, where, None)[0])
+        batch, _ = _prepared(problem, where, None)
+        constants_of(batch)
+        lane_jobs(batch)
 
 
 def run_side_by_side(

@@ -24,7 +24,7 @@ from kolsky.base.records import FlyerMotion
 from kolsky.diagnosis.branch_search import branch_fit
 from kolsky.diagnosis.cause_words import cause_warnings
 from kolsky.diagnosis.causes import OtherStart, find_causes
-from kolsky.diagnosis.clocks import Reruns, clock_lags
+from kolsky.diagnosis.clocks import Reruns, clock_lags, first_lags
 from kolsky.diagnosis.corrected import corrected
 from kolsky.diagnosis.fit_quality import fit_quality
 from kolsky.diagnosis.rate_advice import branch_figures, rate_advice, shot_branch_test
@@ -41,6 +41,7 @@ from kolsky.inverse.estimates import (
 )
 from kolsky.inverse.fit_results import FitQuality
 from kolsky.inverse.held_answer import held_answer
+from kolsky.inverse.idle_core import in_thread, leaves_a_core
 from kolsky.inverse.misfit import terms
 from kolsky.inverse.parameters import MOVED, any_slides
 from kolsky.inverse.prepared_shot import prepare_shot
@@ -141,13 +142,15 @@ def identify(
             return None if held is None or explains(judged_fit()[2]) else OtherStart(held.x, held.response)
 
         stages.progress("causes", 0, 1)
-        causes = find_causes(
-            stages,
-            fine.x,
-            fine.check.response.select([0]),
-            other=elsewhere,
-            explained=lambda: near_right(judged_fit()[2]),
-        )
+        seen, idle = fine.check.response, leaves_a_core(settings.numerics.device, settings.numerics.threads)
+        with in_thread(lambda: first_lags(seen, fine.objective, fine.jacobian), idle=idle) as first:
+            causes = find_causes(
+                stages,
+                fine.x,
+                seen.select([0]),
+                other=elsewhere,
+                explained=lambda: near_right(judged_fit()[2]),
+            )
         sources, changes, fit = judged_fit()
 
     gain = fine.objective.gain(fine.jacobian)
@@ -165,7 +168,7 @@ def identify(
     held = None if found.held is None else held_answer(found, answers[MOVED])
 
     again = Reruns.of(stages, fine.x)
-    clocks = clock_lags(shot, fine.check.response, fine.objective, fine.jacobian, changes, again=again)
+    clocks = clock_lags(shot, seen, fine.objective, fine.jacobian, changes, first=first(), again=again)
 
     result = Identification(
         shot=shot.name,

@@ -49,12 +49,28 @@ class Alteration:
             Z_offset=self.Z_offset + other.Z_offset,
         )
 
-    def vector(self, response: Response, observations: Observations, sample: int = 0) -> FloatArray:
-        """Force bins [N], then the radii at all outline points [m], shape [k]; NaN where none is known."""
+    @property
+    def sight(self) -> tuple[float, float]:
+        """What tells the radii of `radii` under this alteration from those under another: lag and height."""
+        return self.outline_lag, self.y_offset
+
+    def vector(
+        self,
+        response: Response,
+        observations: Observations,
+        sample: int = 0,
+        *,
+        radii: FloatArray | None = None,
+    ) -> FloatArray:
+        """Force bins [N], then the radii at all outline points [m], shape [k]; NaN where none is known.
+
+        `radii` are those of the same run under an alteration of the same `sight`, where they are known.
+        """
         force = observations.of_forces(lambda bins, which: self._force(response, bins.edges, sample, which))
         if not observations.has_shape:
             return force
-        return np.concatenate([force, self._radii(response, observations, sample) - self.Z_offset])
+        known = self.radii(response, observations, sample) if radii is None else radii
+        return np.concatenate([force, known - self.Z_offset])
 
     def _force(self, response: Response, edges: FloatArray, sample: int, which: str) -> FloatArray:
         """Means of a force between the edges, as altered [N]; the incident one has its own scale and zero."""
@@ -70,9 +86,11 @@ class Alteration:
             mean += weight * np.diff(known) / np.diff(edges)
         return mean if which == "flyer" else np.asarray(self.force_factor * mean + self.force_offset)
 
-    def _radii(self, response: Response, observations: Observations, sample: int) -> FloatArray:
-        """Radii at the points [m], linear in time between the frames and beyond the last; at rest before the
-        first."""
+    def radii(self, response: Response, observations: Observations, sample: int = 0) -> FloatArray:
+        """Radii at the points without the offset from the axis [m], linear in time between the frames and
+        beyond the last; at rest before the first. None of a shot without an outline."""
+        if not observations.has_shape:
+            return np.zeros(0)
         line, times = observations.centre_line, response.surface_times
         r, y = response.surface_r[sample], response.surface_y[sample]
         at = np.maximum(line.time - self.outline_lag, times[0])

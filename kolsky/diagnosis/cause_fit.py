@@ -1,99 +1,27 @@
 """Least squares with one input changed: value, uncertainty, significance and evidence (no simulations here).
 
 The residual r = prediction - data, shape [k], is linear in changes of the free parameters and of the input,
-r + A z. A right model leaves noise and the error of the mesh, independent with standard deviation sigma,
-and what a few patterns V bring whose amplitudes are standard normal (the noise of the flyer's motion, the
-mesh's error as a whole): C = diag(sigma^2 + tau^2) + V V^T. tau, of each channel, is what is left beyond
-that. C is never formed: a Cholesky factor of the patterns' own matrix does (Woodbury).
+r + A z. What a right model leaves of it has the covariance C and, beyond it, tau
+(`kolsky.diagnosis.expected_residual`).
 
 Other inputs may be off within their declared uncertainty: B a with a standard normal prior on a and bounds
 at k = 2, found together with z.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import lsq_linear
 from scipy.special import fdtrc
 
-from kolsky.base.arrays import FloatArray, IntArray
+from kolsky.base.arrays import BoolArray, FloatArray, IntArray
+from kolsky.diagnosis.expected_residual import ExpectedResidual
 
 BLOCKS = (2, 4, 8, 16)
 """Block lengths, in times of a channel, over which residuals may be correlated."""
 ROUNDS = 3
 """Rounds of least squares and tau, which depend on each other."""
-
-
-@dataclass(frozen=True)
-class ExpectedResidual:
-    """What a right model leaves of the data vector."""
-
-    sigma: FloatArray
-    """Standard deviation of what is independent, shape [k]."""
-    patterns: FloatArray
-    """Changes of the data vector by one standard deviation of each common cause, shape [k, q]."""
-    channel: IntArray
-    """Channel of each entry, 0 for force and 1 for outline, shape [k]."""
-    block: IntArray
-    """Number of the time of each entry, the same for both channels, shape [k]."""
-    tau: FloatArray
-    """What is left beyond, of each channel, in its unit, shape [2]."""
-
-    @property
-    def variance(self) -> FloatArray:
-        """Of what is independent, with tau, shape [k]."""
-        return np.asarray(self.sigma**2 + self.tau[self.channel] ** 2)
-
-    def weighted(self, x: FloatArray) -> FloatArray:
-        """C^-1 x, shape of x [k] or [k, n]."""
-        inverse = 1.0 / self.variance
-        plain = inverse[:, None] * x.reshape(len(x), -1)
-        VN = self.patterns * inverse[:, None]
-        core = np.eye(self.patterns.shape[1]) + self.patterns.T @ VN
-        return np.asarray(plain - VN @ np.linalg.solve(core, self.patterns.T @ plain)).reshape(x.shape)
-
-    def independent(self, residual: FloatArray) -> FloatArray:
-        """The residual without what the patterns most probably brought, shape [k]."""
-        return np.asarray(self.variance * self.weighted(residual))
-
-    def of(self, channel: int) -> "ExpectedResidual":
-        """One channel alone."""
-        use = self.channel == channel
-        return replace(
-            self,
-            sigma=self.sigma[use],
-            patterns=self.patterns[use],
-            channel=self.channel[use],
-            block=self.block[use],
-        )
-
-    def misfits(self, residual: FloatArray) -> FloatArray:
-        """Mean of r^T C^-1 r over the entries of each channel, on its own and without tau, shape [2].
-
-        1 is what a right model leaves; of a channel without entries it is 1.
-        """
-        found = np.ones(2)
-        for channel in range(2):
-            alone = replace(self.of(channel), tau=np.zeros(2))
-            part = residual[self.channel == channel]
-            if part.size:
-                found[channel] = part @ alone.weighted(part) / part.size
-        return found
-
-    def with_tau(self, residual: FloatArray) -> "ExpectedResidual":
-        """With the tau that explains a residual, of each channel."""
-        left = self.independent(residual)
-        excess = [
-            (left[use] ** 2 - self.sigma[use] ** 2).mean() if (use := self.channel == c).any() else 0.0
-            for c in range(2)
-        ]
-        return replace(self, tau=np.sqrt(np.maximum(excess, 0.0)))
-
-    @property
-    def times(self) -> IntArray:
-        """Number of distinct times of each channel, shape [2]."""
-        return np.array([len(np.unique(self.block[self.channel == c])) for c in range(2)])
 
 
 @dataclass(frozen=True)
@@ -109,17 +37,23 @@ class Allowances:
 
 
 @dataclass(frozen=True)
-class LinearFit:
-    """The least squares of r + A z + B a."""
+class Solution:
+    """The least squares of r + A z + B a, without its uncertainty."""
 
     step: FloatArray
     """The best z, shape [p]."""
-    covariance: FloatArray
-    """Of z, with residuals correlated in time, shape [p, p]."""
     residual: FloatArray
     """r + A z + B a, shape [k]."""
-    expected: ExpectedResidual
-    """With the tau of that residual."""
+
+
+@dataclass(frozen=True)
+class LinearFit(Solution):
+    """The least squares of r + A z + B a."""
+
+    covariance: FloatArray
+    """Of z, with residuals correlated in time, shape [p, p]."""
+    tau: FloatArray
+    """What the residual leaves beyond what a right model leaves, of each channel, shape [2]."""
     inflation: float
     """Variance of the last entry of z with residuals correlated in time over that without, >= 1 [-]."""
 
@@ -144,35 +78,80 @@ def fit_linear(
     allowed
         B and the bounds of a; none if left out.
     """
-    q, p = 0 if allowed is None else allowed.columns.shape[1], columns.shape[1]
-    both = columns if allowed is None else np.column_stack([allowed.columns, columns])
-    seen = np.abs(both).max(axis=0, initial=0.0) > 0.0
-    scale = np.sqrt((both[:, seen] ** 2 / expected.variance[:, None]).sum(axis=0))
-    A = both[:, seen] / scale
-    prior = np.append(np.ones(q), np.zeros(p))[seen] / scale**2
-    low, high = np.full(q + p, -np.inf), np.full(q + p, np.inf)
-    if allowed is not None:
-        low[:q], high[:q] = allowed.lower, allowed.upper
-    low, high = low[seen] * scale, high[seen] * scale
-    z = np.zeros(A.shape[1])
-    left = residual
-    weighted = expected.with_tau(residual)
-    for _ in range(ROUNDS):
-        W = weighted.weighted(A)
-        z = _bounded(A.T @ W + np.diag(prior), W.T @ residual, low, high)
-        left = residual + A @ z
-        weighted = weighted.with_tau(left)
-    inside = (z > low) & (z < high)
-    B, W = A[:, inside], weighted.weighted(A[:, inside])
-    G = np.linalg.pinv(B.T @ W + np.diag(prior[inside]), rcond=1e-12, hermitian=True)
+    one = _System.of(columns, expected, allowed)
+    z, left, weighted = one.solved(residual, expected)
+    weighted = weighted.with_tau(left)
+    inside = (z > one.low) & (z < one.high)
+    B = one.A[:, inside]
+    W = weighted.weighted(B)
+    G = np.linalg.pinv(B.T @ W + np.diag(one.prior[inside]), rcond=1e-12, hermitian=True)
     own, together = _sandwich(G @ W.T, left, weighted)
-    step = np.zeros(q + p)
-    step[seen] = z / scale
-    covariance = np.diag(np.where(seen, 0.0, np.inf))
-    free = np.flatnonzero(seen)[inside]
-    covariance[np.ix_(free, free)] = (G + together - own) / np.outer(scale[inside], scale[inside])
-    last = float(together[-1, -1] / own[-1, -1]) if p and seen[-1] and own[-1, -1] > 0.0 else 1.0
-    return LinearFit(step[q:], covariance[q:, q:], left, weighted, last)
+    covariance = np.diag(np.where(one.seen, 0.0, np.inf))
+    free = np.flatnonzero(one.seen)[inside]
+    covariance[np.ix_(free, free)] = (G + together - own) / np.outer(one.scale[inside], one.scale[inside])
+    p, q = columns.shape[1], len(one.seen) - columns.shape[1]
+    last = float(together[-1, -1] / own[-1, -1]) if p and one.seen[-1] and own[-1, -1] > 0.0 else 1.0
+    return LinearFit(one.whole(z)[q:], left, covariance[q:, q:], weighted.tau, last)
+
+
+def solve_linear(
+    residual: FloatArray,
+    columns: FloatArray,
+    expected: ExpectedResidual,
+    allowed: Allowances | None = None,
+) -> Solution:
+    """The step and the residual of `fit_linear`, for half its price; its parameters."""
+    one = _System.of(columns, expected, allowed)
+    z, left, _ = one.solved(residual, expected)
+    return Solution(one.whole(z)[len(one.seen) - columns.shape[1] :], left)
+
+
+@dataclass(frozen=True)
+class _System:
+    """The columns that have an effect, scaled by their size, the allowances' first."""
+
+    A: FloatArray
+    """The columns [k, n]."""
+    prior: FloatArray
+    """Of an amplitude its precision, of a parameter 0 [n]."""
+    low: FloatArray
+    """Bounds [n]."""
+    high: FloatArray
+    scale: FloatArray
+    """Sizes of the columns [n]."""
+    seen: BoolArray
+    """Which of all columns these are [q + p]."""
+
+    @classmethod
+    def of(cls, columns: FloatArray, expected: ExpectedResidual, allowed: Allowances | None) -> "_System":
+        q, p = 0 if allowed is None else allowed.columns.shape[1], columns.shape[1]
+        both = columns if allowed is None else np.column_stack([allowed.columns, columns])
+        seen = np.abs(both).max(axis=0, initial=0.0) > 0.0
+        scale = np.sqrt((both[:, seen] ** 2 / expected.variance[:, None]).sum(axis=0))
+        A = both[:, seen] / scale
+        prior = np.append(np.ones(q), np.zeros(p))[seen] / scale**2
+        low, high = np.full(q + p, -np.inf), np.full(q + p, np.inf)
+        if allowed is not None:
+            low[:q], high[:q] = allowed.lower, allowed.upper
+        return cls(A, prior, low[seen] * scale, high[seen] * scale, scale, seen)
+
+    def solved(
+        self, residual: FloatArray, expected: ExpectedResidual
+    ) -> tuple[FloatArray, FloatArray, ExpectedResidual]:
+        """The scaled step, the residual it leaves, and the weights it was found with."""
+        z, left, weighted = np.zeros(self.A.shape[1]), residual, expected
+        for _ in range(ROUNDS):
+            weighted = weighted.with_tau(left)
+            W = weighted.weighted(self.A)
+            z = _bounded(self.A.T @ W + np.diag(self.prior), W.T @ residual, self.low, self.high)
+            left = residual + self.A @ z
+        return z, left, weighted
+
+    def whole(self, z: FloatArray) -> FloatArray:
+        """The step of all columns in their own units, 0 of those without an effect, shape [q + p]."""
+        step = np.zeros(len(self.seen))
+        step[self.seen] = z / self.scale
+        return step
 
 
 def _bounded(H: FloatArray, g: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from explicit import Response
 from kolsky.base.arrays import FloatArray, IntArray
-from kolsky.diagnosis.alterations import UNALTERED, Alteration
+from kolsky.diagnosis.alterations import Alteration
 from kolsky.diagnosis.candidate_input import DECLARED, CandidateInput, Changed, together
-from kolsky.diagnosis.cause_fit import ExpectedResidual
 from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.idle_core import in_thread, leaves_a_core
 from kolsky.inverse.launches import Launch, run_side_by_side
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import any_slides
@@ -20,16 +21,9 @@ from kolsky.inverse.staged_runs import StagedRuns
 
 MOST_POINTS = 800
 """Most outline points that are compared: neighbours in a frame tell the same."""
-PATTERNS = 40
-"""Most patterns of the flyer's noise."""
-FIRST_ORDER = 1.0
-"""Order of the mesh error's common part: where the side surface rolls onto a platen it is 1, not 2."""
-SECOND_ORDER = 2.0
-"""Order of what rings, whose phase differs from mesh to mesh."""
-MOST_KEPT = 64
-"""Runs that are kept, the latest, to be asked again: a search comes back to where its last step ended."""
-NEAR = 7
-"""Bins over which the size of the mesh's error is averaged."""
+MOST_KEPT = 128
+"""Runs that are kept, the latest, to be asked again: a search comes back to where its last step ended, and a
+scan is made ahead of being asked for."""
 SHARES = {"damping": 1e-6, "friction": 0.02}
 """Steps for differences by a free parameter, in its unit; 1 % of the value for another."""
 
@@ -79,12 +73,13 @@ class CauseModel:
             self.upper = np.append(self.upper, first.highest)
         self.observations = _thinned(stages.observations)
         self.runs = 0
-        self._recent: dict[object, Response | None] = {}
+        self._recent: dict[tuple[object, object], Response | None] = {}
         reference = self.respond([Point(x)])[0]
         if reference is None:
             raise ValueError("the run at the answer did not complete on the surrogate's mesh")
         self.reference: Response = reference
         self._shifts: dict[Alteration, FloatArray] = {}
+        self._radii: dict[tuple[float, float], list[FloatArray]] = {}
 
     @property
     def data(self) -> FloatArray:
@@ -95,10 +90,15 @@ class CauseModel:
         """Predictions, shape [n, k]; NaN where a run did not complete or does not reach a point."""
         found = np.full((len(points), len(self.data)), np.nan)
         points = [self.whole(point) for point in points]
+        seen: dict[object, FloatArray] = {}
         for i, (point, response) in enumerate(zip(points, self.respond(points), strict=True)):
             if response is not None:
                 change = point.changed.alteration
-                found[i] = change.vector(response, self.observations) + self.shift(change)
+                key = (id(response), change.sight)
+                if key not in seen:
+                    seen[key] = change.radii(response, self.observations)
+                altered = change.vector(response, self.observations, radii=seen[key])
+                found[i] = altered + self.shift(change)
         offset = self.observations.front_offset
         return found if offset is None else found - offset
 
@@ -120,7 +120,11 @@ class CauseModel:
     def shift(self, alteration: Alteration) -> FloatArray:
         """What the refined mesh adds at the answer, under the same alteration, shape [k]."""
         if alteration not in self._shifts:
-            fine, coarse = (alteration.vector(r, self.observations) for r in (self.refined, self.reference))
+            o, both = self.observations, (self.refined, self.reference)
+            if alteration.sight not in self._radii:
+                self._radii[alteration.sight] = [alteration.radii(one, o) for one in both]
+            known = zip(both, self._radii[alteration.sight], strict=True)
+            fine, coarse = (alteration.vector(one, o, radii=radii) for one, radii in known)
             self._shifts[alteration] = fine - coarse
         return self._shifts[alteration]
 
@@ -131,20 +135,52 @@ class CauseModel:
         that differ by what is made of a run alone share it, and what was run lately is not run again.
         """
         points = [self.whole(point) for point in points]
-        keys = [(_in_common(self.stages, point), _run(point)) for point in points]
-        fresh: dict[object, dict[object, Point]] = {}
-        for key, point in zip(keys, points, strict=True):
-            if key not in self._recent:
-                fresh.setdefault(key[0], {})[key[1]] = point
-        made = run_side_by_side([self._launch(list(group.values())) for group in fresh.values()])
-        found: dict[object, Response | None] = {}
-        found |= {key: self._recent[key] for key in keys if key in self._recent}
-        for (launch, group), response in zip(fresh.items(), made, strict=True):
-            self.runs += len(group)
-            for row, run in enumerate(group):
-                found[launch, run] = response.select([row]) if response.outcomes[row].ok else None
+        keys = [_key(self.stages, point) for point in points]
+        found = {key: self._recent[key] for key in keys if key in self._recent}
+        fresh = self._fresh(points)
+        found |= self._named(fresh, run_side_by_side([self._launch(group) for group in fresh]))
         self._recent = dict([*self._recent.items(), *found.items()][-MOST_KEPT:])
         return [found[key] for key in keys]
+
+    @property
+    def beside(self) -> bool:
+        """Whether there is a core on which something is done beside runs."""
+        numerics = self.stages.settings.numerics
+        return leaves_a_core(numerics.device, numerics.threads)
+
+    @contextmanager
+    def ahead(self, points: Sequence[Point]) -> Iterator[None]:
+        """Make the runs of points that will be asked for, beside the block if a core may be idle in it.
+
+        What the block asks for should not be among them: it would be run twice.
+        """
+        fresh = self._fresh([self.whole(point) for point in points])
+        launches = [self._launch(group) for group in fresh]
+        with in_thread(lambda: run_side_by_side(launches), idle=bool(launches) and self.beside) as made:
+            yield
+            found = self._named(fresh, made())
+        self._recent = dict([*self._recent.items(), *found.items()][-MOST_KEPT:])
+
+    def _fresh(self, points: Sequence[Point]) -> list[list[Point]]:
+        """The points whose runs are not known, each run once, in the groups of one launch."""
+        fresh: dict[object, dict[object, Point]] = {}
+        for point in points:
+            launch, run = key = _key(self.stages, point)
+            if key not in self._recent:
+                fresh.setdefault(launch, {})[run] = point
+        return [list(group.values()) for group in fresh.values()]
+
+    def _named(
+        self, fresh: Sequence[Sequence[Point]], made: Sequence[Response]
+    ) -> dict[tuple[object, object], Response | None]:
+        """The runs of launches, each by its key."""
+        found: dict[tuple[object, object], Response | None] = {}
+        for group, response in zip(fresh, made, strict=True):
+            self.runs += len(group)
+            for row, point in enumerate(group):
+                done = response.select([row]) if response.outcomes[row].ok else None
+                found[_key(self.stages, point)] = done
+        return found
 
     def _launch(self, points: Sequence[Point], numerics: Numerics | None = None) -> Launch:
         prepared, settings, names = self.stages.prepared, self.stages.settings, self.stages.box.names
@@ -177,78 +213,6 @@ class CauseModel:
         up = np.array(steps)
         return np.where(x + up > self.upper[: len(x)], -up, up)
 
-    def expected(self, numerics: Numerics) -> ExpectedResidual:
-        """What a right model leaves of the data vector at the answer.
-
-        Parameters
-        ----------
-        numerics
-            The mesh on which the flyer's noise is carried to the data.
-        """
-        o, n = self.observations, self.observations.n_force
-        meshes = self.stages.settings
-        ratio = meshes.refined_mesh[0] / meshes.numerics.mesh[0]
-        moved = np.nan_to_num(self.shift(UNALTERED))
-        rough = moved / (ratio**SECOND_ORDER - 1.0)
-        ringing = np.sqrt(np.convolve(rough[:n] ** 2, np.ones(NEAR) / NEAR, "same"))
-        noise = np.concatenate([o.force_sigma, o.centre_line.sigma])
-        sigma = np.hypot(noise, np.concatenate([ringing, np.abs(rough[n:])]))
-        common = moved / (ratio**FIRST_ORDER - 1.0)
-        shared = () if o.centre_line.modes is None else np.pad(o.centre_line.modes, ((0, 0), (n, 0)))
-        patterns = np.column_stack([common, self._flyer_noise(numerics), *shared])
-        times = np.concatenate([o.force_times, o.centre_line.time])
-        width = float(np.diff(o.bins.edges).mean())
-        return ExpectedResidual(
-            sigma=sigma,
-            patterns=patterns,
-            channel=(np.arange(len(times)) >= n).astype(np.int64),
-            block=((times - times.min()) / width).astype(np.int64),
-            tau=np.zeros(2),
-        )
-
-    def _flyer_noise(self, numerics: Numerics) -> FloatArray:
-        """Changes of the data vector by one standard deviation of each pattern of the path, shape [k, q]."""
-        stages, path = self.stages, self.stages.prepared.path
-        jerks = leading_patterns(path.covariance, np.diff(path.knots), PATTERNS)
-        paths = (path, *(replace(path, jerk=path.jerk + jerk) for jerk in jerks.T))
-        forward = replace(stages.prepared.forward, paths=paths)
-        (at,) = stages.solver_values(self.x[None], numerics.mesh)
-        values = {**stages.settings.held, **dict(zip(stages.box.names, at, strict=True))}
-        response = forward.run(values, numerics, motion=np.arange(len(paths)))
-        self.runs += len(paths)
-        vectors = np.array(
-            [
-                UNALTERED.vector(response, self.observations, i)
-                if response.outcomes[i].ok
-                else np.full(len(self.data), np.nan)
-                for i in range(len(paths))
-            ]
-        )
-        return np.asarray(np.nan_to_num(vectors[1:] - vectors[0]).T)
-
-
-def leading_patterns(covariance: FloatArray, spans: FloatArray, count: int) -> FloatArray:
-    """Patterns of jerk of one standard deviation each, those that move the velocity most, shape [n, q].
-
-    The columns' outer products sum to the covariance where all of them are kept.
-
-    Parameters
-    ----------
-    covariance
-        Of the jerks of the spans [m^2/s^6], shape [n, n].
-    spans
-        Their lengths [s], shape [n].
-    count
-        Most patterns.
-    """
-    scale = np.sqrt(np.diag(covariance))
-    safe = np.where(scale > 0.0, scale, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(safe, safe))
-    root = safe[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    velocity = np.cumsum(np.cumsum(root * spans[:, None], axis=0) * spans[:, None], axis=0)
-    _, _, turned = np.linalg.svd(velocity, full_matrices=False)
-    return np.asarray(root @ turned[:count].T)
-
 
 def _thinned(o: Observations) -> Observations:
     """The observations with fewer outline points, evenly chosen."""
@@ -277,12 +241,9 @@ def _declared(forward: Forward, name: str) -> float:
     return PARAMETERS[name].held(forward.shot)
 
 
-def _in_common(stages: StagedRuns, point: Point) -> tuple[object, ...]:
-    """What all runs of one launch have in common."""
+def _key(stages: StagedRuns, point: Point) -> tuple[object, object]:
+    """What tells a run from all others: what all runs of its launch have in common, and what they do not."""
     named = [*stages.settings.held, *stages.box.names, *point.changed.values]
-    return (tuple(sorted(point.changed.specimen.items())), any_slides(named))
-
-
-def _run(point: Point) -> tuple[object, ...]:
-    """What tells a run of a launch from the others."""
-    return (tuple(point.x.tolist()), tuple(sorted(point.changed.values.items())), point.changed.motion)
+    launch = (tuple(sorted(point.changed.specimen.items())), any_slides(named))
+    run = (tuple(point.x.tolist()), tuple(sorted(point.changed.values.items())), point.changed.motion)
+    return launch, run

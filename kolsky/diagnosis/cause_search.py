@@ -14,16 +14,15 @@ import numpy as np
 
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.diagnosis.candidate_input import DECLARED, CandidateInput
-from kolsky.diagnosis.cause_fit import Allowances, ExpectedResidual, LinearFit, evidence, fit_linear
+from kolsky.diagnosis.cause_fit import Allowances, LinearFit, evidence, fit_linear, solve_linear
 from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.diagnosis.cause_trial import Trial
+from kolsky.diagnosis.expected_residual import ExpectedResidual
 from kolsky.inverse.cause_results import COVERAGE
 from kolsky.inverse.staged_runs import StagedRuns
 
 FOLLOWED = 6
 """Most starts that are followed by Gauss-Newton steps."""
-FINER = 6
-"""Finer values tried to each side."""
 TURNS = 6
 """Most Gauss-Newton steps of each."""
 KEPT = 60.0
@@ -78,9 +77,9 @@ class CauseSearch:
                 self.columns[c.key] = change / (_inside(c, u + c.step) - u)
         self.declared = [c for c in candidates if c.key in self.columns and c.within(stages) is not None]
         here = self.residual(self.vector)
-        self.null = fit_linear(here, self.slope, expected, self.allowed())
+        self.null = solve_linear(here, self.slope, expected, self.allowed())
         self.at, self.left = self.clipped(x + self.null.step), self.null.residual
-        self.bare_left = fit_linear(here, self.slope, expected).residual
+        self.bare_left = solve_linear(here, self.slope, expected).residual
         self.before, self.bare = expected.misfits(self.left), expected.misfits(self.bare_left)
 
     def against(self, unchanged: Trial) -> None:
@@ -132,7 +131,7 @@ class CauseSearch:
     def relieved(self, residual: FloatArray, tried: CandidateInput) -> FloatArray:
         """A residual less what the declared uncertainties explain of it, shape [k]."""
         none = np.zeros((len(residual), 0))
-        return fit_linear(residual, none, self.expected, self.allowed(tried)).residual
+        return solve_linear(residual, none, self.expected, self.allowed(tried)).residual
 
     def alone(self, c: CandidateInput) -> Trial:
         """A declared input by one linear step with all others as they are declared."""
@@ -177,7 +176,7 @@ class CauseSearch:
             misfits = self.expected.misfits(fit.residual)
             if to != u + fit.step[-1]:
                 # It ends at the edge of what can be: the others follow it there.
-                at = fit_linear(here + own * (to - u), self.slope, self.expected, allowed)
+                at = solve_linear(here + own * (to - u), self.slope, self.expected, allowed)
                 misfits = self.expected.misfits(at.residual)
             x = self.clipped(self.x + fit.step[:-1])
             found.append(Trial(c, x, to, misfits, fit.residual, fit))
@@ -194,35 +193,6 @@ class CauseSearch:
     def clipped(self, x: FloatArray) -> FloatArray:
         """Free parameters inside their ranges, shape [d]."""
         return np.clip(x, self.model.lower[: len(x)], self.model.upper[: len(x)])
-
-    def scanned(self, candidates: Sequence[CandidateInput]) -> list[Trial]:
-        """The best far values of every candidate, the free parameters by a linear step: starts."""
-        found = self._least([(c, u) for c in candidates for u in c.scan])
-        narrow = [t for t in found if t.candidate.finer > 0.0]
-        about = [(t.candidate, t.u + n * t.candidate.finer) for t in narrow for n in range(-FINER, FINER + 1)]
-        wide = [t for t in found if not t.candidate.finer > 0.0]
-        return wide + (self._least(about) if about else [])
-
-    def _least(self, tried: Sequence[tuple[CandidateInput, float]]) -> list[Trial]:
-        """Of each candidate the two values from which both neighbours are worse, as ringing has several."""
-        pairs = [(c, u) for c, u in tried if c.lowest <= u <= c.highest]
-        vectors = self.model.vectors([Point(self.x, c.changed(u)) for c, u in pairs])
-        trials: dict[str, list[Trial]] = {}
-        for (c, u), vector in zip(pairs, vectors, strict=True):
-            if not np.isfinite(vector[: self.n_force]).all():
-                continue
-            fit = fit_linear(self.residual(vector), self.slope, self.expected, self.allowed(c))
-            x = self.clipped(self.x + fit.step)
-            trials.setdefault(c.key, []).append(
-                Trial(c, x, u, self.expected.misfits(fit.residual), fit.residual)
-            )
-        found = []
-        for row in trials.values():
-            row.sort(key=lambda t: t.u)
-            losses = [self.loss(t.misfits) for t in row]
-            least = [i for i in range(len(row)) if losses[i] <= min(losses[max(i - 1, 0) : i + 2])]
-            found += [row[i] for i in sorted(least, key=lambda i: losses[i])[:2]]
-        return found
 
     def followed(self, starts: Sequence[Trial]) -> list[Trial]:
         """Gauss-Newton steps from each start with runs of their own; the answer itself if none is better."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.diagnosis.candidate_input import DECLARED, CandidateInput
-from kolsky.diagnosis.cause_fit import fit_linear
+from kolsky.diagnosis.cause_fit import solve_linear
 from kolsky.diagnosis.cause_model import Point
 from kolsky.diagnosis.cause_search import CauseSearch
 from kolsky.diagnosis.cause_trial import Trial
@@ -86,7 +86,9 @@ def _floors(search: CauseSearch, starts: Sequence[Trial]) -> list[list[Trial]]:
         if not np.isfinite(vector[: search.n_force]).all():
             continue
         c, step = starts[n].candidate, np.zeros(len(x))
-        fit = fit_linear(search.residual(vector), search.slope[:, others], search.expected, search.allowed(c))
+        fit = solve_linear(
+            search.residual(vector), search.slope[:, others], search.expected, search.allowed(c)
+        )
         step[others] = fit.step
         misfits = search.expected.misfits(fit.residual)
         x = search.clipped(x + step)

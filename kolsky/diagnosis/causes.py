@@ -13,13 +13,15 @@ from explicit import Response
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.process import one_blas_thread
 from kolsky.diagnosis.candidate_input import DENSITY, SENSITIVITY, CandidateInput
-from kolsky.diagnosis.cause_fit import ExpectedResidual
+from kolsky.diagnosis.cause_expected import expected_residual
 from kolsky.diagnosis.cause_inputs import CANDIDATES
 from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.diagnosis.cause_ranking import ranked
+from kolsky.diagnosis.cause_scan import scanned
 from kolsky.diagnosis.cause_search import FOLLOWED, CauseSearch
 from kolsky.diagnosis.cause_trial import Trial
 from kolsky.diagnosis.cause_valleys import in_valleys, valley_is_free, without_change
+from kolsky.diagnosis.expected_residual import ExpectedResidual
 from kolsky.diagnosis.thresholds import UNEXPLAINED
 from kolsky.inverse.cause_results import CauseFinding
 from kolsky.inverse.staged_runs import StagedRuns
@@ -147,7 +149,7 @@ def search_from(
     settings = stages.settings
     known = np.isfinite(model.vectors([Point(model.x)])[0])
     known &= True if counted is None else counted
-    expected = _counted(model.expected(settings.numerics.with_mesh(settings.replicate_mesh)), known)
+    expected = _counted(expected_residual(model, settings.numerics.with_mesh(settings.replicate_mesh)), known)
     return CauseSearch(stages, model, expected, known, candidates)
 
 
@@ -247,7 +249,7 @@ def best_trials(
     tangents = search.tangents(candidates)
     if not (search.before > UNEXPLAINED).any() or explained():
         return tangents
-    starts = [t for t in tangents if not t.lost] + search.scanned(candidates)
+    starts = [t for t in tangents if not t.lost] + scanned(search, candidates)
     starts = sorted(starts, key=lambda t: search.loss(t.misfits))[:FOLLOWED]
     if valley_is_free(search):
         without_change(search)

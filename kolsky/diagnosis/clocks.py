@@ -15,7 +15,14 @@ import numpy as np
 
 from explicit import Response
 from kolsky.base.arrays import FloatArray
-from kolsky.diagnosis.lag_fit import FittedLag, Shifted, fit_lag, late_prediction, without_lag
+from kolsky.diagnosis.lag_fit import (
+    FittedLag,
+    Shifted,
+    first_lag,
+    fit_lag,
+    late_prediction,
+    without_lag,
+)
 from kolsky.diagnosis.thresholds import LATE
 from kolsky.inverse.fit_results import ClockLag
 from kolsky.inverse.objective import Objective
@@ -84,6 +91,22 @@ class Reruns:
         return np.asarray(np.clip(point, self.lower, self.upper))
 
 
+def first_lags(response: Response, objective: Objective, jacobian: FloatArray) -> dict[str, float]:
+    """Where the search for each lag begins [s], by recording; arguments as of `clock_lags`.
+
+    It is most of what `clock_lags` does, and needs nothing but the answer: of use beside other work.
+    """
+    shifted = late_prediction(response, objective)
+    return {
+        name: first_lag(objective, shifted, lambda _: jacobian, DIRECTIONS[name])
+        for name in _recordings(objective)
+    }
+
+
+def _recordings(objective: Objective) -> tuple[str, ...]:
+    return tuple(DIRECTIONS) if objective.observations.has_shape else (FORCE,)
+
+
 def clock_lags(
     shot: Shot,
     response: Response,
@@ -91,6 +114,7 @@ def clock_lags(
     jacobian: FloatArray,
     changes: Mapping[str, FloatArray],
     *,
+    first: Mapping[str, float] | None = None,
     again: Reruns | None = None,
 ) -> tuple[ClockLag, ...]:
     """Lags of force, outline and flyer, each against the two others.
@@ -107,6 +131,8 @@ def clock_lags(
         Of the data vector by the free parameters, shape [k, d].
     changes
         As of `kolsky.diagnosis.fit_quality.fit_quality`.
+    first
+        What `first_lags` gives, where it is known.
     again
         The solver, for lags that the linear map does not reach; they are left as they are without.
 
@@ -116,17 +142,19 @@ def clock_lags(
         The force's first; without an outline only that.
     """
     shifted, found = late_prediction(response, objective), []
-    recordings = DIRECTIONS if objective.observations.has_shape else (FORCE,)
+    start = first or {}
     before = without_lag(objective, shifted, lambda _: jacobian)
 
-    def fitted(name: str, seen: Shifted, slope: Shifted) -> FittedLag:
-        return fit_lag(objective, seen, slope, DIRECTIONS[name], changes, before=before)
+    def fitted(name: str, seen: Shifted, slope: Shifted, first: float | None = None) -> FittedLag:
+        return fit_lag(objective, seen, slope, DIRECTIONS[name], changes, before=before, first=first)
 
     def refitted(name: str, points: FloatArray, runs: Sequence[Response]) -> FittedLag:
         seen = [late_prediction(run, objective) for run in runs]
         return fitted(name, seen[0], slopes(points, seen))
 
-    fits = {name: fitted(name, shifted, lambda _: jacobian) for name in recordings}
+    fits = {
+        name: fitted(name, shifted, lambda _: jacobian, start.get(name)) for name in _recordings(objective)
+    }
     if again is not None:
         fits = follow(fits, again, refitted)
     for name, fit in fits.items():

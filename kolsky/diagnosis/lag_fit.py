@@ -79,6 +79,7 @@ def fit_lag(
     changes: Mapping[str, FloatArray],
     *,
     before: float | None = None,
+    first: float | None = None,
 ) -> FittedLag:
     """Fit one lag, and the free parameters with it.
 
@@ -96,13 +97,16 @@ def fit_lag(
         By source, changes of the prediction by one standard uncertainty, shape [k] or [n, k].
     before
         -2 ln L with which the evidence is compared; that of `without_lag` for the same run if left out.
+    first
+        What `first_lag` gives for the same arguments, where it is known.
     """
     way, h = np.array(direction), STEP
     d = slopes(0.0 * way).shape[1]
     if before is None:
         before = without_lag(objective, shifted, slopes)
     plain = _without_slow_error(objective)
-    lag, move, settled = _first(plain, shifted, slopes, way), np.zeros(d), False
+    lag = first_lag(objective, shifted, slopes, direction) if first is None else first
+    move, settled = np.zeros(d), False
     for _ in range(ROUNDS):
         jacobian = slopes(lag * way)
         vector = shifted(lag * way) + jacobian @ move
@@ -152,12 +156,16 @@ def _without_slow_error(objective: Objective) -> Objective:
     return replace(objective, slowly=False, slow_discrepancy=0.0)
 
 
-def _first(objective: Objective, shifted: Shifted, slopes: Shifted, way: FloatArray) -> float:
-    """A lag to begin with: the likeliest of a scan over `REACH`, the free parameters refitted.
+def first_lag(
+    objective: Objective, shifted: Shifted, slopes: Shifted, direction: tuple[float, float]
+) -> float:
+    """A lag to begin with [s]: the likeliest of a scan over `REACH`, the free parameters refitted.
 
-    For a beginning the modes of the front face's noise are left to the discrepancies.
+    For a beginning the modes of the front face's noise are left to the discrepancies. Arguments as of
+    `fit_lag`.
     """
-    plain = replace(objective, observations=replace(objective.observations, front_noise=None))
+    way, plain = np.array(direction), _without_slow_error(objective)
+    plain = replace(plain, observations=replace(plain.observations, front_noise=None))
 
     def cost(lag: float) -> float:
         vector, weighted, jacobian = shifted(lag * way), plain, slopes(lag * way)

@@ -21,6 +21,7 @@ from doe import from_points, latin_hypercube
 from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import CoarseOptimum, surrogate_kind
+from kolsky.inverse.early_run import LIKELY, EarlyRun
 from kolsky.inverse.linear_step import linear_step
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
@@ -88,7 +89,9 @@ def search_by_gauss_newton(
         raise ValueError(f"the data do not depend on {', '.join(blind)}: hold it (--hold {blind[0]})")
     slope, centre, objective = slopes(stages, coarse)
     start = np.clip(foretold(optima, numerics.mesh, stages.settings.refined_mesh), *bounds(stages.box))
-    last, other = _on_refined(stages, objective, slope, start, beside, shift=start - coarse.x)
+    last, other = _on_refined(
+        stages, objective, slope, start, beside, shift=start - coarse.x, final=stages.front is None
+    )
     last, slope = _at_rest(stages, objective, slope, last)
     last, slope = follow_on_refined(stages, objective, slope, last, _found_again)
     for mesh, optimum in optima.items():
@@ -107,7 +110,7 @@ def _found_again(
     stages: StagedRuns, objective: Objective, slope: FloatArray, start: FloatArray
 ) -> tuple[RefinedRun, FloatArray]:
     """The optimum on the refined mesh from a point near it, and the slopes that judge it."""
-    last, _ = _on_refined(stages, objective, slope, start, None, shift=np.zeros(len(start)))
+    last, _ = _on_refined(stages, objective, slope, start, None, shift=np.zeros(len(start)), final=True)
     return _at_rest(stages, objective, slope, last)
 
 
@@ -139,10 +142,12 @@ def _on_refined(
     beside: FloatArray | None,
     *,
     shift: FloatArray,
+    final: bool = False,
 ) -> tuple[RefinedRun, Beside | None]:
     """Steps on the refined mesh until a run leaves the optimum where it is.
 
-    `shift` is by how much the start lies from the coarser mesh's optimum; where it is not known, zero.
+    `shift` is by how much the start lies from the coarser mesh's optimum; where it is not known, zero. The
+    end is `final` if the path is not moved behind it.
     """
     found, x, other, misled = None, start, None, 0
     for number in range(MOST_RUNS):
@@ -150,6 +155,8 @@ def _on_refined(
         if beside is not None and other is None and (number > 0 or moved.any()):
             # The meshes' difference at the optimum is as good for a point not far away.
             points = np.stack([_counterpart(stages, beside, moved), x])
+        if final and len(points) == 1 and (found.step.moved <= LIKELY if found else not shift.any()):
+            stages.early = EarlyRun.begun(stages.prepared.forward, stages.settings, stages.box.names, x)
         check = completed_apart(stages, points)
         if len(check) == 2:
             other = Beside(points[0], check[0].prediction, check[0].response)

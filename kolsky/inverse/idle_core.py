@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import TypeVar
 
@@ -40,6 +41,17 @@ def in_thread(work: Callable[[], Result], *, idle: bool = True) -> Iterator[Late
             yield done
     finally:
         sys.setswitchinterval(before)
+
+
+def begun_in_thread(work: Callable[[], Result]) -> Later[Result]:
+    """Begin work in a thread, which goes on when the caller has returned.
+
+    For work that is lost without harm if nobody asks for its result.
+    """
+    pool = ThreadPoolExecutor(1)
+    found = pool.submit(work)
+    pool.shutdown(wait=False)
+    return Later(found.result)
 
 
 class IdleCore:

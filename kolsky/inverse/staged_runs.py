@@ -13,6 +13,7 @@ from explicit import Response
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.completed_runs import CompletedRuns, Replicates, first_lost, lost_in_words
+from kolsky.inverse.early_run import EarlyRun
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.idle_core import IdleCore, leaves_a_core
 from kolsky.inverse.objective import Objective
@@ -48,6 +49,7 @@ class StagedRuns:
         self.prepared, self.settings, self.box, self.progress = prepared, settings, box, progress
         self.prior = prior
         self.idle_core = IdleCore()
+        self.early: EarlyRun | None = None
         self.offsets: dict[tuple[int, int], FloatArray] = {}
         self._replicates: Callable[[], Replicates | None] = lambda: None
         self.front: MovedFront | None = None

@@ -83,13 +83,20 @@ def wanted(stages: StagedRuns, fine: RefinedOptimum) -> list[Numerics]:
 
 
 def made(stages: StagedRuns, point: FloatArray, numerics: Sequence[Numerics]) -> list[MeshRun]:
-    """Runs of `wanted` at a point, those on the surrogate's mesh where it resembles the refined one."""
+    """Runs of `wanted` at a point, those on the surrogate's mesh where it resembles the refined one.
+
+    The last of them may be at work already.
+    """
     launches = []
     for k, one in enumerate(numerics):
         at = stages.solver_values(point[None], one.mesh)[0] if k < BOTH_ELEMENTS else point
         values = {**stages.settings.held, **dict(zip(stages.box.names, at.tolist(), strict=True))}
         launches.append(Launch(stages.prepared.forward, values, one))
-    responses = run_side_by_side(launches[::-1])[::-1]  # the longest first
+    early, last = stages.early, graded(stages.settings.numerics, stages.settings.refined_mesh)
+    if early is not None and numerics[-1] == last and early.is_of(stages.prepared.forward, point):
+        responses = [*run_side_by_side(launches[-2::-1])[::-1], early.response()]
+    else:
+        responses = run_side_by_side(launches[::-1])[::-1]  # the longest first
     return [
         MeshRun(
             one,

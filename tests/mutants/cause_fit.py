@@ -4,28 +4,29 @@ from tests.mutants.fault import Fault
 
 RUNS = ("tests/unit/diagnosis/test_cause_runs.py",)
 FIT = ("tests/unit/diagnosis/test_cause_fit.py",)
+SCAN = ("tests/unit/diagnosis/test_cause_scan.py",)
 DECLARED = ("tests/unit/diagnosis/test_declared_causes.py",)
 
 FAULTS = (
     Fault(
         name="patterns without their unit prior",
-        file="kolsky/diagnosis/cause_fit.py",
+        file="kolsky/diagnosis/expected_residual.py",
         right="core = np.eye(self.patterns.shape[1]) + self.patterns.T @ VN",
         wrong="core = 1e-9 * np.eye(self.patterns.shape[1]) + self.patterns.T @ VN",
         tests=FIT,
     ),
     Fault(
         name="the noise taken off tau once, not squared",
-        file="kolsky/diagnosis/cause_fit.py",
+        file="kolsky/diagnosis/expected_residual.py",
         right="(left[use] ** 2 - self.sigma[use] ** 2).mean()",
         wrong="(left[use] ** 2 - self.sigma[use]).mean()",
         tests=FIT,
     ),
     Fault(
         name="a misfit that its own tau explains",
-        file="kolsky/diagnosis/cause_fit.py",
-        right="alone = replace(self.of(channel), tau=np.zeros(2))",
-        wrong="alone = self.of(channel)",
+        file="kolsky/diagnosis/expected_residual.py",
+        right="replace(self.of(channel), tau=np.zeros(2))",
+        wrong="self.of(channel)",
         tests=FIT,
     ),
     Fault(
@@ -79,7 +80,7 @@ FAULTS = (
     ),
     Fault(
         name="patterns of a path that are not its covariance's",
-        file="kolsky/diagnosis/cause_model.py",
+        file="kolsky/diagnosis/cause_expected.py",
         right="root = safe[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))",
         wrong="root = safe[:, None] * vectors * np.maximum(values, 0.0)",
         tests=FIT,
@@ -101,8 +102,8 @@ FAULTS = (
     Fault(
         name="runs of one model for points of another",
         file="kolsky/diagnosis/cause_model.py",
-        right="return (tuple(sorted(point.changed.specimen.items())), any_slides(named))",
-        wrong="return (any_slides(named),)",
+        right="launch = (tuple(sorted(point.changed.specimen.items())), any_slides(named))",
+        wrong="launch = (any_slides(named),)",
         tests=RUNS,
     ),
     Fault(
@@ -110,6 +111,41 @@ FAULTS = (
         file="kolsky/diagnosis/cause_model.py",
         right="tuple(sorted(point.changed.values.items())), point.changed.motion)",
         wrong="tuple(sorted(point.changed.values.items())))",
+        tests=RUNS,
+    ),
+    Fault(
+        name="weights of another tau",
+        file="kolsky/diagnosis/expected_residual.py",
+        right="return self if (tau == self.tau).all() else",
+        wrong="return self if (tau == self.tau).any() else",
+        tests=FIT,
+    ),
+    Fault(
+        name="radii at the height of another alteration",
+        file="kolsky/diagnosis/alterations.py",
+        right="return self.outline_lag, self.y_offset",
+        wrong="return self.outline_lag, 0.0",
+        tests=("tests/unit/diagnosis/test_alterations.py",),
+    ),
+    Fault(
+        name="finer values to one side only",
+        file="kolsky/diagnosis/cause_scan.py",
+        right="range(-FINER, FINER + 1)",
+        wrong="range(0, FINER + 1)",
+        tests=SCAN,
+    ),
+    Fault(
+        name="values asked for that are at work",
+        file="kolsky/diagnosis/cause_scan.py",
+        right="found = _tried(search, altered)",
+        wrong="found = _tried(search, [*altered, *narrow])[: len(altered)]",
+        tests=SCAN,
+    ),
+    Fault(
+        name="runs made ahead that nobody keeps",
+        file="kolsky/diagnosis/cause_model.py",
+        right="            found = self._named(fresh, made())\n",
+        wrong="            found = self._named(fresh, made()) and {}\n",
         tests=RUNS,
     ),
 )

@@ -48,8 +48,8 @@ FAULTS = (
     Fault(
         name="an outline further out in the model, not in the file",
         file="kolsky/diagnosis/alterations.py",
-        right="self._radii(response, observations, sample) - self.Z_offset",
-        wrong="self._radii(response, observations, sample) + self.Z_offset",
+        right="known - self.Z_offset",
+        wrong="known + self.Z_offset",
         tests=ALTERED,
     ),
     Fault(
@@ -118,8 +118,8 @@ FAULTS = (
     Fault(
         name="the misfit as if nothing were declared uncertain",
         file="kolsky/diagnosis/cause_search.py",
-        right="self.null = fit_linear(here, self.slope, expected, self.allowed())",
-        wrong="self.null = fit_linear(here, self.slope, expected)",
+        right="self.null = solve_linear(here, self.slope, expected, self.allowed())",
+        wrong="self.null = solve_linear(here, self.slope, expected)",
         tests=DECLARED,
     ),
     Fault(

@@ -9,6 +9,7 @@ CONFIRMS = (
     "test_a_run_confirms_within_a_fifth_of_sigma_or_three_times_the_roughness",
 )
 MISFIT = ("tests/unit/inverse/test_misfit.py",)
+EARLY = ("tests/unit/inverse/test_early_run.py",)
 IDLE = ("tests/unit/inverse/test_idle_core.py",)
 
 FAULTS = (
@@ -207,5 +208,26 @@ FAULTS = (
         right="if idle and self._waiting:",
         wrong="if self._waiting:",
         tests=IDLE,
+    ),
+    Fault(
+        name="a run begun early taken for one under another path",
+        file="kolsky/inverse/early_run.py",
+        right="return self.forward is forward and np",
+        wrong="return np",
+        tests=EARLY,
+    ),
+    Fault(
+        name="a run begun early behind a long step",
+        file="kolsky/inverse/gauss_newton.py",
+        right="found.step.moved <= LIKELY if found",
+        wrong="True if found",
+        tests=EARLY,
+    ),
+    Fault(
+        name="a run begun early under a path that will be moved",
+        file="kolsky/inverse/gauss_newton.py",
+        right="if final and len(points) == 1",
+        wrong="if len(points) == 1",
+        tests=EARLY,
     ),
 )

@@ -1,5 +1,6 @@
 """What a wrong input does to the prediction of one run, against motions known in closed form."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -97,3 +98,15 @@ def test_delays_of_a_tilted_face_have_the_density_of_a_semicircle() -> None:
     # A ramp in the mean begins neither earlier nor later.
     force, _ = parts(Alteration(spread=5e-6))
     np.testing.assert_allclose(force[1:-1], SLOPE * CENTRES[1:-1], rtol=1e-9)
+
+
+def test_radii_that_are_known_serve_every_alteration_that_sees_the_outline_alike() -> None:
+    run, seen = response(), observations()
+    late = Alteration(outline_lag=3e-6, y_offset=1e-4)
+    radii = late.radii(run, seen)
+    for other in (late, replace(late, force_factor=1.1, force_lag=2e-6, Z_offset=5e-6)):
+        assert other.sight == late.sight
+        np.testing.assert_array_equal(other.vector(run, seen, radii=radii), other.vector(run, seen))
+    for other in (replace(late, outline_lag=0.0), replace(late, y_offset=0.0)):
+        assert other.sight != late.sight
+        assert not np.array_equal(other.radii(run, seen), radii)

@@ -4,16 +4,18 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
+from kolsky.diagnosis.cause_expected import leading_patterns
 from kolsky.diagnosis.cause_fit import (
     BLOCKS,
-    ExpectedResidual,
+    Allowances,
     chance,
     evidence,
     explained_share,
     fit_linear,
     holm,
+    solve_linear,
 )
-from kolsky.diagnosis.cause_model import leading_patterns
+from kolsky.diagnosis.expected_residual import ExpectedResidual
 
 K = 60
 """Entries: the first half are the force's."""
@@ -81,6 +83,31 @@ def test_a_planted_cause_is_found_with_its_value_and_sigma() -> None:
     wanted = np.linalg.inv(A.T @ (A / e.sigma[:, None] ** 2))
     own = (A / e.sigma[:, None] ** 2 @ wanted).T
     np.testing.assert_allclose(fit.covariance, wanted - own * e.sigma**2 @ own.T + wanted, rtol=1e-9)
+
+
+def test_a_step_without_its_uncertainty_is_that_of_the_whole_fit() -> None:
+    rng = np.random.default_rng(9)
+    e, A, r = expected(rng.standard_normal((K, 4))), rng.standard_normal((K, 2)), 3.0 * rng.standard_normal(K)
+    allowed = Allowances(rng.standard_normal((K, 1)), np.full(1, -0.1), np.full(1, 0.1))
+    for columns in (A, A[:, :0], np.column_stack([A, np.zeros(K)])):
+        whole, step = fit_linear(r, columns, e, allowed), solve_linear(r, columns, e, allowed)
+        np.testing.assert_array_equal(step.step, whole.step)
+        np.testing.assert_array_equal(step.residual, whole.residual)
+
+
+def test_weights_are_those_of_the_tau_they_are_asked_for_with() -> None:
+    """What is kept of one tau must not serve another; the same tau is the same object."""
+    rng = np.random.default_rng(10)
+    e = expected(rng.standard_normal((K, 4)))
+    x = rng.standard_normal(K)
+    np.testing.assert_allclose(e.weighted(x), np.linalg.solve(dense(e), x), rtol=1e-10)
+    before = e.misfits(x)
+    other = e.with_tau(5.0 * x)
+    assert (other.tau > 0.0).all()
+    np.testing.assert_allclose(other.weighted(x), np.linalg.solve(dense(other), x), rtol=1e-10)
+    np.testing.assert_array_equal(other.misfits(x), before)  # whatever tau is
+    assert e.with_tau(1e-3 * x) is e
+    assert other.with_tau(1e-3 * x).tau == pytest.approx([0.0, 0.0])
 
 
 def test_patterns_are_amplitudes_with_a_unit_prior() -> None:

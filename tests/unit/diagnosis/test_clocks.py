@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from test_fit_quality import objective
 
-from kolsky.diagnosis.clocks import DIRECTIONS, Reruns, clock_lags, origin, slopes
+from kolsky.diagnosis.clocks import DIRECTIONS, Reruns, clock_lags, first_lags, origin, slopes
 from kolsky.diagnosis.lag_fit import fit_lag, late_prediction, without_lag
 from kolsky.inverse.objective import Objective
 
@@ -219,6 +219,11 @@ def test_where_the_map_is_not_linear_the_solver_is_run_again(monkeypatch: pytest
     again = Reruns(np.array([wrong]), np.array([np.nan]), np.array([0.5]), np.array([2.0]), run)
     args: Any = (shot, here, seen, slope, {})
     plain = {lag.recording: lag for lag in clock_lags(*args)}
+    first = first_lags(here, seen, slope)  # type: ignore[arg-type]
+    assert tuple(first) == ("force", "outline", "flyer")
+    with monkeypatch.context() as once:
+        once.setattr("kolsky.diagnosis.lag_fit.first_lag", None)  # nobody looks for them again
+        assert {lag.recording: lag for lag in clock_lags(*args, first=first)} == plain
     found = {lag.recording: lag for lag in clock_lags(*args, again=again)}
     assert not any(lag.explains for lag in plain.values())
     assert {name for name, lag in found.items() if lag.explains} == {"flyer"}

@@ -1,5 +1,6 @@
 """Inputs within their declared uncertainty: what they explain is no misfit, and they are not named."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from math import inf
 from types import SimpleNamespace
@@ -22,11 +23,12 @@ from kolsky.diagnosis.candidate_input import (
     CandidateInput,
     Changed,
 )
-from kolsky.diagnosis.cause_fit import Allowances, ExpectedResidual, fit_linear
+from kolsky.diagnosis.cause_fit import Allowances, fit_linear
 from kolsky.diagnosis.cause_inputs import CANDIDATES
 from kolsky.diagnosis.cause_ranking import ALIKE, EVIDENCE, ranked
 from kolsky.diagnosis.cause_search import CauseSearch
 from kolsky.diagnosis.causes import best_trials
+from kolsky.diagnosis.expected_residual import ExpectedResidual
 from kolsky.inverse.cause_results import CauseFinding
 
 FloatArray = NDArray[np.float64]
@@ -55,7 +57,7 @@ def test_an_allowance_is_least_squares_with_its_prior_and_ends_at_its_bounds() -
     B[0, 0], B[1, 1], B[2, 2], A[3, 0] = 3.0, 3.0, 0.5, 2.0
     r[:4] = [0.9, -60.0, 0.8, 5.0]
     fit = fit_linear(r, A, expected(), Allowances(B, np.full(3, -2.0), np.full(3, 2.0)))
-    tau = float(fit.expected.tau[0])
+    tau = float(fit.tau[0])
     weight = 1.0 / (1.0 + tau**2)
     first, third = -3.0 * 0.9 * weight / (9.0 * weight + 1.0), -0.5 * 0.8 * weight / (0.25 * weight + 1.0)
     # 60 would take an amplitude of 18 and more: it ends at 2.
@@ -121,6 +123,11 @@ class LinearModel:
 
     def slopes(self, x: FloatArray, changed: Changed) -> list[Any]:
         return [SimpleNamespace(x=x + 0.01, changed=changed)]
+
+    beside = False
+
+    def ahead(self, points: Any) -> Any:
+        return nullcontext()
 
     def vectors(self, points: Any) -> FloatArray:
         return np.array(

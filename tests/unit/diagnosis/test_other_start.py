@@ -1,11 +1,13 @@
 """Causes searched from another point than the answer: in closed form, on predictions with two valleys."""
 
+from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from kolsky.diagnosis import causes
 from kolsky.diagnosis.cause_ranking import EVIDENCE, ranked
 from kolsky.diagnosis.cause_search import CauseSearch
 from kolsky.diagnosis.causes import Best, best_of_each, best_trials, listed_beside
@@ -36,6 +38,11 @@ class TwoValleys:
 
     def slopes(self, x: np.ndarray, changed: Any) -> list[Any]:
         return [SimpleNamespace(x=x + 0.01, changed=changed)]
+
+    beside = False
+
+    def ahead(self, points: Any) -> Any:
+        return nullcontext()
 
     def vectors(self, points: Any) -> np.ndarray:
         found = []
@@ -113,7 +120,7 @@ def test_values_far_away_are_tried_only_where_the_fit_does_not_explain_the_data(
     search.before = np.array([UNEXPLAINED + 0.1, 1.0])
     tried = [candidate("late"), candidate("idle")]
     scanned: list[Any] = []
-    monkeypatch.setattr(search, "scanned", lambda candidates: scanned.extend(candidates) or [])
+    monkeypatch.setattr(causes, "scanned", lambda _, candidates: scanned.extend(candidates) or [])
     trials = best_trials(search, tried, explained=lambda: explained)
     assert bool(scanned) is far
     assert [t.candidate.key for t in trials] == ["late", "idle"]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from kolsky.inverse.early_run import EarlyRun
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.launches import Launch
 from kolsky.uncertainty import mesh_runs
@@ -166,6 +167,7 @@ def staged(monkeypatch: pytest.MonkeyPatch, lost: str = "", **offset: float) -> 
         settings=SimpleNamespace(numerics=Numerics(), refined_mesh=(64, 86), held={"poisson": 0.49}),
         box=SimpleNamespace(names=("stiffness_factor",)),
         prepared=SimpleNamespace(forward=None),
+        early=None,
         observations=None,
         seconds={},
         solver_values=lambda points, mesh: points + shifts.get(mesh, np.zeros(1)),
@@ -199,6 +201,32 @@ def test_changes_are_taken_at_the_answer(monkeypatch: pytest.MonkeyPatch) -> Non
     assert graded.ratio == 1.6
     with pytest.raises(ValueError, match="24 x 32 elements did not complete"):
         mesh_change(*staged(monkeypatch, lost="one_point"))
+
+
+def test_a_graded_run_that_is_at_work_is_not_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    usual = mesh_change(*staged(monkeypatch))
+    made: list[list[tuple[int, int]]] = []
+
+    def counted(launches: list[Launch]) -> list[Any]:
+        made.append([launch.numerics.mesh for launch in launches])
+        return usual_runs(launches)
+
+    ended = SimpleNamespace(outcomes=[SimpleNamespace(ok=True)], seen=np.array([6.5, np.nan]))
+    ended.describe = lambda row: "over"
+    for x, forward, taken in ((1.0, None, True), (1.1, None, False), (1.0, "another path", False)):
+        stages, fine = staged(monkeypatch)
+        usual_runs = mesh_runs.run_side_by_side
+        monkeypatch.setattr(mesh_runs, "run_side_by_side", counted)
+        stages.early = EarlyRun(np.array([x]), forward, lambda: ended)  # type: ignore[arg-type]
+        found = mesh_change(stages, fine)
+        assert ((64, 86) in made[-1]) is not taken
+        assert len(made[-1]) == (3 if taken else 4)
+        np.testing.assert_array_equal(found.coarser, usual.coarser)
+        np.testing.assert_array_equal(found.element, usual.element)
+        assert found.graded is not None
+        assert usual.graded is not None
+        np.testing.assert_array_equal(found.graded.graded, usual.graded.graded)
+        np.testing.assert_array_equal(found.graded.coarser, usual.graded.coarser)
 
 
 def test_lost_runs_are_told_from_those_left_out_on_purpose(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,120 @@
+"""Far values beside runs: the same trials as one by one, whatever is run ahead of them."""
+
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from kolsky.diagnosis.candidate_input import CandidateInput, Changed
+from kolsky.diagnosis.cause_fit import fit_linear
+from kolsky.diagnosis.cause_model import Point
+from kolsky.diagnosis.cause_scan import FINER, scanned
+from kolsky.diagnosis.cause_search import CauseSearch
+from tests.unit.diagnosis.test_declared_causes import K, LinearModel, candidate, expected, stages
+
+NARROW, WIDE, ALTERED = "narrow", "wide", "altered"
+
+
+class Ahead(LinearModel):
+    """A model that notes what is run ahead, and what is asked for meanwhile."""
+
+    def __init__(self, *args: Any, beside: bool) -> None:
+        super().__init__(*args)
+        self.beside = beside
+        self.launched: list[list[str]] = []
+        self.asked: list[tuple[list[str], list[str]]] = []
+        self._at_work: list[str] = []
+
+    @contextmanager
+    def ahead(self, points: Any) -> Any:
+        self._at_work = [key for point in points for key in point.changed.values]
+        self.launched.append(sorted(set(self._at_work)))
+        yield
+        self._at_work = []
+
+    def vectors(self, points: Any) -> Any:
+        keys = sorted({key for point in points for key in point.changed.values})
+        self.asked.append((keys, sorted(set(self._at_work))))
+        found = super().vectors(points)
+        for row, point in zip(found, points, strict=True):
+            # Two valleys, so that each input has two values from which both neighbours are worse.
+            row += sum(20.0 * np.cos(3.0 * u) for u in point.changed.values.values()) * self.columns["bend"]
+        return found
+
+
+def inputs() -> list[CandidateInput]:
+    coarse = tuple(0.5 * n for n in range(-8, 9))
+    return [
+        replace(candidate(ALTERED), scan=coarse),
+        replace(candidate(NARROW), scan=coarse, finer=0.05, simulated=True, lowest=-3.0, highest=3.0),
+        replace(candidate(WIDE), scan=coarse, simulated=True),
+    ]
+
+
+def search(*, beside: bool) -> tuple[CauseSearch, Ahead]:
+    rng = np.random.default_rng(8)
+    rows = np.linalg.qr(rng.standard_normal((K, 5)))[0].T
+    columns = {
+        name: size * row
+        for name, size, row in zip(
+            ("m", ALTERED, NARROW, WIDE, "bend"), (300.0, 9.0, 9.0, 9.0, 1.0), rows, strict=True
+        )
+    }
+    model = Ahead(columns, -2.0 * columns[NARROW] + rng.standard_normal(K), beside=beside)
+    one: Any = model
+    return CauseSearch(stages(), one, expected(), np.ones(K, dtype=bool), inputs()), model
+
+
+def one_by_one(one: CauseSearch, tried: list[tuple[CandidateInput, float]]) -> dict[float, float]:
+    """Loss of each value, by a whole fit of its own."""
+    losses = {}
+    for c, u in tried:
+        if c.lowest <= u <= c.highest:
+            vector = one.model.vectors([Point(one.x, Changed(values={c.key: u}))])[0]
+            fit = fit_linear(one.residual(vector), one.slope, one.expected, one.allowed(c))
+            losses[u] = one.loss(one.expected.misfits(fit.residual))
+    return losses
+
+
+def floors(losses: dict[float, float]) -> list[float]:
+    """The two lowest values from which both neighbours are worse."""
+    us = sorted(losses)
+    found = [
+        u
+        for i, u in enumerate(us)
+        if all(losses[u] <= losses[us[j]] for j in (i - 1, i + 1) if 0 <= j < len(us))
+    ]
+    return sorted(found, key=lambda u: losses[u])[:2]
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_the_trials_are_those_of_every_value_by_itself(beside: bool) -> None:
+    one, model = search(beside=beside)
+    model.asked.clear()
+    found = scanned(one, inputs())
+    wanted: list[tuple[str, float]] = []
+    for c in (inputs()[0], inputs()[2]):
+        wanted += [(c.key, u) for u in floors(one_by_one(one, [(c, u) for u in c.scan]))]
+    narrow = inputs()[1]
+    basins = floors(one_by_one(one, [(narrow, u) for u in narrow.scan]))
+    about = [(narrow, u + n * narrow.finer) for u in basins for n in range(-FINER, FINER + 1)]
+    wanted += [(narrow.key, u) for u in floors(one_by_one(one, about))]
+    assert [(t.candidate.key, t.u) for t in found] == wanted
+    for t in found:
+        assert one.loss(t.misfits) == one_by_one(one, [(t.candidate, t.u)])[t.u]
+
+
+def test_what_needs_no_run_is_fitted_beside_runs_and_nothing_is_asked_for_that_is_at_work() -> None:
+    one, model = search(beside=True)
+    model.asked.clear()
+    scanned(one, inputs())
+    assert model.launched == [[NARROW], [WIDE], [NARROW]]
+    assert model.asked == [([ALTERED], [NARROW]), ([NARROW], [WIDE]), ([WIDE], [NARROW]), ([NARROW], [])]
+
+
+def test_without_an_idle_core_all_that_can_be_is_one_launch() -> None:
+    one, model = search(beside=False)
+    scanned(one, inputs())
+    assert model.launched[0] == [NARROW, WIDE]
