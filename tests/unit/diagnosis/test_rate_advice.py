@@ -10,7 +10,7 @@ from doe import Box
 from kolsky.diagnosis.branch_search import STRENGTHS, TIMES, BranchFit, explained, scanned
 from kolsky.diagnosis.branch_test import BranchTest
 from kolsky.diagnosis.rate_advice import branch_figures, rate_advice
-from kolsky.report.nomenclature import QUALITY
+from kolsky.report.recorded_words import QUALITY
 
 FIT = BranchFit(strength=0.3, time=2e-4, aic=-50.0, share=0.6, inside=True)
 WEAK = BranchTest(gain=30.0, time=1e-4, strength=0.05, probability=0.001)
