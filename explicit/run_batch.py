@@ -24,7 +24,7 @@ from explicit.drivers import (
 from explicit.energy import EnergyLedger
 from explicit.geometry import element_geometry
 from explicit.host_transfer import HISTORIES
-from explicit.mesh_arguments import fits_on_chip
+from explicit.mesh_arguments import fits_on_chip, fits_on_several
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.modules import load_module
 from explicit.outcome import Outcome
@@ -166,10 +166,11 @@ def time_loop_of(problem: Problem, where: Any) -> tuple[TimeLoopKernel, Precisio
     model, stepping = problem.model, problem.stepping
     numbers = precision(stepping.precision)
     on_chip, n = where.is_cuda and fits_on_chip(model.mesh, numbers), len(problem.samples)
+    block, cluster = block_for(n, where, on_chip), cluster_for(n, model.mesh.n_elements, where, on_chip)
+    on_chip = on_chip or (cluster > 1 and fits_on_several(model.mesh, cluster))
     kernel = time_loop_kernel(
         type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
-        block_for(n, where, on_chip), stepping.bound, model.volumetric, model.relaxation_kind,
-        cluster_for(n, model.mesh.n_elements, where, on_chip),
+        block, stepping.bound, model.volumetric, model.relaxation_kind, cluster,
     )  # fmt: skip
     return kernel, numbers, on_chip
 

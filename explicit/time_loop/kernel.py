@@ -24,6 +24,7 @@ from explicit.time_loop.lanes import BLOCK, SHARING, SMALL_BLOCK, lane_functions
 from explicit.time_loop.next_step import next_step_functions
 from explicit.time_loop.node_sweeps import node_sweeps
 from explicit.time_loop.record import record_functions
+from explicit.time_loop.several_chips import lanes_of_chips
 from explicit.time_loop.slots import CONTROL_SIZE, Control, Share, Total
 from explicit.time_loop.state_layout import state_layout
 from explicit.time_loop.structs import Structs, batch_structs
@@ -71,7 +72,7 @@ def time_loop_kernel(
     """
     element = element_named(element_name).functions(law, precision, bound, volumetric)
     structs = batch_structs(precision, element.Shape, element.Solid)
-    lanes = lane_functions(cluster)
+    lanes = lanes_of_chips(cluster) if on_chip and cluster > 1 else lane_functions(cluster)
     layout = state_layout(precision, structs, on_chip, cluster)
     sums, remembered, fields_of, surface_of = layout.sums, layout.remembered, layout.fields, layout.surface
     at_rest = layout.at_rest
@@ -79,22 +80,24 @@ def time_loop_kernel(
     branch = relaxation_functions(relaxation, law, precision, bound, element, structs, layout, sweeps, lanes)
     element_forces, relaxed_forces, energies = sweeps.elements, branch.sweep, branch.energies
     platens = boundary_functions(faces, side, precision, structs)
-    nodes = node_sweeps(precision, structs, platens, lanes)
+    nodes = node_sweeps(precision, structs, layout, platens, lanes)
     move_interior, move_boundary = nodes.interior, nodes.boundary
-    record = record_functions(precision, structs, lanes)
+    record = record_functions(precision, structs, layout, lanes)
     put_stored, put_exchanged, record_ending = record.put_stored, record.put_exchanged, record.ending
     end_of_step = end_of_step_function(precision, structs, platens, record, lanes)
     planning = next_step_functions(precision, structs, platens, record, lanes)
     start, first_step, next_step, read_step = (
         planning.start, planning.first_step, planning.next_step, planning.read,
     )  # fmt: skip
-    failure = failure_functions(precision, element, structs, lanes)
+    failure = failure_functions(precision, element, structs, layout, lanes)
     motion, beyond_data, failed_element = failure.motion, failure.strain, failure.failed_element
     check, check_every = planning.check, int(CHECK_EVERY)
     sync, is_worker, is_control, empty_sum = lanes.sync, lanes.is_worker, lanes.is_control, lanes.empty_sum
+    enter, leave, inform = lanes.enter, lanes.leave, lanes.inform
     put_total, put_largest = lanes.put_total, lanes.put_largest
     put_share, joined = lanes.put_share, lanes.joined
     settle, regroup, disband = lanes.settle, lanes.regroup, lanes.disband
+    relaxes = int(relaxation is not None)
     lost, held_back = int(Share.POWER), int(Share.ARTIFICIAL)
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     HALF = wp.float64(0.5)
@@ -113,6 +116,7 @@ def time_loop_kernel(
         fields, surface = fields_of(body, state, sample), surface_of(body, state, sample)
         control, partials = sums(state.control, sample, 0), sums(state.partials, sample, control_size)
         memory = remembered(state.memory, sample, 0)
+        enter()
         at_rest(body, fields, surface, partials, lane)
         if is_control(lane) == 1:
             start(batch, output, sample, control)
@@ -156,6 +160,7 @@ def time_loop_kernel(
                     body, batch, state, output, sample, lane, step - 1, control, partials, surface, fields
                 )
             sync()
+            inform(control)
             going = int(control[Control.GOING])
             if going == 1 and step >= 0:
                 now = read_step(control, step)
@@ -196,6 +201,8 @@ def time_loop_kernel(
             settle(latched)
             step += 1
             sync()
+            if relaxes == 1:  # what relaxes reads the plan of the step in the sweep over elements
+                inform(control)
 
         latched = disband(latched)
         if int(control[Control.STATUS]) == 0:  # a last check of what happened since the one before
@@ -207,11 +214,13 @@ def time_loop_kernel(
             if is_control(lane) == 1:
                 control[Control.STATUS] = wp.float64(check(batch, sample, control, partials))
         sync()
+        inform(control)
         failed = int(-1)
         if int(control[Control.STATUS]) != 0:
             status = int(control[Control.STATUS])
             failed = failed_element(body, solid, row, fields, partials, lane, status)
         if lane == 0:
             record_ending(output, sample, control, failed)
+        leave()
 
     return TimeLoopKernel(time_loop, structs, element, block, cluster, branch.memory)

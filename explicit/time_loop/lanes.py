@@ -56,7 +56,7 @@ _FURTHER = """for (int next = warp + 32; next < (THREADS >> 5); next += 32) {
         const double other = parts.data[k * WARPS + next];
         x = COMBINE;
     }"""
-_SUM, _LARGER = "x + other", "x > other ? x : other"
+SUM, LARGER = "x + other", "x > other ? x : other"
 _BOUNDARY_TOTALS = """
     wp::vec_t<2, wp::float64> sums(0.0, 0.0);
 #if defined(__CUDA_ARCH__)
@@ -101,6 +101,12 @@ class LaneFunctions:
 
     sync: Any
     """``sync()``: every lane waits for the others; their writes are visible after it."""
+    enter: Any
+    """``enter()``: every lane is there; the first that it calls."""
+    leave: Any
+    """``leave()``: no lane needs another any more; the last that it calls."""
+    inform: Any
+    """``inform(control)``: the lanes have met, and the workers are about to read the control record."""
     empty_sum: Any
     """``empty_sum()``: where a sum over elements or nodes begins."""
     add_to: Any
@@ -184,16 +190,28 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def either(cuda: str, cpu: str) -> str:
         return native(_either(cuda, cpu))
 
-    total, largest = native(_HAND_OVER, COMBINE=_SUM), native(_HAND_OVER, COMBINE=_LARGER)
+    total, largest = native(_HAND_OVER, COMBINE=SUM), native(_HAND_OVER, COMBINE=LARGER)
     take = _TAKE.replace("FURTHER", "" if alone else _FURTHER)  # a block has no more warps than a warp lanes
-    take_total = native(take, COMBINE=_SUM, NOTHING="0.0")
-    take_largest = native(take, COMBINE=_LARGER, NOTHING="-1e300")
+    take_total = native(take, COMBINE=SUM, NOTHING="0.0")
+    take_largest = native(take, COMBINE=LARGER, NOTHING="-1e300")
     meet = native(BARRIER, MEET=_MEET_IN_BLOCK if alone else _MEET_IN_CLUSTER)
     inside = _INSIDE if alone else _INSIDE_CLUSTER
     parts_of: Any = wp.array(dtype=wp.float64)
 
     @wp.func_native(snippet=meet)
     def sync(): ...
+
+    @wp.func
+    def enter():
+        return
+
+    @wp.func
+    def leave():
+        return
+
+    @wp.func
+    def inform(control: parts_of):
+        return
 
     @wp.func
     def empty_sum():
@@ -285,7 +303,7 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def control_stride() -> int: ...
 
     return LaneFunctions(
-        sync=sync, empty_sum=empty_sum, add_to=add_to, add_share=add_share, put_share=put_share,
+        sync=sync, enter=enter, leave=leave, inform=inform, empty_sum=empty_sum, add_to=add_to, add_share=add_share, put_share=put_share,
         joined=joined, is_worker=is_worker, n_workers=n_workers, is_control=is_control, is_writer=is_writer,
         put_total=put_total, put_largest=put_largest, get_total=get_total, get_largest=get_largest,
         boundary_totals=boundary_totals, control_sync=control_sync, settle=settle, regroup=regroup,

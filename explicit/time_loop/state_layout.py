@@ -12,8 +12,9 @@ from typing import Any
 import warp as wp
 
 from explicit.precision import Precision
-from explicit.time_loop.lanes import WARPS
-from explicit.time_loop.slots import Total
+from explicit.time_loop.lanes import BLOCK, WARPS
+from explicit.time_loop.several_chips import BOUNDARY, apart, first_field
+from explicit.time_loop.slots import CONTROL_SIZE, Total
 from explicit.time_loop.structs import Structs, simulation_structs
 
 ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_BOUNDARY, ON_CHIP_CONTROL = 448, 384, 96, 272
@@ -55,13 +56,9 @@ _STRIDE = """
 class StateLayout:
     """Accessors of the state of a simulation."""
 
-    field: Any
-    """``field(fields, sample, offset)``: a simulation's row of an array of fields or corner forces; in shared
-    memory at an offset in numbers, where the state is on the chip."""
     sums: Any
-    """The same for sums of the boundary."""
-    marks: Any
-    """The same for its marks."""
+    """``sums(rows, sample, offset)``: a simulation's row of sums of the boundary, of the control record or of
+    partial sums; in shared memory at an offset in numbers, where the state is on the chip."""
     remembered: Any
     """The same for what elements remember, which is too much for a chip."""
     fields: Any
@@ -71,10 +68,10 @@ class StateLayout:
     at_rest: Any
     """``at_rest(body, fields, surface, partials, lane)``: the state before the first step; every lane calls
     it."""
-    elements: int
-    """Slots for elements on the chip."""
-    node_stride: Any
-    """``node_stride(n)``: from one field of nodes to the next: n, or what the chip has."""
+    node: Any
+    """``node(body, n)``: where a node lies in the rows of fields."""
+    element: Any
+    """``element(e)``: where the forces of an element's first corner lie."""
     corner_stride: Any
     """``corner_stride(n)``: from the forces of one corner of the elements to those of the next."""
 
@@ -82,6 +79,8 @@ class StateLayout:
 @cache
 def state_layout(precision: Precision, structs: Structs, on_chip: bool, cluster: int = 1) -> StateLayout:
     """Generate the layout of the state."""
+    if on_chip and cluster > 1:
+        return _layout_on_chips(precision, structs, cluster)
     more = 8 // precision.dtype().itemsize
     nodes, elements = more * ON_CHIP_NODES, more * ON_CHIP_ELEMENTS
     field = _field(precision.real, 4 * nodes + 8 * elements + 2, on_chip)
@@ -140,18 +139,93 @@ def state_layout(precision: Precision, structs: Structs, on_chip: bool, cluster:
             fields.corner_r[beyond] = zero
             fields.corner_y[beyond] = zero
 
+    @wp.func
+    def node(body: Body, n: int):
+        return n
+
+    @wp.func
+    def element(e: int):
+        return e
+
     return StateLayout(
-        field=field,
-        sums=sums,
-        marks=marks,
-        remembered=_field(precision.real, 0, False),
-        fields=fields,
-        surface=surface,
-        at_rest=at_rest,
-        elements=on_chip_elements(precision),
-        node_stride=node_stride,
-        corner_stride=corner_stride,
-    )
+        sums=sums, remembered=_field(precision.real, 0, False), fields=fields, surface=surface,
+        at_rest=at_rest, node=node, element=element, corner_stride=corner_stride,
+    )  # fmt: skip
+
+
+def _layout_on_chips(precision: Precision, structs: Structs, cluster: int) -> StateLayout:
+    """The state in the shared memories of several blocks; `explicit.time_loop.several_chips` has its places."""
+    n_control, n_partials = int(CONTROL_SIZE), int(Total.COUNT * WARPS)
+    field = first_field(precision.real, 4 * BLOCK + 2 * (4 * BLOCK + 1))
+    sums = _field(wp.float64, 3 * BOUNDARY + n_control + n_partials, True)
+    marks = _field(wp.int32, BOUNDARY, True)
+    Body, State = structs.Body, structs.State
+    simulation = simulation_structs(precision)
+    Fields, Surface = simulation.Fields, simulation.Surface
+    block, further, last = int(BLOCK), apart(precision), (cluster - 1) * apart(precision)
+    most = int(BOUNDARY)
+
+    @wp.func
+    def fields(body: Body, state: State, sample: int):
+        return Fields(
+            field(state.u_r, sample, 0),
+            field(state.u_y, sample, block),
+            field(state.v_r, sample, 2 * block),
+            field(state.v_y, sample, 3 * block),
+            field(state.corner_r, sample, 4 * block),
+            field(state.corner_y, sample, 8 * block + 1),
+        )
+
+    @wp.func
+    def surface(body: Body, state: State, sample: int):
+        behind = n_control + n_partials
+        return Surface(
+            marks(state.touched, sample, 0),
+            sums(state.push_lower, sample, behind),
+            sums(state.push_upper, sample, behind + most),
+            sums(state.carried, sample, behind + 2 * most),
+        )
+
+    @wp.func
+    def element(e: int):
+        return e // block * further + e % block
+
+    @wp.func
+    def node(body: Body, n: int):
+        place = n // block * further + n % block
+        if n >= body.first_boundary:
+            place = last + n - body.first_boundary
+        return place
+
+    zero, ZERO = precision.real(0.0), wp.float64(0.0)
+
+    @wp.func
+    def at_rest(
+        body: Body, fields: Fields, surface: Surface, partials: wp.array(dtype=wp.float64), lane: int
+    ):
+        mine, own = element(lane), lane % block
+        fields.u_r[mine] = zero
+        fields.u_y[mine] = zero
+        fields.v_r[mine] = zero
+        fields.v_y[mine] = zero
+        if own < body.n_boundary:
+            surface.touched[own] = body.at_rest[own]
+        k = own
+        while k < n_partials:
+            partials[k] = ZERO
+            k += block
+        if own == 0:  # nodes where fewer than four elements meet gather nothing from here
+            fields.corner_r[mine + 4 * block] = zero
+            fields.corner_y[mine + 4 * block] = zero
+
+    @wp.func
+    def corner_stride(n: int):
+        return block
+
+    return StateLayout(
+        sums=sums, remembered=_field(precision.real, 0, False), fields=fields, surface=surface,
+        at_rest=at_rest, node=node, element=element, corner_stride=corner_stride,
+    )  # fmt: skip
 
 
 def on_chip_elements(precision: Precision) -> int:
