@@ -85,7 +85,7 @@ def time_loop_kernel(
     record = record_functions(precision, structs, layout, lanes)
     put_stored, put_exchanged, record_ending = record.put_stored, record.put_exchanged, record.ending
     end_of_step = end_of_step_function(precision, structs, platens, record, lanes)
-    planning = next_step_functions(precision, structs, platens, record, lanes)
+    planning = next_step_functions(precision, structs, platens, record, lanes, relaxation is not None)
     start, first_step, next_step, read_step = (
         planning.start, planning.first_step, planning.next_step, planning.read,
     )  # fmt: skip
@@ -130,12 +130,12 @@ def time_loop_kernel(
             step, until_measured, latched = regroup(step, until_measured, latched)
             # While the workers sweep the elements, the control warp ends the step before.
             power, artificial = empty_sum(), empty_sum()
+            measure = int(0)
+            if until_measured == 0:
+                measure = 1
+                until_measured = batch.measure_every
+            until_measured -= 1
             if is_worker(lane) == 1:
-                measure = int(0)
-                if until_measured == 0:
-                    measure = 1
-                    until_measured = batch.measure_every
-                until_measured -= 1
                 worst, power, artificial = element_forces(body, solid, row, fields, lane, measure)
                 put_share(power, lost)
                 put_share(artificial, held_back)
@@ -151,19 +151,21 @@ def time_loop_kernel(
                     put_largest(partials, Total.BEYOND, beyond_data(body, limit_s, fields, lane))
                 if measure == 1:
                     put_largest(partials, Total.STIFFEST + (step + 1) % 2, latched)
-                    put_largest(partials, Total.STIFFER + (step + 1) % 2, stiffer)
+                    if relaxes == 1:
+                        put_largest(partials, Total.STIFFER + (step + 1) % 2, stiffer)
                     latched = wp.float64(0.0)
-            if is_control(lane) == 1 and step == 0:
-                first_step(control)
-            if is_control(lane) == 1 and step > 0:
-                end_of_step(
-                    body, batch, state, output, sample, lane, step - 1, control, partials, surface, fields
-                )
+            if is_control(lane) == 1:
+                if step == 0:
+                    first_step(control)
+                if step > 0:
+                    end_of_step(
+                        body, batch, state, output, sample, lane, step - 1, control, partials, surface, fields
+                    )
             sync()
             inform(control)
+            now = read_step(control, step)
             going = int(control[Control.GOING])
             if going == 1 and step >= 0:
-                now = read_step(control, step)
                 power = joined(power, lost, body.n_elements)
                 artificial = joined(artificial, held_back, body.n_elements)
                 kinetic = empty_sum()
@@ -176,28 +178,27 @@ def time_loop_kernel(
                         )
                     put_stored(partials, elastic, hourglass, viscous, past, most)
                     sync()  # the node sweep below moves what other lanes may still be reading
-                # Half of this step's work belongs to the time of the positions, half to what follows.
-                damp_step, rub_step, hold_step = power * now.interval, empty_sum(), artificial * now.interval
-                land_step, work_step = empty_sum(), empty_sum()
                 if is_worker(lane) == 1:
+                    # Half of this step's work belongs to the time of the positions, half to what follows.
+                    damp_step, hold_step = power * now.interval, artificial * now.interval
                     kinetic, damp_step = move_interior(body, fields, now, alpha, lane, kinetic, damp_step)
                     kinetic, damp_step, rub_step, land_step, work_step = move_boundary(
                         body, batch, state, sample, fields, surface, now, friction, alpha, lane,
                         kinetic, damp_step,
                     )  # fmt: skip
-                if now.ledger == 1:
-                    put_exchanged(
-                        partials, kinetic,
-                        worked + HALF * work_step, damped + HALF * damp_step, rubbed + HALF * rub_step,
-                        landed + HALF * land_step, restrained + HALF * hold_step,
-                    )  # fmt: skip
-                worked += work_step
-                damped += damp_step
-                rubbed += rub_step
-                restrained += hold_step
-                landed += land_step
+                    if now.ledger == 1:
+                        put_exchanged(
+                            partials, kinetic,
+                            worked + HALF * work_step, damped + HALF * damp_step, rubbed + HALF * rub_step,
+                            landed + HALF * land_step, restrained + HALF * hold_step,
+                        )  # fmt: skip
+                    worked += work_step
+                    damped += damp_step
+                    rubbed += rub_step
+                    restrained += hold_step
+                    landed += land_step
             if going == 1 and is_control(lane) == 1:
-                next_step(batch, output, sample, step + 1, control, partials)
+                next_step(batch, output, sample, step + 1, measure, control, partials)
             settle(latched)
             step += 1
             sync()

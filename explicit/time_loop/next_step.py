@@ -29,7 +29,8 @@ class NextStepFunctions:
     """``check(batch, sample, control, partials)``: the outcome of a failure that the workers' totals show, or
     0."""
     next_step: Any
-    """``next_step(batch, output, sample, step, control, partials)``: plan a step to come."""
+    """``next_step(batch, output, sample, step, measured, control, partials)``: plan a step to come, with a new
+    size where the bound was `measured`."""
     read: Any
     """``read(control, step) -> Step``: the plan of the step under way, for every lane."""
 
@@ -41,6 +42,7 @@ def next_step_functions(
     boundary: BoundaryFunctions,
     record: RecordFunctions,
     lanes: LaneFunctions,
+    relaxes: bool,
 ) -> NextStepFunctions:
     """Generate the planning."""
     Batch, Output, Step = structs.Batch, structs.Output, simulation_structs(precision).Step
@@ -53,7 +55,7 @@ def next_step_functions(
     watch_every, motion_limit = int(CHECK_EVERY), wp.float64(MOTION_LIMIT)
     diverged, turned = int(Outcome.DIVERGED), int(Outcome.INVERTED)
     collapsed, limit = int(Outcome.STEP_COLLAPSED), int(Outcome.STEP_LIMIT)
-    exceeded = int(Outcome.TABLE_EXCEEDED)
+    exceeded, branches = int(Outcome.TABLE_EXCEEDED), int(relaxes)
 
     @wp.func
     def start(batch: Batch, output: Output, sample: int, control: wp.array(dtype=wp.float64)):
@@ -98,6 +100,7 @@ def next_step_functions(
         output: Output,
         sample: int,
         step: int,
+        measured: int,
         control: wp.array(dtype=wp.float64),
         partials: wp.array(dtype=wp.float64),
     ):
@@ -110,9 +113,10 @@ def next_step_functions(
         dt = wp.float64(dt_before)
         control_sync()
         # The bound was measured one step ago, where the specimen stood before the step that is under way.
-        if step % batch.measure_every == 0:
-            stiffest = get_largest(partials, Total.STIFFEST + step % 2)
-            omega_squared = stiffest + get_largest(partials, Total.STIFFER + step % 2)
+        if measured == 1:
+            omega_squared = get_largest(partials, Total.STIFFEST + step % 2)
+            if branches == 1:
+                omega_squared += get_largest(partials, Total.STIFFER + step % 2)
             dt = wp.min(batch.safety * TWO / wp.sqrt(omega_squared), batch.largest_step)
             rate = ONE / dt
             if step == 0:

@@ -133,13 +133,14 @@ def node_sweeps(
         while b < body.n_boundary:
             node = body.first_boundary + b
             at = place_of(body, node)
-            old, free, mass = free_velocity(body, fields, node, at, interval, alpha)
+            kind, touched = body.kind[b], surface.touched[b]
             height = body.reference_y[node] + wp.float64(fields.u_y[at])
+            old, free, mass = free_velocity(body, fields, node, at, interval, alpha)
             to_lower = real((step.lower_next - height) * step.rate)
             to_upper = real((body.length - step.flyer_next - height) * step.rate)
             new, platen, mark = contact(
                 body, batch, state, sample, b,
-                body.kind[b], surface.touched[b], free, to_lower, to_upper, friction, interval, dt,
+                kind, touched, free, to_lower, to_upper, friction, interval, dt,
             )  # fmt: skip
             surface.touched[b] = mark
             # Impulses of the platen on the node, and where their work goes.

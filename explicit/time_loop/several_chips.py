@@ -15,7 +15,7 @@ import warp as wp
 
 from explicit.arrays import IntArray
 from explicit.precision import Precision
-from explicit.time_loop.lanes import BLOCK, LARGER, SUM, LaneFunctions, lane_functions
+from explicit.time_loop.lanes import ADDED, BLOCK, DOWN, LARGER, LARGEST, SUM, LaneFunctions, lane_functions
 from explicit.time_loop.slots import CONTROL_SIZE
 
 APART = 1 << 24
@@ -80,11 +80,7 @@ _INFORM = f"""
 """
 _HAND_OVER = """
 #if defined(__CUDA_ARCH__)
-    #pragma unroll
-    for (int offset = 16; offset > 0; offset >>= 1) {
-        double other = __shfl_down_sync(0xffffffffu, x, offset);
-        x = COMBINE;
-    }
+    ACROSS
     if ((threadIdx.x & 31) == 0) parts.data[k * BLOCK_WARPS + (threadIdx.x >> 5)] = x;
 #endif
 """
@@ -97,11 +93,7 @@ _TAKE = f"""
         {_READ.replace("OTHER", "other").replace("PLACE", "place + next % BLOCK_WARPS * 8").replace("RANK", "next / BLOCK_WARPS")}
         x = COMBINE;
     }}
-    #pragma unroll
-    for (int step = 16; step > 0; step >>= 1) {{
-        const double other = __shfl_xor_sync(0xffffffffu, x, step);
-        x = COMBINE;
-    }}
+    ACROSS
     return x;
 #else
     return 0.0;
@@ -137,16 +129,16 @@ def lanes_of_chips(blocks: int) -> LaneFunctions:
     @wp.func_native(snippet=native(_INFORM))
     def inform(control: parts_of): ...
 
-    @wp.func_native(snippet=native(_HAND_OVER, COMBINE=SUM))
+    @wp.func_native(snippet=native(_HAND_OVER, ACROSS=DOWN))
     def put_total(parts: parts_of, k: int, x: wp.float64): ...
 
-    @wp.func_native(snippet=native(_HAND_OVER, COMBINE=LARGER))
+    @wp.func_native(snippet=native(_HAND_OVER, ACROSS=LARGEST))
     def put_largest(parts: parts_of, k: int, x: wp.float64): ...
 
-    @wp.func_native(snippet=native(_TAKE, COMBINE=SUM, NOTHING="0.0"))
+    @wp.func_native(snippet=native(_TAKE, ACROSS=ADDED, COMBINE=SUM, NOTHING="0.0", ALONE="0"))
     def get_total(parts: parts_of, k: int) -> wp.float64: ...
 
-    @wp.func_native(snippet=native(_TAKE, COMBINE=LARGER, NOTHING="-1e300"))
+    @wp.func_native(snippet=native(_TAKE, ACROSS=LARGEST, COMBINE=LARGER, NOTHING="-1e300"))
     def get_largest(parts: parts_of, k: int) -> wp.float64: ...
 
     return replace(
