@@ -129,20 +129,17 @@ def time_loop_kernel(
         while going == 1:  # before the first step the elements only say how large it may be
             step, until_measured, latched = regroup(step, until_measured, latched)
             # While the workers sweep the elements, the control warp ends the step before.
-            power, artificial = empty_sum(), empty_sum()
             measure = int(0)
             if until_measured == 0:
                 measure = 1
                 until_measured = batch.measure_every
             until_measured -= 1
+            worst, power, artificial = element_forces(body, solid, row, fields, lane, measure)
+            put_share(power, lost)
+            put_share(artificial, held_back)
+            stiffer = relaxed_forces(body, solid, row, branches, memory, control, step, fields, lane, measure)
+            latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
             if is_worker(lane) == 1:
-                worst, power, artificial = element_forces(body, solid, row, fields, lane, measure)
-                put_share(power, lost)
-                put_share(artificial, held_back)
-                stiffer = relaxed_forces(
-                    body, solid, row, branches, memory, control, step, fields, lane, measure
-                )
-                latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
                 if step % check_every == 0:
                     put_total(partials, Total.MOTION, motion(body, fields, lane))
                     put_total(partials, Total.WORK_DONE, worked)
@@ -153,7 +150,8 @@ def time_loop_kernel(
                     put_largest(partials, Total.STIFFEST + (step + 1) % 2, latched)
                     if relaxes == 1:
                         put_largest(partials, Total.STIFFER + (step + 1) % 2, stiffer)
-                    latched = wp.float64(0.0)
+            if measure == 1:
+                latched = wp.float64(0.0)
             if is_control(lane) == 1:
                 if step == 0:
                     first_step(control)
@@ -178,25 +176,24 @@ def time_loop_kernel(
                         )
                     put_stored(partials, elastic, hourglass, viscous, past, most)
                     sync()  # the node sweep below moves what other lanes may still be reading
-                if is_worker(lane) == 1:
-                    # Half of this step's work belongs to the time of the positions, half to what follows.
-                    damp_step, hold_step = power * now.interval, artificial * now.interval
-                    kinetic, damp_step = move_interior(body, fields, now, alpha, lane, kinetic, damp_step)
-                    kinetic, damp_step, rub_step, land_step, work_step = move_boundary(
-                        body, batch, state, sample, fields, surface, now, friction, alpha, lane,
-                        kinetic, damp_step,
+                # Half of this step's work belongs to the time of the positions, half to what follows.
+                damp_step, hold_step = power * now.interval, artificial * now.interval
+                kinetic, damp_step = move_interior(body, fields, now, alpha, lane, kinetic, damp_step)
+                kinetic, damp_step, rub_step, land_step, work_step = move_boundary(
+                    body, batch, state, sample, fields, surface, now, friction, alpha, lane,
+                    kinetic, damp_step,
+                )  # fmt: skip
+                if now.ledger == 1:
+                    put_exchanged(
+                        partials, kinetic,
+                        worked + HALF * work_step, damped + HALF * damp_step, rubbed + HALF * rub_step,
+                        landed + HALF * land_step, restrained + HALF * hold_step,
                     )  # fmt: skip
-                    if now.ledger == 1:
-                        put_exchanged(
-                            partials, kinetic,
-                            worked + HALF * work_step, damped + HALF * damp_step, rubbed + HALF * rub_step,
-                            landed + HALF * land_step, restrained + HALF * hold_step,
-                        )  # fmt: skip
-                    worked += work_step
-                    damped += damp_step
-                    rubbed += rub_step
-                    restrained += hold_step
-                    landed += land_step
+                worked += work_step
+                damped += damp_step
+                rubbed += rub_step
+                restrained += hold_step
+                landed += land_step
             if going == 1 and is_control(lane) == 1:
                 next_step(batch, output, sample, step + 1, measure, control, partials)
             settle(latched)

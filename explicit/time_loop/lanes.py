@@ -292,7 +292,9 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def disband(latched: wp.float64):
         return latched
 
-    @wp.func_native(snippet="return lane;")
+    nobody = "lane < THREADS - 32 ? {} : 0x40000000"
+
+    @wp.func_native(snippet=either(f"return {nobody.format('lane')};", "return lane;"))
     def first_element(lane: int, n: int) -> int: ...
 
     @wp.func_native(snippet="return n;")
@@ -301,7 +303,7 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     @wp.func_native(snippet="return lane;")
     def sum_first(lane: int) -> int: ...
 
-    @wp.func_native(snippet=either("return THREADS - 33 - lane;", "return lane;"))
+    @wp.func_native(snippet=either(f"return {nobody.format('THREADS - 33 - lane')};", "return lane;"))
     def boundary_first(lane: int) -> int: ...
 
     @wp.func_native(snippet=either(f"return lane < {inside} ? lane : 0x40000000;", "return lane;"))
