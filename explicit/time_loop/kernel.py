@@ -86,6 +86,7 @@ def time_loop_kernel(
     put_stored, put_exchanged, record_ending = record.put_stored, record.put_exchanged, record.ending
     end_of_step = end_of_step_function(precision, structs, platens, record, lanes)
     planning = next_step_functions(precision, structs, platens, record, lanes, relaxation is not None)
+    again = planning.again if on_chip and cluster > 1 else planning.as_read
     start, first_step, next_step, read_step = (
         planning.start, planning.first_step, planning.next_step, planning.read,
     )  # fmt: skip
@@ -100,7 +101,7 @@ def time_loop_kernel(
     relaxes = int(relaxation is not None)
     lost, held_back = int(Share.POWER), int(Share.ARTIFICIAL)
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
-    HALF = wp.float64(0.5)
+    HALF, NOTHING = wp.float64(0.5), wp.float64(0.0)
     control_size = int(CONTROL_SIZE)
     residents = SHARING if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
 
@@ -159,10 +160,11 @@ def time_loop_kernel(
                     end_of_step(
                         body, batch, state, output, sample, lane, step - 1, control, partials, surface, fields
                     )
+            planned = read_step(control, step)
             sync()
             inform(control)
-            now = read_step(control, step)
-            going = int(control[Control.GOING])
+            now = again(planned, control, step)
+            going = int(control[Control.GOING] > NOTHING)
             if going == 1 and step >= 0:
                 power = joined(power, lost, body.n_elements)
                 artificial = joined(artificial, held_back, body.n_elements)
@@ -180,7 +182,7 @@ def time_loop_kernel(
                 damp_step, hold_step = power * now.interval, artificial * now.interval
                 kinetic, damp_step = move_interior(body, fields, now, alpha, lane, kinetic, damp_step)
                 kinetic, damp_step, rub_step, land_step, work_step = move_boundary(
-                    body, batch, state, sample, fields, surface, now, friction, alpha, lane,
+                    body, batch, state, sample, fields, surface, control, now, friction, alpha, lane,
                     kinetic, damp_step,
                 )  # fmt: skip
                 if now.ledger == 1:

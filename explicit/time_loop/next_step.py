@@ -33,6 +33,10 @@ class NextStepFunctions:
     size where the bound was `measured`."""
     read: Any
     """``read(control, step) -> Step``: the plan of the step under way, for every lane."""
+    again: Any
+    """``again(planned, control, step) -> Step``: the same once more, where the record has come since."""
+    as_read: Any
+    """``as_read(planned, control, step) -> Step``: what was read before."""
 
 
 @cache
@@ -178,9 +182,15 @@ def next_step_functions(
             control[this + Plan.RATE],
             control[this + Plan.FLYER_NEXT],
             control[this + Plan.UPPER_SPEED],
-            control[Control.LOWER_NEXT],
-            control[Control.LOWER_SPEED],
-            int(control[this + Plan.LEDGER]),
+            int(control[this + Plan.LEDGER] > ZERO),
         )
 
-    return NextStepFunctions(start, first_step, check, next_step, read)
+    @wp.func
+    def again(planned: Step, control: wp.array(dtype=wp.float64), step: int):
+        return read(control, step)
+
+    @wp.func
+    def as_read(planned: Step, control: wp.array(dtype=wp.float64), step: int):
+        return planned
+
+    return NextStepFunctions(start, first_step, check, next_step, read, again, as_read)

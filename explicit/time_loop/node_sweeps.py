@@ -14,6 +14,7 @@ from explicit.precision import Precision
 from explicit.time_loop.boundary import LOWER, UPPER, BoundaryFunctions
 from explicit.time_loop.grouped_tables import entries_function
 from explicit.time_loop.lanes import LaneFunctions
+from explicit.time_loop.slots import Control
 from explicit.time_loop.state_layout import StateLayout
 from explicit.time_loop.structs import Structs, simulation_structs
 
@@ -29,7 +30,7 @@ class NodeSweeps:
     """``interior(body, fields, step, alpha, lane, kinetic, damped) -> (kinetic, damped)``: move this worker's
     interior nodes; sums of kinetic energy and of what mass-proportional damping `alpha` takes [J]."""
     boundary: Any
-    """``boundary(body, batch, state, sample, fields, surface, step, friction, alpha, lane, kinetic, damped)
+    """``boundary(body, batch, state, sample, fields, surface, control, step, friction, alpha, lane, kinetic, damped)
     -> (kinetic, damped, rubbed, landed, worked)``: the same for its boundary nodes, with the work of
     friction, of landing and of the platens [J]."""
 
@@ -120,6 +121,7 @@ def node_sweeps(
         sample: int,
         fields: Fields,
         surface: Surface,
+        control: wp.array(dtype=wp.float64),
         step: Step,
         friction: real,
         alpha: real,
@@ -129,6 +131,7 @@ def node_sweeps(
     ):
         rubbed, landed, worked = empty_sum(), empty_sum(), empty_sum()
         dt, interval = real(step.dt), real(step.interval)
+        lower_next, lower_speed = control[Control.LOWER_NEXT], control[Control.LOWER_SPEED]
         b = boundary_first(lane)
         while b < body.n_boundary:
             node = body.first_boundary + b
@@ -136,7 +139,7 @@ def node_sweeps(
             kind, touched = body.kind[b], surface.touched[b]
             height = body.reference_y[node] + wp.float64(fields.u_y[at])
             old, free, mass = free_velocity(body, fields, node, at, interval, alpha)
-            to_lower = real((step.lower_next - height) * step.rate)
+            to_lower = real((lower_next - height) * step.rate)
             to_upper = real((body.length - step.flyer_next - height) * step.rate)
             new, platen, mark = contact(
                 body, batch, state, sample, b,
@@ -153,8 +156,8 @@ def node_sweeps(
                 from_below = push
                 if new[1] == to_lower:
                     riding = wp.float64(mass)
-                landed = add_to(landed, push * (step.lower_speed - speed), b)
-                worked = add_to(worked, push * step.lower_speed, b)
+                landed = add_to(landed, push * (lower_speed - speed), b)
+                worked = add_to(worked, push * lower_speed, b)
             elif platen == upper:
                 from_above = push
                 landed = add_to(landed, push * (step.upper_speed - speed), b)
