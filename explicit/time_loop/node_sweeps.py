@@ -149,19 +149,20 @@ def node_sweeps(
             # Impulses of the platen on the node, and where their work goes.
             push = wp.float64(mass) * wp.float64(new[1] - free[1])
             rub = wp.float64(mass) * wp.float64(new[0] - free[0])
-            from_below, from_above, riding = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
             speed = wp.float64(half * (old[1] + new[1]))
             slide = wp.float64(half * (old[0] + new[0]))
+            from_below, from_above, riding = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
             if platen == lower:
                 from_below = push
-                if new[1] == to_lower:
-                    riding = wp.float64(mass)
-                landed = add_to(landed, push * (lower_speed - speed), b)
-                worked = add_to(worked, push * lower_speed, b)
-            elif platen == upper:
+            if platen == lower and new[1] == to_lower:
+                riding = wp.float64(mass)
+            met = wp.float64(lower_speed)
+            if platen == upper:
                 from_above = push
-                landed = add_to(landed, push * (step.upper_speed - speed), b)
-                worked = add_to(worked, push * step.upper_speed, b)
+                met = step.upper_speed
+            impulse = from_below + from_above
+            landed = add_to(landed, impulse * (met - speed), b)
+            worked = add_to(worked, impulse * met, b)
             rubbed = add_to(rubbed, -rub * slide, b)
             surface.push_lower[b] = from_below
             surface.push_upper[b] = from_above
