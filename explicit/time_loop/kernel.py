@@ -135,24 +135,27 @@ def time_loop_kernel(
                 measure = 1
                 until_measured = batch.measure_every
             until_measured -= 1
+            watched = int(measure == 1 or step % check_every == 0 or batch.stop_past_data == 1)
             worst, power, artificial = element_forces(body, solid, row, fields, lane, measure)
             put_share(power, lost)
             put_share(artificial, held_back)
             stiffer = relaxed_forces(body, solid, row, branches, memory, control, step, fields, lane, measure)
+            planned = read_step(control, step)
             latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
-            if is_worker(lane) == 1:
-                if step % check_every == 0:
-                    put_total(partials, Total.MOTION, motion(body, fields, lane))
-                    put_total(partials, Total.WORK_DONE, worked)
-                    put_largest(partials, Total.TURNED, latched)
-                if batch.stop_past_data == 1:
-                    put_largest(partials, Total.BEYOND, beyond_data(body, limit_s, fields, lane))
+            if watched == 1:
+                if is_worker(lane) == 1:
+                    if step % check_every == 0:
+                        put_total(partials, Total.MOTION, motion(body, fields, lane))
+                        put_total(partials, Total.WORK_DONE, worked)
+                        put_largest(partials, Total.TURNED, latched)
+                    if batch.stop_past_data == 1:
+                        put_largest(partials, Total.BEYOND, beyond_data(body, limit_s, fields, lane))
+                    if measure == 1:
+                        put_largest(partials, Total.STIFFEST + (step + 1) % 2, latched)
+                        if relaxes == 1:
+                            put_largest(partials, Total.STIFFER + (step + 1) % 2, stiffer)
                 if measure == 1:
-                    put_largest(partials, Total.STIFFEST + (step + 1) % 2, latched)
-                    if relaxes == 1:
-                        put_largest(partials, Total.STIFFER + (step + 1) % 2, stiffer)
-            if measure == 1:
-                latched = wp.float64(0.0)
+                    latched = wp.float64(0.0)
             if is_control(lane) == 1:
                 if step == 0:
                     first_step(control)
@@ -160,7 +163,6 @@ def time_loop_kernel(
                     end_of_step(
                         body, batch, state, output, sample, lane, step - 1, control, partials, surface, fields
                     )
-            planned = read_step(control, step)
             sync()
             inform(control)
             now = again(planned, control, step)
