@@ -94,11 +94,11 @@ def time_loop_kernel(
     motion, beyond_data, failed_element = failure.motion, failure.strain, failure.failed_element
     check, check_every = planning.check, int(CHECK_EVERY)
     sync, is_worker, is_control, empty_sum = lanes.sync, lanes.is_worker, lanes.is_control, lanes.empty_sum
-    enter, leave, inform = lanes.enter, lanes.leave, lanes.inform
+    enter, leave, tell, listen, inform = lanes.enter, lanes.leave, lanes.tell, lanes.listen, lanes.inform
     put_total, put_largest = lanes.put_total, lanes.put_largest
     put_share, joined = lanes.put_share, lanes.joined
     settle, regroup, disband = lanes.settle, lanes.regroup, lanes.disband
-    relaxes = int(relaxation is not None)
+    plans, relaxes = int(Control.PLANS), int(relaxation is not None)
     lost, held_back = int(Share.POWER), int(Share.ARTIFICIAL)
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
     HALF, NOTHING = wp.float64(0.5), wp.float64(0.0)
@@ -117,7 +117,7 @@ def time_loop_kernel(
         fields, surface = fields_of(body, state, sample), surface_of(body, state, sample)
         control, partials = sums(state.control, sample, 0), sums(state.partials, sample, control_size)
         memory = remembered(state.memory, sample, 0)
-        enter()
+        enter(control)
         at_rest(body, fields, surface, partials, lane)
         if is_control(lane) == 1:
             start(batch, output, sample, control)
@@ -163,8 +163,9 @@ def time_loop_kernel(
                     end_of_step(
                         body, batch, state, output, sample, lane, step - 1, control, partials, surface, fields
                     )
+                tell(control, step)
             sync()
-            inform(control)
+            listen(control)
             now = again(planned, control, step)
             going = int(control[Control.GOING] > NOTHING)
             if going == 1 and step >= 0:
@@ -204,8 +205,9 @@ def time_loop_kernel(
             step += 1
             sync()
             if relaxes == 1:  # what relaxes reads the plan of the step in the sweep over elements
-                inform(control)
+                inform(control, plans)
 
+        inform(control, 0)
         latched = disband(latched)
         if int(control[Control.STATUS]) == 0:  # a last check of what happened since the one before
             if is_worker(lane) == 1:
@@ -216,7 +218,7 @@ def time_loop_kernel(
             if is_control(lane) == 1:
                 control[Control.STATUS] = wp.float64(check(batch, sample, control, partials))
         sync()
-        inform(control)
+        inform(control, 0)
         failed = int(-1)
         if int(control[Control.STATUS]) != 0:
             status = int(control[Control.STATUS])

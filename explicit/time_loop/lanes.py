@@ -118,11 +118,16 @@ class LaneFunctions:
     sync: Any
     """``sync()``: every lane waits for the others; their writes are visible after it."""
     enter: Any
-    """``enter()``: every lane is there; the first that it calls."""
+    """``enter(control)``: every lane is there; the first that it calls."""
     leave: Any
     """``leave()``: no lane needs another any more; the last that it calls."""
+    tell: Any
+    """``tell(control, step)``: the control warp is about to meet the workers, who will need the plan of the
+    step, whether there is one, and where the support will be."""
+    listen: Any
+    """``listen(control)``: the lanes have met, and need what they were told."""
     inform: Any
-    """``inform(control)``: the lanes have met, and the workers are about to read the control record."""
+    """``inform(control, first)``: the lanes have met, and need the control record from a slot on."""
     empty_sum: Any
     """``empty_sum()``: where a sum over elements or nodes begins."""
     add_to: Any
@@ -219,7 +224,15 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def sync(): ...
 
     @wp.func
-    def enter():
+    def enter(control: parts_of):
+        return
+
+    @wp.func
+    def tell(control: parts_of, step: int):
+        return
+
+    @wp.func
+    def listen(control: parts_of):
         return
 
     @wp.func
@@ -227,7 +240,7 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
         return
 
     @wp.func
-    def inform(control: parts_of):
+    def inform(control: parts_of, first: int):
         return
 
     @wp.func
@@ -322,7 +335,7 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def control_stride() -> int: ...
 
     return LaneFunctions(
-        sync=sync, enter=enter, leave=leave, inform=inform, empty_sum=empty_sum, add_to=add_to, add_share=add_share, put_share=put_share,
+        sync=sync, enter=enter, leave=leave, tell=tell, listen=listen, inform=inform, empty_sum=empty_sum, add_to=add_to, add_share=add_share, put_share=put_share,
         joined=joined, is_worker=is_worker, n_workers=n_workers, is_control=is_control, is_writer=is_writer,
         put_total=put_total, put_largest=put_largest, get_total=get_total, get_largest=get_largest,
         boundary_totals=boundary_totals, control_sync=control_sync, settle=settle, regroup=regroup,
