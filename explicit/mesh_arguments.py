@@ -58,10 +58,11 @@ def _new_body(kernel: TimeLoopKernel, model: Model, numbers: Precision, where: A
     surface_mass = np.divide(mass, area, out=np.full(mesh.n_nodes, np.inf), where=area > 0.0)
     masses = np.stack([mass, np.where(mesh.on_axis, 0.0, 1.0 / mass), 1.0 / mass, np.zeros(mesh.n_nodes)])
     height = mesh.nodes[:, 1] - mesh.nodes[:, 1].min()
-    slots = on_chip_elements(numbers) if on_chip else mesh.n_elements
+    spread = on_chip and kernel.cluster > 1
+    slots = on_chip_elements(numbers) if on_chip and not spread else mesh.n_elements
     corners = _corner_table(mesh, slots, place, 1 if where.is_cuda else SPARE)
     quads = place[mesh.quads.T]
-    if on_chip and kernel.cluster > 1:
+    if spread:
         corners = _corners_on_chips(corners, slots, place, first_boundary, kernel.cluster, numbers)
         quads = spread_nodes(quads, first_boundary, kernel.cluster, numbers)
 
