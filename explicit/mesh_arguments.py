@@ -14,11 +14,11 @@ from explicit.mesh import Mesh
 from explicit.model import Model
 from explicit.precision import Precision
 from explicit.time_loop.boundary import INTERIOR, LOWER, SIDE, UPPER
+from explicit.time_loop.chip_layout import apart, fits_on_chips, spread_corners, spread_nodes
 from explicit.time_loop.grouped_tables import GROUP, LOADED_BYTES, grouped
 from explicit.time_loop.kernel import TimeLoopKernel
 from explicit.time_loop.lanes import BLOCK
 from explicit.time_loop.node_sweeps import VALENCE
-from explicit.time_loop.several_chips import apart, fits_on_chips, spread_corners, spread_nodes
 from explicit.time_loop.state_layout import fits, on_chip_elements
 
 SPARE = 16
@@ -33,7 +33,8 @@ def body_of(
 ) -> Any:
     """The mesh's constants on a device, every node in its place of `node_order`; made once."""
     known = _BODIES.setdefault(model.mesh, {})
-    key = (kernel.structs.Body, model.density, model.element, numbers.name, str(where), on_chip, kernel.cluster)
+    made_for = (str(where), on_chip, kernel.cluster)
+    key = (kernel.structs.Body, model.density, model.element, numbers.name, *made_for)
     if key not in known:
         known[key] = _new_body(kernel, model, numbers, where, on_chip)
     return known[key]

@@ -17,6 +17,8 @@ from explicit.precision import Precision
 from explicit.relaxation.base import Relaxation
 from explicit.relaxation.kernels.branches import relaxation_functions
 from explicit.time_loop.boundary import boundary_functions
+from explicit.time_loop.chip_lanes import lanes_of_chips
+from explicit.time_loop.chip_layout import layout_on_chips
 from explicit.time_loop.element_sweeps import sweep_functions
 from explicit.time_loop.end_of_step import end_of_step_function
 from explicit.time_loop.failure import CHECK_EVERY, failure_functions
@@ -24,7 +26,6 @@ from explicit.time_loop.lanes import BLOCK, SHARING, SMALL_BLOCK, lane_functions
 from explicit.time_loop.next_step import next_step_functions
 from explicit.time_loop.node_sweeps import node_sweeps
 from explicit.time_loop.record import record_functions
-from explicit.time_loop.several_chips import lanes_of_chips
 from explicit.time_loop.slots import CONTROL_SIZE, Control, Share, Total
 from explicit.time_loop.state_layout import state_layout
 from explicit.time_loop.structs import Structs, batch_structs
@@ -72,8 +73,13 @@ def time_loop_kernel(
     """
     element = element_named(element_name).functions(law, precision, bound, volumetric)
     structs = batch_structs(precision, element.Shape, element.Solid)
-    lanes = lanes_of_chips(cluster) if on_chip and cluster > 1 else lane_functions(cluster)
-    layout = state_layout(precision, structs, on_chip, cluster)
+    spread = on_chip and cluster > 1
+    lanes = lanes_of_chips(cluster) if spread else lane_functions(cluster)
+    layout = (
+        layout_on_chips(precision, structs, cluster)
+        if spread
+        else state_layout(precision, structs, on_chip, cluster)
+    )
     sums, remembered, fields_of, surface_of = layout.sums, layout.remembered, layout.fields, layout.surface
     at_rest = layout.at_rest
     sweeps = sweep_functions(precision, element, structs, layout, lanes)
@@ -86,7 +92,7 @@ def time_loop_kernel(
     put_stored, put_exchanged, record_ending = record.put_stored, record.put_exchanged, record.ending
     end_of_step = end_of_step_function(precision, structs, platens, record, lanes)
     planning = next_step_functions(precision, structs, platens, record, lanes, relaxation is not None)
-    again = planning.again if on_chip and cluster > 1 else planning.as_read
+    again = planning.again if spread else planning.as_read
     start, first_step, next_step, read_step = (
         planning.start, planning.first_step, planning.next_step, planning.read,
     )  # fmt: skip
@@ -135,27 +141,24 @@ def time_loop_kernel(
                 measure = 1
                 until_measured = batch.measure_every
             until_measured -= 1
-            watched = int(measure == 1 or step % check_every == 0 or batch.stop_past_data == 1)
             worst, power, artificial = element_forces(body, solid, row, fields, lane, measure)
             put_share(power, lost)
             put_share(artificial, held_back)
             stiffer = relaxed_forces(body, solid, row, branches, memory, control, step, fields, lane, measure)
-            planned = read_step(control, step)
             latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
-            if watched == 1:
-                if is_worker(lane) == 1:
-                    if step % check_every == 0:
-                        put_total(partials, Total.MOTION, motion(body, fields, lane))
-                        put_total(partials, Total.WORK_DONE, worked)
-                        put_largest(partials, Total.TURNED, latched)
-                    if batch.stop_past_data == 1:
-                        put_largest(partials, Total.BEYOND, beyond_data(body, limit_s, fields, lane))
-                    if measure == 1:
-                        put_largest(partials, Total.STIFFEST + (step + 1) % 2, latched)
-                        if relaxes == 1:
-                            put_largest(partials, Total.STIFFER + (step + 1) % 2, stiffer)
+            if is_worker(lane) == 1:
+                if step % check_every == 0:
+                    put_total(partials, Total.MOTION, motion(body, fields, lane))
+                    put_total(partials, Total.WORK_DONE, worked)
+                    put_largest(partials, Total.TURNED, latched)
+                if batch.stop_past_data == 1:
+                    put_largest(partials, Total.BEYOND, beyond_data(body, limit_s, fields, lane))
                 if measure == 1:
-                    latched = wp.float64(0.0)
+                    put_largest(partials, Total.STIFFEST + (step + 1) % 2, latched)
+                    if relaxes == 1:
+                        put_largest(partials, Total.STIFFER + (step + 1) % 2, stiffer)
+            if measure == 1:
+                latched = wp.float64(0.0)
             if is_control(lane) == 1:
                 if step == 0:
                     first_step(control)
@@ -164,8 +167,9 @@ def time_loop_kernel(
                         body, batch, state, output, sample, lane, step - 1, control, partials, surface, fields
                     )
                 tell(control, step)
+            planned = read_step(control, step)
             sync()
-            listen(control)
+            listen(control, step)
             now = again(planned, control, step)
             going = int(control[Control.GOING] > NOTHING)
             if going == 1 and step >= 0:

@@ -10,86 +10,21 @@ from typing import Any
 
 import warp as wp
 
-BARRIER = """
-#if defined(__CUDA_ARCH__)
-    MEET
-#endif
-"""
-"""Lanes of one simulation meet here; a single lane (CPU) has nobody to wait for."""
-_MEET_IN_BLOCK = "__syncthreads();"
-_MEET_IN_CLUSTER = (
-    'asm volatile("barrier.cluster.arrive.release.aligned;" ::: "memory");\n'
-    '    asm volatile("barrier.cluster.wait.acquire.aligned;" ::: "memory");'
+from explicit.time_loop.lane_code import (
+    ADDED,
+    BARRIER,
+    BOUNDARY_TOTALS,
+    DOWN,
+    FURTHER,
+    HAND_OVER,
+    LARGER,
+    LARGEST,
+    MEET_IN_BLOCK,
+    MEET_IN_CLUSTER,
+    SUM,
+    TAKE,
 )
 
-
-# The last warp of a GPU's block, the control warp, does the bookkeeping of each step while the others sweep
-# the elements. Totals are handed to it warp by warp and added in one order.
-_HAND_OVER = """
-#if defined(__CUDA_ARCH__)
-    ACROSS
-    if ((threadIdx.x & 31) == 0) parts.data[k * WARPS + (THREAD >> 5)] = x;
-#else
-    parts.data[k] = x;
-#endif
-"""
-_TAKE = """
-#if defined(__CUDA_ARCH__)
-    const int warp = threadIdx.x & (ALONE ? 15 : 31);
-    double x = warp < (THREADS >> 5) ? parts.data[k * WARPS + warp] : NOTHING;
-    FURTHER
-    ACROSS
-    return x;
-#else
-    return parts.data[k];
-#endif
-"""
-ADDED = """
-    #pragma unroll
-    for (int step = ALONE ? 8 : 16; step > 0; step >>= 1) x += __shfl_xor_sync(0xffffffffu, x, step);
-"""
-# Numbers in the order of integers, compared upper half first: two instructions instead of five rounds.
-LARGEST = """
-    #if __CUDA_ARCH__ >= 800
-    const long long bits = __double_as_longlong(x), order = bits ^ ((bits >> 63) & 0x7fffffffffffffffll);
-    const int upper = (int)(order >> 32), top = __reduce_max_sync(0xffffffffu, upper);
-    const unsigned lower = __reduce_max_sync(0xffffffffu, upper == top ? (unsigned)order : 0u);
-    const long long most = ((long long)top << 32) | lower;
-    x = __longlong_as_double(most ^ ((most >> 63) & 0x7fffffffffffffffll));
-    #else
-    #pragma unroll
-    for (int step = 16; step > 0; step >>= 1) {
-        const double other = __shfl_xor_sync(0xffffffffu, x, step);
-        x = x > other ? x : other;
-    }
-    #endif
-"""
-_FURTHER = """for (int next = warp + 32; next < (THREADS >> 5); next += 32) {
-        const double other = parts.data[k * WARPS + next];
-        x = COMBINE;
-    }"""
-DOWN = """
-    #pragma unroll
-    for (int offset = 16; offset > 0; offset >>= 1) x += __shfl_down_sync(0xffffffffu, x, offset);
-"""
-SUM, LARGER = "x + other", "x > other ? x : other"
-_BOUNDARY_TOTALS = """
-    wp::vec_t<2, wp::float64> sums(0.0, 0.0);
-#if defined(__CUDA_ARCH__)
-    #pragma unroll 1
-    for (int k = threadIdx.x & 31; k < n; k += 32) { sums[0] += first.data[k]; sums[1] += second.data[k]; }
-    #pragma unroll
-    for (int other = 16; other > 0; other >>= 1) {
-        const double a = __shfl_xor_sync(0xffffffffu, sums[0], other);
-        const double b = __shfl_xor_sync(0xffffffffu, sums[1], other);
-        sums[0] += a;
-        sums[1] += b;
-    }
-#else
-    for (int k = 0; k < n; ++k) { sums[0] += first.data[k]; sums[1] += second.data[k]; }
-#endif
-    return sums;
-"""
 BLOCK = 384
 """Threads that share one simulation on a GPU; among them its registers are shared out."""
 SMALL_BLOCK = 96
@@ -125,7 +60,7 @@ class LaneFunctions:
     """``tell(control, step)``: the control warp is about to meet the workers, who will need the plan of the
     step, whether there is one, and where the support will be."""
     listen: Any
-    """``listen(control)``: the lanes have met, and need what they were told."""
+    """``listen(control, step)``: the lanes have met, and need what they were told, once in every step."""
     inform: Any
     """``inform(control, first)``: the lanes have met, and need the control record from a slot on."""
     empty_sum: Any
@@ -211,12 +146,12 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def either(cuda: str, cpu: str) -> str:
         return native(_either(cuda, cpu))
 
-    total, largest = native(_HAND_OVER, ACROSS=DOWN), native(_HAND_OVER, ACROSS=LARGEST)
-    take = _TAKE.replace("FURTHER", "" if alone else _FURTHER)  # a block has no more warps than a warp lanes
+    total, largest = native(HAND_OVER, ACROSS=DOWN), native(HAND_OVER, ACROSS=LARGEST)
+    take = TAKE.replace("FURTHER", "" if alone else FURTHER)  # a block has no more warps than a warp lanes
     one = "1" if alone else "0"
     take_total = native(take, ACROSS=ADDED, COMBINE=SUM, NOTHING="0.0", ALONE=one)
     take_largest = native(take, ACROSS=LARGEST, COMBINE=LARGER, NOTHING="-1e300", ALONE=one)
-    meet = native(BARRIER, MEET=_MEET_IN_BLOCK if alone else _MEET_IN_CLUSTER)
+    meet = native(BARRIER, MEET=MEET_IN_BLOCK if alone else MEET_IN_CLUSTER)
     inside = _INSIDE if alone else _INSIDE_CLUSTER
     parts_of: Any = wp.array(dtype=wp.float64)
 
@@ -232,7 +167,7 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
         return
 
     @wp.func
-    def listen(control: parts_of):
+    def listen(control: parts_of, step: int):
         return
 
     @wp.func
@@ -287,7 +222,7 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     @wp.func_native(snippet=take_largest)
     def get_largest(parts: parts_of, k: int) -> wp.float64: ...
 
-    @wp.func_native(snippet=_BOUNDARY_TOTALS)
+    @wp.func_native(snippet=BOUNDARY_TOTALS)
     def boundary_totals(first: parts_of, second: parts_of, n: int) -> wp.vec2d: ...
 
     @wp.func_native(snippet=either("__syncwarp();", ""))
@@ -335,7 +270,8 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def control_stride() -> int: ...
 
     return LaneFunctions(
-        sync=sync, enter=enter, leave=leave, tell=tell, listen=listen, inform=inform, empty_sum=empty_sum, add_to=add_to, add_share=add_share, put_share=put_share,
+        sync=sync, enter=enter, leave=leave, tell=tell, listen=listen, inform=inform,
+        empty_sum=empty_sum, add_to=add_to, add_share=add_share, put_share=put_share,
         joined=joined, is_worker=is_worker, n_workers=n_workers, is_control=is_control, is_writer=is_writer,
         put_total=put_total, put_largest=put_largest, get_total=get_total, get_largest=get_largest,
         boundary_totals=boundary_totals, control_sync=control_sync, settle=settle, regroup=regroup,

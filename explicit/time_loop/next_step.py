@@ -29,8 +29,8 @@ class NextStepFunctions:
     """``check(batch, sample, control, partials)``: the outcome of a failure that the workers' totals show, or
     0."""
     next_step: Any
-    """``next_step(batch, output, sample, step, measured, control, partials)``: plan a step to come, with a new
-    size where the bound was `measured`."""
+    """``next_step(batch, output, sample, step, measured, control, partials)``: plan a step to come, with
+    a new size where the bound was `measured`."""
     read: Any
     """``read(control, step) -> Step``: the plan of the step under way, for every lane."""
     again: Any

@@ -30,8 +30,8 @@ class NodeSweeps:
     """``interior(body, fields, step, alpha, lane, kinetic, damped) -> (kinetic, damped)``: move this worker's
     interior nodes; sums of kinetic energy and of what mass-proportional damping `alpha` takes [J]."""
     boundary: Any
-    """``boundary(body, batch, state, sample, fields, surface, control, step, friction, alpha, lane, kinetic, damped)
-    -> (kinetic, damped, rubbed, landed, worked)``: the same for its boundary nodes, with the work of
+    """``boundary(body, batch, state, sample, fields, surface, control, step, friction, alpha, lane, kinetic,
+    damped) -> (kinetic, damped, rubbed, landed, worked)``: the same for its boundary nodes, with the work of
     friction, of landing and of the platens [J]."""
 
 

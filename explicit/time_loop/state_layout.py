@@ -12,9 +12,8 @@ from typing import Any
 import warp as wp
 
 from explicit.precision import Precision
-from explicit.time_loop.lanes import BLOCK, WARPS
-from explicit.time_loop.several_chips import BOUNDARY, apart, first_field
-from explicit.time_loop.slots import CONTROL_SIZE, Total
+from explicit.time_loop.lanes import WARPS
+from explicit.time_loop.slots import Total
 from explicit.time_loop.structs import Structs, simulation_structs
 
 ON_CHIP_NODES, ON_CHIP_ELEMENTS, ON_CHIP_BOUNDARY, ON_CHIP_CONTROL = 448, 384, 96, 272
@@ -56,6 +55,9 @@ _STRIDE = """
 class StateLayout:
     """Accessors of the state of a simulation."""
 
+    field: Any
+    """``field(rows, sample, offset)``: a simulation's row of an array of fields or corner forces; in shared
+    memory at an offset in numbers, where the state is on the chip."""
     sums: Any
     """``sums(rows, sample, offset)``: a simulation's row of sums of the boundary, of the control record or of
     partial sums; in shared memory at an offset in numbers, where the state is on the chip."""
@@ -79,13 +81,11 @@ class StateLayout:
 @cache
 def state_layout(precision: Precision, structs: Structs, on_chip: bool, cluster: int = 1) -> StateLayout:
     """Generate the layout of the state."""
-    if on_chip and cluster > 1:
-        return _layout_on_chips(precision, structs, cluster)
     more = 8 // precision.dtype().itemsize
     nodes, elements = more * ON_CHIP_NODES, more * ON_CHIP_ELEMENTS
-    field = _field(precision.real, 4 * nodes + 8 * elements + 2, on_chip)
-    sums = _field(wp.float64, 3 * ON_CHIP_BOUNDARY + ON_CHIP_CONTROL, on_chip)
-    marks = _field(wp.int32, ON_CHIP_BOUNDARY, on_chip)
+    field = row_function(precision.real, 4 * nodes + 8 * elements + 2, on_chip)
+    sums = row_function(wp.float64, 3 * ON_CHIP_BOUNDARY + ON_CHIP_CONTROL, on_chip)
+    marks = row_function(wp.int32, ON_CHIP_BOUNDARY, on_chip)
     node_stride, corner_stride = _stride(nodes, on_chip), _stride(elements, on_chip)
     Body, State = structs.Body, structs.State
     simulation = simulation_structs(precision)
@@ -148,83 +148,8 @@ def state_layout(precision: Precision, structs: Structs, on_chip: bool, cluster:
         return e
 
     return StateLayout(
-        sums=sums, remembered=_field(precision.real, 0, False), fields=fields, surface=surface,
-        at_rest=at_rest, node=node, element=element, corner_stride=corner_stride,
-    )  # fmt: skip
-
-
-def _layout_on_chips(precision: Precision, structs: Structs, cluster: int) -> StateLayout:
-    """The state in the shared memories of several blocks; `explicit.time_loop.several_chips` has its places."""
-    n_control, n_partials = int(CONTROL_SIZE), int(Total.COUNT * WARPS)
-    field = first_field(precision.real, 4 * BLOCK + 2 * (4 * BLOCK + 1))
-    sums = _field(wp.float64, 3 * BOUNDARY + n_control + n_partials, True)
-    marks = _field(wp.int32, BOUNDARY, True)
-    Body, State = structs.Body, structs.State
-    simulation = simulation_structs(precision)
-    Fields, Surface = simulation.Fields, simulation.Surface
-    block, further, last = int(BLOCK), apart(precision), (cluster - 1) * apart(precision)
-    most = int(BOUNDARY)
-
-    @wp.func
-    def fields(body: Body, state: State, sample: int):
-        return Fields(
-            field(state.u_r, sample, 0),
-            field(state.u_y, sample, block),
-            field(state.v_r, sample, 2 * block),
-            field(state.v_y, sample, 3 * block),
-            field(state.corner_r, sample, 4 * block),
-            field(state.corner_y, sample, 8 * block + 1),
-        )
-
-    @wp.func
-    def surface(body: Body, state: State, sample: int):
-        behind = n_control + n_partials
-        return Surface(
-            marks(state.touched, sample, 0),
-            sums(state.push_lower, sample, behind),
-            sums(state.push_upper, sample, behind + most),
-            sums(state.carried, sample, behind + 2 * most),
-        )
-
-    @wp.func
-    def element(e: int):
-        return e // block * further + e % block
-
-    @wp.func
-    def node(body: Body, n: int):
-        place = n // block * further + n % block
-        if n >= body.first_boundary:
-            place = last + n - body.first_boundary
-        return place
-
-    zero, ZERO = precision.real(0.0), wp.float64(0.0)
-
-    @wp.func
-    def at_rest(
-        body: Body, fields: Fields, surface: Surface, partials: wp.array(dtype=wp.float64), lane: int
-    ):
-        mine, own = element(lane), lane % block
-        fields.u_r[mine] = zero
-        fields.u_y[mine] = zero
-        fields.v_r[mine] = zero
-        fields.v_y[mine] = zero
-        if own < body.n_boundary:
-            surface.touched[own] = body.at_rest[own]
-        k = own
-        while k < n_partials:
-            partials[k] = ZERO
-            k += block
-        if own == 0:  # nodes where fewer than four elements meet gather nothing from here
-            fields.corner_r[mine + 4 * block] = zero
-            fields.corner_y[mine + 4 * block] = zero
-
-    @wp.func
-    def corner_stride(n: int):
-        return block
-
-    return StateLayout(
-        sums=sums, remembered=_field(precision.real, 0, False), fields=fields, surface=surface,
-        at_rest=at_rest, node=node, element=element, corner_stride=corner_stride,
+        field=field, sums=sums, remembered=row_function(precision.real, 0, False), fields=fields,
+        surface=surface, at_rest=at_rest, node=node, element=element, corner_stride=corner_stride,
     )  # fmt: skip
 
 
@@ -233,7 +158,8 @@ def on_chip_elements(precision: Precision) -> int:
     return 8 // precision.dtype().itemsize * ON_CHIP_ELEMENTS
 
 
-def _field(dtype: Any, room: int, on_chip: bool) -> Any:
+def row_function(dtype: Any, room: int, on_chip: bool) -> Any:
+    """Generate ``row(rows, sample, offset)``: a simulation's row, on the chip in a pool of so much room."""
     snippet = (_FIELD_ON_CHIP if on_chip else _FIELD).replace("TYPE", f"wp::{dtype.__name__}")
 
     @wp.func_native(snippet=snippet.replace("ROOM", str(room)))

@@ -8,10 +8,7 @@ from explicit.device import select_device
 from explicit.materials import MarlowLaw, neo_hookean
 from explicit.mesh_arguments import body_of, fits_on_several, node_order
 from explicit.precision import PRECISIONS, Precision
-from explicit.time_loop.grouped_tables import GROUP
-from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
-from explicit.time_loop.lanes import BLOCK
-from explicit.time_loop.several_chips import (
+from explicit.time_loop.chip_layout import (
     APART,
     BOUNDARY,
     apart,
@@ -19,6 +16,9 @@ from explicit.time_loop.several_chips import (
     spread_corners,
     spread_nodes,
 )
+from explicit.time_loop.grouped_tables import GROUP
+from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
+from explicit.time_loop.lanes import BLOCK
 
 LARGE = [((24, 32), 4), ((40, 28), 4), ((64, 86), 16), ((33, 9), 4)]
 

@@ -1,28 +1,17 @@
-"""A simulation in the shared memories of several blocks of a GPU, each with its part of the elements and nodes.
+"""What the lanes of several blocks do together where a simulation lies in their shared memories.
 
-The blocks of a cluster read each other's shared memory: what lies at one place in all of them is `APART` bytes
-from that of one block to that of the next. So a node's or a corner force's number, times its size, is the whole
-way to it, and the time loop reads what is its neighbour's as it reads its own. The last block of a cluster has
-the boundary and the books, the others a thread for every element and interior node.
+`explicit.time_loop.chip_layout` says what lies where.
 """
 
 from dataclasses import replace
 from functools import cache
 from typing import Any
 
-import numpy as np
 import warp as wp
 
-from explicit.arrays import IntArray
-from explicit.precision import Precision
-from explicit.time_loop.lanes import ADDED, BLOCK, DOWN, LARGER, LARGEST, SUM, LaneFunctions, lane_functions
+from explicit.time_loop.lane_code import ADDED, DOWN, LARGER, LARGEST, SUM
+from explicit.time_loop.lanes import WARPS, LaneFunctions, lane_functions
 from explicit.time_loop.slots import CONTROL_SIZE, Control, Plan
-
-APART = 1 << 24
-"""Bytes from a place in the shared memory of one block of a cluster to the same in that of the next."""
-BOUNDARY = 256
-"""Most boundary nodes: those that the last block has room for and threads beside its books."""
-BLOCK_WARPS = BLOCK // 32
 
 _WAIT = """
     unsigned come;
@@ -62,33 +51,31 @@ _MEET = f"""
     {_WAIT}
 #endif
 """
-"""What blocks tell each other lies in their shared memories alone, so that nothing need be written back to the
-memory of all, nor what was read of it forgotten. A block's threads have written when they have met; then one for
-every other block tells it so. `whole` is the barrier of the hardware, which does more and takes longer."""
+"""What blocks tell each other lies in their shared memories alone, so that nothing need be written back to
+the memory of all, nor what was read of it forgotten. A block's threads have written when they have met; then
+one for every other block tells it so. `whole` is the barrier of the hardware, which does more and takes
+longer."""
 _RECORD = f"""
 #if defined(__CUDA_ARCH__)
     __shared__ unsigned long long barrier;
-    __shared__ volatile unsigned phase;
     const unsigned place = (unsigned)__cvta_generic_to_shared(&barrier);
     if (what == BEGIN) {{
-        if (threadIdx.x == 0) {{ {_INIT.replace("COUNT", "1")} phase = 0; }}
+        if (threadIdx.x == 0) {_INIT.replace("COUNT", "1")}
     }} else if (what == TELL) {{
         __syncwarp();
         for (int k = threadIdx.x & 31; k < (BLOCKS - 1) * TOLD; k += 32) {{
             const int slot = k % TOLD, number = slot < SIZE ? PLANS + SIZE * (step & 1) + slot
                 : slot == SIZE ? GOING : slot == SIZE + 1 ? LOWER_NEXT : LOWER_SPEED;
             asm volatile(
-                "{{ .reg .b32 there, barrier; "
-                "mapa.shared::cluster.u32 there, %0, %2; mapa.shared::cluster.u32 barrier, %1, %2; "
-                "st.async.shared::cluster.mbarrier::complete_tx::bytes.f64 [there], %3, [barrier]; }}"
+                "{{ .reg .b32 there, done; "
+                "mapa.shared::cluster.u32 there, %0, %2; mapa.shared::cluster.u32 done, %1, %2; "
+                "st.async.shared::cluster.mbarrier::complete_tx::bytes.f64 [there], %3, [done]; }}"
                 :: "r"((unsigned)__cvta_generic_to_shared(control.data + number)), "r"(place), "r"(k / TOLD),
                 "d"(control.data[number]) : "memory");
         }}
     }} else if (blockIdx.x % BLOCKS != BLOCKS - 1) {{
-        const unsigned parity = phase;
-        __syncthreads();
+        const unsigned parity = (step + 1) & 1; // they listen once in every step, from -1 on
         if (threadIdx.x == 0) {{
-            phase = parity ^ 1;
             asm volatile("mbarrier.arrive.expect_tx.shared::cta.b64 _, [%0], %1;"
                 :: "r"(place), "r"(8 * TOLD) : "memory");
         }}
@@ -98,15 +85,21 @@ _RECORD = f"""
 """
 """The last block sends the others what they need of its record, before they meet; then they listen."""
 _BEGIN, _TELL, _LISTEN = range(3)
-_READ = """double OTHER;
+
+
+def _read(number: str, place: str, block: str) -> str:
+    return f"""double {number};
         asm volatile(
-            "{ .reg .b32 there; mapa.shared::cluster.u32 there, %1, %2; ld.shared::cluster.f64 %0, [there]; }"
-            : "=d"(OTHER) : "r"(PLACE), "r"(RANK) : "memory");"""
+            "{{ .reg .b32 there; mapa.shared::cluster.u32 there, %1, %2; "
+            "ld.shared::cluster.f64 %0, [there]; }}"
+            : "=d"({number}) : "r"({place}), "r"({block}) : "memory");"""
+
+
 _INFORM = f"""
 #if defined(__CUDA_ARCH__)
     if (blockIdx.x % BLOCKS != BLOCKS - 1 && (int)threadIdx.x >= first && threadIdx.x < {CONTROL_SIZE}) {{
         const unsigned place = (unsigned)__cvta_generic_to_shared(control.data + threadIdx.x);
-        {_READ.replace("OTHER", "x").replace("PLACE", "place").replace("RANK", "BLOCKS - 1")}
+        {_read("x", "place", "BLOCKS - 1")}
         control.data[threadIdx.x] = x;
     }}
     __syncthreads();
@@ -115,16 +108,16 @@ _INFORM = f"""
 _HAND_OVER = """
 #if defined(__CUDA_ARCH__)
     ACROSS
-    if ((threadIdx.x & 31) == 0) parts.data[k * BLOCK_WARPS + (threadIdx.x >> 5)] = x;
+    if ((threadIdx.x & 31) == 0) parts.data[k * WARPS + (threadIdx.x >> 5)] = x;
 #endif
 """
 _TAKE = f"""
 #if defined(__CUDA_ARCH__)
-    const unsigned place = (unsigned)__cvta_generic_to_shared(parts.data + k * BLOCK_WARPS);
+    const unsigned place = (unsigned)__cvta_generic_to_shared(parts.data + k * WARPS);
     double x = NOTHING;
     #pragma unroll
-    for (int next = threadIdx.x & 31; next < BLOCKS * BLOCK_WARPS; next += 32) {{
-        {_READ.replace("OTHER", "other").replace("PLACE", "place + next % BLOCK_WARPS * 8").replace("RANK", "next / BLOCK_WARPS")}
+    for (int next = threadIdx.x & 31; next < BLOCKS * WARPS; next += 32) {{
+        {_read("other", "place + next % WARPS * 8", "next / WARPS")}
         x = COMBINE;
     }}
     ACROSS
@@ -141,7 +134,7 @@ def lanes_of_chips(blocks: int) -> LaneFunctions:
     parts_of: Any = wp.array(dtype=wp.float64)
 
     def native(snippet: str, **names: str) -> str:
-        for name, text in {**names, "BLOCKS": str(blocks), "BLOCK_WARPS": str(BLOCK_WARPS)}.items():
+        for name, text in {**names, "BLOCKS": str(blocks), "WARPS": str(WARPS)}.items():
             snippet = snippet.replace(name, text)
         return snippet
 
@@ -174,8 +167,8 @@ def lanes_of_chips(blocks: int) -> LaneFunctions:
         record(_TELL, control, step)
 
     @wp.func
-    def listen(control: parts_of):
-        record(_LISTEN, control, 0)
+    def listen(control: parts_of, step: int):
+        record(_LISTEN, control, step)
 
     @wp.func_native(snippet=native(_INFORM))
     def inform(control: parts_of, first: int): ...
@@ -193,54 +186,6 @@ def lanes_of_chips(blocks: int) -> LaneFunctions:
     def get_largest(parts: parts_of, k: int) -> wp.float64: ...
 
     return replace(
-        lane_functions(blocks), sync=sync, enter=enter, leave=leave, tell=tell, listen=listen, inform=inform, put_total=put_total,
-        put_largest=put_largest, get_total=get_total, get_largest=get_largest,
+        lane_functions(blocks), sync=sync, enter=enter, leave=leave, tell=tell, listen=listen, inform=inform,
+        put_total=put_total, put_largest=put_largest, get_total=get_total, get_largest=get_largest,
     )  # fmt: skip
-
-
-_FIELD = """
-    wp::array_t<TYPE> row;
-#if defined(__CUDA_ARCH__)
-    __shared__ TYPE pool[ROOM];
-    unsigned first;
-    unsigned long long whole;
-    asm("mapa.shared::cluster.u32 %0, %1, 0;" : "=r"(first) : "r"((unsigned)__cvta_generic_to_shared(pool)));
-    asm("cvta.shared::cluster.u64 %0, %1;" : "=l"(whole) : "l"((unsigned long long)first));
-    row.data = (TYPE*)whole + offset;
-#endif
-    row.shape[0] = 0; // nothing is counted from the end, so no subscript need be tested
-    row.strides[0] = sizeof(TYPE);
-    row.ndim = 1;
-    return row;
-"""
-
-
-def first_field(dtype: Any, room: int) -> Any:
-    """Generate the accessor of a row of the fields that begins in the shared memory of the first block."""
-    snippet = _FIELD.replace("TYPE", f"wp::{dtype.__name__}").replace("ROOM", str(room))
-
-    @wp.func_native(snippet=snippet)
-    def field(fields: wp.array2d(dtype=dtype), sample: int, offset: int) -> wp.array(dtype=dtype): ...
-
-    return field
-
-
-def apart(precision: Precision) -> int:
-    """Numbers from a place in one block's shared memory to the same in that of the next."""
-    return APART // int(precision.dtype().itemsize)
-
-
-def spread_nodes(nodes: IntArray, first_boundary: int, blocks: int, precision: Precision) -> IntArray:
-    """Where nodes lie, by their place in `explicit.mesh_arguments.node_order`."""
-    inner = nodes // BLOCK * apart(precision) + nodes % BLOCK
-    return np.where(nodes < first_boundary, inner, (blocks - 1) * apart(precision) + nodes - first_boundary)
-
-
-def spread_corners(element: IntArray, corner: IntArray, precision: Precision) -> IntArray:
-    """Where the forces of elements' corners lie."""
-    return np.asarray(element // BLOCK * apart(precision) + corner * BLOCK + element % BLOCK)
-
-
-def fits_on_chips(n_elements: int, first_boundary: int, n_boundary: int, blocks: int) -> bool:
-    """True if the state of a simulation fits into the shared memories of so many blocks."""
-    return max(n_elements, first_boundary) <= (blocks - 1) * BLOCK and n_boundary <= BOUNDARY
