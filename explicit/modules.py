@@ -73,7 +73,8 @@ def ahead_of_time(
     -------
     list of Path
         The compiled files, three for each combination and architecture: the state on the chip, for small
-        and for large batches, or not; where blocks can share a simulation, two more, for as many as may.
+        and for large batches, or not; where blocks can share a simulation, four more: for as many as may,
+        with the state on their chips or not.
 
     Raises
     ------
