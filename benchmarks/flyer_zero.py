@@ -38,7 +38,7 @@ from dic.outcome import FrameOutcome
 from dic.result import Placement
 from dic.tracking import Tracking
 from kolsky.base.process import process_pool
-from kolsky.shot.length_by_pictures import RimAtRest, conditioned_length
+from kolsky.shot.length_by_pictures import conditioned_length, rim_of
 from kolsky.virtual.cameras_rig import rig_of
 from kolsky.virtual.pictures import expose_series
 from kolsky.virtual.pictures_scene import scene_of
@@ -254,9 +254,8 @@ def with_lengths(
     disagreement: tuple[float, float],
 ) -> Experiment:
     """The experiment with the errors of the length in the pictures and of the one that is used."""
-    off, whole = disagreement
-    lower = float(placement.frame.covariance[4, 4])
-    rim = RimAtRest(off, float(np.sqrt(whole**2 - settings.length_sigma**2 - lower)))
+    lower = float(placement.frame.covariance[4, 4])  # the rig is the true one: its calibration adds nothing
+    rim = rim_of(disagreement, length_sigma=settings.length_sigma, lower_variance=lower)
     length = conditioned_length(
         rim, declared=settings.length or 0.0, sigma=settings.length_sigma, y_sigma=float(np.sqrt(lower))
     )

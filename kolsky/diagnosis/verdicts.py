@@ -1,20 +1,24 @@
 """Verdicts that a fit does not deserve are withheld, and the reasons are said.
 
 A value is called identified only if the model explains force and outline, and they do not contradict each
-other. One that rests on a single channel is named after it.
+other. One that rests on a single channel, which the other cannot check, is named after it.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import inf
 
-from kolsky.diagnosis.thresholds import ALONE, CONTRADICTION, LATE, UNEXPLAINED
+from kolsky.diagnosis.thresholds import ALONE, CHECKS, CONTRADICTION, LATE, UNEXPLAINED
 from kolsky.inverse.fit_results import FORCE, OUTLINE, ClockLag, FitQuality
 from kolsky.inverse.result import Estimate, Identification, Verdict
 from kolsky.inverse.valleys import VALLEY
 
 ALONE_BY = {FORCE: Verdict.FORCE_ALONE, OUTLINE: Verdict.OUTLINE_ALONE}
 """The verdict on a value that rests on one channel."""
+OTHER = {FORCE: OUTLINE, OUTLINE: FORCE}
+"""The channel that may check it."""
+ROUTES = {FORCE: "force only", OUTLINE: "shape only"}
+"""The route of each channel alone."""
 WITHHELD = (Verdict.IDENTIFIED, Verdict.FORCE_ALONE, Verdict.OUTLINE_ALONE, Verdict.CONDITIONAL)
 """Verdicts that the fit may overrule; the others say no already."""
 LEAST_MARGIN = 25.0
@@ -51,9 +55,22 @@ def verdict(result: Identification, e: Estimate) -> Verdict:
         return Verdict.OTHER_VALLEY
     if e.outcome is Verdict.IDENTIFIED:
         for channel in result.fit:
-            if 1.0 - channel.weight.get(e.name, 0.5) < ALONE:
+            if 1.0 - channel.weight.get(e.name, 0.5) < ALONE and not checked(result, e.name, channel.channel):
                 return ALONE_BY[channel.channel]
     return e.outcome
+
+
+def checked(result: Identification, name: str, channel: str) -> bool:
+    """True if the other channel by itself tells a parameter well enough to contradict this one.
+
+    The weights of the data count what errors have in common, and may leave a channel next to no part in the
+    answer that alone, with its whole budget, tells the value nearly as well. It checks the value if its
+    standard uncertainty is at most `kolsky.diagnosis.thresholds.CHECKS` times the answer's, and its optimum
+    lies inside what was searched.
+    """
+    routes = {route.name: route.sigma.get(name, inf) for route in result.routes}
+    joint, other = routes.get("joint", 0.0), routes.get(ROUTES[OTHER[channel]], inf)
+    return 0.0 < other <= CHECKS * joint and not route_at_edge(result, name)
 
 
 def reaches_bound(result: Identification, e: Estimate) -> bool:
@@ -102,7 +119,7 @@ def routes_apart(result: Identification, name: str) -> float:
 def route_at_edge(result: Identification, name: str) -> bool:
     """True if force or outline alone end at an edge of the box that was searched."""
     routes = {route.name: route for route in result.routes}
-    ends = [routes[key].on_mesh(name) for key in ("force only", "shape only") if key in routes]
+    ends = [routes[key].on_mesh(name) for key in ROUTES.values() if key in routes]
     boxes = [(curve.x[0], curve.x[-1]) for curve in result.curves if curve.parameter == name]
     return any(min(x - low, high - x) <= EDGE * (high - low) for low, high in boxes for x in ends)
 
@@ -131,9 +148,10 @@ def without_a_say(result: Identification) -> Iterator[str]:
             if len(result.fit) > 1
             and channel.weight.get(name, 0.5) < ALONE
             and e.outcome not in ALONE_BY.values()
+            and not checked(result, name, OTHER[channel.channel])
         ]
         if names:
-            other = OUTLINE if channel.channel == FORCE else FORCE
+            other = OTHER[channel.channel]
             shares = ", ".join(f"{100.0 * channel.weight[name]:.2g} %" for name in names)
             yield (
                 f"the {channel.channel} carries {shares} of the information on {', '.join(names)}: the "

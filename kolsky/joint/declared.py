@@ -20,8 +20,8 @@ from kolsky.joint.problem import JointProblem
 from kolsky.joint.runs import JointRuns
 from kolsky.joint.weights import ShotData
 from kolsky.shot.records import Shot
-from kolsky.uncertainty.input_directions import height_follows, outline_follows
 from kolsky.uncertainty.inputs import parameter_step
+from kolsky.uncertainty.moved_inputs import height_follows, outline_follows
 from kolsky.uncertainty.moved_runs import SPECIMEN
 
 

@@ -89,10 +89,30 @@ def rim_at_rest(
     axial = result.axial_displacement
     if axial is None or axial.rim_disagreement is None:
         return None
-    off, whole = axial.rim_disagreement
     lower = float(result.placement.frame.covariance[4, 4])
-    own = whole**2 - length_sigma**2 - lower
-    return RimAtRest(off, float(np.sqrt(own + calibration_variance(result, length) + unseen**2)))
+    more = calibration_variance(result, length) + unseen**2
+    return rim_of(axial.rim_disagreement, length_sigma=length_sigma, lower_variance=lower, more=more)
+
+
+def rim_of(
+    disagreement: tuple[float, float], *, length_sigma: float, lower_variance: float, more: float = 0.0
+) -> RimAtRest:
+    """The rim at rest with the uncertainty of its own place.
+
+    Parameters
+    ----------
+    disagreement
+        By it the pictures' length is larger than the declared one, and its standard deviation, with those of
+        the declared length and of the lower end [m].
+    length_sigma
+        Standard uncertainty of the declared length [m].
+    lower_variance
+        Variance of the lower end's place [m²].
+    more
+        Variance that the disagreement's own does not know of [m²].
+    """
+    off, whole = disagreement
+    return RimAtRest(off, float(np.sqrt(whole**2 - length_sigma**2 - lower_variance + more)))
 
 
 def calibration_variance(result: StereoResult, length: float) -> float:

@@ -76,6 +76,27 @@ FAULTS = (
         VERDICTS,
     ),
     Fault(
+        "a channel checks itself",
+        VERDICT,
+        "routes.get(ROUTES[OTHER[channel]], inf)",
+        "routes.get(ROUTES[channel], inf)",
+        VERDICTS,
+    ),
+    Fault(
+        "a channel at an edge checks a value",
+        VERDICT,
+        "<= CHECKS * joint and not route_at_edge(result, name)",
+        "<= CHECKS * joint",
+        VERDICTS,
+    ),
+    Fault(
+        "a channel three times as uncertain checks a value",
+        "kolsky/diagnosis/thresholds.py",
+        "CHECKS = 2.0",
+        "CHECKS = 3.0",
+        VERDICTS,
+    ),
+    Fault(
         "a share of a fifth has no say",
         "kolsky/diagnosis/thresholds.py",
         "ALONE = 0.1",

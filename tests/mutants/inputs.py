@@ -8,28 +8,28 @@ SENSITIVITIES = ("tests/unit/uncertainty/test_sensitivities.py",)
 FAULTS = (
     Fault(
         name="a later clock of the other sign",
-        file="kolsky/uncertainty/input_directions.py",
+        file="kolsky/uncertainty/moved_inputs.py",
         right="change[:n] = step * self.force_rate()",
         wrong="change[:n] = -step * self.force_rate()",
         tests=DIRECTIONS,
     ),
     Fault(
         name="a flyer's clock that moves the outline alone",
-        file="kolsky/uncertainty/input_directions.py",
+        file="kolsky/uncertainty/moved_inputs.py",
         right="change[:n], change[n:] = -step * self.force_rate(), -step * self.outline_rate()",
         wrong="change[:n], change[n:] = 0.0, -step * self.outline_rate()",
         tests=DIRECTIONS,
     ),
     Fault(
         name="an axis further away that makes the specimen thicker",
-        file="kolsky/uncertainty/input_directions.py",
+        file="kolsky/uncertainty/moved_inputs.py",
         right="change[n:] = -step\n",
         wrong="change[n:] = step\n",
         tests=DIRECTIONS,
     ),
     Fault(
         name="the whole difference of two heights",
-        file="kolsky/uncertainty/input_directions.py",
+        file="kolsky/uncertainty/moved_inputs.py",
         right="0.5 * (self._seen(y=y + step) - self._seen(y=y - step))",
         wrong="self._seen(y=y + step) - self._seen(y=y - step)",
         tests=DIRECTIONS,

@@ -54,15 +54,15 @@ FAULTS = (
     Fault(
         name="length: the rim's sigma holds the declared length's",
         file=FILE,
-        right="own = whole**2 - length_sigma**2 - lower",
-        wrong="own = whole**2 - lower",
+        right="whole**2 - length_sigma**2 - lower_variance + more",
+        wrong="whole**2 - lower_variance + more",
         tests=OWN,
     ),
     Fault(
         name="length: the rim's sigma holds the lower end's",
         file=FILE,
-        right="own = whole**2 - length_sigma**2 - lower",
-        wrong="own = whole**2 - length_sigma**2",
+        right="whole**2 - length_sigma**2 - lower_variance + more",
+        wrong="whole**2 - length_sigma**2 + more",
         tests=OWN,
     ),
     Fault(
@@ -123,7 +123,7 @@ FAULTS = (
     ),
     Fault(
         name="length: heights follow a relative step as if it were metres",
-        file="kolsky/uncertainty/input_directions.py",
+        file="kolsky/uncertainty/moved_inputs.py",
         right="found.y_per_length * step * shot.specimen.length",
         wrong="found.y_per_length * step",
         tests=INPUTS,
@@ -137,7 +137,7 @@ FAULTS = (
     ),
     Fault(
         name="length: the heights that go with it are lower",
-        file="kolsky/uncertainty/input_directions.py",
+        file="kolsky/uncertainty/moved_inputs.py",
         right='return self.change("y_offset", heights)',
         wrong='return self.change("y_offset", -heights)',
         tests=INPUTS,

@@ -111,7 +111,7 @@ FAULTS = (
     ),
     Fault(
         name="diameter: the outline moves by the diameter",
-        file="kolsky/uncertainty/input_directions.py",
+        file="kolsky/uncertainty/moved_inputs.py",
         right="found[n_force:] -= 0.5 * step * diameter",
         wrong="found[n_force:] -= step * diameter",
         tests=INPUTS,

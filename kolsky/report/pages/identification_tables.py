@@ -10,7 +10,7 @@ from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.inverse.parameters import PARAMETERS, has_effect
 from kolsky.inverse.relaxing import reference_words
 from kolsky.inverse.result import Estimate, Identification, Verdict, worst_imbalance
-from kolsky.report import nomenclature, numbers
+from kolsky.report import nomenclature, numbers, recorded_words
 from kolsky.report.nomenclature import name_of
 
 _NUMERICS = {"mesh": "mesh and step", "roughness": "roughness of the response"}
@@ -19,9 +19,9 @@ _NUMERICS = {"mesh": "mesh and step", "roughness": "roughness of the response"}
 _VERDICTS = {
     Verdict.IDENTIFIED: "The optimum lies inside the design, and a simulation at it confirms the surrogate.",
     Verdict.FORCE_ALONE: "The optimum lies inside the design, and a simulation at it confirms the surrogate. "
-    "No outline was measured, or it hardly bears on the value: the force is not checked against it.",
+    "No outline was measured, or by itself it tells the value too poorly to check the force.",
     Verdict.OUTLINE_ALONE: "The optimum lies inside the design, and a simulation at it confirms the "
-    "surrogate. The force hardly bears on the value: the outline is not checked against it.",
+    "surrogate. By itself the force tells the value too poorly to check the outline.",
     Verdict.UNEXPLAINED: "The residual is larger than noise, inputs and mesh leave where the model is right: "
     "do not use the value before the cause is found. The warnings name the channel.",
     Verdict.CONTRADICTED: "Force and outline ask for values that are further apart than their uncertainties "
@@ -50,16 +50,16 @@ _VERDICTS = {
 
 
 def flattened(value: Any, prefix: str = "") -> list[tuple[str, str]]:
-    """Return all of a nested provenance as rows (words, text), see `kolsky.report.nomenclature`."""
+    """Return all of a nested provenance as rows (words, text), see `kolsky.report.recorded_words`."""
     if isinstance(value, Mapping):
         return [row for k, v in value.items() for row in flattened(v, f"{prefix}.{k}" if prefix else str(k))]
     if isinstance(value, list | tuple) and any(isinstance(item, Mapping | list | tuple) for item in value):
         return [row for i, item in enumerate(value) for row in flattened(item, f"{prefix}[{i}]")]
-    factor, unit, between, nothing, digits = nomenclature.written(prefix)
+    factor, unit, between, nothing, digits = recorded_words.written(prefix)
     items = value if isinstance(value, list | tuple) else [value]
     text = between.join(nothing if item is None else _text(item, factor, digits) for item in items)
     text = text if len(items) else "none"
-    return [(nomenclature.label(prefix), f"{text} {unit}" if unit and value is not None else text)]
+    return [(recorded_words.label(prefix), f"{text} {unit}" if unit and value is not None else text)]
 
 
 def _text(value: Any, factor: float, digits: int) -> str:
@@ -178,7 +178,7 @@ def quality(result: Identification) -> list[tuple[str, str]]:
     """Return errors of the surrogate and the model discrepancies used as weights, in N and µm."""
     rows = []
     for key, value in result.surrogate.items():
-        words, factor, unit = nomenclature.QUALITY.get(key, (key, 1.0, ""))
+        words, factor, unit = recorded_words.QUALITY.get(key, (key, 1.0, ""))
         rows.append((words, f"{numbers.plain(factor * value, 2 if unit else 6)}{unit}"))
     return rows
 

@@ -117,9 +117,23 @@ def test_a_valley_not_told_from_another_is_not_identified(margin: float, verdict
     assert not Verdict.OTHER_VALLEY.identified
 
 
+def shared(force: float, sigmas: tuple[float, float] = (9.0, 9.0), *, end: bool = False) -> Identification:
+    """The force's share of the information, and what force and outline alone have of the answer's sigma.
+
+    With `end` the outline's optimum lies at an edge of what was searched.
+    """
+    result = with_fit(force={"weight": {M: force}}, outline={"weight": {M: 1.0 - force}})
+    of = {"joint": 1.0, "force only": sigmas[0], "shape only": sigmas[1]}
+    routes = [replace(r, sigma={M: 0.002 * of[r.name]}) for r in result.routes if r.name in of]
+    if end:
+        routes[-1] = replace(routes[-1], parameters={M: float(result.curves[0].x[-1])}, correction={})
+    e = replace(result.estimates[M], outcome=Verdict.IDENTIFIED)
+    return judged(replace(result, routes=tuple(routes), estimates={M: e}))
+
+
 @pytest.mark.parametrize(("share", "verdict"), [(0.101, Verdict.IDENTIFIED), (0.099, Verdict.OUTLINE_ALONE)])
 def test_a_channel_of_a_tenth_of_the_information(share: float, verdict: Verdict) -> None:
-    result = with_fit(force={"weight": {M: share}}, outline={"weight": {M: 1.0 - share}})
+    result = shared(share)
     assert outcome(result) is verdict
     if verdict is Verdict.OUTLINE_ALONE:
         # The verdict says it; where the value has another verdict a warning does.
@@ -127,8 +141,29 @@ def test_a_channel_of_a_tenth_of_the_information(share: float, verdict: Verdict)
         e = replace(result.estimates[M], outcome=Verdict.CONDITIONAL)
         told = said(replace(result, estimates={M: e}))
         assert "the force carries 9.9 % of the information on stiffness_factor: the answer is that of" in told
-    other = with_fit(force={"weight": {M: 1.0 - share}}, outline={"weight": {M: share}})
-    assert (outcome(other) is Verdict.FORCE_ALONE) == (share < 0.1)
+    assert (outcome(shared(1.0 - share)) is Verdict.FORCE_ALONE) == (share < 0.1)
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "end", "checks"),
+    [
+        ((1.1, 1.99), False, True),
+        ((1.1, 2.01), False, False),
+        ((9.0, 1.99), False, True),  # the other one's is what counts
+        ((1.1, 0.0), False, False),  # a route without a budget
+        ((1.1, 1.5), True, False),
+    ],
+)
+def test_a_channel_without_a_share_checks_a_value_that_it_tells_by_itself(
+    sigmas: tuple[float, float], end: bool, checks: bool
+) -> None:
+    """By itself its standard uncertainty is at most twice the answer's, and inside what was searched."""
+    result = shared(0.95, sigmas, end=end)
+    assert outcome(result) is (Verdict.IDENTIFIED if checks else Verdict.FORCE_ALONE)
+    conditional = replace(result.estimates[M], outcome=Verdict.CONDITIONAL)
+    assert len(list(fit_warnings(replace(result, estimates={M: conditional})))) == (0 if checks else 1)
+    if not end:
+        assert (outcome(shared(0.05, (sigmas[1], sigmas[0]))) is Verdict.IDENTIFIED) == checks
 
 
 @pytest.mark.parametrize(

@@ -24,9 +24,10 @@ from kolsky.report.display_units import in_display_units
 from kolsky.report.figures import REGISTRY
 from kolsky.report.figures.comparison import cells, chosen_frames
 from kolsky.report.free_labels import overlaps
-from kolsky.report.nomenclature import QUALITY, label, name_of
+from kolsky.report.nomenclature import name_of
 from kolsky.report.pages.identification import flattened, render, write_report
 from kolsky.report.paraview import write_vtu
+from kolsky.report.recorded_words import QUALITY, label
 
 ROOT = Path(__file__).parents[3]
 

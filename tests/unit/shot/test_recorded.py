@@ -15,8 +15,8 @@ from synthetic_dic import SIDE, synthetic_result
 from kolsky.base.errors import InputError
 from kolsky.report.canvas import build
 from kolsky.report.figures import RECORDINGS
-from kolsky.report.nomenclature import label
 from kolsky.report.pages.identification import render
+from kolsky.report.recorded_words import label
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.shot.dic_summary import numbers, printed
 from kolsky.shot.load import load_shot

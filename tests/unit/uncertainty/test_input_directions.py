@@ -13,14 +13,9 @@ from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import observe
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.uncertainty.input_directions import (
-    InputDirection,
-    InputDirections,
-    MovedInputs,
-    height_follows,
-    outline_follows,
-)
+from kolsky.uncertainty.input_directions import InputDirection, InputDirections
 from kolsky.uncertainty.inputs import CLOCK, parameter_step, plain_amount
+from kolsky.uncertainty.moved_inputs import MovedInputs, height_follows, outline_follows
 from kolsky.uncertainty.moved_runs import MovedRuns
 
 FloatArray = NDArray[np.float64]
