@@ -44,6 +44,21 @@ def can_fork() -> bool:
     return sys.platform == "linux" and cores() > 1
 
 
+def allowed() -> bool:
+    """Return True within `forking`, where `can_fork`."""
+    return _FORKING.get() and can_fork()
+
+
+MOST_PARTS = 4
+"""Most processes that one array is divided between: to fork one takes as long as some frames."""
+
+
+def parts() -> int:
+    """Parts that small work is worth being divided into: as many as there are cores but one, which other work
+    has, at most `MOST_PARTS`; 1 where forks are not allowed."""
+    return min(cores() - 1, MOST_PARTS) if allowed() else 1
+
+
 class Later(Generic[Result]):
     """Result of work that is under way beside this."""
 

@@ -9,6 +9,7 @@ import numpy as np
 from dic.arrays import BoolArray, FloatArray, IntArray
 from dic.bodies.matched import MatchedBody, match_body, track_body
 from dic.bodies.region import Region
+from dic.bodies.second_camera import SecondCamera
 from dic.camera import StereoRig
 from dic.correlation import Correlation, Noise
 from dic.correlation.warp import identity
@@ -113,7 +114,12 @@ def follow_body(
 
 
 def follow_bodies(
-    bodies: Sequence[MatchedBody], rig: StereoRig, stereo: Correlation, *, progress: Progress | None = None
+    bodies: Sequence[MatchedBody],
+    rig: StereoRig,
+    stereo: Correlation,
+    *,
+    progress: Progress | None = None,
+    second: SecondCamera | None = None,
 ) -> list[TrackedBody]:
     """Follow bodies that were matched, the two cameras side by side.
 
@@ -127,6 +133,8 @@ def follow_bodies(
         How they were matched between the cameras.
     progress
         Told of the frames done; of those of camera 1 when all are.
+    second
+        A process that can follow camera 1, see `dic.bodies.second_camera`.
     """
     told = progress or (lambda stage, done, total: None)
 
@@ -137,10 +145,14 @@ def follow_bodies(
         ]
 
     small = sum(body.size for body in bodies) <= MOST_SENT
-    # a fork cannot use the GPU that this process has opened
-    forked = small and all(body.device == "cpu" for body in bodies)
-    with beside(partial(seen_by, 1), fork=None if forked else False) as second:
-        tracks = list(zip(seen_by(0), second(), strict=True))
+    if small and second is not None and second.can_follow(bodies):
+        later = second.follow(bodies)
+        tracks = list(zip(seen_by(0), later(), strict=True))
+    else:
+        # a fork cannot use the GPU that this process has opened
+        forked = small and all(body.device == "cpu" for body in bodies)
+        with beside(partial(seen_by, 1), fork=None if forked else False) as later:
+            tracks = list(zip(seen_by(0), later(), strict=True))
     for body in bodies:
         told(f"{body.name}, camera 1", len(body.health[1]), len(body.health[1]))
     common = [_common_of(body, stereo, found) for body, found in zip(bodies, tracks, strict=True)]

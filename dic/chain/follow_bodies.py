@@ -9,6 +9,7 @@ from dic.bodies.carried_region import carry_region
 from dic.bodies.follow import Progress, TrackedBody, follow_bodies
 from dic.bodies.matched import MatchedBody, match_body, material_frame
 from dic.bodies.region import Region
+from dic.bodies.second_camera import SecondCamera
 from dic.chain.inspect_images import Inputs
 from dic.chain.settings import ChainError
 from dic.outcome import PointOutcome, Remark
@@ -34,10 +35,13 @@ def match_flyer(inputs: Inputs, region: Region, mask: BoolArray | None = None) -
 
 
 def follow(
-    inputs: Inputs, bodies: Sequence[MatchedBody], progress: Progress | None = None
+    inputs: Inputs,
+    bodies: Sequence[MatchedBody],
+    progress: Progress | None = None,
+    second: SecondCamera | None = None,
 ) -> list[TrackedBody]:
-    """The bodies through both series."""
-    return follow_bodies(bodies, inputs.rig, inputs.settings.stereo, progress=progress)
+    """The bodies through both series, camera 1 by a process of its own if there is one."""
+    return follow_bodies(bodies, inputs.rig, inputs.settings.stereo, progress=progress, second=second)
 
 
 def _matched(

@@ -10,6 +10,7 @@ from dic.arrays import BoolArray, FloatArray
 from dic.bodies.follow import Progress
 from dic.bodies.matched import MatchedBody
 from dic.bodies.region import Region
+from dic.bodies.second_camera import SecondCamera
 from dic.camera import StereoRig
 from dic.chain import remarks
 from dic.chain.facts import facts_of, speckles_of
@@ -30,7 +31,7 @@ from dic.chain.reduce import outline_of, strains_of, surface_of, surface_of_flye
 from dic.chain.settings import ChainError, ChainSettings
 from dic.chain.test_frame import fit_test_frame
 from dic.chain.travel_checks import of_travel
-from dic.forks import beside
+from dic.forks import begun, beside
 from dic.images import Pictures
 from dic.result import StereoResult
 from dic.stereo.setup_check import check_setup
@@ -85,6 +86,7 @@ def measure(
     progress: Progress | None = None,
     idle: Callable[[], None] = lambda: None,
     inspection: Inspection | None = None,
+    second: SecondCamera | None = None,
 ) -> StereoResult:
     """Measure surfaces, outline and the flyer's displacement in two series of pictures.
 
@@ -112,6 +114,8 @@ def measure(
         Work of the caller's for the time in which this process waits for another one.
     inspection
         Of these pictures and static frames, if the caller has made it (`inspect_pictures`).
+    second
+        A process that follows camera 1 in the pictures of the inspection (`dic.bodies.second_camera`).
 
     Returns
     -------
@@ -131,31 +135,34 @@ def measure(
     findings = clock("cameras", lambda: check_cameras(inputs, specimen))
     try:
         matched = clock("match between the cameras", lambda: _matched(inputs, specimen, flyer))
-        body, *others = clock("tracking", lambda: follow(inputs, matched, progress))
+        body, *others = clock("tracking", lambda: follow(inputs, matched, progress, second))
         tracked_flyer = others[0] if others else None
         rest_state = clock("test frame", partial(fit_test_frame, inputs, body, tracked_flyer))
     except ChainError as error:
         said = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]
         raise ChainError("; ".join(said)) from error
     placement, rest = rest_state.placement, rest_state.rest
-    with beside(partial(timed, translations_of, inputs, tracked_flyer, placement)) as later:
-        in_time = clock(
-            "synchronisation of the cameras", partial(check_setup, rig, *body.reconstruction.pixels)
-        )
-        body = clock("gates", partial(gate_epipolar, inputs, body, rest_state))
+    works: list[Callable[[], Any]] = [
+        partial(timed, translations_of, inputs, tracked_flyer, placement),
+        partial(rim_in, inputs, tracked_flyer, placement),
+        partial(timed, check_setup, rig, *body.reconstruction.pixels),
+    ]
+    with begun(works) as joined:
+        gated = timed(gate_epipolar, inputs, body, rest_state)
         idle()
-        rim = rim_in(inputs, tracked_flyer, placement)  # meanwhile
-        before, past = clear_of_rim(inputs, tracked_flyer, placement, rim)
-        narrower = None
-        if flyer is not None and past > 0.0:
-            narrower = clock("flyer again", partial(follow_before_rim, inputs, flyer, before, progress))
-        if narrower is None:
-            travel = clock.of("flyer's displacement", later())
-        else:
-            tracked_flyer, rim = narrower, rim_in(inputs, narrower, placement)
-            travel = clock("flyer's displacement", partial(translations_of, inputs, tracked_flyer, placement))
-        axial = displacement_of(inputs, tracked_flyer, placement, rim, travel)
-        flyer_surface = surface_of_flyer(inputs, tracked_flyer, placement)
+        moved, rim, checked = joined()
+    in_time, body = clock.of("synchronisation of the cameras", checked), clock.of("gates", gated)
+    before, past = clear_of_rim(inputs, tracked_flyer, placement, rim)
+    narrower = None
+    if flyer is not None and past > 0.0:
+        narrower = clock("flyer again", partial(follow_before_rim, inputs, flyer, before, progress))
+    if narrower is None:
+        travel = clock.of("flyer's displacement", moved)
+    else:
+        tracked_flyer, rim = narrower, rim_in(inputs, narrower, placement)
+        travel = clock("flyer's displacement", partial(translations_of, inputs, tracked_flyer, placement))
+    axial = displacement_of(inputs, tracked_flyer, placement, rim, travel)
+    flyer_surface = surface_of_flyer(inputs, tracked_flyer, placement)
     with beside(partial(timed, poses_of, inputs, tracked_flyer, placement, axial)) as motion_later:
         body = gate_ends(inputs, body, rest_state, axial)
         body = gate_residual(body)  # one by one: each holds the places of all points anew

@@ -70,7 +70,7 @@ def correlate(
     if points.ndim != 2 or points.shape[1] != 2:
         raise ValueError(f"points must have shape [n, 2], got {points.shape}")
     n = len(points)
-    if not np.all(np.isfinite(points)):
+    if not np.isfinite(points).all():
         raise ValueError("points must be finite")
     guess = _warps("guess", guess, n)
     if reference.device != deformed.device:
@@ -102,6 +102,8 @@ def _warps(name: str, warps: ArrayLike, n: int) -> FloatArray:
 
 
 def _pictures(name: str, index: ArrayLike, n: int, available: int) -> NDArray[np.int32]:
+    if isinstance(index, int) and 0 <= index < available:
+        return np.full(n, index, dtype=np.int32)
     found = np.asarray(index)
     if not np.issubdtype(found.dtype, np.integer) or found.shape not in ((), (n,)):
         raise ValueError(f"{name} must be a whole number or {n} of them, got {found.dtype} {found.shape}")

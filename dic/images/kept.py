@@ -1,5 +1,6 @@
 """A series whose pictures are decoded once, as long as they are not too many to be kept."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +64,23 @@ class KeptPictures:
         """Times of the frames [s], shape [n_frames]; None if not recorded."""
         return self.pictures.times
 
+    @property
+    def held(self) -> Mapping[int, Grey]:
+        """The pictures that are in memory, by frame."""
+        return self._kept
+
+    def hold(self, pictures: Mapping[int, Grey]) -> None:
+        """Take over pictures by frame that another process has read from the same series (`held`)."""
+        for index, picture in pictures.items():
+            self._keep(index, picture)
+
+    def _keep(self, index: int, picture: Grey) -> Grey:
+        if index not in self._kept and self._size + picture.nbytes <= self.most:
+            picture.flags.writeable = False
+            self._size += picture.nbytes
+            self._kept[index] = picture
+        return picture
+
     def frame(self, index: int) -> Grey:
         """Grey values of one frame, not to be written to, shape [rows, columns].
 
@@ -75,8 +93,5 @@ class KeptPictures:
         if found is None:
             found = self.pictures.frame(index)
             if self._size + found.nbytes <= self.most:
-                found = found.copy()  # a memory map may change under the hand
-                found.flags.writeable = False
-                self._size += found.nbytes
-                self._kept[index] = found
+                found = self._keep(index, found.copy())  # a memory map may change under the hand
         return found

@@ -1,7 +1,6 @@
 """The outline of an axisymmetric specimen from several columns of points, with the sigma of their mean."""
 
 from collections.abc import Iterator
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -112,7 +111,7 @@ def outline(
         y=y[order],
         Z=Z[order],
         sigma=s[order],
-        left_out=MappingProxyType({member: count for member, count in counts.items() if count}),
+        left_out={member: count for member, count in counts.items() if count},
     )
 
 

@@ -1,8 +1,11 @@
 """Smoothness gate: points that lie off the surface through their neighbours."""
 
+from functools import partial
+
 import numpy as np
 
 from dic.arrays import BoolArray, FloatArray, IntArray
+from dic.forks import parts, side_by_side
 
 REACH = 2
 """Neighbours are points up to so many cells away."""
@@ -74,17 +77,25 @@ def off_surface(
     near, offset = _neighbours(cell)
     terms = _terms(offset)
     bending = BENDING * distance
-    off = np.zeros(valid.shape, dtype=bool)
-    for frame in range(len(position)):
-        kept = valid[frame].copy()
-        for _ in range(ROUNDS):
-            score = _scores(position[frame], sigma[frame], kept, near, terms, bending)
-            around = np.where(near >= 0, score[near], 0.0).max(axis=1, initial=0.0)
-            worst = kept & (score > 1.0) & (score >= around)
-            if not worst.any():
-                break
-            kept &= ~worst
-        off[frame] = valid[frame] & ~kept
+
+    def of(frames: range) -> BoolArray:
+        off = np.zeros((len(frames), len(cell)), dtype=bool)
+        for k, frame in enumerate(frames):
+            kept = valid[frame].copy()
+            for _ in range(ROUNDS):
+                score = _scores(position[frame], sigma[frame], kept, near, terms, bending)
+                around = np.where(near >= 0, score[near], 0.0).max(axis=1, initial=0.0)
+                worst = kept & (score > 1.0) & (score >= around)
+                if not worst.any():
+                    break
+                kept &= ~worst
+            off[k] = valid[frame] & ~kept
+        return off
+
+    processes, off = parts(), np.zeros(valid.shape, dtype=bool)
+    works = [partial(of, range(part, len(position), processes)) for part in range(processes)]
+    for part, found in enumerate(side_by_side(works, processes=processes)):
+        off[part::processes] = found
     return off
 
 

@@ -8,12 +8,14 @@ same at rest and now and cancels; a homogeneous deformation comes out exactly, o
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from dic.arrays import BoolArray, FloatArray, IntArray
+from dic.forks import parts, side_by_side
 from dic.surfaces.overlap import overlap_correlation
 from dic.surfaces.surface_history import SurfaceHistory
 from dic.surfaces.tensors import StrainHistory
@@ -82,6 +84,8 @@ class StrainGauge:
         return (self.window - 1) * self.step + self.subset
 
 
+MOST_SENT = 400_000
+"""Points times frames whose strains forks work out and send back: some 80 MB."""
 THINNEST = 0.3
 """Least spread of a window's points in any direction [steps, root mean square]."""
 
@@ -132,38 +136,76 @@ def strains(
     ):
         if array.shape != shape:
             raise ValueError(f"{name} has shape {array.shape}, must be {shape}")
-    frames = surface.n_frames
+    frames, seen = surface.n_frames, _Seen(surface.X, surface.position, surface.sigma, surface.valid)
     F, basis = np.full((frames, n, 3, 2), np.nan), np.full((frames, n, 3, 2), np.nan)
     V = np.full((frames, n, 3, 3), np.nan)
     share, centre = np.zeros((frames, n)), np.full((frames, n, 2), np.nan)
-    outcome = np.where(surface.valid, StrainOutcome.TOO_FEW_NEIGHBOURS, StrainOutcome.POINT_LOST)
-    valid, position = surface.valid, surface.position
+    outcome = np.where(seen.valid, StrainOutcome.TOO_FEW_NEIGHBOURS, StrainOutcome.POINT_LOST)
     reach = (0.5 * (gauge.window - 1) + 1e-6) * gauge.step
     windows = cKDTree(grid).query_ball_point(grid, reach, p=np.inf, return_sorted=True)
-    for i in range(n):
-        near = np.array(windows[i], dtype=np.int64)
-        near = near[label[near] == label[i]]
-        q = (grid[near] - grid[i]) / gauge.step
-        used = valid[:, near] & valid[:, i, None]
-        k, weights = _slopes(q, used, gauge.order)
-        if not k.size:
-            continue
-        used = used[k]
-        A0 = weights @ surface.X[near]
-        A = weights @ np.where(used[..., None], position[np.ix_(k, near)], 0.0)
-        B = _tangents(np.swapaxes(A0, 1, 2))
-        inverse = np.linalg.inv(A0 @ B)  # (BᵀA0)⁻¹, transposed
-        F[k, i] = np.swapaxes(inverse @ A, 1, 2)
-        basis[k, i] = B
-        noise = np.where(used[..., None], surface.sigma[np.ix_(k, near)], 0.0)
-        rho = overlap_correlation(grid[near], grid[near], gauge.subset)
-        V[k, i] = _covariance(F[k, i], B, inverse @ weights, rho, noise, rest[near])
-        outcome[k, i] = StrainOutcome.VALID
-        share[k, i] = used.sum(axis=1) / gauge.window**2
-        centre[k, i] = used @ q / used.sum(axis=1)[:, None]
+
+    def fitted(rows: range) -> list[_Window]:
+        found = []
+        for i in rows:
+            near = np.array(windows[i], dtype=np.int64)
+            near = near[label[near] == label[i]]
+            window = _fitted(seen, grid, gauge, rest, i, near)
+            if window is not None:
+                found.append(window)
+        return found
+
+    # what forks send back is some 200 bytes a point and frame
+    processes = parts() if frames * n <= MOST_SENT else 1
+    works = [partial(fitted, range(part, n, processes)) for part in range(processes)]
+    for each in side_by_side(works, processes=processes):
+        for i, k, F_i, B, V_i, share_i, centre_i in each:
+            F[k, i], basis[k, i], V[k, i] = F_i, B, V_i
+            share[k, i], centre[k, i], outcome[k, i] = share_i, centre_i, StrainOutcome.VALID
     return StrainHistory(
         surface.t, F, basis, V, np.asarray(outcome, dtype=np.int64), share, centre, gauge.size
     )
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Places at rest and in every frame, their sigma, and whether they are known."""
+
+    X: FloatArray
+    position: FloatArray
+    sigma: FloatArray
+    valid: BoolArray
+
+
+_Window = tuple[int, IntArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+"""A point, the frames in which its window has enough points, and in these the gradient, its basis, the
+covariance, the share of the window's points and their centre."""
+
+
+def _fitted(
+    seen: _Seen,
+    grid: FloatArray,
+    gauge: StrainGauge,
+    rest: FloatArray,
+    i: int,
+    near: IntArray,
+) -> _Window | None:
+    """Strains at point `i` from the points `near` it; None if they are too few in all frames."""
+    q = (grid[near] - grid[i]) / gauge.step
+    used = seen.valid[:, near] & seen.valid[:, i, None]
+    k, weights = _slopes(q, used, gauge.order)
+    if not k.size:
+        return None
+    used, at = used[k], np.ix_(k, near)
+    A0 = weights @ seen.X[near]
+    A = weights @ np.where(used[..., None], seen.position[at], 0.0)
+    B = _tangents(np.swapaxes(A0, 1, 2))
+    inverse = np.linalg.inv(A0 @ B)  # (BᵀA0)⁻¹, transposed
+    F = np.ascontiguousarray(np.swapaxes(inverse @ A, 1, 2))
+    noise = np.where(used[..., None], seen.sigma[at], 0.0)
+    rho = overlap_correlation(grid[near], grid[near], gauge.subset)
+    V = _covariance(F, B, inverse @ weights, rho, noise, rest[near])
+    count = used.sum(axis=1)
+    return i, k, F, B, V, count / gauge.window**2, used @ q / count[:, None]
 
 
 def _slopes(q: FloatArray, used: BoolArray, order: int) -> tuple[IntArray, FloatArray]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,5 +174,5 @@ def centre_line(
         y=y,
         Z=radius,
         sigma=sigma,
-        left_out=MappingProxyType({member: count for member, count in counts.items() if count}),
+        left_out={member: count for member, count in counts.items() if count},
     )

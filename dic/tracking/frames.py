@@ -32,10 +32,11 @@ def count(pictures: Series) -> int:
 
 def read(pictures: Series, index: int) -> Picture | None:
     """One frame, shape [rows, columns]; None if it cannot be read."""
-    if not isinstance(pictures, Pictures):
-        return np.asarray(pictures[index])
+    frame = getattr(pictures, "frame", None)  # whether it has all of `Pictures` takes longer than to read it
+    if frame is None:
+        return np.asarray(pictures[index])  # type: ignore[index]  # no series of a file
     try:
-        return pictures.frame(index)
+        return np.asarray(frame(index))
     except (PictureError, OSError):
         return None
 

@@ -38,7 +38,7 @@ class Predictor:
 
     def predict(self, frame: int) -> FloatArray:
         """Warps expected in `frame`, shape [n, 12]; those of a point never found are zero."""
-        self._foretold = {order: self._extrapolated(frame, order) for order in ORDERS}
+        self._foretold = self._extrapolated(frame)
         guess = np.empty_like(self.warp[0])
         for part, order in zip(PARTS, self.order, strict=True):
             guess[:, part] = self._foretold[order][:, part]
@@ -59,25 +59,29 @@ class Predictor:
         again = (self.known[rows] > 0) & (self.frame[0, rows] == frame)  # a first guess, now found
         later = rows[~again]
         for kept in (self.frame, self.warp):
-            kept[1:, later] = kept[:-1, later]
+            for place in (2, 1):
+                kept[place, later] = kept[place - 1, later]
         self.frame[0, rows], self.warp[0, rows] = frame, warp
         self.known[later] = np.minimum(self.known[later] + 1, 3)
 
-    def _extrapolated(self, frame: int, order: int) -> FloatArray:
-        """Lagrange's polynomial through the latest `order` + 1 frames of each point, at `frame`."""
-        result = self.warp[0].copy()
-        for reach in range(1, order + 1):
-            rows = np.flatnonzero(np.minimum(self.known - 1, order) == reach)
-            times = self.frame[: reach + 1, rows].astype(np.float64)
-            total = np.zeros((len(rows), 12))
-            for j in range(reach + 1):
-                weight = np.ones(len(rows))
-                for i in range(reach + 1):
+    def _extrapolated(self, frame: int) -> dict[int, FloatArray]:
+        """Lagrange's polynomials through the latest order + 1 frames of each point, or as many as it has, at
+        `frame`; of each of `ORDERS`, shape [n, 12]."""
+        found = {0: self.warp[0].copy()}
+        for order in ORDERS[1:]:
+            found[order] = found[order - 1].copy()  # of a point with a shorter past
+            known = self.known > order
+            rows = slice(None) if known.all() else np.flatnonzero(known)
+            times = self.frame[: order + 1, rows].astype(np.float64)
+            total = np.zeros((times.shape[1], 12))
+            for j in range(order + 1):
+                weight = np.ones(times.shape[1])
+                for i in range(order + 1):
                     if i != j:
                         weight *= (frame - times[i]) / (times[j] - times[i])
                 total += weight[:, None] * self.warp[j, rows]
-            result[rows] = total
-        return result
+            found[order][rows] = total
+        return found
 
 
 RATIO = 0.8

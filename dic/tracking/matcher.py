@@ -92,7 +92,8 @@ def enlarged(covariance: FloatArray, F: FloatArray, by: FloatArray) -> FloatArra
         np.sqrt((1.0 + (EVEN + (most - EVEN) * flat) * by) / (1.0 + by))[:, None, None]
         for most in (ALONG, ACROSS)
     )
-    e = np.stack([np.cos(largest), np.sin(largest)], axis=-1)
+    e = np.empty((len(largest), 2))
+    e[:, 0], e[:, 1] = np.cos(largest), np.sin(largest)
     Q = along * np.eye(2) + (across - along) * e[:, :, None] * e[:, None, :]
     return np.asarray(Q @ covariance @ Q)
 
@@ -180,7 +181,7 @@ class Matcher:
                 template_rows=rows[part],
             )
 
-        subsets = np.unique(template.subset).tolist()
+        subsets = sorted(set(template.subset.tolist()))
         if len(subsets) == 1:
             return of(slice(None), subsets[0])
         m = len(rows)

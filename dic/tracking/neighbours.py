@@ -1,6 +1,7 @@
 """Neighbouring points: what they say about each other, and which lost points a frame tries again."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -24,6 +25,11 @@ class Neighbours:
     """From the neighbours to the point [px], shape [n, k, 2]."""
     there: BoolArray
     """True where there is such a neighbour, shape [n, k]."""
+
+    @cached_property
+    def _across(self) -> FloatArray:
+        """The steps' x and y, each in one piece, shape [2, n, k]."""
+        return np.ascontiguousarray(np.moveaxis(self.step, -1, 0))
 
     @classmethod
     def of(cls, points: FloatArray) -> "Neighbours":
@@ -68,7 +74,7 @@ class Neighbours:
 
     def any(self, usable: BoolArray) -> BoolArray:
         """Points that have a neighbour among the `usable` ones, shape [n]."""
-        return np.any(self.there & usable[self.index], axis=1)
+        return np.asarray((self.there & usable[self.index]).any(axis=1))
 
     def votes(
         self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float
@@ -87,13 +93,15 @@ class Neighbours:
         tuple
             Neighbours that agree, and neighbours that have been found, shape [len(rows)] each.
         """
-        index, step = self.index[rows], self.step[rows]
-        near = warp[:, :6][index]
-        x, y = step[..., 0], step[..., 1]
-        u = near[..., 0] + near[..., 2] * x + near[..., 3] * y - warp[rows, None, 0]
-        v = near[..., 1] + near[..., 4] * x + near[..., 5] * y - warp[rows, None, 1]
+        index = self.index[rows]
+        x, y = self._across[:, rows]
+        # column by column: half the time of rows of six numbers
+        own, near = warp[rows, :2], [column[index] for column in np.ascontiguousarray(warp[:, :6].T)]
+        u = near[0] + near[2] * x + near[3] * y - own[:, :1]
+        v = near[1] + near[4] * x + near[5] * y - own[:, 1:]
         found = self.there[rows] & usable[index]
-        return np.sum(found & (u * u + v * v <= gate * gate), axis=1), np.sum(found, axis=1)
+        agree = found & (u * u + v * v <= gate * gate)
+        return np.count_nonzero(agree, axis=1), np.count_nonzero(found, axis=1)
 
     def agreeing(self, warp: FloatArray, usable: BoolArray, rows: IntArray, gate: float) -> BoolArray:
         """Points that lie where two of their neighbours put them, shape [len(rows)].

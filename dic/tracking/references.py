@@ -30,9 +30,9 @@ DEPTH = 8
 def relative(warp: FloatArray, reference_warp: FloatArray) -> FloatArray:
     """Deformation gradient since the reference, F F_ref⁻¹, shape [..., 2, 2]."""
     F = gradient(reference_warp)
-    adjugate = np.stack(
-        [np.stack([F[..., 1, 1], -F[..., 0, 1]], -1), np.stack([-F[..., 1, 0], F[..., 0, 0]], -1)], -2
-    )
+    adjugate = np.empty_like(F)
+    adjugate[..., 0, 0], adjugate[..., 0, 1] = F[..., 1, 1], -F[..., 0, 1]
+    adjugate[..., 1, 0], adjugate[..., 1, 1] = -F[..., 1, 0], F[..., 0, 0]
     return np.asarray(gradient(warp) @ adjugate / determinant(F)[..., None, None])
 
 
@@ -77,12 +77,16 @@ class Template:
 
     def take(self, rows: IntArray) -> "Template":
         """Those of some points."""
-        return Template(*(getattr(self, field.name)[rows] for field in fields(self)))
+        return Template(*[getattr(self, name)[rows] for name in NAMES])
 
     def put(self, rows: IntArray, other: "Template") -> None:
         """Overwrite those of points `rows` in place."""
-        for field in fields(self):
-            getattr(self, field.name)[rows] = getattr(other, field.name)
+        for name in NAMES:
+            getattr(self, name)[rows] = getattr(other, name)
+
+
+NAMES = tuple(field.name for field in fields(Template))
+"""Fields of a template."""
 
 
 class References:
@@ -114,7 +118,7 @@ class References:
 
     def prepared(self, frames: IntArray) -> tuple[PictureStack, IntArray]:
         """A stack that has the pictures of these frames, and where in it they are, shape of `frames`."""
-        wanted = set(np.unique(frames).tolist())
+        wanted = set(frames.tolist())
         if self._joined is None or not wanted <= set(self._joined[1].tolist()):
             kept = sorted(self._stacks)  # all: it serves until a point takes a later one
             self._joined = PictureStack.join([self._stacks[frame] for frame in kept]), np.array(kept)
@@ -129,8 +133,8 @@ class References:
     def start(self, template: Template) -> None:
         """Give all points the root of their chains."""
         self.restart()
-        for field in fields(template):
-            getattr(self._chain, field.name)[0] = getattr(template, field.name)
+        for name in NAMES:
+            getattr(self._chain, name)[0] = getattr(template, name)
 
     def restart(self) -> None:
         """Return all points to the root of their chains."""
@@ -144,7 +148,7 @@ class References:
     def template(self, rows: IntArray, back: int = 0) -> Template:
         """References of points `rows`, or those `back` steps earlier in their chains."""
         level = self.level[rows] - back
-        return Template(*(getattr(self._chain, field.name)[level, rows] for field in fields(Template)))
+        return Template(*[getattr(self._chain, name)[level, rows] for name in NAMES])
 
     def renew(self, rows: IntArray, template: Template) -> None:
         """Give points `rows` new references; the oldest but the root is forgotten in a full chain."""
@@ -152,10 +156,10 @@ class References:
         self.level[full] -= 1
         self.level[rows] += 1
         self._changed(rows)
-        for field in fields(template):
-            kept = getattr(self._chain, field.name)
+        for name in NAMES:
+            kept = getattr(self._chain, name)
             kept[1:-1, full] = kept[2:, full]
-            kept[self.level[rows], rows] = getattr(template, field.name)
+            kept[self.level[rows], rows] = getattr(template, name)
 
     def go_back(self, rows: IntArray) -> None:
         """Return points `rows` to the reference before."""
@@ -164,11 +168,10 @@ class References:
 
     def tidy(self, keep: int) -> None:
         """Let go of the pictures that no chain uses any more, other than frame `keep`."""
-        used = {keep, *self._in_use().tolist()}
+        used = {keep, *self._in_use()}
         for frame in [frame for frame in self._stacks if frame not in used]:
             del self._stacks[frame], self.pictures[frame]
             self._forget(frame)
 
-    def _in_use(self) -> IntArray:
-        levels = [np.unique(self._chain.frame[level, self.level >= level]) for level in range(DEPTH)]
-        return np.unique(np.concatenate(levels))
+    def _in_use(self) -> set[int]:
+        return set(self._chain.frame[self.level >= np.arange(DEPTH)[:, None]].tolist())

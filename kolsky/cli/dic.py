@@ -1,15 +1,18 @@
 """`kolsky dic`: from the pictures of a shot to surfaces, files, tables and a page."""
 
-from contextlib import nullcontext
+from contextlib import ExitStack
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from kolsky.base.process import infrequent_gc
 from kolsky.cli import texts
 from kolsky.cli.options import AsJson, Figures, Out, ShotPath
+
+if TYPE_CHECKING:
+    from dic.result import StereoResult
 
 
 @infrequent_gc()
@@ -69,23 +72,33 @@ def dic(
     loaded = load_pictures(shot)
     folder = usable_folder(out or loaded.folder / "results")
     kept = not again and (folder / "dic.h5").exists()  # may be read back; the cameras are found if not
-    with progress_bars() as progress, forking(), single_threaded_libraries():
+    with progress_bars() as progress, forking(), single_threaded_libraries(), ExitStack() as stack:
         began = perf_counter()
-        with nullcontext() if kept else calibrated_beside(loaded.pictures) as cameras:
-            # imported while others look at the target
-            from kolsky.report.result_folder import load_dic_page, write_dic_results
-            from kolsky.shot.optical_data import RESULT_FILE, surfaces
+        cameras = None if kept else stack.enter_context(calibrated_beside(loaded.pictures))
+        # imported while others look at the target
+        from kolsky.report.page_process import drawers, load_surface_page, surface_page_process
+        from kolsky.report.result_folder import write_dic_results
+        from kolsky.report.surface_view import read_surface_view
+        from kolsky.shot.optical_data import RESULT_FILE, surfaces
 
-            found = surfaces(
-                loaded.pictures, folder, device=device, again=again, progress=progress, cameras=cameras,
-                idle=load_dic_page,
-            )  # fmt: skip
-    result, now = found.result, perf_counter()
-    times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
-    times["surfaces file"] = now - began - sum(times.values())
-    now = perf_counter()
-    write_dic_results(folder, loaded, found, formats=formats, csv=csv, vtp=vtp, processes=2)
-    times["files and page"] = perf_counter() - now
+        page = stack.enter_context(surface_page_process(drawers()))  # forked with what both need
+
+        def draw_ahead(result: "StereoResult") -> None:
+            if page is not None:
+                page.draw_ahead(read_surface_view(loaded.name, result, loaded.pictures.series))
+
+        found = surfaces(
+            loaded.pictures, folder, device=device, again=again, progress=progress, cameras=cameras,
+            idle=load_surface_page if page is None else lambda: None, known=draw_ahead,
+        )  # fmt: skip
+        result, now = found.result, perf_counter()
+        times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
+        times["surfaces file"] = now - began - sum(times.values())
+        now = perf_counter()
+        write_dic_results(
+            folder, loaded, found, formats=formats, csv=csv, vtp=vtp, processes=drawers(), page=page
+        )
+        times["files and page"] = perf_counter() - now
     print_result(
         found.rows(),
         {"shot": loaded.name, **found.summary()} if as_json else None,

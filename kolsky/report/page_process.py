@@ -1,8 +1,8 @@
-"""A process beside an identification that draws its page: it loads what that needs while the identification
-loads its own, draws the check run as soon as it is known, and the rest at the end.
+"""A process that draws the page of an identification or of a correlation beside it: it loads what that needs
+while the command loads its own, draws what it can as soon as that is known, and the rest at the end.
 
 Matplotlib, its fonts and the template take half a second of Python, and the figures two, which threads of one
-interpreter cannot share with the search. The process is forked before there are threads and before a GPU is
+interpreter cannot share with the work. The process is forked before there are threads and before a GPU is
 used.
 """
 
@@ -10,19 +10,23 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from functools import partial
-from multiprocessing import Pipe
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dic.forks import Later, begun, beside, can_fork, cores
+from dic.apart import Apart, apart
+from dic.forks import Later, begun, can_fork, cores
 from kolsky.base.process import infrequent_gc
 
 if TYPE_CHECKING:
+    from dic.result import StereoResult
+    from kolsky.bars.flyer.flight_report import FlightOfSpecimen
     from kolsky.inverse.check_run import CheckRun
     from kolsky.inverse.result import Identification
+    from kolsky.report.surface_view import SurfaceView
     from kolsky.shot.recorded import Recorded
 
 MOST_DRAWERS = 4
@@ -51,26 +55,34 @@ def load_identify_page() -> None:
     load_template()
 
 
+def load_surface_page() -> None:
+    """Import what the page of `kolsky dic` is drawn with, and load its fonts: as `load_identify_page`."""
+    import matplotlib.backends.backend_svg  # noqa: F401
+
+    import kolsky.report.pages.surfaces  # noqa: F401
+    from kolsky.report.canvas import load_drawing
+
+    load_drawing()
+
+
 class PageProcess:
-    """The process that draws; what it does not deliver is drawn here.
+    """The process that draws the page of an identification; what it does not deliver is drawn here.
 
     Parameters
     ----------
-    tell : callable
-        Sends to it.
-    drawn
-        Waits until it has written the page.
+    process
+        The process, told of a check run, of nothing or of several, and of the page.
     """
 
-    def __init__(self, tell: Callable[[Any], None], drawn: Later[None]) -> None:
-        self._tell, self._drawn = tell, drawn
+    def __init__(self, process: Apart[None]) -> None:
+        self._process = process
         self._ahead: CheckRun | None = None
 
     def draw_ahead(self, run: CheckRun) -> None:
         """Let the figures of a check run be drawn while nobody waits for them."""
         if self._ahead is None:
             self._ahead = run
-            self._tell(run)
+            self._process.tell(run)
 
     def begin(self, path: Path, found: Identification, recordings: Recorded) -> Later[None]:
         """Let the page of an identification be written to a file; the result waits for it.
@@ -78,8 +90,8 @@ class PageProcess:
         Figures drawn ahead are used if they are of the check run that the identification has.
         """
         known = self._ahead is not None and self._ahead.is_of(found)
-        self._tell((path, found, recordings, known))
-        return self._drawn
+        self._process.tell((path, found, recordings, known))
+        return self._process.result
 
 
 @contextmanager
@@ -99,24 +111,79 @@ def page_process(processes: int) -> Iterator[PageProcess | None]:
     if processes < 2 or not can_fork():
         yield None
         return
-    taken, handed = Pipe(duplex=False)
-    here, told = os.getpid(), list[Any]()
+    with apart(
+        lambda take: _draw(take, processes), lambda told: _write(*told[-1][:3], processes=processes)
+    ) as process:
+        yield PageProcess(process)
 
-    def draw() -> None:
-        if os.getpid() == here:  # the process is gone, without the page
-            _write(*told[-1][:3], processes=processes)
-        else:
-            _draw(taken.recv, processes)
 
-    with beside(draw, fork=True) as drawn, handed:
-        taken.close()  # or else a process that is gone would be waited for
+class SurfacePageProcess:
+    """The process that draws the page of `kolsky dic`; what it does not deliver is drawn here.
 
-        def tell(what: Any) -> None:
-            told.append(what)
-            with suppress(OSError):  # it is gone
-                handed.send(what)
+    Parameters
+    ----------
+    process
+        The process, told of a view without the flyer's flight, and of the page.
+    """
 
-        yield PageProcess(tell, drawn)
+    def __init__(self, process: Apart[None]) -> None:
+        self._process = process
+        self._ahead: SurfaceView | None = None
+
+    def draw_ahead(self, view: SurfaceView) -> None:
+        """Let the figures of a result be drawn whose flight is not known yet."""
+        self._ahead = view
+        self._process.tell(view)
+
+    def view_of(self, result: StereoResult) -> SurfaceView | None:
+        """The view that is drawn ahead, if it is of this result."""
+        return self._ahead if self._ahead is not None and self._ahead.result is result else None
+
+    def begin(self, path: Path, view: SurfaceView, inputs: Mapping[str, str]) -> Later[None]:
+        """Let the page be written to a file; the result waits for it."""
+        if self.view_of(view.result) is None:
+            self.draw_ahead(view)
+        self._process.tell((path, view.flight, dict(inputs)))
+        return self._process.result
+
+
+@contextmanager
+def surface_page_process(processes: int) -> Iterator[SurfacePageProcess | None]:
+    """Fork a process that draws the page of `kolsky dic`: as `page_process`."""
+    if processes < 2 or not can_fork():
+        yield None
+        return
+    with apart(
+        lambda take: _draw_surfaces(take, processes),
+        lambda told: _write_surfaces(told[-2], *told[-1], processes=processes),
+    ) as process:
+        yield SurfacePageProcess(process)
+
+
+def _draw_surfaces(take: Callable[[], Any], processes: int) -> None:
+    """Load what the page needs, draw what is known without the flight, and write the page."""
+    gc.freeze()
+    with infrequent_gc(), ExitStack() as stack:
+        load_surface_page()
+        told, ahead = take(), dict[str, Callable[[], str]]()
+        while not isinstance(told, tuple):  # the latest view is that of the page
+            view, ahead = told, stack.enter_context(_drawn_ahead(told, processes))
+            told = take()
+        _write_surfaces(view, *told, processes=processes, ahead=ahead)
+
+
+def _write_surfaces(
+    view: SurfaceView,
+    path: Path,
+    flight: FlightOfSpecimen | str,
+    inputs: Mapping[str, str],
+    *,
+    processes: int,
+    ahead: dict[str, Callable[[], str]] | None = None,
+) -> None:
+    from kolsky.report.pages.surfaces import write_page
+
+    write_page(path, replace(view, flight=flight), inputs, processes=processes, ahead=ahead)
 
 
 def _draw(take: Callable[[], Any], processes: int) -> None:
@@ -139,8 +206,8 @@ def _write(*page: Any, processes: int, ahead: dict[str, Callable[[], str]] | Non
 
 
 @contextmanager
-def _drawn_ahead(run: CheckRun, processes: int) -> Iterator[dict[str, Callable[[], str]]]:
-    """Begin to draw the figures of a check run beside the identification; yields each by its name.
+def _drawn_ahead(run: CheckRun | SurfaceView, processes: int) -> Iterator[dict[str, Callable[[], str]]]:
+    """Begin to draw the figures of a result beside the rest of the work; yields each by its name.
 
     The one that is asked for first draws what nobody has begun by then.
     """

@@ -18,7 +18,7 @@ from kolsky.shot.recorded import Recorded, recorded
 if TYPE_CHECKING:
     from dic.full_field.result import FullField
     from kolsky.bars.result import ReducedTest
-    from kolsky.report.page_process import PageProcess
+    from kolsky.report.page_process import PageProcess, SurfacePageProcess
     from kolsky.shot.measurement import Measurement
     from kolsky.shot.optical_data import Surfaces
     from kolsky.shot.records import PicturedShot, Shot
@@ -78,16 +78,6 @@ def write_identify_results(
             with beside(lambda: write(partial / RESULT_FILE), fork=processes > 1) as written:
                 write_identify_page(partial, found, recordings, formats, processes=processes)
                 written()
-
-
-def load_dic_page() -> None:
-    """Import what the page of surfaces is drawn with.
-
-    Of use in a thread while pictures are correlated, which needs no interpreter, see `dic.forks.beside`.
-    """
-    import matplotlib.backends.backend_svg  # noqa: F401
-
-    import kolsky.report.pages.surfaces  # noqa: F401
 
 
 def read_identify_results(folder: Path, shot: Shot) -> Identification:
@@ -156,6 +146,7 @@ def write_dic_results(
     csv: bool = False,
     vtp: bool = False,
     processes: int = 1,
+    page: SurfacePageProcess | None = None,
 ) -> None:
     """Write the results of `kolsky dic` beside dic.h5: dic.html, outline, flyer, reporting table, figures.
 
@@ -172,31 +163,45 @@ def write_dic_results(
     csv, vtp
         Also write every frame's points as CSV, and as VTP for ParaView.
     processes
-        How many draw the page, 1 or 2; see `dic.forks.side_by_side`.
+        How many draw the page; see `dic.forks.side_by_side`.
+    page : SurfacePageProcess, optional
+        Draws the page instead, while this process writes the other files.
 
     Raises
     ------
     InputError
         If the results cannot be written.
     """
-    from dic.output.csv import write_frames
-    from kolsky.report.pages.surfaces import write_page
-    from kolsky.report.paraview import write_vtp
     from kolsky.report.surface_view import read_surface_view
     from kolsky.shot.dic_output import write_tables
 
     result = found.result
-    shown = read_surface_view(shot.name, result, shot.pictures.series, found.flight)
+    known = None if page is None else page.view_of(result)
+    if known is not None:
+        shown = replace(known, flight=found.flight)
+    else:
+        shown = read_surface_view(shot.name, result, shot.pictures.series, found.flight)
     with filling(folder) as partial:
+        file = partial / "dic.html"
+        drawn = None if page is None else page.begin(file, shown, shot.inputs)
         write_tables(partial, found, shot.pictures.frames.frame)
-        write_page(partial / "dic.html", shown, shot.inputs, processes=processes)
         save_figures_alone(partial, shown, formats)
         if csv:
+            from dic.output.csv import write_frames
+
             write_frames(partial / "surface", result.specimen, strain=result.strain.value)
         if vtp:
+            from kolsky.report.paraview import write_vtp
+
             write_vtp(partial / "vtp", result.specimen, "specimen")
             if result.flyer is not None:
                 write_vtp(partial / "vtp", result.flyer, "flyer")
+        if drawn is None:
+            from kolsky.report.pages.surfaces import write_page
+
+            write_page(file, shown, shot.inputs, processes=processes)
+        else:
+            drawn()
 
 
 def write_full_field_results(

@@ -12,6 +12,7 @@ import numpy as np
 
 from dic.bodies.found_regions import FoundRegions, find_regions
 from dic.bodies.region import Region, polygon_mask
+from dic.bodies.second_camera import second_camera
 from dic.chain import VERSION, ChainError, ChainSettings, inspect_pictures, measure
 from dic.correlation import Correlation, Shape
 from dic.images import frame_health
@@ -198,53 +199,55 @@ def correlated(
         inspection = inspect_pictures(pictures.series, static)
     except ChainError as error:
         raise _no_surface(toml, error) from error
-    started = perf_counter()
-    found = calibrated(pictures, progress) if cameras is None else cameras(progress)
-    calibrating = perf_counter() - started
-    sizes = (pictures.series[0].shape, pictures.series[1].shape)
-    seen = lengths_seen(found.rig, np.array(places.specimen.corners), section.flyer_side, sizes)
-    check_length(toml, seen)
-    settings = chain_settings(section, declared.specimen, places.edge, device, length_sigma_of(toml))
-    reporting = {} if declared.reporting is None else declared.reporting.model_dump(exclude_none=True)
-    try:
+    with second_camera(inspection.pictures, device) as second:
         started = perf_counter()
-        assert declared.calibration is not None  # shots with pictures have it
-        rig, refinement = refined(
-            declared.calibration,
-            found.rig,
-            pictures.series,
-            places.specimen.frame,
-            polygon_mask(places.specimen.corners, pictures.series[0].shape),
-            settings.stereo,
-            step=section.step,
-            device=device,
-        )
-        result = measure(
-            pictures.series,
-            rig,
-            settings,
-            t=pictures.time,
-            static=static,
-            specimen=places.specimen,
-            flyer=places.flyer,
-            facts={
-                "reporting": reporting,
-                "calibration": found.words,
-                "software": _software(),
-                "regions": places.words,
-                **({"refinement": refinement} if refinement else {}),
-            },
-            progress=progress,
-            idle=idle,
-            inspection=inspection,
-        )
-        whole = {"calibration": calibrating, "correlation": perf_counter() - started}
-        remarks = (*result.remarks, *of_colours(pictures.series))
-        return replace(result, seconds={**whole, **result.seconds}, remarks=remarks)
-    except ChainError as error:
-        raise _no_surface(toml, error) from error
-    except ValueError as error:
-        raise toml.error("dic", f"does not fit the pictures: {error}") from error
+        found = calibrated(pictures, progress) if cameras is None else cameras(progress)
+        calibrating = perf_counter() - started
+        sizes = (pictures.series[0].shape, pictures.series[1].shape)
+        seen = lengths_seen(found.rig, np.array(places.specimen.corners), section.flyer_side, sizes)
+        check_length(toml, seen)
+        settings = chain_settings(section, declared.specimen, places.edge, device, length_sigma_of(toml))
+        reporting = {} if declared.reporting is None else declared.reporting.model_dump(exclude_none=True)
+        try:
+            started = perf_counter()
+            assert declared.calibration is not None  # shots with pictures have it
+            rig, refinement = refined(
+                declared.calibration,
+                found.rig,
+                pictures.series,
+                places.specimen.frame,
+                polygon_mask(places.specimen.corners, pictures.series[0].shape),
+                settings.stereo,
+                step=section.step,
+                device=device,
+            )
+            result = measure(
+                pictures.series,
+                rig,
+                settings,
+                t=pictures.time,
+                static=static,
+                specimen=places.specimen,
+                flyer=places.flyer,
+                facts={
+                    "reporting": reporting,
+                    "calibration": found.words,
+                    "software": _software(),
+                    "regions": places.words,
+                    **({"refinement": refinement} if refinement else {}),
+                },
+                progress=progress,
+                idle=idle,
+                inspection=inspection,
+                second=second,
+            )
+            whole = {"calibration": calibrating, "correlation": perf_counter() - started}
+            remarks = (*result.remarks, *of_colours(pictures.series))
+            return replace(result, seconds={**whole, **result.seconds}, remarks=remarks)
+        except ChainError as error:
+            raise _no_surface(toml, error) from error
+        except ValueError as error:
+            raise toml.error("dic", f"does not fit the pictures: {error}") from error
 
 
 def _no_surface(toml: ShotToml, error: ChainError) -> InputError:

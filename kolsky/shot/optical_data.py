@@ -85,6 +85,7 @@ def surfaces(
     progress: Progress = lambda stage, done, total: None,
     cameras: Callable[[Progress], Calibrated] | None = None,
     idle: Callable[[], None] = lambda: None,
+    known: Callable[[StereoResult], None] = lambda result: None,
 ) -> Surfaces:
     """Correlate the pictures of a shot, or read back what they gave.
 
@@ -105,6 +106,8 @@ def surfaces(
         The cameras that `kolsky.shot.rig.calibrated_beside` has begun to find; None: they are found here.
     idle
         Work of the caller's for the time in which this process waits for another one.
+    known
+        Told of a result that was computed now, before its flight is fitted and its file written.
 
     Raises
     ------
@@ -121,6 +124,7 @@ def surfaces(
             pass  # damaged since it was written: made anew
     with single_threaded_libraries(), infrequent_gc():
         result = correlated(pictures, device, progress, cameras=cameras, idle=idle)
+        known(result)
         with filling(folder) as partial:
             file = partial / RESULT_FILE
             with beside(lambda: write_stereo_result(file, result, key=key)) as written:

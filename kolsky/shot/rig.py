@@ -3,9 +3,11 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from dic.camera import StereoRig
+from dic.forks import allowed, beside, cores
 from kolsky.base.errors import InputError
 from kolsky.shot.calibration_pictures import Progress, calibration_begun, calibration_of
 from kolsky.shot.picture_set import CAMERAS, PictureSet, fits_sensor
@@ -64,7 +66,20 @@ def calibrated_beside(pictures: PictureSet) -> Iterator[Callable[[Progress], Cal
             found = solved(progress)
             return _cropped(pictures, Calibrated(rig=found.rig, words=_words(found)))
 
-        yield cameras
+        if not allowed() or cores() <= ENOUGH:
+            yield cameras  # this process joins in
+            return
+        with beside(partial(cameras, _untold)) as later:
+            yield lambda progress: later()
+
+
+ENOUGH = 3
+"""Cores with which this process takes part in the search for the target; with more another one does, and
+works out the cameras too."""
+
+
+def _untold(stage: str, done: int, total: int) -> None:
+    """Progress of another process."""
 
 
 def _cropped(pictures: PictureSet, found: Calibrated) -> Calibrated:

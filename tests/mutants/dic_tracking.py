@@ -4,6 +4,8 @@ from tests.mutants.fault import Fault
 
 TRAVEL = ("tests/unit/dic/test_dic_travel_checks.py",)
 SIGMAS = ("tests/unit/dic/test_dic_sigmas.py",)
+APART = ("tests/unit/dic/test_dic_apart.py",)
+PARTS = ("tests/unit/dic/test_dic_in_parts.py",)
 FORKS = ("tests/unit/dic/test_dic_forks.py",)
 TOGETHER = ("tests/unit/dic/test_dic_side_by_side.py",)
 AHEAD = ("tests/unit/dic/test_dic_ahead.py",)
@@ -52,6 +54,55 @@ FAULTS = (
         right="(most - EVEN) * flat",
         wrong="(most - EVEN)",
         tests=SIGMAS,
+    ),
+    Fault(
+        name="apart: what the process does not deliver is nothing",
+        file="dic/apart.py",
+        right="            return instead(said)",
+        wrong="            return None",
+        tests=APART,
+    ),
+    Fault(
+        name="second camera: forked where a GPU is open already",
+        file="dic/bodies/second_camera.py",
+        right="or not allowed() or started()",
+        wrong="or not allowed()",
+        tests=APART,
+    ),
+    Fault(
+        name="second camera: follows bodies in other pictures",
+        file="dic/bodies/second_camera.py",
+        right="not self._told and all(body.pictures is self._pictures for body in bodies)",
+        wrong="not self._told",
+        tests=APART,
+    ),
+    Fault(
+        name="second camera: sends tracks of any size",
+        file="dic/bodies/follow.py",
+        right="if small and second is not None",
+        wrong="if second is not None",
+        tests=APART,
+    ),
+    Fault(
+        name="forks: small work takes the last core too",
+        file="dic/forks.py",
+        right="min(cores() - 1, MOST_PARTS)",
+        wrong="min(cores(), MOST_PARTS)",
+        tests=PARTS,
+    ),
+    Fault(
+        name="smooth surface: frames of the parts in each other's order",
+        file="dic/surfaces/smoothness.py",
+        right="off[part::processes] = found",
+        wrong="off[part::processes] = found[::-1]",
+        tests=PARTS,
+    ),
+    Fault(
+        name="pictures: another process's take the place of those read here",
+        file="dic/images/kept.py",
+        right="if index not in self._kept and self._size",
+        wrong="if self._size",
+        tests=PARTS,
     ),
     Fault(
         name="forks: what a fork does not deliver is nothing",

@@ -183,6 +183,13 @@ FAULTS = (
         tests=BESIDE,
     ),
     Fault(
+        name="a page of surfaces has the figures of another result",
+        file="kolsky/report/page_process.py",
+        right="if self.view_of(view.result) is None:",
+        wrong="if self._ahead is None:",
+        tests=BESIDE,
+    ),
+    Fault(
         name="figures drawn ahead have each other's names",
         file="kolsky/report/page_process.py",
         right="for place, k in enumerate(last_first)}",

@@ -1,6 +1,6 @@
 """Page of measured surfaces: figures, noise floors, outcomes of points, reporting table."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +9,19 @@ from dic.output import reporting
 from kolsky.bars.flyer import flight_report
 from kolsky.report.figures import SURFACES
 from kolsky.report.pages import outcome_rows
-from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.pages.rendering import FigureGroup, draw_groups, render_page, write_html
 from kolsky.report.surface_view import SurfaceView
 from kolsky.shot import dic_summary
 
 
-def write_page(path: Path, shown: SurfaceView, inputs: Mapping[str, str], *, processes: int = 1) -> None:
+def write_page(
+    path: Path,
+    shown: SurfaceView,
+    inputs: Mapping[str, str],
+    *,
+    processes: int = 1,
+    ahead: Mapping[str, Callable[[], str]] | None = None,
+) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
     Parameters
@@ -26,17 +33,25 @@ def write_page(path: Path, shown: SurfaceView, inputs: Mapping[str, str], *, pro
     inputs : mapping
         SHA-256 of every file that was read, by name.
     processes : int
-        Processes that draw, 1 or 2; see `dic.forks.side_by_side`.
+        Processes that draw; see `dic.forks.side_by_side`.
+    ahead : mapping
+        Figures drawn elsewhere, as of `kolsky.report.pages.rendering.draw_groups`.
 
     Raises
     ------
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    write_html(path, render(shown, inputs, processes=processes))
+    write_html(path, render(shown, inputs, processes=processes, ahead=ahead))
 
 
-def render(shown: SurfaceView, inputs: Mapping[str, str], *, processes: int = 1) -> str:
+def render(
+    shown: SurfaceView,
+    inputs: Mapping[str, str],
+    *,
+    processes: int = 1,
+    ahead: Mapping[str, Callable[[], str]] | None = None,
+) -> str:
     """Return the page as HTML text; see `write_page`."""
     result = shown.result
     table = reporting.reporting_table(result)
@@ -45,7 +60,7 @@ def render(shown: SurfaceView, inputs: Mapping[str, str], *, processes: int = 1)
         kind="Surfaces from two series of pictures",
         heading=shown.shot,
         subject="surfaces",
-        figures=draw_figures(SURFACES.values(), shown, processes=processes),
+        figures=draw_groups([FigureGroup(SURFACES.values(), shown)], processes=processes, ahead=ahead),
         rows=list({**dic_summary.printed(result), **flight_report.printed(shown.flight)}.items()),
         warnings=[f"{r.name.capitalize()}. {r.text}. Cure: {r.cure}." for r in result.remarks],
         outcomes=_outcomes(shown),

@@ -1,11 +1,14 @@
 """A process beside an identification: the same page, figures drawn ahead, what happens when it is gone."""
 
 import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from synthetic import RESULTS
 
@@ -16,6 +19,7 @@ from kolsky.report import canvas, page_process
 from kolsky.report.figures import CHECK_RUNS
 from kolsky.report.pages.identification import render
 from kolsky.report.result_folder import write_identify_results
+from kolsky.report.surface_view import SurfaceView
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="no forks here")
 
@@ -116,3 +120,67 @@ def test_there_is_no_such_process_for_one_process() -> None:
 def test_as_many_draw_as_there_are_cores(monkeypatch: pytest.MonkeyPatch, cores: int, processes: int) -> None:
     monkeypatch.setattr(page_process, "cores", lambda: cores)
     assert page_process.drawers() == processes
+
+
+def view(shot: str, flight: str = "not asked for") -> SurfaceView:
+    result: Any = SimpleNamespace(shot=shot)
+    return SurfaceView(shot, result, {}, np.zeros((2, 3)), flight)
+
+
+@pytest.fixture
+def plain_surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page of surfaces that says what it was made of, and by whom its figure was drawn."""
+
+    @contextmanager
+    def drawn_ahead(shown: SurfaceView, processes: int) -> Iterator[dict[str, Callable[[], str]]]:
+        yield {"figure": lambda: f"{shown.shot}, {shown.flight}"}
+
+    def write(path: Path, shown: SurfaceView, inputs: Any, *, processes: int, ahead: Any = None) -> None:
+        figure = ahead["figure"]() if ahead else "drawn at the end"
+        path.write_text(f"{shown.shot}; {shown.flight}; {inputs}; {figure}; {os.getpid()}", encoding="utf-8")
+
+    monkeypatch.setattr(page_process, "_drawn_ahead", drawn_ahead)
+    monkeypatch.setattr("kolsky.report.pages.surfaces.write_page", write)
+
+
+@pytest.mark.usefixtures("plain_surfaces")
+def test_surfaces_are_drawn_before_their_flight_is_known(tmp_path: Path) -> None:
+    first, path = view("one"), tmp_path / "page.html"
+    with page_process.surface_page_process(2) as page:
+        assert page is not None
+        page.draw_ahead(first)
+        assert page.view_of(first.result) is first
+        assert page.view_of(view("one").result) is None
+        page.begin(path, replace(first, flight="no flight"), {"a": "b"})()
+    *said, process = path.read_text(encoding="utf-8").split("; ")
+    assert said == ["one", "no flight", "{'a': 'b'}", "one, not asked for"]
+    assert process != str(os.getpid())
+
+
+@pytest.mark.usefixtures("plain_surfaces")
+def test_a_page_is_never_drawn_of_another_result(tmp_path: Path) -> None:
+    path = tmp_path / "page.html"
+    with page_process.surface_page_process(2) as page:
+        assert page is not None
+        page.draw_ahead(view("one"))
+        page.begin(path, view("two", "its flight"), {})()
+    assert path.read_text(encoding="utf-8").split("; ")[:4] == ["two", "its flight", "{}", "two, its flight"]
+
+
+@pytest.mark.usefixtures("plain_surfaces")
+def test_surfaces_are_drawn_here_if_the_process_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(page_process, "_draw_surfaces", lambda take, processes: os._exit(1))
+    path = tmp_path / "page.html"
+    with page_process.surface_page_process(2) as page:
+        assert page is not None
+        page.draw_ahead(view("one"))
+        page.begin(path, view("two", "its flight"), {})()
+    said = ["two", "its flight", "{}", "drawn at the end", str(os.getpid())]
+    assert path.read_text(encoding="utf-8").split("; ") == said
+
+
+def test_one_process_draws_no_surfaces_ahead() -> None:
+    with page_process.surface_page_process(1) as page:
+        assert page is None

@@ -1,0 +1,131 @@
+"""Work that is divided between processes gives what it gives in one: strains, the smooth surface's gate, the
+inspection of two cameras."""
+
+import os
+
+import numpy as np
+import pytest
+from test_dic_strains import at_rest, grid, history
+
+from dic import forks
+from dic.chain import inspect_images
+from dic.chain.inspect_images import inspect_pictures
+from dic.chain.settings import ChainError
+from dic.forks import can_fork, forking, parts
+from dic.images.kept import KeptPictures, kept
+from dic.images.memory import PicturesInMemory
+from dic.surfaces import StrainGauge, smoothness, strains
+from dic.synthetic.speckles import render, speckle_pattern
+
+pytestmark = pytest.mark.skipif(not can_fork(), reason="one core, or no copies of processes here")
+
+
+def divided(monkeypatch, work):
+    """What work gives in one process and in three."""
+    monkeypatch.setattr(forks, "cores", lambda: 4)
+    alone = work()
+    with forking():
+        assert parts() == 3
+        return alone, work()
+
+
+def test_one_core_is_left_for_other_work(monkeypatch):
+    assert parts() == 1  # no forks here
+    with forking():
+        for cores, wanted in ((2, 1), (3, 2), (5, 4), (64, forks.MOST_PARTS)):
+            monkeypatch.setattr(forks, "cores", lambda cores=cores: cores)
+            assert parts() == wanted
+
+
+def test_strains_of_parts_are_those_of_the_whole(monkeypatch):
+    points = grid(7, 6)
+    X = at_rest(points)
+    rng = np.random.default_rng(4)
+    positions = X * np.array([1.05, 0.9, 1.0]) + rng.normal(0.0, 1e-6, (5, *X.shape))
+    outcome = np.zeros((5, len(X)), dtype=np.int64)
+    outcome[2, 7:9] = 1
+    surface = history(X, positions, outcome)
+    gauge = StrainGauge(window=3, step=6.0, subset=25.0)
+    alone, together = divided(monkeypatch, lambda: strains(surface, points, gauge))
+    assert (alone.outcome == 0).any()
+    for name, value in vars(alone).items():
+        np.testing.assert_array_equal(getattr(together, name), value, err_msg=name)
+
+
+def test_the_gate_of_parts_is_that_of_the_whole(monkeypatch):
+    side, frames = 9, 7
+    cell = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
+    position = np.random.default_rng(5).normal(0.0, 2e-6, (frames, len(cell), 3))
+    for frame in range(frames):
+        position[frame, 11 + 8 * frame, 2] += 200e-6  # another point in every frame
+    alone, together = divided(
+        monkeypatch,
+        lambda: smoothness.off_surface(
+            position,
+            np.full(position.shape, 2e-6),
+            np.ones(position.shape[:2], dtype=bool),
+            cell,
+            distance=0.4e-3,
+        ),
+    )
+    assert [np.flatnonzero(row).tolist() for row in alone] == [[11 + 8 * frame] for frame in range(frames)]
+    np.testing.assert_array_equal(together, alone)
+
+
+def series():
+    """Pictures of two cameras, one of each black."""
+    pattern = speckle_pattern((64, 64), size=4.0, seed=3)
+    made = []
+    for camera in (0, 1):
+        frames = [
+            np.rint(1000.0 + 150.0 * render(pattern, (64, 64), noise=1.0, seed=10 * camera + k))
+            for k in range(6)
+        ]
+        frames[4 + camera][:] = 5.0
+        made.append(PicturesInMemory(tuple(frame.astype(np.uint16) for frame in frames)))
+    return made[0], made[1]
+
+
+def test_cameras_inspected_by_two_processes_are_those_inspected_by_one(monkeypatch):
+    static = np.arange(6) < 3
+    read = []
+    frame = KeptPictures.frame
+    monkeypatch.setattr(KeptPictures, "frame", lambda own, k: read.append(os.getpid()) or frame(own, k))
+    alone, together = divided(monkeypatch, lambda: inspect_pictures(series(), static))
+    assert set(read) == {os.getpid()}
+    for camera in (0, 1):
+        np.testing.assert_array_equal(together.health[camera], alone.health[camera])
+        assert together.grey[camera].sigma == alone.grey[camera].sigma
+        assert together.pictures[camera].held.keys() == alone.pictures[camera].held.keys()
+        for k, picture in alone.pictures[camera].held.items():
+            np.testing.assert_array_equal(together.pictures[camera].held[k], picture)
+            assert not together.pictures[camera].held[k].flags.writeable
+    assert alone.health[0][4] != 0
+    assert alone.health[1][5] != 0
+
+
+def test_what_is_wrong_with_camera_1_is_said(monkeypatch):
+    first, second = series()
+    short = PicturesInMemory(second.pictures[:5])
+    monkeypatch.setattr(forks, "cores", lambda: 4)
+    with forking(), pytest.raises(ChainError, match="camera 1 has"):
+        inspect_pictures((first, short), np.arange(6) < 3)
+
+
+def test_large_series_are_inspected_in_one_process(monkeypatch):
+    monkeypatch.setattr(inspect_images, "MOST_SENT", 6 * 64 * 64 - 1)
+    monkeypatch.setattr(inspect_images, "beside", None)
+    monkeypatch.setattr(forks, "cores", lambda: 4)
+    with forking():
+        assert inspect_pictures(series(), np.arange(6) < 3).health[0][4] != 0
+
+
+def test_pictures_of_another_process_are_held_up_to_the_limit():
+    own = KeptPictures(series()[0], most=2 * 64 * 64 * 2)
+    own.frame(0)
+    given = np.full((64, 64), 7, dtype=np.uint16)
+    own.hold({0: given, 1: given, 2: given})
+    assert sorted(own.held) == [0, 1]
+    assert own.held[0][0, 0] != 7  # the one read here
+    assert kept(own) is own
+    assert own.frame(1) is given

@@ -1,0 +1,42 @@
+"""The cameras are worked out by another process where there are cores to spare."""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from dic.forks import can_fork, forking
+from kolsky.shot import rig
+
+pytestmark = pytest.mark.skipif(not can_fork(), reason="one core, or no copies of processes here")
+
+
+@contextmanager
+def begun(toml: Any, section: Any, *, predict: bool) -> Iterator[Callable[..., Any]]:
+    def solved(progress: Any) -> Any:
+        progress("calibration", 1, 1)
+        return SimpleNamespace(rig=os.getpid(), pairs=(), rms=0.1, rejected=(), unusable=())
+
+    yield solved
+
+
+@pytest.mark.parametrize(("cores", "forks", "here"), [(3, True, True), (4, True, False), (4, False, True)])
+def test_who_works_out_the_cameras(
+    monkeypatch: pytest.MonkeyPatch, cores: int, forks: bool, here: bool
+) -> None:
+    monkeypatch.setattr(rig, "calibration_begun", begun)
+    monkeypatch.setattr(rig, "_cropped", lambda pictures, found: found)
+    monkeypatch.setattr(rig, "cores", lambda: cores)
+    if not forks:
+        monkeypatch.setattr(rig, "allowed", lambda: False)
+    section = SimpleNamespace(file=None)
+    pictures: Any = SimpleNamespace(toml=SimpleNamespace(declared=SimpleNamespace(calibration=section)))
+    told: list[tuple[str, int, int]] = []
+    with forking(), rig.calibrated_beside(pictures) as cameras:
+        found = cameras(lambda *said: told.append(said))
+    assert (found.rig == os.getpid()) is here
+    assert told == ([("calibration", 1, 1)] if here else [])
+    assert found.words == "0 of 0 pairs of pictures, residual 0.1 px rms"
