@@ -14,8 +14,10 @@ from explicit.mesh import Mesh
 from explicit.model import Model
 from explicit.precision import Precision
 from explicit.time_loop.boundary import INTERIOR, LOWER, SIDE, UPPER
+from explicit.time_loop.chip_layout import apart, fits_on_chips, spread_corners, spread_nodes
 from explicit.time_loop.grouped_tables import GROUP, LOADED_BYTES, grouped
 from explicit.time_loop.kernel import TimeLoopKernel
+from explicit.time_loop.lanes import BLOCK
 from explicit.time_loop.node_sweeps import VALENCE
 from explicit.time_loop.state_layout import fits, on_chip_elements
 
@@ -31,7 +33,8 @@ def body_of(
 ) -> Any:
     """The mesh's constants on a device, every node in its place of `node_order`; made once."""
     known = _BODIES.setdefault(model.mesh, {})
-    key = (kernel.structs.Body, model.density, model.element, numbers.name, str(where), on_chip)
+    made_for = (str(where), on_chip, kernel.cluster)
+    key = (kernel.structs.Body, model.density, model.element, numbers.name, *made_for)
     if key not in known:
         known[key] = _new_body(kernel, model, numbers, where, on_chip)
     return known[key]
@@ -56,15 +59,20 @@ def _new_body(kernel: TimeLoopKernel, model: Model, numbers: Precision, where: A
     surface_mass = np.divide(mass, area, out=np.full(mesh.n_nodes, np.inf), where=area > 0.0)
     masses = np.stack([mass, np.where(mesh.on_axis, 0.0, 1.0 / mass), 1.0 / mass, np.zeros(mesh.n_nodes)])
     height = mesh.nodes[:, 1] - mesh.nodes[:, 1].min()
-    slots = on_chip_elements(numbers) if on_chip else mesh.n_elements
+    spread = on_chip and kernel.cluster > 1
+    slots = on_chip_elements(numbers) if on_chip and not spread else mesh.n_elements
     corners = _corner_table(mesh, slots, place, 1 if where.is_cuda else SPARE)
+    quads = place[mesh.quads.T]
+    if spread:
+        corners = _corners_on_chips(corners, slots, place, first_boundary, kernel.cluster, numbers)
+        quads = spread_nodes(quads, first_boundary, kernel.cluster, numbers)
 
     def table(values: NDArray[Any], dtype: Any) -> NDArray[Any]:
         return grouped(values.astype(dtype), loaded=LOADED_BYTES if where.is_cuda else 0)
 
     for name, values, dtype in (
         ("shapes", table(_side_by_side(shapes, numbers.dtype), numbers.dtype), numbers.real),
-        ("quads", table(place[mesh.quads.T], np.int32), int),
+        ("quads", table(quads, np.int32), int),
         ("corners", table(placed(corners), np.int32), int),
         ("masses", table(placed(masses), numbers.dtype), numbers.real),
         ("reference_r", placed(mesh.nodes[:, 0]), wp.float64),
@@ -75,6 +83,16 @@ def _new_body(kernel: TimeLoopKernel, model: Model, numbers: Precision, where: A
     ):
         setattr(body, name, wp.array(padded(values), dtype=dtype, device=where))
     return body
+
+
+def _corners_on_chips(
+    corners: IntArray, slots: int, place: IntArray, first_boundary: int, blocks: int, numbers: Precision
+) -> IntArray:
+    """The table of corner forces for blocks that keep them in their shared memories; what holds zero is in a
+    node's own."""
+    spread = spread_corners(corners % slots, corners // slots, numbers)
+    mine = spread_nodes(place, first_boundary, blocks, numbers) // apart(numbers) * apart(numbers)
+    return np.where(corners < 4 * slots, spread, mine + 4 * BLOCK)
 
 
 def nodal_mass(mesh: Mesh, density: float) -> FloatArray:
@@ -90,6 +108,12 @@ def fits_on_chip(mesh: Mesh, numbers: Precision) -> bool:
     _, n_inner, first_boundary = node_order(mesh)
     n_boundary = mesh.n_nodes - n_inner
     return fits(first_boundary + n_boundary, mesh.n_elements, n_boundary, numbers)
+
+
+def fits_on_several(mesh: Mesh, blocks: int) -> bool:
+    """True if it fits into the shared memories of so many blocks."""
+    _, n_inner, first_boundary = node_order(mesh)
+    return fits_on_chips(mesh.n_elements, first_boundary, mesh.n_nodes - n_inner, blocks)
 
 
 def node_order(mesh: Mesh) -> tuple[IntArray, int, int]:

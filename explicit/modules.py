@@ -73,7 +73,8 @@ def ahead_of_time(
     -------
     list of Path
         The compiled files, three for each combination and architecture: the state on the chip, for small
-        and for large batches, or not; where blocks can share a simulation, two more, for as many as may.
+        and for large batches, or not; where blocks can share a simulation, four more: for as many as may,
+        with the state on their chips or not.
 
     Raises
     ------
@@ -122,7 +123,7 @@ def compile_each(
     place = _folder_of(folder)
     # A mesh that fits keeps its state in shared memory, a larger one does not.
     variants = [(True, BLOCK, 1), (True, SMALL_BLOCK, 1), (False, BLOCK, 1)]
-    variants += [(False, BLOCK, cluster) for cluster in CLUSTERS]
+    variants += [(on_chip, BLOCK, cluster) for on_chip, cluster in product((True, False), CLUSTERS)]
     for (faces, side, number, shape), (on_chip, block, cluster) in product(wanted, variants):
         able = [arch for arch in architectures if cluster == 1 or arch >= CLUSTER_ARCH]
         numbers, shared = precision(number), {"relaxation": relaxation, "cluster": cluster}

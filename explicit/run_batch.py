@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from explicit.drivers import (
 from explicit.energy import EnergyLedger
 from explicit.geometry import element_geometry
 from explicit.host_transfer import HISTORIES
-from explicit.mesh_arguments import fits_on_chip
+from explicit.mesh_arguments import fits_on_chip, fits_on_several
 from explicit.model import Model, Samples, Sampling, Stepping
 from explicit.modules import load_module
 from explicit.outcome import Outcome
@@ -165,14 +166,17 @@ def run_side_by_side(
 
 
 def time_loop_of(problem: Problem, where: Any) -> tuple[TimeLoopKernel, Precision, bool]:
-    """The time loop of a batch, its arithmetic, and whether a GPU keeps the state in shared memory."""
+    """The time loop of a batch, its arithmetic, and whether a GPU keeps the state in shared memory, of one
+    block or of several."""
     model, stepping = problem.model, problem.stepping
     numbers = precision(stepping.precision)
     on_chip, n = where.is_cuda and fits_on_chip(model.mesh, numbers), len(problem.samples)
+    block, fits = block_for(n, where, on_chip), partial(fits_on_several, model.mesh)
+    cluster = cluster_for(n, model.mesh.n_elements, where, on_chip, fits)
+    on_chip = on_chip or (cluster > 1 and fits(cluster))
     kernel = time_loop_kernel(
         type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
-        block_for(n, where, on_chip), stepping.bound, model.volumetric, model.relaxation_kind,
-        cluster_for(n, model.mesh.n_elements, where, on_chip),
+        block, stepping.bound, model.volumetric, model.relaxation_kind, cluster,
     )  # fmt: skip
     return kernel, numbers, on_chip
 

@@ -1,11 +1,12 @@
 """Blocks of a GPU for a simulation: how many, and of how many threads."""
 
+from collections.abc import Callable
 from typing import Any
 
 from explicit.time_loop.lanes import BLOCK, SMALL_BLOCK
 
 CLUSTERS = (16, 4)
-"""Blocks that may share a simulation whose state is in global memory, the most first."""
+"""Blocks that may share a simulation that does not fit into the shared memory of one, the most first."""
 CLUSTER_ARCH = 90
 """Architecture from which blocks can share one."""
 SPREAD = 0.8
@@ -18,12 +19,21 @@ def block_for(n_samples: int, device: Any, on_chip: bool) -> int:
     return SMALL_BLOCK if device.is_cuda and on_chip and n_samples > device.sm_count else BLOCK
 
 
-def cluster_for(n_samples: int, n_elements: int, device: Any, on_chip: bool) -> int:
-    """Blocks that share a simulation of a batch on a Warp device: as many as are free, and as have work."""
-    if on_chip or not device.is_cuda or device.arch < CLUSTER_ARCH:
+def cluster_for(
+    n_samples: int,
+    n_elements: int,
+    device: Any,
+    on_chip: bool,
+    fits: Callable[[int], bool] = lambda blocks: False,
+) -> int:
+    """Blocks that share a simulation of a batch on a Warp device: as many as are free, and as have work.
+
+    The fewest in whose shared memories it `fits`, if there are any.
+    """
+    if on_chip or not device.is_cuda or device.arch < CLUSTER_ARCH or n_elements <= BLOCK - 32:
         return 1
-    for cluster in CLUSTERS:
-        fewer = cluster // 4 * (BLOCK - 32)  # workers of the next smaller choice
-        if n_elements > fewer and n_samples * cluster <= SPREAD * device.sm_count:
-            return cluster
-    return 1
+    free = [cluster for cluster in CLUSTERS if n_samples * cluster <= SPREAD * device.sm_count]
+    fitting = [cluster for cluster in free if fits(cluster)]
+    # the next smaller choice must have fewer workers than there are elements
+    busy = [cluster for cluster in free if n_elements > cluster // 4 * (BLOCK - 32)]
+    return fitting[-1] if fitting else busy[0] if busy else 1

@@ -70,6 +70,19 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
         return wave
 
     @wp.func
+    def of_either(touch: Touch, kind: int):
+        new, held, slip = face_contact(touch)
+        if kind == on_side:
+            new, held, slip = side_contact(touch)
+        return new, held, slip
+
+    @wp.func
+    def of_both(touch: Touch, kind: int):
+        return face_contact(touch)
+
+    contact_of = of_both if faces == side else of_either
+
+    @wp.func
     def contact(
         body: Body,
         batch: Batch,
@@ -92,14 +105,12 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
             before = touched - upper
             held = released
         target, normal = real(to_lower), real(1.0)
-        if kind == lower:
-            platen = lower
-        elif kind == upper:
+        if before == upper or (before == 0 and free[1] > to_upper):
             platen = upper
-        elif before == lower or (before == 0 and free[1] < to_lower):
+        if before == lower or (before == 0 and free[1] < to_lower):
             platen = lower
-        elif before == upper or (before == 0 and free[1] > to_upper):
-            platen = upper
+        if kind != on_side:
+            platen = kind
         if platen == upper:
             target = to_upper
             normal = real(-1.0)
@@ -111,10 +122,7 @@ def boundary_functions(faces: str, side: str, precision: Precision, structs: Str
                 free[0], free[1], target, normal, held, slip,
                 friction, release, stiffness, body.surface_mass[node], interval, step,
             )  # fmt: skip
-            if kind == on_side:
-                new, held, slip = side_contact(touch)
-            else:
-                new, held, slip = face_contact(touch)
+            new, held, slip = contact_of(touch, kind)
         if kind == on_side and (free[1] < to_lower or free[1] > to_upper):
             mark = platen
         if held == released:

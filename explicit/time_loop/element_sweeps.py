@@ -70,7 +70,7 @@ def sweep_functions(
     lost, restrained = int(Share.POWER), int(Share.ARTIFICIAL)
     corner = corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
-    read_shape, corner_stride = element.read_shape, layout.corner_stride
+    read_shape, corner_stride, place_of = element.read_shape, layout.corner_stride, layout.element
     element_forces, element_energies = element.forces, element.energies
 
     @wp.func
@@ -99,9 +99,10 @@ def sweep_functions(
                 values(fields.v_y, q),
                 measure,
             )
+            at = place_of(e)
             for a in range(4):
-                fields.corner_r[a * stride + e] = f_r[a]
-                fields.corner_y[a * stride + e] = f_y[a]
+                fields.corner_r[a * stride + at] = f_r[a]
+                fields.corner_y[a * stride + at] = f_y[a]
             worst = wp.max(worst, omega_squared)
             power = add_share(power, lost, wp.float64(dissipated), e)
             artificial = add_share(artificial, restrained, wp.float64(controlled), e)

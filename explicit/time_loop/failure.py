@@ -27,6 +27,7 @@ from explicit.time_loop.element_sweeps import corner_functions
 from explicit.time_loop.grouped_tables import entry_function
 from explicit.time_loop.lanes import LaneFunctions
 from explicit.time_loop.slots import Total
+from explicit.time_loop.state_layout import StateLayout
 from explicit.time_loop.structs import Structs, simulation_structs
 
 CHECK_EVERY = 8
@@ -58,7 +59,11 @@ class FailureFunctions:
 
 @cache
 def failure_functions(
-    precision: Precision, element: ElementFunctions, structs: Structs, lanes: LaneFunctions
+    precision: Precision,
+    element: ElementFunctions,
+    structs: Structs,
+    layout: StateLayout,
+    lanes: LaneFunctions,
 ) -> FailureFunctions:
     """Generate the functions."""
     real = precision.real
@@ -69,6 +74,7 @@ def failure_functions(
     number, corner = entry_function(real), corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
     read_shape, element_forces, element_strains = element.read_shape, element.forces, element.strains
+    place_of = layout.node
     half = real(0.5)
     least, most, nobody = wp.float64(-1e300), wp.float64(1e300), wp.float64(-1.0e30)
     inverted, diverged = int(Outcome.INVERTED), int(Outcome.DIVERGED)
@@ -79,7 +85,8 @@ def failure_functions(
         kinetic = empty_sum()
         n = sum_first(lane)
         while n < body.n_nodes:
-            squared = fields.v_r[n] * fields.v_r[n] + fields.v_y[n] * fields.v_y[n]
+            at = place_of(body, n)
+            squared = fields.v_r[at] * fields.v_r[at] + fields.v_y[at] * fields.v_y[at]
             kinetic = add_to(kinetic, wp.float64(half * number(body.masses, 0, n) * squared), n)
             n += n_workers()
         return kinetic

@@ -17,6 +17,8 @@ from explicit.precision import Precision
 from explicit.relaxation.base import Relaxation
 from explicit.relaxation.kernels.branches import relaxation_functions
 from explicit.time_loop.boundary import boundary_functions
+from explicit.time_loop.chip_lanes import lanes_of_chips
+from explicit.time_loop.chip_layout import layout_on_chips
 from explicit.time_loop.element_sweeps import sweep_functions
 from explicit.time_loop.end_of_step import end_of_step_function
 from explicit.time_loop.failure import CHECK_EVERY, failure_functions
@@ -71,33 +73,41 @@ def time_loop_kernel(
     """
     element = element_named(element_name).functions(law, precision, bound, volumetric)
     structs = batch_structs(precision, element.Shape, element.Solid)
-    lanes = lane_functions(cluster)
-    layout = state_layout(precision, structs, on_chip, cluster)
+    spread = on_chip and cluster > 1
+    lanes = lanes_of_chips(cluster) if spread else lane_functions(cluster)
+    layout = (
+        layout_on_chips(precision, structs, cluster)
+        if spread
+        else state_layout(precision, structs, on_chip, cluster)
+    )
     sums, remembered, fields_of, surface_of = layout.sums, layout.remembered, layout.fields, layout.surface
     at_rest = layout.at_rest
     sweeps = sweep_functions(precision, element, structs, layout, lanes)
     branch = relaxation_functions(relaxation, law, precision, bound, element, structs, layout, sweeps, lanes)
     element_forces, relaxed_forces, energies = sweeps.elements, branch.sweep, branch.energies
     platens = boundary_functions(faces, side, precision, structs)
-    nodes = node_sweeps(precision, structs, platens, lanes)
+    nodes = node_sweeps(precision, structs, layout, platens, lanes)
     move_interior, move_boundary = nodes.interior, nodes.boundary
-    record = record_functions(precision, structs, lanes)
+    record = record_functions(precision, structs, layout, lanes)
     put_stored, put_exchanged, record_ending = record.put_stored, record.put_exchanged, record.ending
     end_of_step = end_of_step_function(precision, structs, platens, record, lanes)
-    planning = next_step_functions(precision, structs, platens, record, lanes)
+    planning = next_step_functions(precision, structs, platens, record, lanes, relaxation is not None)
+    again = planning.again if spread else planning.as_read
     start, first_step, next_step, read_step = (
         planning.start, planning.first_step, planning.next_step, planning.read,
     )  # fmt: skip
-    failure = failure_functions(precision, element, structs, lanes)
+    failure = failure_functions(precision, element, structs, layout, lanes)
     motion, beyond_data, failed_element = failure.motion, failure.strain, failure.failed_element
     check, check_every = planning.check, int(CHECK_EVERY)
     sync, is_worker, is_control, empty_sum = lanes.sync, lanes.is_worker, lanes.is_control, lanes.empty_sum
+    enter, leave, tell, listen, inform = lanes.enter, lanes.leave, lanes.tell, lanes.listen, lanes.inform
     put_total, put_largest = lanes.put_total, lanes.put_largest
     put_share, joined = lanes.put_share, lanes.joined
     settle, regroup, disband = lanes.settle, lanes.regroup, lanes.disband
+    plans, relaxes = int(Control.PLANS), int(relaxation is not None)
     lost, held_back = int(Share.POWER), int(Share.ARTIFICIAL)
     Body, Batch, State, Output = structs.Body, structs.Batch, structs.State, structs.Output
-    HALF = wp.float64(0.5)
+    HALF, NOTHING = wp.float64(0.5), wp.float64(0.0)
     control_size = int(CONTROL_SIZE)
     residents = SHARING if block <= SMALL_BLOCK else 1  # blocks that a multiprocessor must have registers for
 
@@ -113,6 +123,7 @@ def time_loop_kernel(
         fields, surface = fields_of(body, state, sample), surface_of(body, state, sample)
         control, partials = sums(state.control, sample, 0), sums(state.partials, sample, control_size)
         memory = remembered(state.memory, sample, 0)
+        enter(control)
         at_rest(body, fields, surface, partials, lane)
         if is_control(lane) == 1:
             start(batch, output, sample, control)
@@ -125,20 +136,17 @@ def time_loop_kernel(
         while going == 1:  # before the first step the elements only say how large it may be
             step, until_measured, latched = regroup(step, until_measured, latched)
             # While the workers sweep the elements, the control warp ends the step before.
-            power, artificial = empty_sum(), empty_sum()
+            measure = int(0)
+            if until_measured == 0:
+                measure = 1
+                until_measured = batch.measure_every
+            until_measured -= 1
+            worst, power, artificial = element_forces(body, solid, row, fields, lane, measure)
+            put_share(power, lost)
+            put_share(artificial, held_back)
+            stiffer = relaxed_forces(body, solid, row, branches, memory, control, step, fields, lane, measure)
+            latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
             if is_worker(lane) == 1:
-                measure = int(0)
-                if until_measured == 0:
-                    measure = 1
-                    until_measured = batch.measure_every
-                until_measured -= 1
-                worst, power, artificial = element_forces(body, solid, row, fields, lane, measure)
-                put_share(power, lost)
-                put_share(artificial, held_back)
-                stiffer = relaxed_forces(
-                    body, solid, row, branches, memory, control, step, fields, lane, measure
-                )
-                latched = wp.max(latched, worst)  # an element that turns between two measurements stays known
                 if step % check_every == 0:
                     put_total(partials, Total.MOTION, motion(body, fields, lane))
                     put_total(partials, Total.WORK_DONE, worked)
@@ -147,18 +155,24 @@ def time_loop_kernel(
                     put_largest(partials, Total.BEYOND, beyond_data(body, limit_s, fields, lane))
                 if measure == 1:
                     put_largest(partials, Total.STIFFEST + (step + 1) % 2, latched)
-                    put_largest(partials, Total.STIFFER + (step + 1) % 2, stiffer)
-                    latched = wp.float64(0.0)
-            if is_control(lane) == 1 and step == 0:
-                first_step(control)
-            if is_control(lane) == 1 and step > 0:
-                end_of_step(
-                    body, batch, state, output, sample, lane, step - 1, control, partials, surface, fields
-                )
+                    if relaxes == 1:
+                        put_largest(partials, Total.STIFFER + (step + 1) % 2, stiffer)
+            if measure == 1:
+                latched = wp.float64(0.0)
+            if is_control(lane) == 1:
+                if step == 0:
+                    first_step(control)
+                if step > 0:
+                    end_of_step(
+                        body, batch, state, output, sample, lane, step - 1, control, partials, surface, fields
+                    )
+                tell(control, step)
+            planned = read_step(control, step)
             sync()
-            going = int(control[Control.GOING])
+            listen(control, step)
+            now = again(planned, control, step)
+            going = int(control[Control.GOING] > NOTHING)
             if going == 1 and step >= 0:
-                now = read_step(control, step)
                 power = joined(power, lost, body.n_elements)
                 artificial = joined(artificial, held_back, body.n_elements)
                 kinetic = empty_sum()
@@ -172,14 +186,12 @@ def time_loop_kernel(
                     put_stored(partials, elastic, hourglass, viscous, past, most)
                     sync()  # the node sweep below moves what other lanes may still be reading
                 # Half of this step's work belongs to the time of the positions, half to what follows.
-                damp_step, rub_step, hold_step = power * now.interval, empty_sum(), artificial * now.interval
-                land_step, work_step = empty_sum(), empty_sum()
-                if is_worker(lane) == 1:
-                    kinetic, damp_step = move_interior(body, fields, now, alpha, lane, kinetic, damp_step)
-                    kinetic, damp_step, rub_step, land_step, work_step = move_boundary(
-                        body, batch, state, sample, fields, surface, now, friction, alpha, lane,
-                        kinetic, damp_step,
-                    )  # fmt: skip
+                damp_step, hold_step = power * now.interval, artificial * now.interval
+                kinetic, damp_step = move_interior(body, fields, now, alpha, lane, kinetic, damp_step)
+                kinetic, damp_step, rub_step, land_step, work_step = move_boundary(
+                    body, batch, state, sample, fields, surface, control, now, friction, alpha, lane,
+                    kinetic, damp_step,
+                )  # fmt: skip
                 if now.ledger == 1:
                     put_exchanged(
                         partials, kinetic,
@@ -192,11 +204,14 @@ def time_loop_kernel(
                 restrained += hold_step
                 landed += land_step
             if going == 1 and is_control(lane) == 1:
-                next_step(batch, output, sample, step + 1, control, partials)
+                next_step(batch, output, sample, step + 1, measure, control, partials)
             settle(latched)
             step += 1
             sync()
+            if relaxes == 1:  # what relaxes reads the plan of the step in the sweep over elements
+                inform(control, plans)
 
+        inform(control, 0)
         latched = disband(latched)
         if int(control[Control.STATUS]) == 0:  # a last check of what happened since the one before
             if is_worker(lane) == 1:
@@ -207,11 +222,13 @@ def time_loop_kernel(
             if is_control(lane) == 1:
                 control[Control.STATUS] = wp.float64(check(batch, sample, control, partials))
         sync()
+        inform(control, 0)
         failed = int(-1)
         if int(control[Control.STATUS]) != 0:
             status = int(control[Control.STATUS])
             failed = failed_element(body, solid, row, fields, partials, lane, status)
         if lane == 0:
             record_ending(output, sample, control, failed)
+        leave()
 
     return TimeLoopKernel(time_loop, structs, element, block, cluster, branch.memory)

@@ -10,70 +10,21 @@ from typing import Any
 
 import warp as wp
 
-BARRIER = """
-#if defined(__CUDA_ARCH__)
-    MEET
-#endif
-"""
-"""Lanes of one simulation meet here; a single lane (CPU) has nobody to wait for."""
-_MEET_IN_BLOCK = "__syncthreads();"
-_MEET_IN_CLUSTER = (
-    'asm volatile("barrier.cluster.arrive.release.aligned;" ::: "memory");\n'
-    '    asm volatile("barrier.cluster.wait.acquire.aligned;" ::: "memory");'
+from explicit.time_loop.lane_code import (
+    ADDED,
+    BARRIER,
+    BOUNDARY_TOTALS,
+    DOWN,
+    FURTHER,
+    HAND_OVER,
+    LARGER,
+    LARGEST,
+    MEET_IN_BLOCK,
+    MEET_IN_CLUSTER,
+    SUM,
+    TAKE,
 )
 
-
-# The last warp of a GPU's block, the control warp, does the bookkeeping of each step while the others sweep
-# the elements. Totals are handed to it warp by warp and added in one order.
-_HAND_OVER = """
-#if defined(__CUDA_ARCH__)
-    #pragma unroll
-    for (int offset = 16; offset > 0; offset >>= 1) {
-        double other = __shfl_down_sync(0xffffffffu, x, offset);
-        x = COMBINE;
-    }
-    if ((threadIdx.x & 31) == 0) parts.data[k * WARPS + (THREAD >> 5)] = x;
-#else
-    parts.data[k] = x;
-#endif
-"""
-_TAKE = """
-#if defined(__CUDA_ARCH__)
-    const int warp = threadIdx.x & 31;
-    double x = warp < (THREADS >> 5) ? parts.data[k * WARPS + warp] : NOTHING;
-    FURTHER
-    #pragma unroll
-    for (int step = 16; step > 0; step >>= 1) {
-        const double other = __shfl_xor_sync(0xffffffffu, x, step);
-        x = COMBINE;
-    }
-    return x;
-#else
-    return parts.data[k];
-#endif
-"""
-_FURTHER = """for (int next = warp + 32; next < (THREADS >> 5); next += 32) {
-        const double other = parts.data[k * WARPS + next];
-        x = COMBINE;
-    }"""
-_SUM, _LARGER = "x + other", "x > other ? x : other"
-_BOUNDARY_TOTALS = """
-    wp::vec_t<2, wp::float64> sums(0.0, 0.0);
-#if defined(__CUDA_ARCH__)
-    #pragma unroll 1
-    for (int k = threadIdx.x & 31; k < n; k += 32) { sums[0] += first.data[k]; sums[1] += second.data[k]; }
-    #pragma unroll
-    for (int other = 16; other > 0; other >>= 1) {
-        const double a = __shfl_xor_sync(0xffffffffu, sums[0], other);
-        const double b = __shfl_xor_sync(0xffffffffu, sums[1], other);
-        sums[0] += a;
-        sums[1] += b;
-    }
-#else
-    for (int k = 0; k < n; ++k) { sums[0] += first.data[k]; sums[1] += second.data[k]; }
-#endif
-    return sums;
-"""
 BLOCK = 384
 """Threads that share one simulation on a GPU; among them its registers are shared out."""
 SMALL_BLOCK = 96
@@ -101,6 +52,17 @@ class LaneFunctions:
 
     sync: Any
     """``sync()``: every lane waits for the others; their writes are visible after it."""
+    enter: Any
+    """``enter(control)``: every lane is there; the first that it calls."""
+    leave: Any
+    """``leave()``: no lane needs another any more; the last that it calls."""
+    tell: Any
+    """``tell(control, step)``: the control warp is about to meet the workers, who will need the plan of the
+    step, whether there is one, and where the support will be."""
+    listen: Any
+    """``listen(control, step)``: the lanes have met, and need what they were told, once in every step."""
+    inform: Any
+    """``inform(control, first)``: the lanes have met, and need the control record from a slot on."""
     empty_sum: Any
     """``empty_sum()``: where a sum over elements or nodes begins."""
     add_to: Any
@@ -184,16 +146,37 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def either(cuda: str, cpu: str) -> str:
         return native(_either(cuda, cpu))
 
-    total, largest = native(_HAND_OVER, COMBINE=_SUM), native(_HAND_OVER, COMBINE=_LARGER)
-    take = _TAKE.replace("FURTHER", "" if alone else _FURTHER)  # a block has no more warps than a warp lanes
-    take_total = native(take, COMBINE=_SUM, NOTHING="0.0")
-    take_largest = native(take, COMBINE=_LARGER, NOTHING="-1e300")
-    meet = native(BARRIER, MEET=_MEET_IN_BLOCK if alone else _MEET_IN_CLUSTER)
+    total, largest = native(HAND_OVER, ACROSS=DOWN), native(HAND_OVER, ACROSS=LARGEST)
+    take = TAKE.replace("FURTHER", "" if alone else FURTHER)  # a block has no more warps than a warp lanes
+    one = "1" if alone else "0"
+    take_total = native(take, ACROSS=ADDED, COMBINE=SUM, NOTHING="0.0", ALONE=one)
+    take_largest = native(take, ACROSS=LARGEST, COMBINE=LARGER, NOTHING="-1e300", ALONE=one)
+    meet = native(BARRIER, MEET=MEET_IN_BLOCK if alone else MEET_IN_CLUSTER)
     inside = _INSIDE if alone else _INSIDE_CLUSTER
     parts_of: Any = wp.array(dtype=wp.float64)
 
     @wp.func_native(snippet=meet)
     def sync(): ...
+
+    @wp.func
+    def enter(control: parts_of):
+        return
+
+    @wp.func
+    def tell(control: parts_of, step: int):
+        return
+
+    @wp.func
+    def listen(control: parts_of, step: int):
+        return
+
+    @wp.func
+    def leave():
+        return
+
+    @wp.func
+    def inform(control: parts_of, first: int):
+        return
 
     @wp.func
     def empty_sum():
@@ -239,7 +222,7 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     @wp.func_native(snippet=take_largest)
     def get_largest(parts: parts_of, k: int) -> wp.float64: ...
 
-    @wp.func_native(snippet=_BOUNDARY_TOTALS)
+    @wp.func_native(snippet=BOUNDARY_TOTALS)
     def boundary_totals(first: parts_of, second: parts_of, n: int) -> wp.vec2d: ...
 
     @wp.func_native(snippet=either("__syncwarp();", ""))
@@ -257,7 +240,9 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def disband(latched: wp.float64):
         return latched
 
-    @wp.func_native(snippet="return lane;")
+    nobody = "lane < THREADS - 32 ? {} : 0x40000000"
+
+    @wp.func_native(snippet=either(f"return {nobody.format('lane')};", "return lane;"))
     def first_element(lane: int, n: int) -> int: ...
 
     @wp.func_native(snippet="return n;")
@@ -266,7 +251,7 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     @wp.func_native(snippet="return lane;")
     def sum_first(lane: int) -> int: ...
 
-    @wp.func_native(snippet=either("return THREADS - 33 - lane;", "return lane;"))
+    @wp.func_native(snippet=either(f"return {nobody.format('THREADS - 33 - lane')};", "return lane;"))
     def boundary_first(lane: int) -> int: ...
 
     @wp.func_native(snippet=either(f"return lane < {inside} ? lane : 0x40000000;", "return lane;"))
@@ -285,7 +270,8 @@ def lane_functions(cluster: int = 1) -> LaneFunctions:
     def control_stride() -> int: ...
 
     return LaneFunctions(
-        sync=sync, empty_sum=empty_sum, add_to=add_to, add_share=add_share, put_share=put_share,
+        sync=sync, enter=enter, leave=leave, tell=tell, listen=listen, inform=inform,
+        empty_sum=empty_sum, add_to=add_to, add_share=add_share, put_share=put_share,
         joined=joined, is_worker=is_worker, n_workers=n_workers, is_control=is_control, is_writer=is_writer,
         put_total=put_total, put_largest=put_largest, get_total=get_total, get_largest=get_largest,
         boundary_totals=boundary_totals, control_sync=control_sync, settle=settle, regroup=regroup,

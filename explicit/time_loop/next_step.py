@@ -29,9 +29,14 @@ class NextStepFunctions:
     """``check(batch, sample, control, partials)``: the outcome of a failure that the workers' totals show, or
     0."""
     next_step: Any
-    """``next_step(batch, output, sample, step, control, partials)``: plan a step to come."""
+    """``next_step(batch, output, sample, step, measured, control, partials)``: plan a step to come, with
+    a new size where the bound was `measured`."""
     read: Any
     """``read(control, step) -> Step``: the plan of the step under way, for every lane."""
+    again: Any
+    """``again(planned, control, step) -> Step``: the same once more, where the record has come since."""
+    as_read: Any
+    """``as_read(planned, control, step) -> Step``: what was read before."""
 
 
 @cache
@@ -41,6 +46,7 @@ def next_step_functions(
     boundary: BoundaryFunctions,
     record: RecordFunctions,
     lanes: LaneFunctions,
+    relaxes: bool,
 ) -> NextStepFunctions:
     """Generate the planning."""
     Batch, Output, Step = structs.Batch, structs.Output, simulation_structs(precision).Step
@@ -53,7 +59,7 @@ def next_step_functions(
     watch_every, motion_limit = int(CHECK_EVERY), wp.float64(MOTION_LIMIT)
     diverged, turned = int(Outcome.DIVERGED), int(Outcome.INVERTED)
     collapsed, limit = int(Outcome.STEP_COLLAPSED), int(Outcome.STEP_LIMIT)
-    exceeded = int(Outcome.TABLE_EXCEEDED)
+    exceeded, branches = int(Outcome.TABLE_EXCEEDED), int(relaxes)
 
     @wp.func
     def start(batch: Batch, output: Output, sample: int, control: wp.array(dtype=wp.float64)):
@@ -98,6 +104,7 @@ def next_step_functions(
         output: Output,
         sample: int,
         step: int,
+        measured: int,
         control: wp.array(dtype=wp.float64),
         partials: wp.array(dtype=wp.float64),
     ):
@@ -110,9 +117,10 @@ def next_step_functions(
         dt = wp.float64(dt_before)
         control_sync()
         # The bound was measured one step ago, where the specimen stood before the step that is under way.
-        if step % batch.measure_every == 0:
-            stiffest = get_largest(partials, Total.STIFFEST + step % 2)
-            omega_squared = stiffest + get_largest(partials, Total.STIFFER + step % 2)
+        if measured == 1:
+            omega_squared = get_largest(partials, Total.STIFFEST + step % 2)
+            if branches == 1:
+                omega_squared += get_largest(partials, Total.STIFFER + step % 2)
             dt = wp.min(batch.safety * TWO / wp.sqrt(omega_squared), batch.largest_step)
             rate = ONE / dt
             if step == 0:
@@ -174,9 +182,15 @@ def next_step_functions(
             control[this + Plan.RATE],
             control[this + Plan.FLYER_NEXT],
             control[this + Plan.UPPER_SPEED],
-            control[Control.LOWER_NEXT],
-            control[Control.LOWER_SPEED],
-            int(control[this + Plan.LEDGER]),
+            int(control[this + Plan.LEDGER] > ZERO),
         )
 
-    return NextStepFunctions(start, first_step, check, next_step, read)
+    @wp.func
+    def again(planned: Step, control: wp.array(dtype=wp.float64), step: int):
+        return read(control, step)
+
+    @wp.func
+    def as_read(planned: Step, control: wp.array(dtype=wp.float64), step: int):
+        return planned
+
+    return NextStepFunctions(start, first_step, check, next_step, read, again, as_read)

@@ -14,6 +14,8 @@ from explicit.precision import Precision
 from explicit.time_loop.boundary import LOWER, UPPER, BoundaryFunctions
 from explicit.time_loop.grouped_tables import entries_function
 from explicit.time_loop.lanes import LaneFunctions
+from explicit.time_loop.slots import Control
+from explicit.time_loop.state_layout import StateLayout
 from explicit.time_loop.structs import Structs, simulation_structs
 
 VALENCE = 4
@@ -28,14 +30,18 @@ class NodeSweeps:
     """``interior(body, fields, step, alpha, lane, kinetic, damped) -> (kinetic, damped)``: move this worker's
     interior nodes; sums of kinetic energy and of what mass-proportional damping `alpha` takes [J]."""
     boundary: Any
-    """``boundary(body, batch, state, sample, fields, surface, step, friction, alpha, lane, kinetic, damped)
-    -> (kinetic, damped, rubbed, landed, worked)``: the same for its boundary nodes, with the work of
+    """``boundary(body, batch, state, sample, fields, surface, control, step, friction, alpha, lane, kinetic,
+    damped) -> (kinetic, damped, rubbed, landed, worked)``: the same for its boundary nodes, with the work of
     friction, of landing and of the platens [J]."""
 
 
 @cache
 def node_sweeps(
-    precision: Precision, structs: Structs, platens: BoundaryFunctions, lanes: LaneFunctions
+    precision: Precision,
+    structs: Structs,
+    layout: StateLayout,
+    platens: BoundaryFunctions,
+    lanes: LaneFunctions,
 ) -> NodeSweeps:
     """Generate the sweeps."""
     real, vec2 = precision.real, precision.vec2
@@ -45,31 +51,32 @@ def node_sweeps(
     empty_sum, add_to, boundary_first = lanes.empty_sum, lanes.add_to, lanes.boundary_first
     first_inner, inner_stride, n_workers = lanes.first_inner, lanes.inner_stride, lanes.n_workers
     end_inner = lanes.end_inner
-    contact = platens.contact
+    contact, place_of = platens.contact, layout.node
     numbers, corners_at = entries_function(real), entries_function(wp.int32)
     valence, zero, half = int(VALENCE), real(0.0), real(0.5)
     lower, upper = int(LOWER), int(UPPER)
 
     @wp.func
-    def free_velocity(body: Body, fields: Fields, n: int, interval: real, alpha: real):
-        """Velocity before, velocity after an interval without contact, and the node's mass."""
+    def free_velocity(body: Body, fields: Fields, n: int, at: int, interval: real, alpha: real):
+        """Velocity before, velocity after an interval without contact, and the node's mass; its fields are
+        `at` a place of their own."""
         f_r, f_y = real(0.0), real(0.0)
         corners, masses = corners_at(body.corners, 0, n), numbers(body.masses, 0, n)
         for c in range(valence):
             f_r += fields.corner_r[corners[c]]
             f_y += fields.corner_y[corners[c]]
-        old = vec2(fields.v_r[n], fields.v_y[n])
+        old = vec2(fields.v_r[at], fields.v_y[at])
         # Forces resist, so they enter with a minus; the drag of alpha acts on the old velocity. On the axis
         # the radial inverse mass is zero.
         push = vec2(f_r * masses[1], f_y * masses[2])
         return old, old - interval * (push + alpha * old), masses[0]
 
     @wp.func
-    def move(fields: Fields, n: int, new: vec2, dt: real):
-        fields.v_r[n] = new[0]
-        fields.v_y[n] = new[1]
-        fields.u_r[n] = fields.u_r[n] + dt * new[0]
-        fields.u_y[n] = fields.u_y[n] + dt * new[1]
+    def move(fields: Fields, at: int, new: vec2, dt: real):
+        fields.v_r[at] = new[0]
+        fields.v_y[at] = new[1]
+        fields.u_r[at] = fields.u_r[at] + dt * new[0]
+        fields.u_y[at] = fields.u_y[at] + dt * new[1]
 
     @wp.func
     def kinetic_energy(mass: real, old: vec2, new: vec2):
@@ -96,12 +103,13 @@ def node_sweeps(
         n = first_inner(lane, body.n_inner, adds)
         end = end_inner(body.n_inner, adds)
         while n < end:
-            old, new, mass = free_velocity(body, fields, n, interval, alpha)
+            at = place_of(body, n)
+            old, new, mass = free_velocity(body, fields, n, at, interval, alpha)
             if step.ledger == 1:
                 kinetic = add_to(kinetic, kinetic_energy(mass, old, new), n)
             if alpha > zero:
                 damped = add_to(damped, drag_loss(mass, old, new, interval, alpha), n)
-            move(fields, n, new, dt)
+            move(fields, at, new, dt)
             n += inner_stride()
         return kinetic, damped
 
@@ -113,6 +121,7 @@ def node_sweeps(
         sample: int,
         fields: Fields,
         surface: Surface,
+        control: wp.array(dtype=wp.float64),
         step: Step,
         friction: real,
         alpha: real,
@@ -122,34 +131,38 @@ def node_sweeps(
     ):
         rubbed, landed, worked = empty_sum(), empty_sum(), empty_sum()
         dt, interval = real(step.dt), real(step.interval)
+        lower_next, lower_speed = control[Control.LOWER_NEXT], control[Control.LOWER_SPEED]
         b = boundary_first(lane)
         while b < body.n_boundary:
             node = body.first_boundary + b
-            old, free, mass = free_velocity(body, fields, node, interval, alpha)
-            height = body.reference_y[node] + wp.float64(fields.u_y[node])
-            to_lower = real((step.lower_next - height) * step.rate)
+            at = place_of(body, node)
+            kind, touched = body.kind[b], surface.touched[b]
+            height = body.reference_y[node] + wp.float64(fields.u_y[at])
+            old, free, mass = free_velocity(body, fields, node, at, interval, alpha)
+            to_lower = real((lower_next - height) * step.rate)
             to_upper = real((body.length - step.flyer_next - height) * step.rate)
             new, platen, mark = contact(
                 body, batch, state, sample, b,
-                body.kind[b], surface.touched[b], free, to_lower, to_upper, friction, interval, dt,
+                kind, touched, free, to_lower, to_upper, friction, interval, dt,
             )  # fmt: skip
             surface.touched[b] = mark
             # Impulses of the platen on the node, and where their work goes.
             push = wp.float64(mass) * wp.float64(new[1] - free[1])
             rub = wp.float64(mass) * wp.float64(new[0] - free[0])
-            from_below, from_above, riding = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
             speed = wp.float64(half * (old[1] + new[1]))
             slide = wp.float64(half * (old[0] + new[0]))
+            from_below, from_above, riding = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
             if platen == lower:
                 from_below = push
-                if new[1] == to_lower:
-                    riding = wp.float64(mass)
-                landed = add_to(landed, push * (step.lower_speed - speed), b)
-                worked = add_to(worked, push * step.lower_speed, b)
-            elif platen == upper:
+            if platen == lower and new[1] == to_lower:
+                riding = wp.float64(mass)
+            met = wp.float64(lower_speed)
+            if platen == upper:
                 from_above = push
-                landed = add_to(landed, push * (step.upper_speed - speed), b)
-                worked = add_to(worked, push * step.upper_speed, b)
+                met = step.upper_speed
+            impulse = from_below + from_above
+            landed = add_to(landed, impulse * (met - speed), b)
+            worked = add_to(worked, impulse * met, b)
             rubbed = add_to(rubbed, -rub * slide, b)
             surface.push_lower[b] = from_below
             surface.push_upper[b] = from_above
@@ -158,7 +171,7 @@ def node_sweeps(
                 kinetic = add_to(kinetic, kinetic_energy(mass, old, new), b)
             if alpha > zero:
                 damped = add_to(damped, drag_loss(mass, old, new, interval, alpha), b)
-            move(fields, node, new, dt)
+            move(fields, at, new, dt)
             b += n_workers()
         return kinetic, damped, rubbed, landed, worked
 

@@ -9,6 +9,7 @@ import warp as wp
 from explicit.precision import Precision
 from explicit.time_loop.lanes import LaneFunctions
 from explicit.time_loop.slots import Control, Ending, Total
+from explicit.time_loop.state_layout import StateLayout
 from explicit.time_loop.structs import Structs, simulation_structs
 
 
@@ -37,12 +38,15 @@ class RecordFunctions:
 
 
 @cache
-def record_functions(precision: Precision, structs: Structs, lanes: LaneFunctions) -> RecordFunctions:
+def record_functions(
+    precision: Precision, structs: Structs, layout: StateLayout, lanes: LaneFunctions
+) -> RecordFunctions:
     """Generate the recorders."""
     real = precision.real
     Body, Output, Fields = structs.Body, structs.Output, simulation_structs(precision).Fields
     control_first, control_stride = lanes.control_first, lanes.control_stride
     put_total, put_largest = lanes.put_total, lanes.put_largest
+    place_of = layout.node
 
     @wp.func
     def is_due(row: int, n: int, every: int):
@@ -68,8 +72,9 @@ def record_functions(precision: Precision, structs: Structs, lanes: LaneFunction
         k = control_first(lane)
         while k < output.n_recorded:
             node = output.nodes[k]
-            r = body.reference_r[node] + wp.float64(fields.u_r[node] - late * fields.v_r[node])
-            y = body.reference_y[node] + wp.float64(fields.u_y[node] - late * fields.v_y[node])
+            at = place_of(body, node)
+            r = body.reference_r[node] + wp.float64(fields.u_r[at] - late * fields.v_r[at])
+            y = body.reference_y[node] + wp.float64(fields.u_y[at] - late * fields.v_y[at])
             output.position[sample, row, k, 0] = r
             output.position[sample, row, k, 1] = y
             k += control_stride()

@@ -56,12 +56,11 @@ class StateLayout:
     """Accessors of the state of a simulation."""
 
     field: Any
-    """``field(fields, sample, offset)``: a simulation's row of an array of fields or corner forces; in shared
+    """``field(rows, sample, offset)``: a simulation's row of an array of fields or corner forces; in shared
     memory at an offset in numbers, where the state is on the chip."""
     sums: Any
-    """The same for sums of the boundary."""
-    marks: Any
-    """The same for its marks."""
+    """``sums(rows, sample, offset)``: a simulation's row of sums of the boundary, of the control record or of
+    partial sums; in shared memory at an offset in numbers, where the state is on the chip."""
     remembered: Any
     """The same for what elements remember, which is too much for a chip."""
     fields: Any
@@ -71,10 +70,10 @@ class StateLayout:
     at_rest: Any
     """``at_rest(body, fields, surface, partials, lane)``: the state before the first step; every lane calls
     it."""
-    elements: int
-    """Slots for elements on the chip."""
-    node_stride: Any
-    """``node_stride(n)``: from one field of nodes to the next: n, or what the chip has."""
+    node: Any
+    """``node(body, n)``: where a node lies in the rows of fields."""
+    element: Any
+    """``element(e)``: where the forces of an element's first corner lie."""
     corner_stride: Any
     """``corner_stride(n)``: from the forces of one corner of the elements to those of the next."""
 
@@ -84,9 +83,9 @@ def state_layout(precision: Precision, structs: Structs, on_chip: bool, cluster:
     """Generate the layout of the state."""
     more = 8 // precision.dtype().itemsize
     nodes, elements = more * ON_CHIP_NODES, more * ON_CHIP_ELEMENTS
-    field = _field(precision.real, 4 * nodes + 8 * elements + 2, on_chip)
-    sums = _field(wp.float64, 3 * ON_CHIP_BOUNDARY + ON_CHIP_CONTROL, on_chip)
-    marks = _field(wp.int32, ON_CHIP_BOUNDARY, on_chip)
+    field = row_function(precision.real, 4 * nodes + 8 * elements + 2, on_chip)
+    sums = row_function(wp.float64, 3 * ON_CHIP_BOUNDARY + ON_CHIP_CONTROL, on_chip)
+    marks = row_function(wp.int32, ON_CHIP_BOUNDARY, on_chip)
     node_stride, corner_stride = _stride(nodes, on_chip), _stride(elements, on_chip)
     Body, State = structs.Body, structs.State
     simulation = simulation_structs(precision)
@@ -140,18 +139,18 @@ def state_layout(precision: Precision, structs: Structs, on_chip: bool, cluster:
             fields.corner_r[beyond] = zero
             fields.corner_y[beyond] = zero
 
+    @wp.func
+    def node(body: Body, n: int):
+        return n
+
+    @wp.func
+    def element(e: int):
+        return e
+
     return StateLayout(
-        field=field,
-        sums=sums,
-        marks=marks,
-        remembered=_field(precision.real, 0, False),
-        fields=fields,
-        surface=surface,
-        at_rest=at_rest,
-        elements=on_chip_elements(precision),
-        node_stride=node_stride,
-        corner_stride=corner_stride,
-    )
+        field=field, sums=sums, remembered=row_function(precision.real, 0, False), fields=fields,
+        surface=surface, at_rest=at_rest, node=node, element=element, corner_stride=corner_stride,
+    )  # fmt: skip
 
 
 def on_chip_elements(precision: Precision) -> int:
@@ -159,7 +158,8 @@ def on_chip_elements(precision: Precision) -> int:
     return 8 // precision.dtype().itemsize * ON_CHIP_ELEMENTS
 
 
-def _field(dtype: Any, room: int, on_chip: bool) -> Any:
+def row_function(dtype: Any, room: int, on_chip: bool) -> Any:
+    """Generate ``row(rows, sample, offset)``: a simulation's row, on the chip in a pool of so much room."""
     snippet = (_FIELD_ON_CHIP if on_chip else _FIELD).replace("TYPE", f"wp::{dtype.__name__}")
 
     @wp.func_native(snippet=snippet.replace("ROOM", str(room)))

@@ -149,8 +149,6 @@ def simulation_structs(precision: Precision) -> SimulationStructs:
         rate: wp.float64
         flyer_next: wp.float64
         upper_speed: wp.float64
-        lower_next: wp.float64
-        lower_speed: wp.float64
         ledger: int
 
     return SimulationStructs(Fields, Surface, Step)

@@ -178,6 +178,20 @@ FAULTS = (
         tests=("tests/unit/explicit/test_page_locked.py",),
     ),
     Fault(
+        name="the forces of a large mesh are looked for as on one chip",
+        file="explicit/mesh_arguments.py",
+        right="if on_chip and not spread else",
+        wrong="if on_chip else",
+        tests=("tests/unit/explicit/test_several_chips.py",),
+    ),
+    Fault(
+        name="boundary nodes lie among the interior's on several chips",
+        file="explicit/time_loop/chip_layout.py",
+        right="np.where(nodes < first_boundary, inner,",
+        wrong="np.where(nodes >= 0, inner,",
+        tests=("tests/unit/explicit/test_several_chips.py",),
+    ),
+    Fault(
         name="more blocks are asked for than multiprocessors are free",
         file="explicit/time_loop/blocks.py",
         right="n_samples * cluster <= SPREAD * device.sm_count",

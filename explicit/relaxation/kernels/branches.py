@@ -58,7 +58,7 @@ def relaxation_functions(
     sum_first, first_element, end_element = lanes.sum_first, lanes.first_element, lanes.end_element
     corner = corner_functions(precision, structs)
     nodes, values = corner.nodes, corner.values
-    read_shape, corner_stride = element.read_shape, layout.corner_stride
+    read_shape, corner_stride, place_of = element.read_shape, layout.corner_stride, layout.element
     stress_point, sweep_energies = element.stress_point, sweeps.energies
     point = kind.point(law, precision, bound)
     relax, held = point.relax, point.held
@@ -98,7 +98,7 @@ def relaxation_functions(
                 values(fields.v_r, q),
                 values(fields.v_y, q),
             )
-            done, stiffer = real(0.0), real(0.0)
+            done, stiffer, at = real(0.0), real(0.0), place_of(e)
             for g in range(n_points):
                 weight, gradient_r, gradient_y, hoop = stress_point(shape, g)
                 f_r, f_y, more, omega_squared = relax(
@@ -107,8 +107,8 @@ def relaxation_functions(
                     ur, uy, vr, vy, moved, interval, measure,
                 )  # fmt: skip
                 for a in range(4):
-                    fields.corner_r[a * stride + e] = fields.corner_r[a * stride + e] + f_r[a]
-                    fields.corner_y[a * stride + e] = fields.corner_y[a * stride + e] + f_y[a]
+                    fields.corner_r[a * stride + at] = fields.corner_r[a * stride + at] + f_r[a]
+                    fields.corner_y[a * stride + at] = fields.corner_y[a * stride + at] + f_y[a]
                 done += more
                 stiffer += omega_squared
             memory[worth * n_elements + e] = memory[worth * n_elements + e] + done

@@ -45,3 +45,13 @@ def test_no_blocks_without_work(n_elements: int, blocks: int) -> None:
 )
 def test_others_have_one(device: Device, on_chip: bool) -> None:
     assert cluster_for(1, LARGE, device, on_chip) == 1
+
+
+def test_the_fewest_blocks_on_whose_chips_a_mesh_fits() -> None:
+    both, most = {4, 16}.__contains__, {16}.__contains__
+    assert cluster_for(1, 4 * WORKERS, Device(), False, both) == 4
+    assert cluster_for(1, LARGE, Device(), False, both) == 4
+    assert cluster_for(1, WORKERS + 1, Device(), False, most) == 16
+    assert cluster_for(1, WORKERS, Device(), False, most) == 1  # one block has a worker for every element
+    # where the chips of as many blocks are not free, those that are share it in global memory
+    assert cluster_for(FEW // 16 + 1, LARGE, Device(), False, most) == 4
