@@ -33,7 +33,7 @@ from explicit.outcome import Outcome
 from explicit.precision import Precision, precision
 from explicit.response import Response
 from explicit.support import MovingSupport
-from explicit.time_loop.blocks import block_for, cluster_for
+from explicit.time_loop.blocks import block_for, cluster_for, knows_chips
 from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
 from explicit.time_loop.slots import Ending
 
@@ -173,7 +173,7 @@ def time_loop_of(problem: Problem, where: Any) -> tuple[TimeLoopKernel, Precisio
     on_chip, n = where.is_cuda and fits_on_chip(model.mesh, numbers), len(problem.samples)
     block, fits = block_for(n, where, on_chip), partial(fits_on_several, model.mesh)
     cluster = cluster_for(n, model.mesh.n_elements, where, on_chip, fits)
-    on_chip = on_chip or (cluster > 1 and fits(cluster))
+    on_chip = on_chip or (cluster > 1 and knows_chips(where) and fits(cluster))
     kernel = time_loop_kernel(
         type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
         block, stepping.bound, model.volumetric, model.relaxation_kind, cluster,

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from explicit.time_loop.blocks import CLUSTERS, SPREAD, cluster_for
+from explicit.time_loop.blocks import CLUSTERS, SPREAD, cluster_for, knows_chips
 from explicit.time_loop.lanes import BLOCK
 
 
@@ -55,3 +55,12 @@ def test_the_fewest_blocks_on_whose_chips_a_mesh_fits() -> None:
     assert cluster_for(1, WORKERS, Device(), False, most) == 1  # one block has a worker for every element
     # where the chips of as many blocks are not free, those that are share it in global memory
     assert cluster_for(FEW // 16 + 1, LARGE, Device(), False, most) == 4
+
+
+def test_on_other_architectures_blocks_share_a_mesh_in_global_memory() -> None:
+    assert knows_chips(Device())
+    later = Device(arch=100)
+    assert not knows_chips(later)
+    assert not knows_chips(Device(is_cuda=False))
+    assert cluster_for(1, 4 * WORKERS + 1, later, False, {4, 16}.__contains__) == 16
+    assert cluster_for(1, 4 * WORKERS + 1, Device(), False, {4, 16}.__contains__) == 4
