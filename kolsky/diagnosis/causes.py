@@ -21,7 +21,6 @@ from kolsky.diagnosis.cause_scan import scanned
 from kolsky.diagnosis.cause_search import FOLLOWED, CauseSearch
 from kolsky.diagnosis.cause_trial import Trial
 from kolsky.diagnosis.cause_valleys import in_valleys, valley_is_free, without_change
-from kolsky.diagnosis.expected_residual import ExpectedResidual
 from kolsky.diagnosis.thresholds import UNEXPLAINED
 from kolsky.inverse.cause_results import CauseFinding
 from kolsky.inverse.staged_runs import StagedRuns
@@ -149,8 +148,8 @@ def search_from(
     settings = stages.settings
     known = np.isfinite(model.vectors([Point(model.x)])[0])
     known &= True if counted is None else counted
-    expected = _counted(expected_residual(model, settings.numerics.with_mesh(settings.replicate_mesh)), known)
-    return CauseSearch(stages, model, expected, known, candidates)
+    expected = expected_residual(model, settings.numerics.with_mesh(settings.replicate_mesh))
+    return CauseSearch(stages, model, expected.among(known), known, candidates)
 
 
 def best_of_each(trials: Sequence[Best], judge: CauseSearch) -> list[Best]:
@@ -273,14 +272,3 @@ def _same_force(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
     x[names.index("stiffness_factor")] *= gains[0].u
     x = np.clip(x, search.model.lower, search.model.upper)
     return [replace(gains[0], candidate=density, x=x, u=gains[0].u - 1.0)]
-
-
-def _counted(expected: ExpectedResidual, use: FloatArray) -> ExpectedResidual:
-    """The entries that the answer itself reaches."""
-    return replace(
-        expected,
-        sigma=expected.sigma[use],
-        patterns=expected.patterns[use],
-        channel=expected.channel[use],
-        block=expected.block[use],
-    )

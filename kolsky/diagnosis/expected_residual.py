@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from kolsky.base.arrays import FloatArray, IntArray
+from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,10 @@ class ExpectedResidual:
 
     def of(self, channel: int) -> "ExpectedResidual":
         """One channel alone."""
-        use = self.channel == channel
+        return self.among(self.channel == channel)
+
+    def among(self, use: BoolArray) -> "ExpectedResidual":
+        """Some of the entries alone, shape of `use` [k]."""
         return replace(
             self,
             sigma=self.sigma[use],
