@@ -1,6 +1,7 @@
 """Files and folders of results: complete or not there at all; CSV tables."""
 
 import csv
+import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -10,7 +11,7 @@ from typing import Any
 from dic.files import HIDDEN, alone_in, regular, replacing, scratch, text_cell
 from kolsky.base.errors import InputError
 
-__all__ = ["filling", "missing", "regular", "remove_empty", "usable_folder", "write_table"]
+__all__ = ["filling", "missing", "regular", "remove_empty", "source_hash", "usable_folder", "write_table"]
 
 CURE = "give another place with --out FOLDER"
 
@@ -113,3 +114,12 @@ def remove_empty(folders: list[Path]) -> None:
     for path in folders:
         if path.is_dir() and not any(path.iterdir()):
             path.rmdir()
+
+
+def source_hash() -> str:
+    """SHA-256 of the sources of `kolsky` and `explicit`: a version number does not tell a working copy."""
+    total = hashlib.sha256()
+    root = Path(__file__).parents[2]
+    for path in sorted(p for package in ("kolsky", "explicit") for p in (root / package).rglob("*.py")):
+        total.update(str(path.relative_to(root)).encode() + hashlib.sha256(path.read_bytes()).digest())
+    return total.hexdigest()

@@ -16,13 +16,13 @@ import explicit
 from doe.ledger import Ledger, Run
 from explicit.materials import marlow_from_curve
 from kolsky.base.arrays import FloatArray
+from kolsky.base.files import source_hash
 from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.observations import predict
 from kolsky.inverse.prepared_shot import PreparedShot
 from kolsky.inverse.staged_runs import Progress
 from kolsky.inverse.surroundings import in_surroundings
 from kolsky.joint.unknowns import Unknowns, with_factors
-from kolsky.studies.sweep import source_hash
 
 ELEMENTS = ("one_point", "fbar")
 """Elements by the number that a ledger knows them by."""

@@ -17,7 +17,7 @@ from doe.ledger import Ledger, LedgerError
 from doe.ledger_rows import Run
 from explicit import Outcome
 from kolsky.base.arrays import FloatArray
-from kolsky.base.files import missing, remove_empty, write_table
+from kolsky.base.files import missing, remove_empty, source_hash, write_table
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.misfit import SCALE_FORCE, SCALE_SHAPE, terms
 from kolsky.inverse.observations import predict
@@ -101,15 +101,6 @@ class ShotRuns:
 
 
 @cache
-def source_hash() -> str:
-    """SHA-256 of the sources of `kolsky` and `explicit`: a version number does not tell a working copy."""
-    total = hashlib.sha256()
-    root = Path(__file__).parents[2]
-    for path in sorted(p for package in ("kolsky", "explicit") for p in (root / package).rglob("*.py")):
-        total.update(str(path.relative_to(root)).encode() + hashlib.sha256(path.read_bytes()).digest())
-    return total.hexdigest()
-
-
 def _plain(thing: Any) -> Any:
     """NumPy's numbers as JSON can hold them."""
     if isinstance(thing, (np.generic, np.ndarray)):

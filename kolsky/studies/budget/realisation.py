@@ -12,13 +12,12 @@ import numpy as np
 from doe.ledger_rows import Run
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import regular
+from kolsky.base.files import regular, source_hash
 from kolsky.inverse.free_parameters import DEFAULT
 from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
 from kolsky.studies.budget.factors import NOISE, Factor, shifted
 from kolsky.studies.budget.refit import Estimate, RealisationOutcome, refit, same_valley, whole_search
-from kolsky.studies.sweep import source_hash
 from kolsky.virtual.records import Truth
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.shot_folder import write_shot
