@@ -24,8 +24,8 @@ from kolsky.base.process import process_pool
 from kolsky.cli import texts
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
+from kolsky.inverse.problem import Settings
 from kolsky.inverse.result import Identification
-from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
 

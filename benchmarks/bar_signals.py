@@ -16,12 +16,11 @@ import numpy as np
 from kolsky.bars.guides.propagation import propagate
 from kolsky.bars.guides.waveguide import ElasticWaveguide
 from kolsky.bars.records import BarSignal, FaceWaves, Signal
-from kolsky.bars.reduction.plateau import judge_plateau
-from kolsky.bars.reduction.pulse_checks import check_windows
-from kolsky.bars.reduction.signal_remarks import LARGEST_DELAY
 from kolsky.bars.reduction.stress_strain import reduce
-from kolsky.bars.reduction.windows import incident_arrival
-from kolsky.bars.signals.drift import diffusion
+from kolsky.bars.reduction.summary import LARGEST_DELAY
+from kolsky.bars.reduction.validity import judge_plateau
+from kolsky.bars.reduction.windows import check_windows, incident_arrival
+from kolsky.bars.signals.baseline import diffusion
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.arrays import FloatArray
 from kolsky.base.process import process_pool

@@ -21,11 +21,10 @@ import numpy as np
 from explicit.materials import LAWS, AnyLaw
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
-from kolsky.material.curves.band import CurveBand, mean_of_repeats
 from kolsky.material.end_friction.correct import correct_friction
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, FrictionCorrection
-from kolsky.material.fits.homogeneous import incompressible_stress
-from kolsky.material.fits.modes import Mode
+from kolsky.material.fits.homogeneous import Mode, incompressible_stress
+from kolsky.material.uniaxial import CurveBand, mean_of_repeats
 
 ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = ROOT / "tests" / "reference"

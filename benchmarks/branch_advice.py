@@ -25,7 +25,7 @@ from kolsky.base.process import process_pool
 from kolsky.cli.texts import mesh
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings
 from kolsky.shot.load import load_shot
 from kolsky.virtual.make import Place, make_places
 

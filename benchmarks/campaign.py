@@ -66,7 +66,7 @@ def identified(question: Question) -> Answer:
     """Identify a shot with one thread; what a worker does."""
     from kolsky.identification import identify
     from kolsky.inverse.forward import Numerics
-    from kolsky.inverse.settings import Settings
+    from kolsky.inverse.problem import Settings
     from kolsky.shot.load import load_shot
 
     numerics = Numerics(mesh=question.mesh, device=question.device, threads=1)
@@ -90,9 +90,9 @@ def workers_of(count: int, dask: str | None) -> Iterator[tuple[Submit, Together]
         with process_pool(count) as pool:
             yield pool.submit, lambda futures: [future.result() for future in futures]
         return
-    from kolsky.cli.scheduler import client
+    from kolsky.cli.sweep import dask_client
 
-    with client(dask) as scheduler:
+    with dask_client(dask) as scheduler:
         yield (
             lambda work, question: scheduler.submit(work, question, pure=False),
             lambda futures: scheduler.gather(list(futures)),

@@ -18,7 +18,7 @@ from benchmarks.answers import RUNS, Case, Study, answer, read, table
 from benchmarks.open_courses import FINE, SHOTS, Course
 from benchmarks.scatter import table as scatter
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings
 
 FLAT = 1e-7
 """Successive points of a surface that are no farther apart along the axis lie on a platen [m]."""

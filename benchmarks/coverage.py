@@ -34,7 +34,7 @@ from benchmarks.coverage_problem import (
 from kolsky.base.process import process_pool
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings
 
 NAMES = {
     "m": "stiffness_factor",

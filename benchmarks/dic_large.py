@@ -20,16 +20,15 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from dic.arrays import FloatArray
+from dic.basics import FloatArray
 from dic.bodies.follow import follow_body
 from dic.bodies.region import Region
 from dic.camera import Camera, StereoRig
 from dic.chain.outliers import gate_residual
 from dic.correlation import Correlation, Noise, Shape
-from dic.correlation.warp import identity
+from dic.correlation.subsets import identity
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.stereo.epipolar_search import search
-from dic.stereo.template import subsets
+from dic.stereo.epipolar_search import search, subsets
 from dic.tracking import Tracking
 
 PIXEL, DISTANCE, ANGLE = 50e-6, 0.4, np.radians(15.0)

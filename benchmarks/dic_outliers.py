@@ -18,8 +18,8 @@ from benchmarks.resumable import answers, asked, told
 from dic.bodies.follow import TrackedBody
 from dic.chain.outliers import gate_epipolar, gate_residual, gate_surface
 from dic.outcome import PointOutcome
-from dic.surfaces.frame import SpecimenFrame
-from dic.synthetic.cylinder import RenderedCylinder
+from dic.surfaces.cylinder import SpecimenFrame
+from dic.synthetic.speckles import RenderedCylinder
 
 SIGMAS = 6.0
 KINDS = ("highlight", "lost paint", "both", "right pictures")

@@ -17,17 +17,15 @@ import numpy as np
 
 from benchmarks.resumable import answers, asked, told
 from benchmarks.sigma_scenes import KINDS, LEVELS, POPULATIONS, RADIUS, STATIC, SigmaScene, drawn
-from dic.arrays import BoolArray, FloatArray
+from dic.basics import BoolArray, FloatArray
 from dic.bodies.follow import follow_body
 from dic.bodies.region import Region
-from dic.full_field.grey_noise import noise_at_rest
-from dic.full_field.measure import measure_plane
-from dic.full_field.settings import FullFieldSettings
-from dic.images.memory import PicturesInMemory
+from dic.full_field.measure import FullFieldSettings, measure_plane, noise_at_rest
+from dic.images.series import PicturesInMemory
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.surfaces import outline, to_surface
-from dic.surfaces.frame import SpecimenFrame
-from dic.synthetic.cylinder import RenderedCylinder
+from dic.surfaces.cylinder import SpecimenFrame
+from dic.synthetic.speckles import RenderedCylinder
 from dic.tracking import Tracking
 
 QUANTITIES = ("x", "y", "Z", "outline")

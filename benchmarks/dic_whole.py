@@ -98,7 +98,7 @@ def runs(raw: Path, repeats: int, *, device: str = "cpu", say: Callable[[str], A
         Told of each run.
     """
     from kolsky.cli.dic import dic
-    from kolsky.shot.surfaces_file import read_stereo_result
+    from kolsky.pictures.dic_file import read_stereo_result
 
     found = []
     with tempfile.TemporaryDirectory() as name:

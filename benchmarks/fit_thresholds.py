@@ -1,4 +1,4 @@
-"""Thresholds of `kolsky.diagnosis.thresholds` from shots that are known to be right.
+"""Thresholds of `kolsky.diagnosis.fit_quality` from shots that are known to be right.
 
 ``python -m benchmarks.fit_thresholds ONE --judge TWO`` reads every ``identification.h5`` below two folders:
 results of shots made with independent noise, mesh and element, whose inputs are as declared. The limits are
@@ -28,12 +28,11 @@ from scipy.stats import nct, norm
 
 from benchmarks.threshold_choice import STRONGEST, RightShot, chosen, table, truth
 from kolsky.base.process import process_pool
-from kolsky.diagnosis.thresholds import ALONE, CONTRADICTION, LATE
-from kolsky.diagnosis.verdicts import leading_lag, routes_apart
+from kolsky.diagnosis.fit_quality import ALONE, CONTRADICTION, LATE, leading_lag, routes_apart
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
+from kolsky.inverse.problem import Settings
 from kolsky.inverse.result import Identification
-from kolsky.inverse.settings import Settings
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.shot.load import load_shot
 

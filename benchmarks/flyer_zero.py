@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.bodies.found_regions import find_regions
+from dic.bodies.region import find_regions
 from dic.camera import StereoRig
 from dic.chain.follow_bodies import (
     clear_of_rim,
@@ -29,8 +29,7 @@ from dic.chain.follow_bodies import (
     rim_in,
     translations_of,
 )
-from dic.chain.inspect_images import inspect_images
-from dic.chain.settings import ChainSettings
+from dic.chain.inputs import ChainSettings, inspect_images
 from dic.chain.test_frame import fit_test_frame
 from dic.correlation import Correlation, Shape
 from dic.images import frame_health
@@ -38,10 +37,9 @@ from dic.outcome import FrameOutcome
 from dic.result import Placement
 from dic.tracking import Tracking
 from kolsky.base.process import process_pool
-from kolsky.shot.length_by_pictures import conditioned_length, rim_of
-from kolsky.virtual.cameras_rig import rig_of
-from kolsky.virtual.pictures import expose_series
-from kolsky.virtual.pictures_scene import scene_of
+from kolsky.pictures.specimen_length import conditioned_length, rim_of
+from kolsky.virtual.calibration_pictures import rig_of
+from kolsky.virtual.pictures import expose_series, scene_of
 from kolsky.virtual.records import SurfaceHistory
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.specification import Series, SpecificationFile, read_specification

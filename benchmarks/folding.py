@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicit import Model, PlatenMotion, Samples, Sampling, cylinder, run
-from explicit.folding import corner_areas
 from explicit.materials import neo_hookean
+from explicit.mesh import corner_areas
 from kolsky.base.arrays import FloatArray
-from kolsky.uncertainty.warnings.runs import FOLDED
+from kolsky.uncertainty.warnings import FOLDED
 
 RADIUS, LENGTH, DENSITY, SHEAR = 4.75e-3, 6.5e-3, 870.0, 80e3 / (2.0 * 1.495)
 """Specimen [m], [kg/m^3] and shear modulus [Pa] of the verification manual: E = 80 kPa, nu = 0.495."""

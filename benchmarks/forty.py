@@ -27,8 +27,7 @@ from benchmarks.forty_shots import KINDS, RIGHT, Answer, Study, available, one, 
 from kolsky.base.errors import InputError
 from kolsky.base.files import write_table
 from kolsky.base.process import process_pool
-from kolsky.virtual.make import make
-from kolsky.virtual.shot_folder import TRUTH
+from kolsky.virtual.make import TRUTH, make
 from kolsky.virtual.specification import Series, SpecificationFile, read_specification
 
 SPEC = Path(__file__).parents[1] / "runs" / "virtual" / "forty.toml"

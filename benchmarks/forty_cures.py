@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
+from kolsky.virtual.make import SURFACE, TRUTH
 from kolsky.virtual.schema import Specification
-from kolsky.virtual.shot_folder import SURFACE, TRUTH
 
 CLEAR = 4.0
 """How far a region that a cure declares stays clear of its edge and the picture's [px]."""

@@ -17,9 +17,9 @@ from kolsky.base.errors import InputError
 from kolsky.base.process import WORKER
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings
 from kolsky.shot.load import load_shot
-from kolsky.virtual.shot_folder import TRUTH
+from kolsky.virtual.make import TRUTH
 
 FINER = (32, 43)
 """The mesh of the runs that search, where a finer one is the cure."""

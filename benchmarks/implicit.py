@@ -31,15 +31,12 @@ import numpy as np
 from benchmarks.implicit_table import merged
 from explicit.arrays import FloatArray
 from explicit.materials import LAWS, bulk_modulus
-from implicit.conditions import Fixed, Prescribed
-from implicit.elements import element
-from implicit.laws.solid import Isotropic
-from implicit.laws.volumetric import bulk
-from implicit.meshes import Mesh, box
-from implicit.model import Model
-from implicit.newton import Newton
-from implicit.sensitivity import direct
-from implicit.solve import solve
+from kolsky.equilibrium.elements import element
+from kolsky.equilibrium.meshes import Mesh, box
+from kolsky.equilibrium.model import Fixed, Model, Prescribed
+from kolsky.equilibrium.sensitivity import direct
+from kolsky.equilibrium.solid import Isotropic, bulk
+from kolsky.equilibrium.solve import Newton, solve
 
 SIZE = (0.1, 0.025, 0.005)
 """Of the strip [m]."""
@@ -148,7 +145,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--kind", default="hex27")
     parser.add_argument("--steps", type=int, default=10)
     parser.add_argument("--device", default="cpu")
-    parser.add_argument("--linear", default="auto", help="see implicit.linear.solvers")
+    parser.add_argument("--linear", default="auto", help="see kolsky.equilibrium.linear.solvers")
     parser.add_argument("--peer", choices=("felupe", "dolfinx", "none"), default="felupe")
     parser.add_argument("--python", default="python3", help="a Python that has DOLFINx")
     parser.add_argument("--strain", type=float, default=STRETCH, help="nominal strain at the last step")

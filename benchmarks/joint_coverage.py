@@ -30,11 +30,11 @@ from explicit.relaxation import PronySeries
 from kolsky.base.process import process_pool
 from kolsky.cli.texts import mesh
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.relaxing import with_relaxation
-from kolsky.joint.identify_shots import identify_shots
-from kolsky.joint.output import to_json
-from kolsky.joint.records import JointSettings
+from kolsky.inverse.joint_result import JointSettings
+from kolsky.inverse.parameters import with_relaxation
+from kolsky.joint_identification import identify_shots
 from kolsky.material.relaxation.evidence import HistoryTest, RateModel
+from kolsky.results.joint import to_json
 from kolsky.shot.load import load_shot
 from kolsky.virtual.make import Place, make_places, place_of
 from kolsky.virtual.material import law_of

@@ -13,10 +13,8 @@ from time import perf_counter
 
 import numpy as np
 
-from kolsky.virtual.calibration_series import write_calibration
-from kolsky.virtual.cameras_rig import rig_of
-from kolsky.virtual.pictures import expose_series
-from kolsky.virtual.pictures_scene import scene_of
+from kolsky.virtual.calibration_pictures import rig_of, write_calibration
+from kolsky.virtual.pictures import expose_series, scene_of
 from kolsky.virtual.records import SurfaceHistory
 from kolsky.virtual.schema import Specification
 

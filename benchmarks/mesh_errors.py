@@ -4,7 +4,7 @@ Experiments of `benchmarks.coverage_problem` without any noise are identified wi
 and beta free, against the truths that a study of coverage has made. What is off is the mesh's, and what the
 flyer's path is short of between frames. Kept are the error on the refined mesh and what each run beside the
 answer would move it by, with one, two and three parameters free; `--table FILE` prints what is left of the
-error under some orders, over what `kolsky.uncertainty.numerical` says of it.
+error under some orders, over what `kolsky.uncertainty.mesh_error` says of it.
 """
 
 import argparse
@@ -20,12 +20,10 @@ from benchmarks.coverage import Study, _truth_file
 from benchmarks.coverage_problem import FloatArray, drawn, experiment
 from kolsky.base.process import process_pool
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.prepared_shot import prepare_shot
+from kolsky.inverse.problem import Settings, prepare_shot
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.search import search_shot
-from kolsky.inverse.settings import Settings
-from kolsky.uncertainty.mesh_runs import mesh_change
-from kolsky.uncertainty.numerical import ELEMENT_ORDER, MeshChange
+from kolsky.uncertainty.mesh_error import ELEMENT_ORDER, MeshChange, mesh_change
 
 NAMES = ("stiffness_factor", "poisson", "damping")
 SETS = ((0,), (0, 2), (0, 1, 2))

@@ -3,7 +3,7 @@
 Experiments of `benchmarks.coverage_problem` are simulated without noise, at their true parameters, on a
 series of meshes with both elements. Differences of the data vectors are carried to the parameters by one
 fixed linear map, so that weights and searches play no part: the order is that of the parameters' own error.
-`--judge` fits nothing and says how large the errors are that the order of `kolsky.uncertainty.numerical`
+`--judge` fits nothing and says how large the errors are that the order of `kolsky.uncertainty.mesh_error`
 leaves. Every mesh is kept in a file of the folder: called again, the series goes on where it stopped.
 """
 
@@ -27,7 +27,7 @@ from benchmarks.coverage_problem import (
     simulate,
     template,
 )
-from kolsky.uncertainty.numerical import MeshChange
+from kolsky.uncertainty.mesh_error import MeshChange
 
 MESHES = ((24, 32), (32, 43), (48, 64), (64, 86), (96, 129), (128, 172))
 """The default meshes of an identification are the first and the fourth."""

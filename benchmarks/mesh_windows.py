@@ -2,7 +2,7 @@
 
 The folder is that of `benchmarks.truth_meshes`, with its noise-free tests on several meshes; what is missing
 is simulated. The error of m, nu and beta on the default refined mesh against the truth, by one fixed linear
-map, is corrected as an answer is, and set over what `kolsky.uncertainty.numerical` says of it, with the
+map, is corrected as an answer is, and set over what `kolsky.uncertainty.mesh_error` says of it, with the
 elements' distance taken to one side over the whole test, a half of it, a quarter and so on.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.coverage_problem import GROUP, FloatArray, drawn, middle, template
 from benchmarks.mesh_order import DISCREPANCY, MESHES, STEPS, data_vector, kept_vectors, slope_of
 from benchmarks.truth_meshes import TRUTH, Variant, keep, options, read
-from kolsky.uncertainty.numerical import MeshChange
+from kolsky.uncertainty.mesh_error import MeshChange
 
 COARSE, REFINED = MESHES[0], MESHES[3]
 """The default meshes of an identification."""

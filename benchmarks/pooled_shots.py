@@ -19,11 +19,11 @@ from kolsky.base.process import process_pool
 from kolsky.cli import texts
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings
 from kolsky.results.hdf5 import write_identification
 from kolsky.shot.load import load_shot
-from kolsky.studies.rates.collect import collected_shot
 from kolsky.studies.rates.comparison import compare
+from kolsky.studies.rates.rate import collected_shot
 
 SCRIPT = Path(__file__).resolve().parents[1] / "runs" / "rate_shots.py"
 SPEEDS = (0.7, 0.8, 1.4, 2.6, 4.5)

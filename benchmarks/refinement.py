@@ -13,16 +13,15 @@ from time import perf_counter
 import numpy as np
 
 from kolsky.cli.texts import ranges
-from kolsky.inverse.coarse_search import adaptive, second_design
+from kolsky.inverse.coarse_search import adaptive_design, second_design
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import design_box
-from kolsky.inverse.prepared_shot import prepare_shot
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings, prepare_shot
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.shot.load import load_shot
 
-WAYS = {"second designs": second_design, "adaptive refinement": adaptive}
+WAYS = {"second designs": second_design, "adaptive refinement": adaptive_design}
 
 
 def main() -> None:

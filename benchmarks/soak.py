@@ -52,10 +52,10 @@ def tasks(folder: Path) -> dict[str, Callable[[], str]]:
     from doe.designs.space_filling import latin_hypercube
     from kolsky.identification import identify
     from kolsky.inverse.forward import Numerics
-    from kolsky.inverse.settings import Settings
+    from kolsky.inverse.problem import Settings
+    from kolsky.pictures.measurement import measure_file, read_measurement
     from kolsky.results.hdf5 import write_identification
     from kolsky.shot.load import load_shot
-    from kolsky.shot.measurement import measure_file, read_measurement
     from kolsky.shot.records import Shot
     from kolsky.studies.sweep import sweep
 

@@ -20,8 +20,7 @@ from doe.surrogates import ProcessSurrogate
 from kolsky.cli.texts import ranges
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import design_box
-from kolsky.inverse.prepared_shot import prepare_shot
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings, prepare_shot
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.shot.load import load_shot
 

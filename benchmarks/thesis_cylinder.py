@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from kolsky.base.apparatus import Specimen
-from kolsky.material.curves.band import CurveBand
+from kolsky.material.end_friction.correct import fit_specimen
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction
-from kolsky.material.end_friction.specimen_fit import fit_specimen
+from kolsky.material.uniaxial import CurveBand
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results" / "thesis_cylinder.json"

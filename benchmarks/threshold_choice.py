@@ -13,8 +13,8 @@ from typing import Any
 
 from scipy.stats import binomtest
 
-from kolsky.diagnosis.cause_ranking import EVIDENCE
-from kolsky.diagnosis.thresholds import LIMITS, SLOW_LIMITS
+from kolsky.diagnosis.causes import EVIDENCE
+from kolsky.diagnosis.fit_quality import LIMITS, SLOW_LIMITS
 from kolsky.inverse.result import Identification
 
 ASTRAY = 6.0

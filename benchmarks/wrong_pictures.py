@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.made_pictures import surface
-from kolsky.virtual.cameras_rig import rig_of
-from kolsky.virtual.pictures import expose_series
-from kolsky.virtual.pictures_scene import scene_of
+from kolsky.virtual.calibration_pictures import rig_of
+from kolsky.virtual.pictures import expose_series, scene_of
 from kolsky.virtual.records import SurfaceHistory
 from kolsky.virtual.schema import Specification
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dic.arrays import FloatArray
+from dic.basics import FloatArray
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "skew", "k1", "k2", "p1", "p2", "k3")
 """Names of the numbers that a camera's own parameters are listed in."""

@@ -8,11 +8,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from doe.box import Box
     from doe.designs import DESIGNS, Design, DesignKind, from_points, full_factorial, latin_hypercube, sobol
-    from doe.executors import run_chunks
-    from doe.ledger import Ledger
-    from doe.multistart import multi_start
-    from doe.outcome import SearchOutcome
-    from doe.search import SearchResult, nelder_mead
+    from doe.ledger import Ledger, run_chunks
+    from doe.search import SearchOutcome, SearchResult, multi_start, nelder_mead
     from doe.sensitivity import morris, sobol_indices
     from doe.surrogates import (
         SURROGATES,
@@ -37,17 +34,17 @@ _HOME = {
     "ProcessSurrogate": "doe.surrogates",
     "QuadraticSurrogate": "doe.surrogates",
     "ResponseSurrogate": "doe.surrogates",
-    "SearchOutcome": "doe.outcome",
+    "SearchOutcome": "doe.search",
     "SearchResult": "doe.search",
     "Surrogate": "doe.surrogates",
     "from_points": "doe.designs",
     "full_factorial": "doe.designs",
     "latin_hypercube": "doe.designs",
     "morris": "doe.sensitivity",
-    "multi_start": "doe.multistart",
+    "multi_start": "doe.search",
     "nelder_mead": "doe.search",
     "profile_likelihoods": "doe.uncertainty",
-    "run_chunks": "doe.executors",
+    "run_chunks": "doe.ledger",
     "sample_posterior": "doe.uncertainty",
     "sobol": "doe.designs",
     "sobol_indices": "doe.sensitivity",

@@ -1,36 +1,121 @@
-"""The ledger of a sweep: every run on disk as soon as its chunk is done, found again by what was asked.
+"""A design run in chunks, here or through any executor, with a ledger that survives the process.
 
-A run's key is the SHA-256 of the model's hash and the parameters' bytes, so the same question has the same
-key in every process and on every machine, and two ledgers can be merged without asking anything else.
+The workers know nothing of the ledger: the parent gives out chunks, takes results back and records each
+chunk as
+it comes, in one SQLite table. A run's key is the SHA-256 of the model's hash and the parameters' bytes, so
+the
+same question has the same key in every process and on every machine, and two ledgers can be merged. A
+function
+must give every point the same numbers whatever else is in its chunk.
 """
 
 from __future__ import annotations
 
 import hashlib
 import sqlite3
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from doe.ledger_rows import (
-    APPLICATION,
-    COLUMNS,
-    FIRST_TABLE,
-    MARKS,
-    TABLE,
-    VERSION,
-    Run,
-    bytes_of,
-    digest_of,
-    row_of,
-    run_key,
-    run_of,
-)
+from doe.arrays import FloatArray
+
+APPLICATION = 0x6B6F6C73
+"""SQLite's application id of a ledger: "kols"."""
+VERSION = 2
+"""Version of the table."""
+TABLE = """CREATE TABLE runs (
+  key BLOB PRIMARY KEY NOT NULL CHECK (length(key) = 32),
+  model BLOB NOT NULL CHECK (length(model) = 32),
+  parameters BLOB NOT NULL,
+  completed INTEGER NOT NULL CHECK (completed IN (0, 1)),
+  outcome TEXT NOT NULL,
+  reason TEXT NOT NULL,
+  results BLOB NOT NULL,
+  digest BLOB NOT NULL CHECK (length(digest) = 32),
+  seconds REAL NOT NULL
+) STRICT, WITHOUT ROWID"""
+FIRST_TABLE = """CREATE TABLE runs (
+  key BLOB PRIMARY KEY NOT NULL CHECK (length(key) = 32),
+  model BLOB NOT NULL CHECK (length(model) = 32),
+  parameters BLOB NOT NULL,
+  completed INTEGER NOT NULL CHECK (completed IN (0, 1)),
+  outcome TEXT NOT NULL,
+  reason TEXT NOT NULL,
+  results BLOB NOT NULL,
+  seconds REAL NOT NULL
+) STRICT, WITHOUT ROWID"""
+"""The table of version 1, which had no digests; it is rewritten when it is opened."""
+LITTLE = np.dtype("<f8")
+"""Floats on disk, whatever the machine's byte order."""
+COLUMNS = "key, model, parameters, completed, outcome, reason, results, digest, seconds"
+"""Columns of the table, in their order."""
+MARKS = ", ".join("?" * 9)
+"""Places of a row's entries in a statement."""
+
+
+def row_of(*entries: Any) -> tuple[Any, ...]:
+    """The entries of a row with their digest before the seconds."""
+    return (*entries[:-1], digest_of(entries[:-1]), entries[-1])
+
+
+def digest_of(entries: Iterable[Any]) -> bytes:
+    """SHA-256 of entries, each behind its length."""
+    total = hashlib.sha256()
+    for entry in entries:
+        data = entry if isinstance(entry, bytes) else str(entry).encode()
+        total.update(len(data).to_bytes(8, "little") + data)
+    return total.digest()
+
+
+def _bytes_of(values: ArrayLike) -> bytes:
+    """Numbers as they stand in a row."""
+    return np.ascontiguousarray(values, dtype=LITTLE).tobytes()
+
+
+@dataclass(frozen=True)
+class Run:
+    """The record of one run."""
+
+    completed: bool
+    """Whether it ended as it should."""
+    outcome: str
+    """How it ended, one word."""
+    results: FloatArray
+    """Its numbers, shape [k]; NaN is kept."""
+    reason: str = ""
+    """Why it did not complete; empty if it did."""
+    seconds: float = 0.0
+    """Its share of the time of the chunk it was run in [s]; the only field that a repeat may change."""
+
+
+def run_key(model: bytes, point: ArrayLike) -> bytes:
+    """SHA-256 of a model's hash and a point's float64 bytes, 32 bytes; -0.0 and 0.0 are one value."""
+    return hashlib.sha256(model + _bytes_of(np.asarray(point, dtype=np.float64) + 0.0)).digest()
+
+
+def _run_of(row: tuple[Any, ...]) -> Run | None:
+    """A row as a run; None if its digest is not its contents', or its key not its parameters'."""
+    key, model, parameters, completed, outcome, reason, results, digest, seconds = row
+    sound = (
+        digest == digest_of(row[:-2])
+        and key == hashlib.sha256(model + parameters).digest()
+        and len(parameters) % 8 == 0
+        and len(results) % 8 == 0
+        and seconds >= 0.0
+    )
+    if not sound:
+        return None
+    numbers = np.frombuffer(results, dtype=LITTLE).astype(np.float64)
+    return Run(bool(completed), outcome, numbers, reason, seconds)
+
 
 OLDEST = (3, 37, 0)
 """The first SQLite with STRICT tables."""
@@ -116,7 +201,7 @@ class Ledger:
             for point in np.asarray(points, dtype=np.float64):
                 key = run_key(self.model, point)
                 row = self._sql.execute(f"SELECT {COLUMNS} FROM runs WHERE key = ?", (key,)).fetchone()
-                run = None if row is None else run_of(row)
+                run = None if row is None else _run_of(row)
                 if row is not None and run is None:
                     self.damaged.append(key.hex()[:12])
                 found.append(run)
@@ -141,11 +226,11 @@ class Ledger:
             row_of(
                 run_key(self.model, point),
                 self.model,
-                bytes_of(point + 0.0),
+                _bytes_of(point + 0.0),
                 int(run.completed),
                 run.outcome,
                 run.reason,
-                bytes_of(run.results),
+                _bytes_of(run.results),
                 float(run.seconds),
             )
             for point, run in zip(np.asarray(points, dtype=np.float64), runs, strict=True)
@@ -174,13 +259,13 @@ class Ledger:
         taken = 0
         with Ledger(path, self.model) as other, self._transaction():
             for row in other._rows():
-                theirs = run_of(row)
+                theirs = _run_of(row)
                 if theirs is None:
                     raise LedgerError(
                         f"{path}: run {row[0].hex()[:12]} is damaged; run its sweep again: it is made anew"
                     )
                 mine = self._sql.execute(f"SELECT {COLUMNS} FROM runs WHERE key = ?", (row[0],)).fetchone()
-                if mine is not None and (ours := run_of(mine)) is not None:
+                if mine is not None and (ours := _run_of(mine)) is not None:
                     if ours.completed and theirs.completed and mine[:-1] != row[:-1]:
                         raise LedgerError(
                             f"{path}: run {row[0].hex()[:12]} has other results than in {self.path}; "
@@ -273,3 +358,175 @@ class Ledger:
 def _line(text: object) -> str:
     """What SQLite says, in one line."""
     return " ".join(str(text).split())[:200]
+
+
+ChunkFunction = Callable[[FloatArray], Sequence[Run]]
+"""Takes points, shape [n, d], and returns what became of each, length n."""
+ExecutorFactory = Callable[[], AbstractContextManager[Executor]]
+"""Makes an executor; called again where one broke."""
+
+AHEAD = 64
+"""Most chunks handed to an executor at once: enough for its workers, few enough to hold in memory."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Progress of a sweep and its speed."""
+
+    done: int
+    """Runs finished, those found in the ledger included."""
+    total: int
+    """Runs of the design."""
+    rate: float
+    """Runs a second since the start, those found in the ledger not counted; 0 before the first chunk."""
+
+    @property
+    def seconds_left(self) -> float:
+        """Time left at this rate [s]; infinite before the first chunk, 0 at the end."""
+        left = self.total - self.done
+        return left / self.rate if self.rate > 0.0 else (np.inf if left else 0.0)
+
+
+def shard(n: int, i: int, of: int) -> NDArray[np.intp]:
+    """Rows of a design of n points that shard i of `of` runs: i - 1, i - 1 + of, i - 1 + 2 of, ...
+
+    Raises
+    ------
+    ValueError
+        If i is not in [1, of], or there are more shards than points.
+    """
+    if not 1 <= i <= of:
+        raise ValueError(f"shard {i}/{of} does not exist; the first number must be in [1, {of}]")
+    if of > n:
+        raise ValueError(f"{of} shards of {n} points leave some of them empty; take at most {n}")
+    return np.arange(i - 1, n, of)
+
+
+def run_chunks(
+    function: ChunkFunction,
+    points: ArrayLike,
+    *,
+    chunk: int,
+    ledger: Ledger | None = None,
+    executor: ExecutorFactory | None = None,
+    retry: bool = False,
+    attempts: int = 3,
+    progress: Callable[[Pace], None] | None = None,
+) -> list[Run]:
+    """Run a function over points, chunk by chunk, and nothing that the ledger holds already.
+
+    Parameters
+    ----------
+    function
+        The work. With processes or hosts it must be picklable.
+    points
+        Parameter values, shape [n, d]; a point that occurs twice is run once.
+    chunk
+        Most points handed over at once.
+    ledger
+        Where runs are found and each chunk is recorded, by this process only.
+    executor
+        Makes the executor that chunks go through; in this process if left out.
+    retry
+        Run again what the ledger holds as not completed.
+    attempts
+        How often in a row an executor may break without a chunk having come back. What was under way is
+        handed to a new one.
+    progress
+        Called once at the start and after each chunk.
+
+    Returns
+    -------
+    list
+        One run a point, in their order.
+
+    Raises
+    ------
+    RuntimeError
+        If executors broke `attempts` times in a row.
+    ValueError
+        If `points` is not of shape [n, d], `chunk` or `attempts` is below 1, or the function did not
+        return one run a point.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    if points.ndim != 2:
+        raise ValueError(f"points must have shape [n, d], got {list(points.shape)}")
+    if chunk < 1 or attempts < 1:
+        raise ValueError(f"chunk and attempts must be at least 1, got {chunk} and {attempts}")
+    distinct, places = np.unique(points + 0.0, axis=0, return_inverse=True)
+    # In the order in which they were asked for: a sweep that is cut short has done its first points.
+    order = np.unique(places.ravel(), return_index=True)[1].argsort()
+    runs: list[Run | None] = ledger.find(distinct) if ledger else [None] * len(distinct)
+    todo = [row for row in order if (run := runs[row]) is None or (retry and not run.completed)]
+    finished = len(distinct) - len(todo)
+    started, fresh = time.monotonic(), 0
+
+    def report() -> None:
+        if progress is not None:
+            elapsed = time.monotonic() - started
+            progress(Pace(finished + fresh, len(distinct), fresh / elapsed if fresh and elapsed else 0.0))
+
+    def keep(rows: Sequence[int], back: Sequence[Run]) -> None:
+        nonlocal fresh
+        if ledger is not None:
+            ledger.record(distinct[rows], back)
+        for row, run in zip(rows, back, strict=True):
+            runs[row] = run
+        fresh += len(rows)
+        report()
+
+    report()
+    chunks = [todo[i : i + chunk] for i in range(0, len(todo), chunk)]
+    if executor is None:
+        for rows in chunks:
+            keep(rows, _timed(function, distinct[rows]))
+    elif chunks:
+        _through(executor, function, distinct, chunks, keep, attempts)
+    return [run for place in places.ravel() if (run := runs[place]) is not None]
+
+
+def _timed(function: ChunkFunction, points: FloatArray) -> list[Run]:
+    """The chunk's runs, each with its share of the time; runs where the work is done."""
+    started = time.monotonic()
+    runs = list(function(points))
+    if len(runs) != len(points):
+        raise ValueError(f"the function returned {len(runs)} runs for {len(points)} points")
+    share = (time.monotonic() - started) / len(points)
+    return [replace(run, seconds=share) for run in runs]
+
+
+def _through(
+    factory: ExecutorFactory,
+    function: ChunkFunction,
+    points: FloatArray,
+    chunks: list[list[int]],
+    keep: Callable[[Sequence[int], Sequence[Run]], None],
+    attempts: int,
+) -> None:
+    """Chunks through executors until all are back; those of one that broke go to the next."""
+    waiting, broken = list(reversed(chunks)), 0
+    while waiting:
+        flying: dict[Future[list[Run]], list[int]] = {}
+        try:
+            with factory() as pool:
+                while waiting or flying:
+                    while waiting and len(flying) < AHEAD:
+                        rows = waiting[-1]
+                        flying[pool.submit(_timed, function, points[rows])] = rows
+                        waiting.pop()  # only now: a broken executor refuses it
+                    for future in wait(flying, return_when=FIRST_COMPLETED).done:
+                        back: Any = future.result()
+                        keep(flying.pop(future), back)
+                        broken = 0
+        except BrokenExecutor as error:
+            broken += 1
+            if broken >= attempts:
+                raise RuntimeError(
+                    f"workers died {broken} times in a row with no chunk finished: {error}; run with smaller "
+                    "chunks, more memory or fewer workers. What had finished is kept"
+                ) from error
+            for future, rows in reversed(flying.items()):
+                if future.done() and not future.cancelled() and future.exception() is None:
+                    keep(rows, future.result())
+                else:
+                    waiting.append(rows)

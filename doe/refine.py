@@ -1,8 +1,9 @@
 """Adaptive refinement: new runs where a smaller misfit is expected or not excluded, until the optimum stays.
 
-Each round the surrogate's optimum is run, and with it points whose misfit may be as low for all that the
-surrogate knows of its own error. The surrogate is built afresh from the runs of a region that shrinks
-around the optimum, and searched again. It ends when real runs at the optimum leave it where it is.
+Each round the surrogate's optimum is run, and with it points whose misfit may be as low within the
+surrogate's
+error. The surrogate is built afresh from the runs of a region that shrinks around the optimum, and searched
+again. It ends when real runs at the optimum leave it where it is.
 """
 
 from __future__ import annotations
@@ -11,19 +12,97 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # statistics load when they are named, see `doe.designs`
 from numpy.typing import ArrayLike
 
-from doe.acquisition import Misfit, choose
 from doe.arrays import FloatArray
 from doe.box import Box
 from doe.least_squares import BatchRun
 from doe.surrogates.process import ProcessSurrogate
 
+Misfit = Callable[[FloatArray], FloatArray]
+"""What is to be small, of responses [n, k], shape [n]: a deviance, i.e. minus twice a log-likelihood."""
+
+CANDIDATES = 96
+"""Points among which the new runs are chosen."""
+DRAWS = 8
+"""Responses drawn at each candidate, for the spread of its misfit."""
+BOUND = 2.0
+"""Standard deviations of the misfit below its mean that count as possible."""
+_MINIMUM_DISTANCE = 0.08
+"""Least distance of two new runs over the region's edge."""
+
+
+def choose(
+    surrogate: ProcessSurrogate,
+    region: Box,
+    best: FloatArray,
+    misfit: Misfit,
+    size: int,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """The optimum, and the candidates with the lowest bound of the misfit, one after the other.
+
+    After each choice the surrogate is believed to have been right there, so that its error about the
+    point no longer counts (the kriging believer).
+
+    Parameters
+    ----------
+    surrogate
+        Predicts the response and its error.
+    region
+        Where to choose.
+    best
+        The surrogate's optimum in it, in parameter units, shape [d].
+    misfit
+        What is to be small.
+    size
+        Points wanted; fewer are chosen if no more have room in the region.
+    rng
+        Of the candidates and the drawn responses.
+
+    Returns
+    -------
+    points
+        The optimum first, in parameter units, shape [n, d].
+    """
+    unit = np.concatenate([region.unit(best)[None], _candidates(region, best, rng)])
+    x = region.scale(unit)
+    draws = scipy.stats.norm.ppf(scipy.stats.qmc.Sobol(surrogate.n_components, rng=rng).random(DRAWS))
+    means = surrogate.scores(x)
+    chosen = [0]
+    while len(chosen) < size:
+        apart = np.abs(unit[:, None] - unit[chosen]).max(axis=2).min(axis=1) > _MINIMUM_DISTANCE
+        if not apart.any():
+            break
+        spread = surrogate.believing(x[chosen]).score_sigma(x[apart])
+        bound = _lower_bound(surrogate, means[apart], spread, draws, misfit)
+        chosen.append(int(np.flatnonzero(apart)[np.argmin(bound)]))
+    return x[chosen]
+
+
+def _candidates(region: Box, best: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Points of the unit region: half evenly spread, half about the optimum."""
+    d, half = region.dimension, CANDIDATES // 2
+    even = scipy.stats.qmc.Sobol(d, rng=rng).random(2 ** int(np.ceil(np.log2(half))))
+    about = region.unit(best) + 0.2 * rng.standard_normal((half, d))
+    return np.concatenate([even, about[np.all((about >= 0.0) & (about <= 1.0), axis=1)]])
+
+
+def _lower_bound(
+    surrogate: ProcessSurrogate, means: FloatArray, spread: FloatArray, draws: FloatArray, misfit: Misfit
+) -> FloatArray:
+    """Mean less `BOUND` standard deviations of the misfit over drawn responses, shape [n]."""
+    scores = means + spread * draws[:, None, :]
+    values = np.stack([misfit(surrogate.components.expand(one)) for one in scores])
+    return np.asarray(values.mean(axis=0) - BOUND * values.std(axis=0))
+
+
 Locate = Callable[[ProcessSurrogate, Box, FloatArray], tuple[FloatArray, FloatArray]]
 """Optimum of a surrogate in a box, searched from a point, and its standard deviation; in parameter units,
 shape [d] each."""
 
-MOVED = 0.2
+CONVERGED_MOVE = 0.2
 """Move of the optimum, in standard deviations, at which it stays: a tenth of the k = 2 half width."""
 SHRINK = 0.35
 """Edge of the next region over this one's, while the optimum lies inside."""
@@ -133,7 +212,7 @@ def refine(
     ------
     ValueError
         If `batch` or `max_rounds` is below 1, `edge` outside (0, 1], or shapes do not match.
-    doe.surrogates.kernels.SurrogateError
+    doe.surrogates.protocol.SurrogateError
         If the runs do not carry a surrogate.
     """
     size = 2 * box.dimension + 2 if batch is None else batch
@@ -170,7 +249,7 @@ def refine(
         moved = float(np.max(np.abs(best - before) / np.maximum(sigma, np.finfo(float).tiny)))
         found = float(misfit(given[:1])[0]) if kept[0] else float("nan")
         rounds.append(Round(new, predicted, found, moved, zoom.edge))
-        if inside and kept[0] and moved <= MOVED:
+        if inside and kept[0] and moved <= CONVERGED_MOVE:
             converged = True
             break
     return Refinement(best, sigma, region, surrogate, tuple(rounds), x, y, converged)

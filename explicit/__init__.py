@@ -6,42 +6,39 @@ forces, outlines, an `EnergyLedger` and the `Outcome` of each. `Sampling` says w
 `Stepping` how time is stepped; `run_side_by_side` takes
 batches of different models. Laws are in `explicit.materials` and `explicit.contact`, elements in
 `explicit.elements`, what relaxes in `explicit.relaxation`, elastic bars in `explicit.bars`;
-`explicit.derivatives` and `explicit.adjoint` differentiate a run. Each name is loaded when it is first used.
+`explicit.adjoint.perturbed_runs` and `explicit.adjoint` differentiate a run. Each name is loaded when it is
+first used.
 """
 
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from explicit.compiling import compile_time_loops
-    from explicit.energy import EnergyLedger
+    from explicit.aot import ahead_of_time
     from explicit.incompressible import NearlyIncompressible, run_nearly_incompressible
     from explicit.mesh import Mesh, cylinder
     from explicit.model import Model, Samples, Sampling, Stepping
-    from explicit.modules import ahead_of_time
-    from explicit.motion import PlatenMotion
-    from explicit.outcome import Ending, Outcome
-    from explicit.response import Response
-    from explicit.run_batch import Problem, load_time_loop, run, run_side_by_side
-    from explicit.support import RIGID, CharacteristicBar, MovingSupport
+    from explicit.platens import RIGID, CharacteristicBar, MovingSupport, PlatenMotion
+    from explicit.response import Ending, EnergyLedger, Outcome, Response
+    from explicit.run_batch import Problem, compile_time_loops, load_time_loop, run, run_side_by_side
 
 _HOME = {
-    "CharacteristicBar": "explicit.support",
-    "Ending": "explicit.outcome",
-    "EnergyLedger": "explicit.energy",
+    "CharacteristicBar": "explicit.platens",
+    "Ending": "explicit.response",
+    "EnergyLedger": "explicit.response",
     "Mesh": "explicit.mesh",
     "Model": "explicit.model",
-    "MovingSupport": "explicit.support",
+    "MovingSupport": "explicit.platens",
     "NearlyIncompressible": "explicit.incompressible",
-    "Outcome": "explicit.outcome",
-    "PlatenMotion": "explicit.motion",
+    "Outcome": "explicit.response",
+    "PlatenMotion": "explicit.platens",
     "Problem": "explicit.run_batch",
-    "RIGID": "explicit.support",
+    "RIGID": "explicit.platens",
     "Response": "explicit.response",
     "Samples": "explicit.model",
     "Sampling": "explicit.model",
     "Stepping": "explicit.model",
-    "ahead_of_time": "explicit.modules",
-    "compile_time_loops": "explicit.compiling",
+    "ahead_of_time": "explicit.aot",
+    "compile_time_loops": "explicit.run_batch",
     "cylinder": "explicit.mesh",
     "load_time_loop": "explicit.run_batch",
     "run": "explicit.run_batch",

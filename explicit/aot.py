@@ -1,25 +1,226 @@
-"""Compile the time loops ahead of time, for a CUDA machine without a compiler cache.
+"""Time loops compiled ahead of time for a CUDA machine without a compiler cache.
 
     python -m explicit.aot --arch 90 --out modules            # on any machine; no GPU needed
     KOLSKY_AOT=modules kolsky identify runs/open-01 --device cuda     # on the GPU machine
     python -m explicit.aot --out modules --relaxation none prony --contacts bonded/bonded --precision fp64
 
-The last line is for shots of bonded specimens with `--relaxation prony`, which are held against the same
-without it.
-`explicit.modules.ahead_of_time` does the same from Python.
+The last line is for shots of bonded specimens with `--relaxation prony`, which are compared with the same
+without it. `ahead_of_time` does the same from Python. The folder holds machine code (cubin) of one
+architecture, or PTX, which the driver of that and any later architecture finishes. A file's name carries
+the
+hash of the kernel's source and options, and its folder the version of Warp: a file of other sources is
+never
+loaded.
 """
 
 import argparse
+import os
 import time
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+from itertools import product
 from pathlib import Path
+from typing import Any
+from weakref import WeakKeyDictionary
 
-from explicit.elements import ELEMENTS
+import warp as wp
+
+from explicit.contact import CONTACT_LAWS, contact_law
+from explicit.device import select_device
+from explicit.elements import ELEMENTS, element
+from explicit.layout.lanes import BLOCK, CLUSTER_ARCH, CLUSTERS, SMALL_BLOCK
 from explicit.materials import LAWS, MarlowLaw
-from explicit.modules import USUAL_CONTACTS, choices, compile_each
-from explicit.precision import PRECISIONS
+from explicit.precision import PRECISIONS, precision
 from explicit.relaxation import RELAXATIONS
 from explicit.relaxation.base import Relaxation
+from explicit.time_loop.kernel import time_loop_kernel
+
+FOLDER_VARIABLE = "KOLSKY_AOT"
+"""Environment variable that names the folder of modules when `explicit.run` is not given one."""
+USUAL_CONTACTS = (
+    *((law, law) for law in CONTACT_LAWS),
+    *(("bonded", law) for law in CONTACT_LAWS if law != "bonded"),
+)
+"""Contact laws of faces and side: one law on both, and bonded faces with any law on the side."""
+
+
+def ahead_of_time(
+    folder: Path | str,
+    *,
+    architectures: Sequence[int] = (90,),
+    contacts: Iterable[tuple[str, str]] = USUAL_CONTACTS,
+    precisions: Iterable[str] = tuple(PRECISIONS),
+    elements: Iterable[str] = tuple(ELEMENTS),
+    law: type = MarlowLaw,
+    relaxation: Relaxation | None = None,
+    ptx: bool = False,
+) -> list[Path]:
+    """Compile time loops for CUDA devices, with or without a GPU in this machine.
+
+    Parameters
+    ----------
+    folder : Path or str
+        Where to; made if it is not there. Modules that are there already are not compiled again.
+    architectures : sequence of int
+        Compute capabilities, ten times: 80 is an A100, 90 an H100 or H200.
+    contacts : iterable of (str, str)
+        Contact laws of the faces and of the side surface; default `USUAL_CONTACTS`.
+    precisions, elements : iterable of str
+        Names of `explicit.precision.PRECISIONS` and of `explicit.elements.ELEMENTS`; default all.
+    law : type
+        Class of the material law.
+    relaxation : Relaxation, optional
+        What relaxes, such as ``PronySeries.kind(n_branches)``: `explicit.Model.relaxation_kind`.
+    ptx : bool
+        Write PTX, which later architectures can finish too, instead of machine code for just these.
+
+    Returns
+    -------
+    list of Path
+        The compiled files, three for each combination and architecture: the state on the chip, for small
+        and for large batches, or not; where blocks can share a simulation, four more: for as many as may,
+        with the state on their chips or not.
+
+    Raises
+    ------
+    ValueError
+        If an architecture is not one that Warp's compiler knows, or a name is not known.
+    """
+    wanted = choices(contacts, precisions, elements)
+    return list(compile_each(folder, architectures, wanted, law=law, relaxation=relaxation, ptx=ptx))
+
+
+Choice = tuple[str, str, str, str]
+"""Faces, side, precision and element of a time loop, by name."""
+
+
+def choices(
+    contacts: Iterable[tuple[str, str]], precisions: Iterable[str], elements: Iterable[str]
+) -> list[Choice]:
+    """Every combination, each name checked.
+
+    Raises
+    ------
+    ValueError
+        If a name is not known; the message lists those that are.
+    """
+    found = [(*pair, number, shape) for pair, number, shape in product(contacts, precisions, elements)]
+    for faces, side, number, shape in found:
+        contact_law(faces), contact_law(side), precision(number), element(shape)
+    return found
+
+
+def compile_each(
+    folder: Path | str,
+    architectures: Sequence[int],
+    wanted: Iterable[Choice],
+    *,
+    law: type,
+    relaxation: Relaxation | None = None,
+    ptx: bool,
+) -> Iterator[Path]:
+    """Compile one after the other; see `ahead_of_time`."""
+    select_device("cpu")
+    supported = wp.get_cuda_supported_archs()
+    for arch in architectures:
+        if arch not in supported:
+            raise ValueError(f"architecture must be one of {supported}, got {arch}")
+    place = _folder_of(folder)
+    # A mesh that fits keeps its state in shared memory, a larger one does not.
+    variants = [(True, BLOCK, 1), (True, SMALL_BLOCK, 1), (False, BLOCK, 1)]
+    variants += [(on_chip, BLOCK, cluster) for on_chip, cluster in product((True, False), CLUSTERS)]
+    for (faces, side, number, shape), (on_chip, block, cluster) in product(wanted, variants):
+        able = [arch for arch in architectures if cluster == 1 or arch >= CLUSTER_ARCH]
+        numbers, shared = precision(number), {"relaxation": relaxation, "cluster": cluster}
+        if not able:
+            continue
+        module = _module(time_loop_kernel(law, faces, side, numbers, shape, on_chip, block, **shared))
+        wp.compile_aot_module(module, arch=able, module_dir=place, use_ptx=ptx)
+        for source in place.glob(f"wp_{module.name}_*.cu"):
+            source.unlink()  # it is not needed to load a module
+        for arch in able:
+            yield from place.glob(f"wp_{module.name}_*.sm{arch}.{'ptx' if ptx else 'cubin'}")
+
+
+def load_module(kernel: Any, device: Any, folder: Path | str | None) -> bool:
+    """Give a CUDA device the time loop from a folder of modules.
+
+    Parameters
+    ----------
+    kernel : TimeLoopKernel
+        The time loop.
+    device
+        A Warp device; nothing is done for a CPU.
+    folder : Path or str, optional
+        Written by `ahead_of_time`; default what the environment variable ``KOLSKY_AOT`` says, or none.
+
+    Returns
+    -------
+    bool
+        Whether a module was found. If a folder is named and has none for this time loop and device, a
+        `RuntimeWarning` says so once, and the launch compiles it.
+
+    Raises
+    ------
+    ValueError
+        If the folder named is not there.
+    """
+    folder = folder or os.environ.get(FOLDER_VARIABLE) or None
+    if folder is None or not device.is_cuda:
+        return False
+    if not Path(folder).is_dir():
+        raise ValueError(
+            f"the folder of modules must exist, got {str(folder)!r}; write it with `python -m explicit.aot`, "
+            f"or name none (argument `modules`, environment variable {FOLDER_VARIABLE})"
+        )
+    module, place = _module(kernel), _folder_of(folder)
+    known = _LOADED.setdefault(module, set())
+    if (device.alias, place) in known:
+        return True
+    for arch, ptx in candidates(place, device.arch):
+        try:
+            wp.load_aot_module(module, device=device, arch=arch, module_dir=place, use_ptx=ptx)
+        except FileNotFoundError:
+            continue
+        known.add((device.alias, place))
+        return True
+    _missing(str(place), module.name, device.arch)
+    return False
+
+
+_LOADED: WeakKeyDictionary[Any, set[tuple[str, Path]]] = WeakKeyDictionary()
+"""Devices and folders that a module has been loaded for and from."""
+
+
+def candidates(place: Path, arch: int) -> list[tuple[int, bool]]:
+    """(architecture, whether PTX) of what a device of architecture `arch` can run, the best first.
+
+    Machine code runs on its own architecture; PTX on that of its name and any later one.
+    """
+    written = {int(path.name.split(".")[-2][2:]) for path in place.glob("*.sm[0-9]*.ptx")}
+    return [(arch, False)] + [(older, True) for older in sorted(written, reverse=True) if older <= arch]
+
+
+def _folder_of(folder: Path | str) -> Path:
+    return Path(folder) / f"warp-{wp.__version__}"
+
+
+def _module(kernel: Any) -> Any:
+    module = kernel.kernel.module
+    module.options["block_dim"] = kernel.block  # part of the hash: as launched
+    return module
+
+
+@cache
+def _missing(place: str, name: str, arch: int) -> None:
+    warnings.warn(
+        f"{place} holds no module {name} for architecture {arch}: other sources, or a choice of laws, "
+        f"precision and element that was not compiled; it is compiled now. "
+        f"`python -m explicit.aot --arch {arch} --out ...` writes it",
+        RuntimeWarning,
+        stacklevel=4,
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,27 +1,208 @@
-"""Drivers of a batch's time loops: packs of SIMD lanes on the cores of a CPU, thread blocks on a GPU."""
+"""Drivers of a batch's time loops: packs of SIMD lanes on the cores of a CPU, thread blocks on a GPU.
+
+A GPU writes small results into page-locked memory at the speed of the bus. Histories of a large batch go
+to the
+host in pieces through page-locked memory, while other simulations still run.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import zip_longest
 from math import prod
 from threading import Lock
 from typing import Any
+from weakref import finalize
 
+import numpy as np
 import warp as wp
 
-from explicit.arguments import state_of
+from explicit.arguments import body_of, state_of
 from explicit.arrays import FloatArray
 from explicit.device import GENERATING
-from explicit.host_transfer import HISTORIES, HostTransfer, streams
-from explicit.mesh_arguments import body_of
 from explicit.model import Model
-from explicit.page_locked import POOL
 from explicit.precision import Precision
-from explicit.shared_run import SharedRun
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
+from explicit.simd.team import SharedRun
 from explicit.time_loop.kernel import TimeLoopKernel
+
+HISTORIES = ("force", "impulse", "position", "energy", "ending")
+"""The arrays of an output, samples first, one behind the other in its memory."""
+PIECE = 1 << 20
+"""Numbers of float64 in a piece, 8 MiB: long enough for the bus, short enough to be locked quickly."""
+PIECES = 8
+"""Pieces of page-locked memory that a process keeps for each device."""
+THREADS = 4
+"""Threads that empty them: one reaches less than a GPU delivers."""
+
+
+class _HostTransfer:
+    """The histories of one batch copied to the host.
+
+    Parameters
+    ----------
+    output
+        The time loop's output on a CUDA device.
+    device
+        The device.
+    """
+
+    def __init__(self, output: Any, device: Any) -> None:
+        self._sources = {name: getattr(output, name) for name in HISTORIES}
+        self._arrays = {name: np.empty(array.shape) for name, array in self._sources.items()}
+        self._stream, self._buffers = streams(device.alias)[-1], _buffers(device.alias)
+        self._emptied: list[Future[None] | None] = [None] * PIECES
+        self._sent = 0
+
+    def touch_memory(self, count: int) -> None:
+        """Touch the memory that the first `count` simulations need, while the device is still at work: the
+        system hands it out page by page, which takes longer than to fill it."""
+        for target in self._arrays.values():
+            target[:count] = 0.0
+
+    def send(self, first: int, count: int, after: Any) -> None:
+        """Bring the histories of simulations `first` to `first + count`, once the event `after` happened."""
+        self._stream.wait_event(after)
+        for name, source in self._sources.items():
+            flat, target = source.flatten(), self._arrays[name].reshape(-1)
+            each = int(np.prod(source.shape[1:]))
+            for begin in range(first * each, (first + count) * each, PIECE):
+                self._send_piece(flat, target, begin, min(PIECE, (first + count) * each - begin))
+
+    def collect(self) -> dict[str, FloatArray]:
+        """All histories by name, once they are complete."""
+        for future in self._emptied:
+            if future is not None:
+                future.result()
+        return self._arrays
+
+    def _send_piece(self, source: Any, target: FloatArray, begin: int, size: int) -> None:
+        slot = self._sent % PIECES
+        self._sent += 1
+        before = self._emptied[slot]
+        if before is not None:
+            before.result()
+        buffer = self._buffers[slot]
+        wp.copy(buffer, source, src_offset=begin, count=size, stream=self._stream)
+        arrived = self._stream.record_event()
+
+        def empty() -> None:
+            wp.synchronize_event(arrived)
+            target[begin : begin + size] = buffer.numpy()[:size]
+
+        self._emptied[slot] = _pool().submit(empty)
+
+
+@cache
+def streams(device: str) -> tuple[Any, Any, Any]:
+    """Three streams that a process keeps for a device: two for launches in turn, one for copies."""
+    return wp.Stream(device), wp.Stream(device), wp.Stream(device)
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(THREADS, thread_name_prefix="host-transfer")
+
+
+@cache
+def _buffers(device: str) -> list[Any]:
+    """Page-locked pieces of a process: to lock them takes longer than to fill them."""
+    return [wp.empty(PIECE, dtype=wp.float64, device="cpu", pinned=True) for _ in range(PIECES)]
+
+
+STEP = 1 << 17
+"""Pieces are multiples of so many numbers of float64, 1 MiB."""
+LIMIT = 1 << 25
+"""Most numbers of float64 that a process locks, 256 MiB: other processes have no use of locked memory."""
+
+
+class Piece:
+    """A piece of memory on the host.
+
+    Parameters
+    ----------
+    memory
+        Its Warp array.
+    """
+
+    def __init__(self, memory: Any) -> None:
+        self.memory = memory
+        self._arrival: Any = None
+
+    def fill(self, source: Any, stream: Any) -> Any:
+        """Copy a Warp array of a device into it, on a stream; returns the event of its arrival."""
+        wp.copy(self.memory, source, count=source.size, stream=stream)
+        self._arrival = stream.record_event()
+        return self._arrival
+
+    def wait(self) -> None:
+        """Wait until nothing is on its way any more."""
+        if self._arrival is not None:
+            wp.synchronize_event(self._arrival)
+
+
+class _Owner:
+    """What NumPy keeps alive for every view of a piece."""
+
+    def __init__(self, memory: Any, count: int) -> None:
+        self.__array_interface__ = {
+            "data": (memory.ptr, False), "shape": (count,), "typestr": "<f8", "version": 3,
+        }  # fmt: skip
+
+
+class Pool:
+    """Pieces of page-locked memory, the smallest that is large enough first.
+
+    Parameters
+    ----------
+    limit
+        Most numbers in all pieces together.
+    pinned
+        False for ordinary memory, where there is no GPU to lock pages for.
+    """
+
+    def __init__(self, limit: int = LIMIT, *, pinned: bool = True) -> None:
+        self._free: list[Piece] = []
+        self._room, self._pinned, self._lock = limit, pinned, Lock()
+
+    def lend(self, count: int) -> tuple[Piece, FloatArray] | None:
+        """A piece for `count` numbers and these numbers, or None where all that may be locked is in use.
+
+        The piece is lent again when neither the numbers nor a view of them live any more.
+        """
+        with self._lock:
+            # Only appended to by others meanwhile, so that a place in the list stays what it is.
+            fitting = [
+                (piece.memory.size, place)
+                for place, piece in enumerate(tuple(self._free))
+                if count <= piece.memory.size <= 2 * count + STEP
+            ]
+            piece = (
+                self._free.pop(min(fitting)[1]) if fitting else self._new(-(-max(count, 1) // STEP) * STEP)
+            )
+        if piece is None:
+            return None
+        piece.wait()
+        owner = _Owner(piece.memory, count)
+        # Without the lock: whoever holds it may be interrupted by the collection of a result.
+        finalize(owner, self._free.append, piece).atexit = False
+        return piece, np.asarray(owner)
+
+    def _new(self, size: int) -> Piece | None:
+        while self._free and size > self._room:
+            unused = self._free.pop(0)
+            unused.wait()
+            self._room += unused.memory.size
+        if size > self._room:
+            return None
+        self._room -= size
+        return Piece(wp.empty(size, dtype=wp.float64, device="cpu", pinned=self._pinned))
+
+
+POOL = Pool()
+"""The pieces of this process."""
+
 
 WORTH_A_PACK = 0.75
 """Share of a pack's lanes that must be at work: with fewer, its simulations are faster one by one."""
@@ -117,7 +298,7 @@ def collect_from_gpu(launched: Launched, progress: Progress | None) -> dict[str,
         if progress:
             progress(count)
         return _parts_of(launched.result, launched.batch.output)
-    transfer = HostTransfer(launched.batch.output, launched.batch.where)
+    transfer = _HostTransfer(launched.batch.output, launched.batch.where)
     transfer.touch_memory(launched.parts[0][1])
     for first, count, end in launched.parts:
         wp.synchronize_event(end)
@@ -166,7 +347,7 @@ def packs(n_samples: int, lanes: int, n_elements: int, threads: int = 1) -> list
 def run_in_lanes(batch: PreparedBatch, threads: int, progress: Progress | None) -> dict[str, FloatArray]:
     """Packs of simulations, or simulations of packs of elements, shared out over threads.
 
-    Threads for which none is left join one that is at work (`explicit.shared_run`).
+    Threads for which none is left join one that is at work (`explicit.simd.team`).
     """
     _work(lane_jobs(batch, threads), threads, progress)
     return histories_of(batch)

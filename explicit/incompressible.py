@@ -16,10 +16,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from explicit.arrays import FloatArray
-from explicit.energy import EnergyLedger
 from explicit.mesh import Mesh
 from explicit.model import Model, Samples, Sampling, Stepping
-from explicit.response import Response
+from explicit.response import EnergyLedger, Response
 from explicit.run_batch import run
 
 COMPRESSIBLE = 0.495

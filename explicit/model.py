@@ -1,6 +1,13 @@
-"""The constant side of a batch: what is simulated, with which parameters, and what is recorded."""
+"""The constant side of a batch: what is simulated, with which parameters, and what is recorded.
 
+`Stencil` is the difference formula of second order for one parameter of `Samples`: central, or one-sided
+near
+a bound.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from math import inf
 from typing import Literal
 
 import numpy as np
@@ -10,11 +17,10 @@ from explicit.arrays import FloatArray
 from explicit.contact import contact_law
 from explicit.elements import element
 from explicit.materials import MaterialLaw, bulk_modulus
-from explicit.materials.volumetric import Form, checked_form
+from explicit.materials.volumetric import POISSON_LIMIT, Form, checked_form
 from explicit.mesh import Mesh
-from explicit.motion import PlatenMotion
+from explicit.platens import RIGID, MovingSupport, PlatenMotion, Support
 from explicit.relaxation.base import RateDependence, Relaxation
-from explicit.support import RIGID, MovingSupport, Support
 
 
 @dataclass(frozen=True)
@@ -235,3 +241,78 @@ class Stepping:
             raise ValueError(f"bound must be 'trace' or 'eigenvalue', got {self.bound!r}")
         if self.precision not in ("fp32", "fp64"):
             raise ValueError(f"precision must be 'fp32' or 'fp64', got {self.precision!r}")
+
+
+BOUNDS: dict[str, tuple[float, float]] = {
+    "stiffness_factor": (0.0, inf),
+    "poisson": (0.0, POISSON_LIMIT),
+    "damping": (0.0, inf),
+    "friction": (0.0, inf),
+    "mass_damping": (0.0, inf),
+}
+"""The parameters that can be varied, with the range of their values."""
+
+LEAST_SCALE = {"damping": 1e-5, "friction": 0.1, "mass_damping": 10.0}
+"""Scale of a parameter whose value may be zero [s, 1, 1/s]: what makes a difference in a test."""
+
+
+@dataclass(frozen=True)
+class Stencil:
+    """Points where a response is evaluated, and its slope: sum_j weights[j] f(value + offsets[j] h) / h."""
+
+    offsets: FloatArray
+    """Distances from the value in steps, the first one 0 [-], shape [3]."""
+    weights: FloatArray
+    """Weights of the responses [-], shape [3]."""
+
+
+CENTRAL = Stencil(np.array([0.0, 1.0, -1.0]), np.array([0.0, 0.5, -0.5]))
+"""(f(p + h) - f(p - h)) / 2 h."""
+FORWARD = Stencil(np.array([0.0, 1.0, 2.0]), np.array([-1.5, 2.0, -0.5]))
+"""(-3 f(p) + 4 f(p + h) - f(p + 2 h)) / 2 h."""
+BACKWARD = Stencil(-FORWARD.offsets, -FORWARD.weights)
+"""The same to the other side."""
+
+
+def scale_of(name: str, value: float) -> float:
+    """Scale that a relative step of a parameter refers to.
+
+    The stiffness factor, damping, friction and drag refer to their own value, the latter three not below
+    `LEAST_SCALE`; Poisson's ratio to its distance from 1/2, by which the bulk modulus scales.
+    """
+    if name == "poisson":
+        return 0.5 - value
+    return max(value, LEAST_SCALE.get(name, 0.0))
+
+
+def stencil_for(name: str, value: float, widest: float) -> Stencil:
+    """The central formula, or a one-sided one where a step would leave the parameter's range.
+
+    Parameters
+    ----------
+    name : str
+        The parameter.
+    value, widest : float
+        Its value and the widest step, in its unit.
+
+    Raises
+    ------
+    ValueError
+        If neither side has room for the widest step.
+    """
+    low, high = BOUNDS[name]
+    for stencil in (CENTRAL, FORWARD, BACKWARD):
+        reached = value + stencil.offsets * widest
+        above = reached.min() > low if name == "stiffness_factor" else reached.min() >= low
+        if above and reached.max() <= high:
+            return stencil
+    raise ValueError(
+        f"{name} = {value:.6g} has no room for a step of {widest:.3g} inside [{low:g}, {high:g}];"
+        " use smaller relative steps"
+    )
+
+
+def perturbed(samples: Samples, values: Mapping[str, FloatArray], n: int) -> Samples:
+    """A batch of `n` copies of one sample, with new values of some parameters, shape [n]."""
+    columns = {f.name: np.repeat(getattr(samples, f.name), n) for f in fields(Samples)}
+    return Samples(**{**columns, **values})

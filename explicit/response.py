@@ -1,13 +1,179 @@
-"""Results of a batch: NumPy float64 arrays, one row a simulation."""
+"""Results of a batch: histories, energy ledger, and the outcome of each simulation.
 
-from dataclasses import dataclass
+Arrays are NumPy float64, one row a simulation. A simulation that fails ends with a named cause, its time,
+its
+element and its cure.
+"""
+
+from dataclasses import dataclass, fields
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from explicit.arrays import FloatArray
-from explicit.energy import EnergyLedger
-from explicit.outcome import Ending, Outcome
+
+
+class Outcome(IntEnum):
+    """The end of one simulation of a batch.
+
+    The integer values are those the time loop writes; they are not part of the API.
+    """
+
+    COMPLETED = 0
+    INVERTED = 1
+    DIVERGED = 2
+    STEP_COLLAPSED = 3
+    STEP_LIMIT = 4
+    TABLE_EXCEEDED = 5
+
+    @property
+    def ok(self) -> bool:
+        """True when the simulation reached its end time."""
+        return self is Outcome.COMPLETED
+
+    @property
+    def cause(self) -> str:
+        """Cause, in one sentence."""
+        return _TEXTS[self][0]
+
+    @property
+    def cure(self) -> str:
+        """Cure: the user's next step."""
+        return _TEXTS[self][1]
+
+    @property
+    def role(self) -> str:
+        """Part of the named element in the failure; empty if the simulation completed."""
+        return _TEXTS[self][2]
+
+
+_TEXTS = {
+    Outcome.COMPLETED: ("the end time was reached", "nothing to do", ""),
+    Outcome.INVERTED: (
+        "an element turned inside out (J <= 0)",
+        "refine the mesh, lower safety, or end the window before the specimen folds",
+        "the smallest J",
+    ),
+    Outcome.DIVERGED: (
+        "the specimen moves with more energy than the platens gave it, or a force is not a finite number",
+        "lower measure_every or safety, end the window before the specimen is crushed, and check that the "
+        "material curve does not soften to nothing",
+        "the fastest corners",
+    ),
+    Outcome.STEP_COLLAPSED: (
+        "the stable step fell below the share `floor` of its initial value",
+        "end the window before the specimen is crushed, lower poisson, or use deviatoric damping",
+        "the shortest stable step",
+    ),
+    Outcome.STEP_LIMIT: (
+        "max_steps was used up",
+        "raise max_steps or shorten the window",
+        "the shortest stable step",
+    ),
+    Outcome.TABLE_EXCEEDED: (
+        "the material was strained past the data of its curve, s = sqrt(I1_bar - 3)",
+        "measure the curve to larger strain, end the window earlier, or let the law continue: past_data = "
+        '"continue"',
+        "the largest s",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Ending:
+    """End of one simulation: outcome, time and place."""
+
+    outcome: Outcome
+    """How."""
+    time: float
+    """The time it reached [s]."""
+    element: int = -1
+    """The element where it failed; -1 if it completed."""
+    place: tuple[float, float] = (float("nan"), float("nan"))
+    """Centre (R, Y) of that element in the undeformed mesh, Y above the transmission platen [m]; NaN if the
+    simulation completed."""
+
+    @property
+    def where(self) -> str:
+        """The moment and the element, e.g. "at 280.3 us in element 87 (R = 4.45 mm, Y = 6.21 mm)"."""
+        moment = f"at {1e6 * self.time:.1f} us"
+        if self.element < 0:
+            return moment
+        r, y = self.place
+        return f"{moment} in element {self.element} (R = {1e3 * r:.2f} mm, Y = {1e3 * y:.2f} mm)"
+
+    @property
+    def sentence(self) -> str:
+        """Cause, time, element and cure, without a final stop."""
+        if self.outcome.ok:
+            return f"{self.outcome.name} {self.where}"
+        element = f"; the element has {self.outcome.role}" if self.element >= 0 else ""
+        return f"{self.outcome.name} {self.where}: {self.outcome.cause}{element}. Cure: {self.outcome.cure}"
+
+
+@dataclass(frozen=True)
+class EnergyLedger:
+    """Energy balance: the work of the platens and what it became, at the surface times of a batch.
+
+    Every field is an energy [J], shape [n_samples, n_surface_times]. A field ends in NaN after the end time
+    of a simulation that did not complete (see `Response.outcomes`), and is NaN at the times that
+    `Sampling.ledger_every` leaves out.
+    """
+
+    external: FloatArray
+    """Work done on the specimen by both platens [J], shape [n_samples, n_surface_times]."""
+    kinetic: FloatArray
+    """Kinetic energy [J], shape [n_samples, n_surface_times]."""
+    elastic: FloatArray
+    """Strain energy of the material law [J], shape [n_samples, n_surface_times]."""
+    hourglass: FloatArray
+    """Energy stored by the hourglass control [J], shape [n_samples, n_surface_times]."""
+    damping: FloatArray
+    """Dissipated by stiffness- and mass-proportional damping [J], shape [n_samples, n_surface_times]."""
+    friction: FloatArray
+    """Dissipated by sliding and sticking on the platens [J], shape [n_samples, n_surface_times]."""
+    impact: FloatArray
+    """Lost when a node lands on a platen (inelastic, vanishes with the mesh); with the law "penalty" what
+    its normal springs hold or have lost, and in `friction` the tangential ones [J],
+    shape [n_samples, n_surface_times]."""
+    hourglass_damping: FloatArray
+    """Dissipated by hourglass control [J], shape [n_samples, n_surface_times]."""
+
+    viscous: FloatArray
+    """Work done on the branches of `Model.relaxation`: dissipated by them, or still held [J]; `elastic` is
+    then that of the long-term law. Shape [n_samples, n_surface_times]."""
+
+    @property
+    def artificial(self) -> FloatArray:
+        """Energy stored and dissipated by hourglass control [J], shape [n_samples, n_surface_times]."""
+        return self.hourglass + self.hourglass_damping
+
+    @property
+    def residual(self) -> FloatArray:
+        """External work minus everything it became [J], shape [n_samples, n_surface_times]."""
+        lost = self.damping + self.friction + self.impact + self.viscous
+        return self.external - (self.kinetic + self.elastic + self.artificial + lost)
+
+    def imbalance(self) -> FloatArray:
+        """Largest |residual| over the largest |external work| of each simulation [-], shape [n_samples]."""
+        worst = np.nanmax(np.abs(self.residual), axis=1)
+        scale = np.nanmax(np.abs(self.external), axis=1)
+        return np.divide(worst, scale, out=np.zeros_like(worst), where=scale > 0.0)
+
+    def artificial_share(self) -> FloatArray:
+        """Largest artificial energy over the largest strain energy of each simulation [-], shape [n_samples].
+
+        Above 0.01 hourglass control takes part in the answer: refine the mesh, or check with an element that
+        has none (`Model.element = "fbar"`).
+        """
+        worst = np.nanmax(self.artificial, axis=1)
+        scale = np.nanmax(self.elastic, axis=1)
+        return np.divide(worst, scale, out=np.zeros_like(worst), where=scale > 0.0)
+
+    def select(self, rows: NDArray[np.intp]) -> "EnergyLedger":
+        """The ledger of some samples of the batch, in the order of `rows`."""
+        return EnergyLedger(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,11 @@
-"""Run a batch: from a constant `Model` and its `Samples` to a `Response`, on a CPU or a CUDA device."""
+"""Run a batch: from a constant `Model` and its `Samples` to a `Response`, on a CPU or a CUDA device.
+
+`compile_time_loops` compiles for a CPU in advance what batches will need, several time loops at once.
+"""
 
 import os
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -10,32 +14,31 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from explicit.arguments import batch_of, output_of
+from explicit.aot import load_module
+from explicit.arguments import batch_of, fits_on_chip, fits_on_several, output_of
 from explicit.arrays import FloatArray
 from explicit.device import GENERATING, select_device
 from explicit.drivers import (
+    HISTORIES,
     PreparedBatch,
     collect_from_gpu,
     constants_of,
     lane_jobs,
     launch_on_gpu,
+    packs,
     run_all_in_lanes,
     run_in_lanes,
     run_on_gpu,
 )
-from explicit.energy import EnergyLedger
-from explicit.geometry import element_geometry
-from explicit.host_transfer import HISTORIES
-from explicit.mesh_arguments import fits_on_chip, fits_on_several
+from explicit.layout.lanes import block_for, cluster_for, supports_chip_memory
+from explicit.layout.structs import Ending
+from explicit.mesh import element_geometry
 from explicit.model import Model, Samples, Sampling, Stepping
-from explicit.modules import load_module
-from explicit.outcome import Outcome
+from explicit.platens import MovingSupport
 from explicit.precision import Precision, precision
-from explicit.response import Response
-from explicit.support import MovingSupport
-from explicit.time_loop.blocks import block_for, cluster_for, knows_chips
+from explicit.response import EnergyLedger, Outcome, Response
+from explicit.simd import PACK_BYTES, Mapping, is_known, lane_kernel
 from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
-from explicit.time_loop.slots import Ending
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ def run(
     progress : callable, optional
         Called with the number of simulations finished since the last call.
     modules : Path or str, optional
-        Folder of time loops compiled by `explicit.modules.ahead_of_time`, for CUDA devices; default what the
+        Folder of time loops compiled by `explicit.aot.ahead_of_time`, for CUDA devices; default what the
         environment variable ``KOLSKY_AOT`` says. Without one, and on a CPU, they are compiled when
         first used.
 
@@ -165,7 +168,7 @@ def run_side_by_side(
     ]
 
 
-def time_loop_of(problem: Problem, where: Any) -> tuple[TimeLoopKernel, Precision, bool]:
+def _time_loop_of(problem: Problem, where: Any) -> tuple[TimeLoopKernel, Precision, bool]:
     """The time loop of a batch, its arithmetic, and whether a GPU keeps the state in shared memory, of one
     block or of several."""
     model, stepping = problem.model, problem.stepping
@@ -173,7 +176,7 @@ def time_loop_of(problem: Problem, where: Any) -> tuple[TimeLoopKernel, Precisio
     on_chip, n = where.is_cuda and fits_on_chip(model.mesh, numbers), len(problem.samples)
     block, fits = block_for(n, where, on_chip), partial(fits_on_several, model.mesh)
     cluster = cluster_for(n, model.mesh.n_elements, where, on_chip, fits)
-    on_chip = on_chip or (cluster > 1 and knows_chips(where) and fits(cluster))
+    on_chip = on_chip or (cluster > 1 and supports_chip_memory(where) and fits(cluster))
     kernel = time_loop_kernel(
         type(model.materials[0]), model.faces, model.side, numbers, model.element, on_chip,
         block, stepping.bound, model.volumetric, model.relaxation_kind, cluster,
@@ -187,7 +190,7 @@ def _prepared(problem: Problem, where: Any, modules: Path | str | None) -> tuple
     _check(model, samples, sampling)
     nodes = np.arange(model.mesh.n_nodes) if sampling.all_nodes else model.mesh.side
     with GENERATING:
-        kernel, numbers, on_chip = time_loop_of(problem, where)
+        kernel, numbers, on_chip = _time_loop_of(problem, where)
     output, recorded = output_of(kernel, model.mesh, len(samples), sampling, nodes, where)
     batch = batch_of(kernel, model, samples, sampling, stepping, numbers, where)
     if where.is_cuda:
@@ -239,3 +242,73 @@ def _response(model: Model, sampling: Sampling, histories: dict[str, FloatArray]
         largest_strain_measure=ending[Ending.MOST_STRAINED].copy(),
         nodes=position if sampling.all_nodes else None,
     )
+
+
+CompileProgress = Callable[[int, int], None]
+"""Called with the time loops compiled and how many there are to compile."""
+
+
+def compile_time_loops(
+    problems: Sequence[Problem],
+    *,
+    also: Sequence[Callable[[], Problem]] = (),
+    device: str = "cpu",
+    threads: int | None = None,
+    told: CompileProgress | None = None,
+) -> int:
+    """Compile what batches are run with, side by side, where this machine has not yet done so.
+
+    Parameters
+    ----------
+    problems
+        Batches to come, each with as many samples as it will have.
+    also : sequence of callable
+        Further ones, made and looked at only if one of `problems` has to be compiled.
+    device, threads
+        As of `explicit.run`. A GPU has its own way (`explicit.aot`): nothing is done for it.
+    told : callable, optional
+        Called before the first and after each one.
+
+    Returns
+    -------
+    int
+        How many were compiled.
+
+    Raises
+    ------
+    ValueError
+        As `explicit.run`.
+    """
+    where, threads = select_device(device), threads or os.cpu_count() or 1
+    if where.is_cuda:
+        return 0
+    with GENERATING:
+        wanted = _unknown(problems, where, threads)
+        if wanted:
+            wanted |= _unknown([make() for make in also], where, threads)
+        kernels = [lane_kernel(*choice).kernel for choice in wanted]
+    if not kernels:
+        return 0
+    tell = told or (lambda done, total: None)
+    tell(0, len(kernels))
+    with ThreadPoolExecutor(threads) as pool:
+        load = partial(wp.load_module, device=where, block_dim=1)
+        waiting = [pool.submit(load, kernel.module) for kernel in kernels]
+        for done, future in enumerate(as_completed(waiting), start=1):
+            future.result()
+            tell(done, len(kernels))
+    return len(kernels)
+
+
+def _unknown(problems: Sequence[Problem], where: Any, threads: int) -> dict[tuple[Any, ...], None]:
+    """The choices of `lane_kernel` that are not known yet, each once and in order."""
+    found: dict[tuple[Any, ...], None] = {}
+    for problem in problems:
+        made, numbers, _ = _time_loop_of(problem, where)
+        lanes = PACK_BYTES // numbers.dtype().itemsize
+        jobs = packs(len(problem.samples), lanes, problem.model.mesh.n_elements, threads)
+        mappings: dict[Mapping, None] = dict.fromkeys(job[0] for job in jobs)
+        for mapping in mappings:
+            if not is_known(made.kernel, numbers, mapping, lanes):
+                found[made.kernel, made.structs, numbers, mapping, lanes] = None
+    return found

@@ -11,28 +11,26 @@ from kolsky.base.shadows import warn_of_shadows as _warn_of_shadows
 from kolsky.report.ipython import register as _register_views
 
 if TYPE_CHECKING:
-    from kolsky.bars.flyer.fit import fit_flyer
+    from kolsky.bars.flyer.path import fit_flyer
     from kolsky.base.errors import InputError
     from kolsky.base.files import write_table
     from kolsky.base.records import FlyerMotion
     from kolsky.identification import diagnose, identify
     from kolsky.inverse.forward import Forward, Numerics, material_law
+    from kolsky.inverse.joint_result import JointSettings
+    from kolsky.inverse.observations import radius_at
+    from kolsky.inverse.problem import Settings
     from kolsky.inverse.result import Identification
-    from kolsky.inverse.settings import Settings
-    from kolsky.inverse.side_surface import radius_at
     from kolsky.inverse.simulate import simulate, write_simulation
-    from kolsky.joint.identify_shots import identify_shots
-    from kolsky.joint.records import JointSettings
-    from kolsky.joint.slow_schema import read_slow_tests
-    from kolsky.material.curves.uniaxial import UniaxialTest
+    from kolsky.inverse.slow_tests import read_slow_tests
+    from kolsky.joint_identification import identify_shots
     from kolsky.material.end_friction.problem import EndFriction
     from kolsky.material.fits.compare import compare_laws
     from kolsky.material.fits.fit import fit_law
-    from kolsky.material.fits.homogeneous_files import read_homogeneous_test
-    from kolsky.material.fits.homogeneous_test import HomogeneousTest
-    from kolsky.material.reference_curve import Treatment, reference_curve
-    from kolsky.material.reference_curve_files import read_uniaxial_test
+    from kolsky.material.fits.homogeneous_test import HomogeneousTest, read_homogeneous_test
+    from kolsky.material.reference_curve import Treatment, read_uniaxial_test, reference_curve
     from kolsky.material.slow_compression import slow_compression
+    from kolsky.material.uniaxial import UniaxialTest
     from kolsky.prediction.predict import predict, read_test
     from kolsky.report.canvas import save_figures
     from kolsky.report.figures import figures_of
@@ -56,8 +54,7 @@ if TYPE_CHECKING:
     from kolsky.shot.load import check_shot, load_pictures, load_shot
     from kolsky.shot.optical_data import measured
     from kolsky.shot.records import Shot
-    from kolsky.shot.repeated_tests import repeats
-    from kolsky.shot.waves import waves
+    from kolsky.shot.waves import repeats, waves
     from kolsky.studies.global_sensitivity import global_sensitivity, screening, solver_sensitivity
     from kolsky.studies.paper_method import paper_method
     from kolsky.studies.planning.plan import plan
@@ -73,23 +70,23 @@ _HOME = {
     "HomogeneousTest": "kolsky.material.fits.homogeneous_test",
     "Identification": "kolsky.inverse.result",
     "InputError": "kolsky.base.errors",
-    "JointSettings": "kolsky.joint.records",
+    "JointSettings": "kolsky.inverse.joint_result",
     "Numerics": "kolsky.inverse.forward",
-    "Settings": "kolsky.inverse.settings",
+    "Settings": "kolsky.inverse.problem",
     "Shot": "kolsky.shot.records",
     "Treatment": "kolsky.material.reference_curve",
-    "UniaxialTest": "kolsky.material.curves.uniaxial",
+    "UniaxialTest": "kolsky.material.uniaxial",
     "analyse_sweep": "kolsky.studies.sweep_analysis",
     "check_shot": "kolsky.shot.load",
     "compare_laws": "kolsky.material.fits.compare",
     "diagnose": "kolsky.identification",
     "dic": "kolsky.shot.dic",
     "figures_of": "kolsky.report.figures",
-    "fit_flyer": "kolsky.bars.flyer.fit",
+    "fit_flyer": "kolsky.bars.flyer.path",
     "fit_law": "kolsky.material.fits.fit",
     "global_sensitivity": "kolsky.studies.global_sensitivity",
     "identify": "kolsky.identification",
-    "identify_shots": "kolsky.joint.identify_shots",
+    "identify_shots": "kolsky.joint_identification",
     "load_pictures": "kolsky.shot.load",
     "load_shot": "kolsky.shot.load",
     "material_law": "kolsky.inverse.forward",
@@ -97,16 +94,16 @@ _HOME = {
     "plan": "kolsky.studies.planning.plan",
     "predict": "kolsky.prediction.predict",
     "measured": "kolsky.shot.optical_data",
-    "radius_at": "kolsky.inverse.side_surface",
+    "radius_at": "kolsky.inverse.observations",
     "rate": "kolsky.studies.rates.rate",
-    "read_homogeneous_test": "kolsky.material.fits.homogeneous_files",
+    "read_homogeneous_test": "kolsky.material.fits.homogeneous_test",
     "read_identification": "kolsky.results.hdf5",
     "read_identify_results": "kolsky.report.result_folder",
     "read_test": "kolsky.prediction.predict",
-    "read_uniaxial_test": "kolsky.material.reference_curve_files",
-    "read_slow_tests": "kolsky.joint.slow_schema",
+    "read_uniaxial_test": "kolsky.material.reference_curve",
+    "read_slow_tests": "kolsky.inverse.slow_tests",
     "reference_curve": "kolsky.material.reference_curve",
-    "repeats": "kolsky.shot.repeated_tests",
+    "repeats": "kolsky.shot.waves",
     "save_figures": "kolsky.report.canvas",
     "screening": "kolsky.studies.global_sensitivity",
     "simulate": "kolsky.inverse.simulate",

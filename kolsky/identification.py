@@ -1,15 +1,15 @@
 """The story of `identify`, top to bottom.
 
-1. What is free: `kolsky.inverse.free_parameters`.
+1. What is free: `kolsky.inverse.problem`.
 2. Runs on coarse meshes give a first optimum: a design and a surrogate of the *response* (force bins and
    outline points) of one parameter (`kolsky.inverse.coarse_search`), a scan of the valleys and least squares
    for several (`kolsky.inverse.surrogate_mesh_search`).
 3. The optimum is moved to the refined mesh and confirmed by a run there: by Gauss-Newton steps
    (`kolsky.inverse.gauss_newton`), by single runs that correct the surrogate (one parameter where a surface
    lets go, `kolsky.inverse.refined_search`), or by a quadratic through a design of runs on the refined mesh
-   (a sliding surface, `kolsky.inverse.quadratic_fit`). `kolsky.inverse.search` chooses.
+   (a sliding surface, `kolsky.inverse.refined_search`). `kolsky.inverse.search` chooses.
 4. Its uncertainty: the residuals' covariance (`kolsky.inverse.objective`), the inputs' noise
-   (`kolsky.uncertainty.input_noise`), the numerics (`kolsky.uncertainty.mesh_runs`), what is declared
+   (`kolsky.uncertainty.budgets`), the numerics (`kolsky.uncertainty.mesh_error`), what is declared
    uncertain, profile likelihoods and other choices (`kolsky.uncertainty.analyse`), likely causes of a misfit.
 5. The result, what other methods find, and the warnings it deserves.
 """
@@ -21,17 +21,21 @@ from functools import cache
 from kolsky.base.arrays import FloatArray
 from kolsky.base.process import one_blas_thread
 from kolsky.base.records import FlyerMotion
-from kolsky.diagnosis.branch_search import branch_fit
-from kolsky.diagnosis.cause_words import cause_warnings
-from kolsky.diagnosis.causes import OtherStart, find_causes
+from kolsky.diagnosis.cause_inputs import corrected
+from kolsky.diagnosis.causes import OtherStart, cause_warnings, find_causes
 from kolsky.diagnosis.clocks import Reruns, clock_lags, first_lags
-from kolsky.diagnosis.corrected import corrected
-from kolsky.diagnosis.fit_quality import fit_quality
-from kolsky.diagnosis.rate_advice import branch_figures, rate_advice, shot_branch_test
-from kolsky.diagnosis.sources import residual_sources
-from kolsky.diagnosis.verdicts import explained, explains, fit_warnings, judged, near_right
-from kolsky.inverse.check_run import CheckRun
+from kolsky.diagnosis.fit_quality import (
+    explained,
+    explains,
+    fit_quality,
+    fit_warnings,
+    near_right,
+    residual_sources,
+    with_verdicts,
+)
+from kolsky.diagnosis.relaxation import branch_figures, branch_fit, rate_advice, shot_branch_test
 from kolsky.inverse.estimates import (
+    add_method_comparison,
     comparison,
     curves,
     estimates,
@@ -39,28 +43,21 @@ from kolsky.inverse.estimates import (
     search_routes,
     surrogate_quality,
 )
-from kolsky.inverse.fit_results import FitQuality
-from kolsky.inverse.held_answer import held_answer
-from kolsky.inverse.idle_core import in_thread, leaves_a_core
-from kolsky.inverse.misfit import terms
 from kolsky.inverse.parameters import MOVED, any_slides
-from kolsky.inverse.prepared_shot import prepare_shot
-from kolsky.inverse.provenance import provenance
-from kolsky.inverse.result import Identification
-from kolsky.inverse.search import search_shot
-from kolsky.inverse.settings import Settings
-from kolsky.inverse.solver_search import add_method_comparison
+from kolsky.inverse.problem import Settings, prepare_shot, provenance
+from kolsky.inverse.result import CheckRun, FitQuality, Identification
+from kolsky.inverse.run_table import terms
+from kolsky.inverse.search import held_answer, search_shot
 from kolsky.inverse.staged_runs import Progress
+from kolsky.inverse.work import in_thread, leaves_a_core
 from kolsky.shot.curve import with_pull
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.analyse import analyse
-from kolsky.uncertainty.input_directions import declared_changes
-from kolsky.uncertainty.input_noise import input_changes
-from kolsky.uncertainty.mesh_runs import mesh_change_beside
-from kolsky.uncertainty.numerical import numerical_parts
-from kolsky.uncertainty.profile_likelihood import LinearisedOptimum
-from kolsky.uncertainty.route_budgets import Sources, budgeted, noise_parts, route_difference
-from kolsky.uncertainty.warnings.collect import collect_warnings
+from kolsky.uncertainty.budgets import Sources, budgeted, input_changes, noise_parts, route_difference
+from kolsky.uncertainty.input_changes import declared_changes
+from kolsky.uncertainty.mesh_error import mesh_change_beside, numerical_parts
+from kolsky.uncertainty.profiles import LinearisedOptimum
+from kolsky.uncertainty.warnings import collect_warnings
 
 
 @one_blas_thread()
@@ -191,7 +188,7 @@ def identify(
         held_answer=held,
         provenance=origin,
     )
-    result = judged(add_method_comparison(known.added_to(result), stages, fine.objective))
+    result = with_verdicts(add_method_comparison(known.added_to(result), stages, fine.objective))
     of_fit = (*fit_warnings(result), *cause_warnings(causes, explained=explained(result)))
     if not explained(result):
         asked = shot_branch_test(stages, fine.x, fine.objective, fine.jacobian, vector)

@@ -1,11 +1,36 @@
-"""Regions of bodies in a picture: polygons to masks, masks to grids of points."""
+"""Regions of bodies in pictures: polygons, regions carried to another frame or detected automatically.
+
+The flyer is what moves rigidly into the picture (`dic.bodies.edges`). Followed back to rest, its
+edge is the specimen's upper end; where its last rows leave the picture before, the end is one of the few
+rows that are left, or out of view. Where so few rows of it come into view that nothing can be followed,
+looks alone must tell (`dic.bodies.edges`).
+
+The body is taken to move without turning: the pixels of the region are compared with every picture on the
+way, shifted by whole pixels. The region is carried only if those in view correlate with the declared picture
+in every frame, the last one among them.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
-from dic.arrays import BoolArray, FloatArray, IntArray
+from dic.basics import BoolArray, FloatArray, IntArray
+from dic.bodies.edges import (
+    CLEAR_CORRELATION,
+    EVEN,
+    TURNS,
+    FollowedEdge,
+    clear_edge,
+    end_arc,
+    follow_by_correlation,
+    follow_edge,
+    rotate_rows,
+    row_correlation,
+)
+from dic.images import PictureError, Pictures
+from dic.outcome import FrameOutcome
 
 
 @dataclass(frozen=True)
@@ -122,3 +147,299 @@ def _centred(first: int, last: int, step: int) -> IntArray:
     count = (last - first) // step + 1
     begin = first + (last - first - (count - 1) * step) // 2
     return np.asarray(begin + step * np.arange(count))
+
+
+BAND = 0.5
+"""A row of a platen without speckles has less than this share of the specimen's contrast."""
+FLANK = 0.3
+"""A column of the body has at least this share of the contrast of its middle."""
+ARC_CLEAR = 1.5
+"""Distance of the specimen's region from the arc of its lower end: its error and the blur [px]."""
+MOST_COLUMNS = 64
+"""Columns that the flyer is followed by [px]."""
+MOST_STATIC_FRAMES = 20
+"""Static pictures that the noise is taken from."""
+LOOKS = "rows of pixels that span the flyer's edge look like neither of its sides"
+"""How it was told where nothing could be followed."""
+SMALLEST = 20
+"""Rows of a specimen that is taken for one [px]."""
+
+
+@dataclass(frozen=True)
+class FoundRegions:
+    """Regions in the pictures of camera 0."""
+
+    specimen: Region
+    """The specimen at rest, a pixel clear of both platens."""
+    flyer: Region
+    """The flyer in the last usable frame, a pixel clear of its edge."""
+    edge: tuple[float, float]
+    """End of the specimen at the transmission platen at rest (x, y) [px]."""
+    why: str = ""
+    """How the flyer was told from the specimen, in words."""
+
+
+def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, toward: str) -> FoundRegions:
+    """Find specimen, flyer and the transmission platen's edge.
+
+    Parameters
+    ----------
+    pictures
+        The series of camera 0.
+    static
+        Frames in which both bodies rest, shape [n_frames].
+    usable
+        Frames with a usable picture, shape [n_frames].
+    toward
+        Where the flyer lies: a key of `TURNS`.
+
+    Raises
+    ------
+    ValueError
+        If an edge is not in view or not clear; the message says which, and to declare the region.
+    """
+    if toward not in TURNS:
+        raise ValueError(f"toward must be one of {', '.join(TURNS)}, got {toward!r}")
+    rest = np.flatnonzero(static & usable)
+    moving = np.flatnonzero(~static & usable)
+    if not rest.size or not moving.size:
+        raise ValueError("regions need a usable static picture and one of the motion")
+    mean = rotate_rows(np.mean([pictures.frame(k).astype(np.float64) for k in rest.tolist()], axis=0), toward)
+    third = len(mean) // 3
+    inner = _inner(_columns(mean[third:-third], "specimen"))  # what lies beside a body is alike in all rows
+    bottom, edge = _lower_end(mean[:, inner])
+    stack, frames = _stack(pictures, [int(rest[-1]), *moving.tolist()], toward, inner)
+    try:
+        followed = follow_edge(stack, _noise(pictures, rest.tolist(), toward, inner))
+    except ValueError as error:
+        top, (last, picture, border), why = (
+            *_by_row_correlation(pictures, frames, toward, inner, mean, bottom, error),
+            LOOKS,
+        )
+    else:
+        top = _upper_end(mean[: bottom + 1, inner], followed)
+        last, border = frames[-1], int(np.floor(followed.row[0]))
+        picture = rotate_rows(pictures.frame(last).astype(np.float64), toward)
+        why = (
+            f"the flyer's rows were followed back to frame {frames[followed.frames[-1]]}; beyond its edge "
+            "the "
+            f"pictures vary {followed.contrast:.0f} times as much as within"
+        )
+    if bottom - top < SMALLEST:
+        raise ValueError(
+            f"rows {top} to {bottom} are too few for a specimen; declare specimen and transmission_edge"
+        )
+    columns = _columns(mean[top : bottom + 1], "specimen")
+    wide = _columns(picture[:border], "flyer")
+    shape = mean.shape
+
+    def corners(columns: tuple[int, int], rows: tuple[int, int]) -> tuple[tuple[float, float], ...]:
+        (x0, x1), (y0, y1) = columns, rows
+        return tuple(_back(p, shape, toward) for p in ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
+
+    return FoundRegions(
+        specimen=Region(corners(columns, (top, bottom)), int(rest[0])),
+        flyer=Region(corners(wide, (0, border - 1)), last),
+        edge=_back((0.5 * (columns[0] + columns[1]), edge), shape, toward),
+        why=why,
+    )
+
+
+def _stack(
+    pictures: Pictures, wanted: Sequence[int], toward: str, inner: slice
+) -> tuple[FloatArray, list[int]]:
+    """The pictures that can be read, without the uneven light, and their frames."""
+    kept, frames = [], []
+    for k in wanted:
+        try:
+            kept.append(_even(rotate_rows(pictures.frame(k).astype(np.float64), toward)[:, inner]))
+        except PictureError:
+            continue
+        frames.append(k)
+    return np.array(kept), frames
+
+
+def _even(picture: FloatArray) -> FloatArray:
+    """A picture without the uneven light, in so many of its columns as tell enough."""
+    flat = picture - gaussian_filter1d(picture, EVEN, axis=1)
+    return np.asarray(flat[:, :: max(flat.shape[1] // MOST_COLUMNS, 1)])
+
+
+def _noise(pictures: Pictures, rest: Sequence[int], toward: str, inner: slice) -> float:
+    """Standard deviation of the pictures at rest."""
+    if len(rest) < 2:
+        raise ValueError("a single static picture tells no noise")
+    still = _stack(pictures, rest[-MOST_STATIC_FRAMES:], toward, inner)[0]
+    return float(np.sqrt(still.var(axis=0, ddof=1).mean()))
+
+
+def _upper_end(mean: FloatArray, followed: FollowedEdge) -> int:
+    """First row of the specimen at rest, a pixel clear of the flyer; `mean` is the picture at rest."""
+    row = float(followed.row[-1])
+    if followed.frames[-1] == 0:  # followed to rest
+        return max(int(np.ceil(row + 0.75)), 2)
+    likeness = row_correlation(mean)
+    pairs = 0.5 * (likeness[:-1] + likeness[1:])
+    limit = CLEAR_CORRELATION * float(np.median(likeness))
+    k = int(np.argmin(pairs[: int(np.ceil(row)) + 1]))
+    if pairs[k] < limit or (k == 0 and likeness[1] < limit):
+        return k + 2
+    return 2  # none of its rows are in view at rest
+
+
+def _by_row_correlation(
+    pictures: Pictures,
+    frames: Sequence[int],
+    toward: str,
+    inner: slice,
+    mean: FloatArray,
+    bottom: int,
+    problem: ValueError,
+) -> tuple[int, tuple[int, FloatArray, int]]:
+    """First row of the specimen at rest, and the flyer's edge in the last frame, by the looks of rows."""
+    likeness = row_correlation(mean[: bottom + 1, inner])  # a platen without speckles is like nothing
+    pairs = 0.5 * (likeness[:-1] + likeness[1:])
+    try:
+        top = clear_edge(pairs[: (bottom + 1) // 2], likeness, "where the flyer meets the specimen") + 2
+        found = follow_by_correlation(pictures, frames, toward, inner, top - 2, bottom - 2)
+    except ValueError as error:
+        raise ValueError(f"{problem}; and {error}") from error
+    if found[2] < 3:
+        raise ValueError(
+            "the flyer fills fewer than 3 rows of the last usable picture; declare flyer and its frame"
+        )
+    return top, found
+
+
+def _lower_end(mean: FloatArray) -> tuple[int, float]:
+    """Last row of the specimen at rest, and where it ends at the transmission platen [px]."""
+    likeness = row_correlation(mean)
+    contrast = np.std(mean - gaussian_filter1d(mean, EVEN, axis=1), axis=1)
+    typical = _painted(contrast)
+    middle = len(mean) // 2
+    pairs = 0.5 * (likeness[:-1] + likeness[1:])  # an edge lies between two rows: both span it
+    first = int(np.flatnonzero(contrast >= BAND * typical)[-1]) + 1
+    if first < len(mean):  # an even platen: where the contrast has fallen to half
+        before, after = contrast[first - 1], contrast[first]
+        edge = first - 1 + float((before - BAND * typical) / (before - after))
+        arc = end_arc(mean, edge)  # a camera beside the plane of the end sees it, or the rim before it, bent
+        if arc is not None:
+            return int(np.floor(arc.min() - ARC_CLEAR)), float(arc[arc.size // 2])
+    else:
+        edge = middle + clear_edge(pairs[middle:], likeness, "where the specimen meets the platen") + 0.5
+    return int(np.floor(edge - 1.0)), edge
+
+
+def _painted(contrast: FloatArray) -> float:
+    """Contrast of the rows that show speckles: the median over those with half that of the best tenth.
+
+    An even platen may fill more rows than the specimen.
+    """
+    return float(np.median(contrast[contrast >= BAND * np.percentile(contrast, 90.0)]))
+
+
+def _columns(body: FloatArray, name: str) -> tuple[int, int]:
+    """First and last column of a body that reaches from its middle to where its contrast ends."""
+    contrast = gaussian_filter1d(np.std(body, axis=0), 3.0)
+    middle = contrast.size // 2
+    inside = contrast >= FLANK * np.median(contrast[middle - middle // 2 : middle + middle // 2])
+    if not inside[middle]:
+        raise ValueError(f"no speckles are seen in the middle of the {name}; declare its region")
+    outside = np.flatnonzero(~inside)
+    first = int(outside[outside < middle].max(initial=-1)) + 1
+    last = int(outside[outside > middle].min(initial=contrast.size)) - 1
+    return first, last
+
+
+def _inner(columns: tuple[int, int]) -> slice:
+    """Columns of a body clear of its flanks."""
+    room = (columns[1] - columns[0]) // 16
+    return slice(columns[0] + room, columns[1] + 1 - room)
+
+
+def _back(place: tuple[float, float], shape: tuple[int, ...], toward: str) -> tuple[float, float]:
+    """A place (x, y) of a turned picture of this shape in the picture itself."""
+    (x, y), (rows, columns) = place, shape
+    return {
+        "up": (x, y),
+        "right": (rows - 1 - y, x),
+        "down": (columns - 1 - x, rows - 1 - y),
+        "left": (y, columns - 1 - x),
+    }[toward]
+
+
+LEAST_ZNCC = 0.9
+"""Least correlation of the region's pixels with the declared picture."""
+FARTHEST = 6
+"""Pixels that the body may move from frame to frame beyond its motion before, along either axis."""
+ASIDE = 1
+"""And across the axis."""
+FEWEST = 400
+"""Pixels of the region that must stay in view."""
+
+
+def carry_region(
+    pictures: Pictures, health: IntArray, region: Region, frame: int, *, direction: tuple[float, float]
+) -> Region | None:
+    """Carry a region to another frame by following what it shows.
+
+    Parameters
+    ----------
+    pictures
+        The series of camera 0.
+    health
+        `FrameOutcome` of its pictures, shape [n_frames].
+    region
+        Where the body is; its frame must be usable.
+    frame
+        Where it is wanted.
+    direction
+        Axis of the motion in the pictures (right, down).
+
+    Returns
+    -------
+    Region or None
+        None if the declared frame is not usable, or the body could not be followed.
+    """
+    if health[region.frame] != FrameOutcome.VALID:
+        return None
+    declared = pictures.frame(region.frame).astype(np.float64)
+    y, x = np.nonzero(polygon_mask(region.corners, pictures.shape))
+    along = np.array([abs(round(direction[0])), abs(round(direction[1]))])
+    move, speed = np.zeros(2, dtype=np.int64), np.zeros(2, dtype=np.int64)
+    step = 1 if frame > region.frame else -1
+    for k in range(region.frame + step, frame + step, step):
+        if health[k] != FrameOutcome.VALID:
+            continue
+        try:
+            picture = pictures.frame(k).astype(np.float64)
+        except PictureError:
+            continue
+        reach = np.where(along > 0, FARTHEST, ASIDE)
+        tried = [
+            move + speed + np.array([i, j])
+            for i in range(-reach[0], reach[0] + 1)
+            for j in range(-reach[1], reach[1] + 1)
+        ]
+        scores = [_zncc(declared, picture, x, y, shift) for shift in tried]
+        best = int(np.argmax(scores))
+        if scores[best] < LEAST_ZNCC:
+            return None
+        speed, move = tried[best] - move, tried[best]
+    corners = np.asarray(region.corners) + move
+    rows, columns = pictures.shape
+    corners = np.clip(corners, 0.0, [columns - 1.0, rows - 1.0])
+    return replace(region, corners=tuple((float(a), float(b)) for a, b in corners), frame=frame)
+
+
+def _zncc(declared: FloatArray, picture: FloatArray, x: IntArray, y: IntArray, move: IntArray) -> float:
+    """Correlation of the region's pixels with a picture in which they moved; -1 if too few are in view."""
+    rows, columns = picture.shape
+    u, v = x + move[0], y + move[1]
+    seen = (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
+    if seen.sum() < FEWEST:
+        return -1.0
+    f, g = declared[y[seen], x[seen]], picture[v[seen], u[seen]]
+    f, g = f - f.mean(), g - g.mean()
+    scale = float(np.sqrt((f @ f) * (g @ g)))
+    return float(f @ g) / scale if scale > 0.0 else -1.0

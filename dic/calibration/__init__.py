@@ -1,10 +1,18 @@
 """Cameras and their poses from pictures of targets."""
 
-from dic.calibration.detect import detect, detect_series, detection_begun
-from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, PairView
-from dic.calibration.rig_state import Undetermined
+from dic.calibration.bundle import Undetermined
 from dic.calibration.solve import MODELS, calibrate
 from dic.calibration.targets import TARGETS, Detection, Target, TargetNotFound
+from dic.calibration.views import (
+    Calibration,
+    Checks,
+    Pair,
+    PairOutcome,
+    PairView,
+    detect,
+    detect_series,
+    detection_begun,
+)
 
 __all__ = [
     "MODELS",

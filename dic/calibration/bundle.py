@@ -6,16 +6,310 @@ complement) and the system that is solved has the size of the rig's parameters [
 
 .. [Triggs2000] B. Triggs, P. McLauchlan, R. Hartley, A. Fitzgibbon, Bundle adjustment - a modern synthesis,
    in Vision Algorithms: Theory and Practice, Springer, 2000, doi:10.1007/3-540-44480-7_21.
+
+A flat disc of radius r about X, with unit normal n, is seen as an ellipse whose centre is not the image of
+X. On the plane z = 1 the dual of its outline is C* = H diag(1, 1, -1) Hᵀ with H = [r e1, r e2, X], so that
+the centre is
+
+    c = (X X_z - r² (ẑ - n n_z)) / (X_z² - r² (1 - n_z²))                                         (C.1)
+
+in closed form [Heikkilä2000]_. The centroid of any flat, symmetric patch moves, to the order kept by (C.1),
+with its second moment s per axis: r² = 4 s, with s = (r² + h²)/4 for a ring of radii r and h and a²/12 for
+a square of side a.
+
+On a surface of curvature κ in the direction b the patch also bends back from its tangent plane, and its far
+side is seen more obliquely than its near side. Both together move the centroid as if its middle were at
+
+    X + s κ (b (b · v) / (n · v) - n / 2)                                                           (C.2)
+
+with v from X to the camera.
+
+.. [Heikkilä2000] J. Heikkilä, Geometric camera calibration using circular control points, IEEE Trans.
+   PAMI 22 (2000) 1066-1077, doi:10.1109/34.879788.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dic.arrays import FloatArray
-from dic.calibration.projection import SHARED, View, derivatives, joined, poses_of, seen
-from dic.calibration.rig_state import Fit, Rig, Undetermined, moved
-from dic.camera import PARAMETERS
+from dic.basics import FloatArray
+from dic.camera import PARAMETERS, POSE, Camera
+
+CAMERA_PARAMETERS = len(PARAMETERS)
+SHARED_PARAMETERS = 2 * CAMERA_PARAMETERS + len(POSE)
+"""Parameters of a rig, in the order of `StereoRig.parameter_names`."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Points of the target in one camera's picture of one pair."""
+
+    pair: int
+    camera: int
+    """0 or 1."""
+    ids: NDArray[np.int64]
+    """Numbers of the points, shape [n]."""
+    points: FloatArray
+    """Their places on the target [m], shape [n, 3]."""
+    normals: FloatArray
+    """Their normals, shape [n, 3]."""
+    spread: FloatArray
+    """Their second moments [m²], shape [n]."""
+    bend: FloatArray
+    """Directions of the surface's curvature times its root [m^-½], shape [n, 3]."""
+    pixels: FloatArray
+    """Observed pixels [px], shape [n, 2]."""
+    sigma: FloatArray
+    """Standard deviations of the coordinates [px], shape [n]."""
+
+
+def exponential(r: FloatArray) -> FloatArray:
+    """Rotation about r by its length [rad], shape [3, 3]."""
+    angle = float(np.linalg.norm(r))
+    K = np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
+    a = np.sinc(angle / np.pi)
+    b = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
+    return np.asarray(np.eye(3) + a * K + b * K @ K)
+
+
+def crossed(v: FloatArray, rows: FloatArray) -> FloatArray:
+    """v x w of each v and each w of its rows, shape [n, m, 3]: `numpy.cross` with a third of its time."""
+    (x, y, z), (a, b, c) = v.T[:, :, None], np.moveaxis(rows, 2, 0)
+    found = np.empty(rows.shape)
+    found[..., 0], found[..., 1], found[..., 2] = y * c - z * b, z * a - x * c, x * b - y * a
+    return found
+
+
+def centroids(inside: FloatArray, normals: FloatArray, spread: FloatArray) -> FloatArray:
+    """Centroids on the plane z = 1 of patches in the camera's frame, Eq. (C.1), shape [n, 2]."""
+    z, nz, r2 = inside[:, 2], normals[:, 2], 4.0 * spread
+    below = z * z - r2 * (1.0 - nz * nz)
+    return np.asarray((inside[:, :2] * z[:, None] + (r2 * nz)[:, None] * normals[:, :2]) / below[:, None])
+
+
+def bent_middles(inside: FloatArray, normals: FloatArray, spread: FloatArray, bend: FloatArray) -> FloatArray:
+    """Middles of patches in the camera's frame as their curvature moves them, Eq. (C.2) [m], shape [n, 3]."""
+    oblique = np.sum(bend * inside, axis=1) / np.sum(normals * inside, axis=1)
+    curvature = np.sum(bend * bend, axis=1)
+    return np.asarray(
+        inside + spread[:, None] * (oblique[:, None] * bend - 0.5 * curvature[:, None] * normals)
+    )
+
+
+def join_views(views: Sequence[View]) -> View:
+    """All points of several views of one camera as one view; `poses_of` says where the target was."""
+    parts = {
+        name: np.concatenate([getattr(view, name) for view in views])
+        for name in ("ids", "points", "normals", "spread", "bend", "pixels", "sigma")
+    }
+    return View(pair=-1, camera=views[0].camera, **parts)
+
+
+def poses_of(
+    views: Sequence[View], poses: Mapping[int, tuple[FloatArray, FloatArray]]
+) -> tuple[FloatArray, FloatArray]:
+    """R and t of each point of joined views, as `seen` and `derivatives` take them, [n, 3, 3] and [n, 3]."""
+    count = [len(view.ids) for view in views]
+    R, t = (np.repeat([poses[view.pair][k] for view in views], count, axis=0) for k in (0, 1))
+    return R, t
+
+
+def _turned(v: FloatArray, R: FloatArray) -> FloatArray:
+    """R v for each row, shape [n, 3]; R of shape [3, 3] or one a row."""
+    return np.asarray(v @ R.T if R.ndim == 2 else np.einsum("nij,nj->ni", R, v))
+
+
+def project_points(
+    camera: Camera, view: View, R: FloatArray, t: FloatArray, *, patches: bool = True
+) -> FloatArray:
+    """Pixels of a target's points in a camera, shape [n, 2]; NaN behind it.
+
+    Parameters
+    ----------
+    camera
+        With its pose in the rig's frame.
+    view
+        Whose points.
+    R, t
+        From the target's frame to the rig's, shapes [3, 3] and [3], or one a point.
+    patches
+        Centroids of the patches, as they are measured; False: the points themselves.
+    """
+    inside = camera.in_camera(_turned(view.points, R) + t)
+    inside = np.where(inside[:, 2:] > 0.0, inside, np.nan)
+    normals = _turned(view.normals, R) @ camera.rotation.T
+    if patches and view.bend.any():
+        inside = bent_middles(inside, normals, view.spread, _turned(view.bend, R) @ camera.rotation.T)
+    return camera.to_pixels(camera.distort(centroids(inside, normals, view.spread * patches)))
+
+
+def derivatives(camera: Camera, view: View, R: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of `seen` after the rig's parameters and after the target's pose.
+
+    The small changes of (C.1) and (C.2) with the pose are left out: they are (r/z)² and s κ/z of what stays.
+
+    Returns
+    -------
+    shared
+        Shape [n, 2, SHARED], in the order of `StereoRig.parameter_names`.
+    pose
+        After a small rotation applied after R, and t, shape [n, 2, 6].
+    """
+    n = len(view.points)
+    turned = _turned(view.points, R)
+    first = turned + t
+    inside = camera.in_camera(first)
+    normals = _turned(view.normals, R) @ camera.rotation.T
+    patch = inside
+    if view.bend.any():
+        patch = bent_middles(inside, normals, view.spread, _turned(view.bend, R) @ camera.rotation.T)
+    ideal = centroids(patch, normals, view.spread)
+    plane = camera.distort(ideal)
+    x, y = ideal.T
+    r2 = x * x + y * y
+
+    shared = np.zeros((n, 2, SHARED_PARAMETERS))
+    own = shared[:, :, _camera_columns(view.camera)]
+    own[:, 0, 0], own[:, 1, 1] = plane[:, 0], plane[:, 1]
+    own[:, 0, 2] = own[:, 1, 3] = 1.0
+    own[:, 0, 4] = plane[:, 1]
+    lens = (
+        (x * r2, y * r2),
+        (x * r2**2, y * r2**2),
+        (2 * x * y, r2 + 2 * y * y),
+        (r2 + 2 * x * x, 2 * x * y),
+        (x * r2**3, y * r2**3),
+    )
+    for k, (across, down) in enumerate(lens, start=5):
+        own[:, 0, k] = camera.fx * across + camera.skew * down
+        own[:, 1, k] = camera.fy * down
+
+    z = inside[:, 2]
+    perspective = np.zeros((n, 2, 3))
+    perspective[:, 0, 0] = perspective[:, 1, 1] = 1.0 / z
+    perspective[:, :, 2] = -inside[:, :2] / (z * z)[:, None]
+    by_place = camera.matrix[:2, :2] @ camera.distortion_slope(ideal) @ perspective
+    if view.camera == 1:
+        shared[:, :, 2 * CAMERA_PARAMETERS : 2 * CAMERA_PARAMETERS + 3] = crossed(
+            first @ camera.rotation.T, by_place
+        )
+        shared[:, :, 2 * CAMERA_PARAMETERS + 3 :] = by_place
+        by_place = by_place @ camera.rotation
+    pose = np.concatenate([crossed(turned, by_place), by_place], axis=2)
+    return shared, pose
+
+
+def _camera_columns(camera: int) -> slice:
+    """Columns of a camera's own parameters."""
+    return slice(camera * CAMERA_PARAMETERS, (camera + 1) * CAMERA_PARAMETERS)
+
+
+Pose = tuple[FloatArray, FloatArray]
+
+
+class Undetermined(ValueError):
+    """The pictures do not determine the parameters asked for."""
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The state of the solve: two cameras, camera 0 at the origin, and the target's pose in each pair."""
+
+    cameras: tuple[Camera, Camera]
+    poses: Mapping[int, Pose]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A minimum."""
+
+    rig: Rig
+    covariance: FloatArray
+    """Of the rig's parameters for residuals of unit variance, shape [SHARED, SHARED]."""
+    chi2: float
+    """Sum of the squares of the residuals over their sigma."""
+    freedom: int
+    """Numbers measured less numbers adjusted."""
+    pose_covariance: Mapping[int, FloatArray]
+    """Of each pose, for residuals of unit variance, shape [6, 6]."""
+
+    @property
+    def unit(self) -> float:
+        """Root of the variance of unit weight: 1 if the points' sigma say all."""
+        return float(np.sqrt(self.chi2 / max(self.freedom, 1)))
+
+
+def free_columns(free: Iterable[str], *, square_pixels: bool, relative: bool) -> FloatArray:
+    """From the numbers adjusted to the rig's parameters, shape [SHARED, m].
+
+    Parameters
+    ----------
+    free
+        Names of `PARAMETERS` that are adjusted, in both cameras.
+    square_pixels
+        Whether fx and fy are one number.
+    relative
+        Whether the relative pose is adjusted.
+    """
+    columns = []
+    names = list(free)
+    for camera in (0, 1):
+        for name in names:
+            if name == "fy" and square_pixels:
+                continue
+            column = np.zeros(SHARED_PARAMETERS)
+            column[camera * CAMERA_PARAMETERS + PARAMETERS.index(name)] = 1.0
+            if name == "fx" and square_pixels:
+                column[camera * CAMERA_PARAMETERS + PARAMETERS.index("fy")] = 1.0
+            columns.append(column)
+    for k in range(6 * relative):
+        column = np.zeros(SHARED_PARAMETERS)
+        column[2 * CAMERA_PARAMETERS + k] = 1.0
+        columns.append(column)
+    return np.stack(columns, axis=1) if columns else np.zeros((SHARED_PARAMETERS, 0))
+
+
+def residuals(rig: Rig, view: View) -> FloatArray:
+    """Seen less expected [px], shape [n, 2]."""
+    R, t = rig.poses[view.pair]
+    return np.asarray(view.pixels - project_points(rig.cameras[view.camera], view, R, t))
+
+
+def step_rig(rig: Rig, shared: FloatArray, poses: Mapping[int, FloatArray]) -> Rig:
+    """The state after a step."""
+    cameras = []
+    for k, camera in enumerate(rig.cameras):
+        own = shared[k * CAMERA_PARAMETERS : (k + 1) * CAMERA_PARAMETERS]
+        R, t = camera.rotation, camera.translation
+        if k == 1:
+            turn = shared[2 * CAMERA_PARAMETERS : 2 * CAMERA_PARAMETERS + 3]
+            R, t = _orthonormal(exponential(turn) @ R), t + shared[2 * CAMERA_PARAMETERS + 3 :]
+        cameras.append(
+            replace(
+                camera,
+                fx=camera.fx + own[0],
+                fy=camera.fy + own[1],
+                cx=camera.cx + own[2],
+                cy=camera.cy + own[3],
+                skew=camera.skew + own[4],
+                distortion=tuple(np.add(camera.distortion, own[5:]).tolist()),
+                rotation=R,
+                translation=t,
+            )
+        )
+    new = dict(rig.poses)
+    for pair, step in poses.items():
+        R, t = rig.poses[pair]
+        new[pair] = (_orthonormal(exponential(step[:3]) @ R), t + step[3:])
+    return Rig((cameras[0], cameras[1]), new)
+
+
+def _orthonormal(R: FloatArray) -> FloatArray:
+    u, _, v = np.linalg.svd(R)
+    return np.asarray(u @ v)
+
 
 MOST_STEPS = 100
 DAMPED, HARDLY = 1e-4, 1e-12
@@ -74,7 +368,7 @@ def adjust(
         trial_cost = np.inf
         if step is not None:
             try:
-                trial = moved(rig, columns @ step[0], step[1])
+                trial = step_rig(rig, columns @ step[0], step[1])
                 off, trial_cost = _weighted(trial, cameras)
             except (ValueError, FloatingPointError):  # a focal length below zero
                 trial_cost = np.inf
@@ -140,7 +434,7 @@ def _normal_equations(
     for (own, view), r in zip(cameras, off, strict=True):
         shared, pose = derivatives(rig.cameras[view.camera], view, *poses_of(own, rig.poses))
         weight = np.repeat(1.0 / view.sigma, 2)[:, None]
-        A = weight * (shared.reshape(-1, SHARED) @ columns)
+        A = weight * (shared.reshape(-1, SHARED_PARAMETERS) @ columns)
         P = weight * pose.reshape(-1, 6)
         U += A.T @ A
         b += A.T @ r
@@ -156,7 +450,7 @@ def _normal_equations(
 def _by_camera(views: list[View]) -> list[OneCamera]:
     """The views of each camera that has some, one by one and as one."""
     parts = [[view for view in views if view.camera == camera] for camera in (0, 1)]
-    return [(part, joined(part)) for part in parts if part]
+    return [(part, join_views(part)) for part in parts if part]
 
 
 def _step(normal: Normal, damping: float) -> tuple[FloatArray, dict[int, FloatArray]] | None:
@@ -209,7 +503,7 @@ def _weighted(rig: Rig, cameras: list[OneCamera]) -> tuple[list[FloatArray], flo
     """Residuals of each camera over their sigma, x and y in turn, and the sum of their squares."""
     off, total = [], 0.0
     for own, view in cameras:
-        expected = seen(rig.cameras[view.camera], view, *poses_of(own, rig.poses))
+        expected = project_points(rig.cameras[view.camera], view, *poses_of(own, rig.poses))
         off.append(((view.pixels - expected) / view.sigma[:, None]).reshape(-1))
         total += float(np.sum(np.where(np.isfinite(off[-1]), off[-1], FAR) ** 2))
     return off, total

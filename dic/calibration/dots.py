@@ -1,4 +1,9 @@
-"""Dots of a target in a picture: found by their outlines, located by centroid and edges."""
+"""Dots and corners of a target located in a picture, with their uncertainty.
+
+A dot's outline gives a first ellipse. Its centroid weighs darkness against a plane through the brightness
+around it; its edges fit a blurred elliptical disc to the grey values. Corners of squares get their
+uncertainty from the noise of the grey values.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,11 +12,442 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.arrays import FloatArray
-from dic.calibration.centroids import MARGIN, WINDOW, centroids
-from dic.calibration.corners import eight_bits, grey, noise_level, quantiles
-from dic.calibration.edges import LARGEST, fit_discs
-from dic.opencv import cv2
+from dic.basics import MAD, BoolArray, FloatArray, IntArray, cv2
+
+WINDOW, RING = 1.35, 1.85
+"""The centroid is taken over this many radii of the dot, the brightness around it out to the second."""
+MARGIN = 1.5
+"""Further out by this much, for the blur of the lens [px]."""
+CENTROID_PIXELS_AT_ONCE = 60_000
+"""Pixels looked at in one go: many, so that pictures in other threads get on meanwhile, but so few that
+memory is not asked of the system for each array anew."""
+RING_PIXELS = 1000
+"""Pixels around a dot that are enough for a plane; of more, every so many are taken."""
+
+
+def centroids(image: FloatArray, ellipses: FloatArray, noise: float) -> FloatArray:
+    """Centroids of outlined dots, `dic.calibration.dots.find_dots` says of what.
+
+    Parameters
+    ----------
+    image
+        Grey values, dots dark, shape [rows, columns].
+    ellipses
+        Outlines: centre x, y, diameters along both axes [px] and angle of the first [degrees], shape [n, 5].
+    noise
+        Standard deviation of the grey values.
+
+    Returns
+    -------
+    array
+        x, y and their standard deviation [px], mass [px²] and darkness [-] of each dot, shape [n, 5]; NaN
+        where the surroundings of a dot cannot be told from it.
+    """
+    result = np.full((len(ellipses), 5), np.nan)
+    reach = np.ceil(0.5 * ellipses[:, 2:4].max(axis=1, initial=0.0) * RING + 2.0 * MARGIN).astype(int) + 2
+    order = np.argsort(reach, kind="stable")
+    first = 0
+    while first < len(order):
+        # dots of like size together: their windows are those of the largest
+        size = np.cumsum(np.ones(len(order) - first, dtype=int)) * (2 * reach[order[first:]] + 1) ** 2
+        rows = order[
+            first : first + max(1, int(np.searchsorted(size, CENTROID_PIXELS_AT_ONCE, side="right")))
+        ]
+        result[rows] = _batch_centroids(image, ellipses[rows], int(reach[rows].max()), noise)
+        first += len(rows)
+    return result
+
+
+def _batch_centroids(image: FloatArray, ellipses: FloatArray, reach: int, noise: float) -> FloatArray:
+    """`centroids` of dots with windows of one size, shape [n, 5]."""
+    result = np.full((len(ellipses), 5), np.nan)
+    rows, x0, y0 = np.arange(len(ellipses)), ellipses[:, 0].copy(), ellipses[:, 1].copy()
+    for last in (
+        False,
+        True,
+    ):  # a second time about the centre found, so that the window is centred on the dot
+        part = _Window(image, x0[rows], y0[rows], ellipses[rows, 2:], reach)
+        plane, fine = _plane(part)
+        around = plane[:, :1] + plane[:, 1:2] * part.inner_x + plane[:, 2:] * part.inner_y
+        least = np.where(part.inner, around, np.inf).min(axis=1, initial=np.inf)
+        fine &= least > 4.0 * noise
+        around = np.where(part.inner & fine[:, None], around, 1.0)
+        w = np.where(part.inner & fine[:, None], 1.0 - part.inner_grey / around, 0.0)
+        mass = w.sum(axis=1)
+        major, minor = ellipses[rows, 2], ellipses[rows, 3]
+        fine &= mass > 0.15 * 0.25 * np.pi * major * minor
+        mass = np.where(fine, mass, 1.0)
+        shift = np.stack([np.sum(w * part.inner_x, axis=1), np.sum(w * part.inner_y, axis=1)]) / mass
+        fine &= np.hypot(*shift) <= 0.25 * minor
+        x0[rows] += shift[0]
+        y0[rows] += shift[1]
+        if not last:
+            rows = rows[fine]
+    spread = (part.inner_x - shift[0][:, None]) ** 2 + (part.inner_y - shift[1][:, None]) ** 2
+    variance = np.sum(np.where(part.inner, spread * (noise / around) ** 2, 0.0), axis=1)
+    sigma = np.maximum(np.sqrt(0.5 * variance) / mass, 1e-4)
+    found = np.stack([x0[rows], y0[rows], sigma, mass, _quantile(w, part.inner, 0.9)], axis=1)
+    result[rows[fine]] = found[fine]
+    return result
+
+
+class _Window:
+    """Pixels in and around n dots, listed: offsets from the centre [px], grey values, which of them count.
+
+    Parameters
+    ----------
+    image
+        Grey values, shape [rows, columns].
+    x0, y0
+        Centres of the windows [px], shape [n].
+    ellipses
+        Diameters [px] and angle [degrees], shape [n, 3].
+    reach
+        Half side of the windows [px].
+    """
+
+    def __init__(
+        self, image: FloatArray, x0: FloatArray, y0: FloatArray, ellipses: FloatArray, reach: int
+    ) -> None:
+        rows, columns = image.shape
+        offsets = np.arange(-reach, reach + 1)
+        along, down = np.tile(offsets, len(offsets)), np.repeat(offsets, len(offsets))
+        x, y = np.round(x0).astype(int), np.round(y0).astype(int)
+        dx, dy = along + (x - x0)[:, None], down + (y - y0)[:, None]
+        major, minor, angle = (ellipses[:, k, None] for k in range(3))
+        c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+        u, v = c * dx + s * dy, c * dy - s * dx  # along the ellipse's axes
+        u *= u
+        v *= v
+        wide, ring = (
+            u * (1.0 / (0.5 * major * by + margin) ** 2) + v * (1.0 / (0.5 * minor * by + margin) ** 2) <= 1.0
+            for by, margin in ((WINDOW, MARGIN), (RING, 2.0 * MARGIN))
+        )
+        ring &= ~wide
+        far = (x < reach) | (y < reach) | (x >= columns - reach) | (y >= rows - reach)
+        for k in np.flatnonzero(far):  # a window over the picture's edge
+            i, j = x[k] + along, y[k] + down
+            inside = (i >= 0) & (j >= 0) & (i < columns) & (j < rows)
+            wide[k] &= inside
+            ring[k] &= inside
+
+        flat, shift = image.reshape(-1), down * columns + along
+
+        def taken(index: IntArray, there: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+            place = np.where(there, (y * columns + x)[:, None] + shift[index], 0)
+            return along[index] + (x - x0)[:, None], down[index] + (y - y0)[:, None], flat[place]
+
+        index, self.inner = _pixel_lists(wide)
+        self.inner_x, self.inner_y, self.inner_grey = taken(index, self.inner)
+        every = np.maximum(1, ring.sum(axis=1) // RING_PIXELS)
+        index, self.ring = _pixel_lists(ring, every)
+        self.ring_x, self.ring_y, self.ring_grey = taken(index, self.ring)
+
+
+def _pixel_lists(mask: BoolArray, every: IntArray | None = None) -> tuple[IntArray, BoolArray]:
+    """Columns where each row of a mask holds, shape [n, m], and which of them are not mere filling.
+
+    Of row i only every ``every[i]``-th is listed.
+    """
+    n, flat = len(mask), np.flatnonzero(mask)
+    count = mask.sum(axis=1)
+    row = np.repeat(np.arange(n), count)
+    column = flat - mask.shape[1] * row
+    place = np.arange(len(flat)) - np.repeat(np.cumsum(count) - count, count)
+    if every is not None and np.any(every > 1):
+        kept = place % every[row] == 0
+        row, column, place = row[kept], column[kept], place[kept] // every[row[kept]]
+        count = np.bincount(row, minlength=n)
+    index = np.zeros((n, max(int(count.max(initial=0)), 1)), dtype=np.int64)
+    index[row, place] = column
+    return index, np.arange(index.shape[1]) < count[:, None]
+
+
+def _quantile(values: FloatArray, there: BoolArray, share: float) -> FloatArray:
+    """Quantile of each row's values that are there, between neighbours linear, shape [n]; NaN of none."""
+    ordered = np.sort(np.where(there, values, np.inf), axis=1)
+    count = there.sum(axis=1)
+    place = share * np.maximum(count - 1, 0)
+    low = np.floor(place).astype(int)
+    high = np.minimum(low + 1, np.maximum(count - 1, 0))
+    rows = np.arange(len(values))
+    a, b = ordered[rows, low], ordered[rows, high]
+    found = a + (place - low) * np.where(count > 0, b - a, 0.0)
+    return np.where(count > 0, found, np.nan)
+
+
+def _plane(part: _Window) -> tuple[FloatArray, BoolArray]:
+    """Brightness a + b x + c y around the dots without the pixels that belong to something else, shape
+    [n, 3], and where there are enough of them."""
+    basis = np.stack([np.ones_like(part.ring_x), part.ring_x, part.ring_y], axis=1)
+    kept, fine = part.ring, np.ones(len(basis), dtype=bool)
+    for _ in range(3):
+        fine = fine & (kept.sum(axis=1) >= 12)
+        weighted = basis * (kept & fine[:, None])[:, None]
+        normal = weighted @ np.swapaxes(basis, 1, 2)
+        normal[~fine] = np.eye(3)
+        normal += 1e-12 * normal[:, :1, :1] * np.eye(3)  # pixels on one line fix no plane
+        solution = np.linalg.solve(normal, weighted @ part.ring_grey[..., None])
+        off = np.abs(part.ring_grey - (np.swapaxes(solution, 1, 2) @ basis)[:, 0])
+        middle = np.where(fine, _quantile(off, kept, 0.5), 0.0)
+        limit = 4.0 * MAD * middle + 1e-9 * np.abs(solution[:, 0, 0])
+        kept = part.ring & (off <= limit[:, None])
+    return solution[..., 0], fine
+
+
+Single = NDArray[np.float32]
+
+STEPS = 8
+"""Gauss-Newton steps at most."""
+CONVERGED = 1e-5
+"""A dot whose centre a step moves by less than this is done [px]; noise is some hundred times larger."""
+EDGE_PIXELS_AT_ONCE = 250_000
+"""Pixels of the dots that are fitted in one go: many, so that pictures in other threads get on meanwhile."""
+ROOT = float(np.sqrt(2.0 * np.pi))
+"""√(2π)"""
+HASTINGS = (0.3275911, 0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429)
+"""Of his approximation of the error function, p and a1 to a5."""
+LARGEST = 25.0
+"""Dots up to this radius [px] are fitted: a larger one's centroid is known to a few mpx, and its printed
+outline is no better an ellipse than that."""
+
+
+def _fit_discs(
+    image: FloatArray, centre: FloatArray, shape: FloatArray, reach: float, noise: float
+) -> tuple[FloatArray, FloatArray]:
+    """Centres of dark discs and their standard deviations, all dots of a picture at once.
+
+    With d the offset from the centre and q = √(dᵀ M d), so that q = 1 is the outline, the model is
+
+        I = (B + g · d) (1 - D Φ(-δ / s)),     δ = (q - 1) q / |M d|                                (C.3)
+
+    with δ the distance from the outline to first order, Φ the normal distribution and s the blur. The
+    brightness, its slope, D, M, s and the centre are found by Gauss-Newton steps. The edge alone carries the
+    place, so the noise of the surface around it, which a centroid takes in, does not enter.
+
+    Parameters
+    ----------
+    image
+        Grey values, shape [rows, columns].
+    centre
+        Starting centres [px], shape [n, 2].
+    shape
+        Starting M as (Mxx, Mxy, Myy) [1/px²], shape [n, 3].
+    reach
+        Half side of the window [px]; no other dot may reach into it.
+    noise
+        Standard deviation of the grey values.
+
+    Returns
+    -------
+    centre
+        Shape [n, 2]; NaN where the fit failed.
+    sigma
+        Standard deviation of a coordinate [px], shape [n].
+    """
+    found, sigma = np.full((len(centre), 2), np.nan), np.full(len(centre), np.nan)
+    w = int(np.ceil(reach))
+    step = max(1, EDGE_PIXELS_AT_ONCE // (2 * w + 1) ** 2)
+    for first in range(0, len(centre), step):
+        rows = slice(first, first + step)
+        found[rows], sigma[rows] = _fit_block(image, centre[rows], shape[rows], w, noise)
+    return found, sigma
+
+
+def _fit_block(
+    image: FloatArray, centre: FloatArray, shape: FloatArray, w: int, noise: float
+) -> tuple[FloatArray, FloatArray]:
+    """`fit_discs` of some dots, with windows of half side `w`."""
+    n, offsets = len(centre), np.arange(-w, w + 1)
+    column, row = np.round(centre).astype(int).T
+    inside = (column >= w) & (row >= w) & (column < image.shape[1] - w) & (row < image.shape[0] - w)
+    column, row = np.where(inside, column, w), np.where(inside, row, w)
+    across, down = np.tile(offsets, len(offsets)), np.repeat(offsets, len(offsets))
+    values = image[row[:, None] + down, column[:, None] + across]
+    xx, yy = across.astype(np.float32), down.astype(np.float32)
+    top, bottom = np.percentile(values, [90.0, 10.0], axis=1)
+    p = np.zeros((n, 10))  # x, y, Mxx, Mxy, Myy, s, B, gx, gy, D
+    p[:, :2] = np.where(inside[:, None], centre - np.stack([column, row], axis=1), 0.0)
+    p[:, 2:5], p[:, 5], p[:, 6], p[:, 9] = shape, 0.8, top, 1.0 - bottom / np.maximum(top, 1e-9)
+    start = p[:, :2].copy()
+    normal, last = np.tile(np.eye(10), (n, 1, 1)), np.full((n, 2), np.nan)
+    rows, room = np.arange(n), np.empty((n, p.shape[1], xx.size), dtype=np.float32)
+    with np.errstate(all="ignore"):  # a dot whose fit runs away becomes NaN and is left to the caller
+        for _ in range(STEPS):
+            J = room[: len(rows)]
+            model = _model(p[rows], xx, yy, J)
+            N = (J @ np.swapaxes(J, 1, 2)).astype(np.float64)
+            off = (values[rows] - model).astype(np.float32)
+            right = (J @ off[..., None])[..., 0].astype(np.float64)
+            bad = ~(np.isfinite(N).all(axis=(1, 2)) & np.isfinite(right).all(axis=1))
+            N[bad], right[bad] = np.eye(10), np.nan
+            scaled, scale = _scale(N)
+            step = scale * np.linalg.solve(scaled, (scale * right)[..., None])[..., 0]
+            p[rows] += step
+            p[rows, 5] = np.maximum(p[rows, 5], 0.3)  # a sharper edge than a pixel's own width is noise
+            normal[rows], last[rows] = N, step[:, :2]
+            rows = rows[np.abs(step[:, :2]).max(axis=1) > CONVERGED]
+            if not len(rows):
+                break
+        scaled, scale = _scale(normal)
+        inverse = np.linalg.inv(scaled)
+        sigma = noise * np.sqrt(
+            0.5 * np.sum(np.einsum("nkk->nk", inverse)[:, :2] * scale[:, :2] ** 2, axis=1)
+        )
+        off = np.hypot(*(p[:, :2] - start).T)
+        fine = inside & (off < 0.5) & (np.abs(last).max(axis=1) < 0.01) & np.isfinite(sigma)
+    found = p[:, :2] + np.stack([column, row], axis=1)
+    return np.where(fine[:, None], found, np.nan), np.where(fine, sigma, np.nan)
+
+
+def _scale(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Normal matrices with a diagonal of 1, hardly damped, shape [n, 10, 10], and their scales, [n, 10]."""
+    scale = 1.0 / np.sqrt(np.einsum("nkk->nk", normal) + 1e-300)
+    return normal * scale[:, :, None] * scale[:, None] + 1e-9 * np.eye(10), scale
+
+
+def _model(p: FloatArray, xx: Single, yy: Single, J: Single) -> Single:
+    """Grey values, Eq. (C.3), shape [n, pixels]; their derivatives go to J, shape [n, 10, pixels].
+
+    In fp32: a rounding of a grey value is some hundred thousandth of its noise.
+    """
+    x0, y0, a, b, c, s, B, Bx, By, D = (p[:, k : k + 1].astype(np.float32) for k in range(10))
+    dx, dy = xx - x0, yy - y0
+    mx, my = a * dx + b * dy, b * dx + c * dy
+    q = np.sqrt(np.maximum(dx * mx + dy * my, 1e-12))
+    slope = np.maximum(np.sqrt(mx * mx + my * my), 1e-9)
+    delta = (q - 1.0) * q / slope
+    x = delta / s
+    bell = np.exp(-0.5 * x**2)
+    S = _upper(x, bell)
+    light, left = B + Bx * dx + By * dy, 1.0 - D * S
+    edge = light * D * bell / (ROOT * s)  # by δ
+    J[:, 0], J[:, 1] = -edge * mx / slope, -edge * my / slope
+    J[:, 2], J[:, 3], J[:, 4] = (edge * k / slope for k in (0.5 * dx * dx, dx * dy, 0.5 * dy * dy))
+    J[:, 5] = -edge * delta / s
+    J[:, 6], J[:, 7], J[:, 8], J[:, 9] = left, dx * left, dy * left, -light * S
+    return light * left
+
+
+def _upper(x: Single, bell: Single) -> Single:
+    """Normal distribution Φ(-x) to 1e-7, given exp(-x²/2).
+
+    Hastings' approximation (Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26) takes a tenth
+    of the time of SciPy's, which was a third of that of the fit.
+    """
+    t = 1.0 / (1.0 + HASTINGS[0] / np.sqrt(2.0, dtype=x.dtype) * np.abs(x))
+    total = np.zeros_like(t)
+    for a in HASTINGS[:0:-1]:
+        total = (total + a) * t
+    tail = 0.5 * total * bell
+    return np.where(x > 0.0, tail, 1.0 - tail)
+
+
+BANDS, BAND = 16, 24
+"""Number of bands, and of their rows, that the noise is taken from."""
+
+
+def grey(picture: NDArray[np.generic]) -> FloatArray:
+    """A picture in float64.
+
+    Raises
+    ------
+    ValueError
+        If it is not one grey picture of at least 16 x 16 finite values.
+    """
+    image = np.asarray(picture)
+    if image.ndim != 2 or min(image.shape) < 16:
+        raise ValueError(
+            f"a target's picture must be grey, [rows, columns] of at least 16 x 16 px, got "
+            f"shape {image.shape}"
+        )
+    image = image.astype(np.float64)
+    if not np.all(np.isfinite(image)):
+        raise ValueError("a target's picture must have finite grey values")
+    return image
+
+
+def quantiles(values: NDArray[np.generic], shares: Sequence[float]) -> FloatArray:
+    """`numpy.quantile`, of few-bit grey values by counting them."""
+    if values.dtype not in (np.uint8, np.uint16):
+        return np.asarray(np.quantile(values.astype(np.float64), shares))
+    rank = np.asarray(shares, dtype=np.float64) * (values.size - 1)
+    below = np.cumsum(np.bincount(values.reshape(-1)))
+    low, high = (np.searchsorted(below, k(rank), side="right") for k in (np.floor, np.ceil))
+    return np.asarray(low + (rank - np.floor(rank)) * (high - low), dtype=np.float64)
+
+
+def noise_level(picture: NDArray[np.generic]) -> float:
+    """Standard deviation of the grey values' noise, at least that of rounding.
+
+    From second differences along both axes, N = [1 -2 1; -2 4 -2; 1 -2 1], which no plane and no straight
+    edge along an axis passes [Immerkær1996]_; bright pixels away from dots count. Bands of rows
+    spread over the picture stand for all of it.
+
+    .. [Immerkær1996] J. Immerkær, Fast noise variance estimation, Computer Vision and Image
+       Understanding 64 (1996) 300-302, doi:10.1006/cviu.1996.0060.
+    """
+    image = np.asarray(picture)
+    starts = np.unique(np.linspace(0, max(len(image) - BAND, 0), BANDS).astype(int))
+    bands = [grey(image[k : k + BAND]) for k in starts]
+    kernel = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
+    responses = [np.abs(cv2.filter2D(band, cv2.CV_64F, kernel)) for band in bands]
+    limit = 0.5 * float(
+        np.sum(quantiles(np.concatenate([image[k : k + BAND] for k in starts]), (0.02, 0.98)))
+    )
+    bright = [(band > limit).astype(np.uint8) for band in bands]
+    part = np.concatenate([response[1:-1, 1:-1].ravel() for response in responses])
+    for size in (9, 5, 3):  # as far from dots and corners as leaves enough pixels
+        away = [cv2.erode(b, np.ones((size, size)), borderType=cv2.BORDER_REPLICATE) > 0 for b in bright]
+        kept = [r[1:-1, 1:-1][a[1:-1, 1:-1]] for r, a in zip(responses, away, strict=True)]
+        if sum(map(len, kept)) > 1000:
+            part = np.concatenate(kept)
+            break
+    return max(MAD * float(np.median(part)) / 6.0, 1.0 / np.sqrt(12.0))
+
+
+def eight_bits(picture: NDArray[np.generic]) -> NDArray[np.uint8]:
+    """The picture stretched to 0 to 255, as OpenCV's detectors take it."""
+    image = np.asarray(picture)
+    checked = image if image.dtype in (np.uint8, np.uint16) and image.ndim == 2 else grey(image)
+    stretched = cv2.normalize(checked, None, 0, 255, cv2.NORM_MINMAX, cv2.CV_8U)  # type: ignore[call-overload]
+    return np.asarray(stretched, dtype=np.uint8)
+
+
+def refined(picture: NDArray[np.generic], corners: FloatArray, reach: int) -> FloatArray:
+    """Corners to a fraction of a pixel, from the gradients within `reach` of them [px], shape [n, 2]."""
+    image = grey(picture).astype(np.float32)
+    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-5)
+    start = np.array(corners, dtype=np.float32, order="C").reshape(-1, 1, 2)
+    found = cv2.cornerSubPix(image, start, (reach, reach), (-1, -1), stop)
+    return np.asarray(found, dtype=np.float64).reshape(-1, 2)
+
+
+def corner_sigma(picture: NDArray[np.generic], corners: FloatArray, reach: float) -> FloatArray:
+    """Standard deviation of a corner's coordinate from the grey values' noise [px], shape [n].
+
+    A saddle is located by the gradients around it: with G = Σ ∇I ∇Iᵀ over the window, the covariance is
+    σ² G⁻¹ (least squares); the root of its mean eigenvalue is given.
+
+    Parameters
+    ----------
+    picture
+        Grey values, shape [rows, columns].
+    corners
+        Places [px], shape [n, 2].
+    reach
+        Half side of the window [px].
+    """
+    image, noise, w = grey(picture), noise_level(picture), max(int(reach), 2)
+    sigma = np.empty(len(corners))
+    for k, (x, y) in enumerate(np.round(corners).astype(int)):
+        part = image[max(y - w, 0) : y + w + 1, max(x - w, 0) : x + w + 1]
+        gy, gx = np.gradient(part)
+        xx, xy, yy = float(np.sum(gx * gx)), float(np.sum(gx * gy)), float(np.sum(gy * gy))
+        determinant = max(xx * yy - xy * xy, 1e-6 * (xx + yy) ** 2 + 1e-12)
+        sigma[k] = max(noise * np.sqrt(0.5 * (xx + yy) / determinant), 1e-4)
+    return sigma
+
 
 LEAST_AREA = 12.0
 """Area of the smallest dot that is looked for [px²]: below, an outline has too few pixels for an ellipse."""
@@ -46,7 +482,7 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
         w = 1 - I / B
 
     with B a plane through the brightness around the dot, so that neither uneven light nor blur shifts it.
-    Round dots without a hole are then fitted by their edges (`dic.calibration.edges`), and the more precise
+    Round dots without a hole are then fitted by their edges (`dic.calibration.dots`), and the more precise
     of the two is kept.
 
     Parameters
@@ -72,7 +508,7 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
         if score > most:
             best, most = outlines, score
         size = 2 * size + 1
-    return _located(image, best, noise, round_dots)
+    return _locate_dots(image, best, noise, round_dots)
 
 
 def _alike(outlines: list[tuple[FloatArray, bool]]) -> tuple[list[tuple[FloatArray, bool]], float]:
@@ -89,7 +525,7 @@ def _alike(outlines: list[tuple[FloatArray, bool]]) -> tuple[list[tuple[FloatArr
     return alike, float(radius[best].sum())
 
 
-def _nothing() -> Dots:
+def _no_dots() -> Dots:
     return Dots(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool))
 
 
@@ -147,7 +583,7 @@ def _has_hole(contours: Sequence[Any], tree: NDArray[Any], k: int, ellipse: Floa
     return False
 
 
-def _located(
+def _locate_dots(
     image: FloatArray, outlines: list[tuple[FloatArray, bool]], noise: float, round_dots: bool
 ) -> Dots:
     """Centroids of the outlined dots; those whose darkness is unlike the others' are left out."""
@@ -155,7 +591,7 @@ def _located(
     values = centroids(image, ellipses, noise)
     good = np.isfinite(values).all(axis=1)
     if not good.any():
-        return _nothing()
+        return _no_dots()
     values, ellipses = values[good], ellipses[good]
     radius = 0.5 * np.sqrt(ellipses[:, 2] * ellipses[:, 3])
     hollow = np.array([hole for _, hole in outlines])[good]
@@ -165,11 +601,11 @@ def _located(
     if round_dots:
         small = np.flatnonzero(~hollow[kept] & (radius[kept] <= LARGEST))
         outline = ellipses[kept][small]
-        centre[small], sigma[small] = _fitted(image, centre[small], sigma[small], outline, noise)
+        centre[small], sigma[small] = _fit_dots(image, centre[small], sigma[small], outline, noise)
     return Dots(centre, sigma, values[kept, 3], radius[kept], hollow[kept])
 
 
-def _fitted(
+def _fit_dots(
     image: FloatArray, centre: FloatArray, sigma: FloatArray, ellipses: FloatArray, noise: float
 ) -> tuple[FloatArray, FloatArray]:
     """Centres from the edges where that is the more precise, with their sigma."""
@@ -181,6 +617,6 @@ def _fitted(
         [along * c * c + across * s * s, (along - across) * c * s, along * s * s + across * c * c], axis=1
     )
     reach = 0.5 * float(ellipses[:, 2:4].max()) * WINDOW + MARGIN
-    found, noise_of_it = fit_discs(image, centre, shape, reach, noise)
+    found, noise_of_it = _fit_discs(image, centre, shape, reach, noise)
     better = noise_of_it < sigma  # not where the fit failed: NaN
     return np.where(better[:, None], found, centre), np.where(better, noise_of_it, sigma)

@@ -1,4 +1,4 @@
-"""Refinement of the cameras' relative pose from matched points of the specimen itself.
+"""Repairs of a calibration: the relative pose refined from matched points, the order of picture pairs.
 
 The rays of a matched point must meet, whatever the surface. For the epipolar distances d_i of n points with
 their standard deviations s_i the pose is moved to
@@ -13,21 +13,29 @@ noise. The length of the baseline, and with it the scale, is not seen at all and
 parameters.
 
 Whether it helps is judged on points that it was not fitted to (`Refinement.helps`).
+
+Each camera's pictures give the poses of the target in its own frame. If pictures i and j belong together,
+they give the relative pose of the cameras, and with it camera 0's other poses say where camera 1 saw the
+target. The relative pose under which most of these places are taken by one picture each is that of the
+cameras.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, linear_sum_assignment
 
-from dic.arrays import BoolArray, FloatArray
-from dic.calibration.projection import exponential
-from dic.camera import StereoRig
+from dic.basics import BoolArray, FloatArray
+from dic.calibration.bundle import Pose, View, exponential
+from dic.calibration.solve import focal_start, in_camera_1, relative, resection
+from dic.calibration.views import all_views
+from dic.camera import Camera, StereoRig
 from dic.correlation import Correlation, Noise
 from dic.stereo import match_stereo
-from dic.stereo.epipolar import Rays, epipolar_sigma, slopes_between
-from dic.stereo.settings import StereoGates
+from dic.stereo.epipolar_search import StereoGates
+from dic.stereo.geometry import Rays, epipolar_sigma, slopes_between
 
 LEAST_POINTS = 40
 """Points that a refinement needs."""
@@ -116,7 +124,7 @@ def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: Floa
     def signed(x: FloatArray, rows: NDArray[np.int64]) -> FloatArray:
         """Epipolar distances of some of the points [px]."""
         first, second = (Rays(aim.x[rows], aim.slope[rows]) for aim in aims)
-        return slopes_between(moved(rig, x), first, second)[0]
+        return slopes_between(turn_rig(rig, x), first, second)[0]
 
     def fitted(rows: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
         """Turn and tilt for some of the points, and their covariance."""
@@ -140,7 +148,7 @@ def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: Floa
     held = [(distances(np.zeros(5), b), distances(fitted(a)[0], b)) for a, b in (parts, parts[::-1])]
     x, covariance = fitted(every)
     return Refinement(
-        rig=moved(rig, x),
+        rig=turn_rig(rig, x),
         turn=x[:3],
         tilt=x[3:],
         covariance=covariance,
@@ -152,11 +160,11 @@ def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: Floa
     )
 
 
-def moved(rig: StereoRig, x: FloatArray) -> StereoRig:
+def turn_rig(rig: StereoRig, x: FloatArray) -> StereoRig:
     """The rig with camera 1 turned by x[:3] and the baseline tilted by x[3:], its length as it was."""
     R, t = rig.relative
     length = float(np.linalg.norm(t))
-    direction = t / length + across(t) @ x[3:]
+    direction = t / length + baseline_normals(t) @ x[3:]
     R, t = exponential(x[:3]) @ R, length * direction / np.linalg.norm(direction)
     first, second = rig.cameras
     u, _, v = np.linalg.svd(R @ first.rotation)  # rounding must not leave a rotation that is none
@@ -164,7 +172,7 @@ def moved(rig: StereoRig, x: FloatArray) -> StereoRig:
     return replace(rig, cameras=(first, second))
 
 
-def across(t: FloatArray) -> FloatArray:
+def baseline_normals(t: FloatArray) -> FloatArray:
     """Two unit vectors across a baseline, as columns, shape [3, 2]."""
     return np.asarray(np.linalg.svd(t[None])[2][1:].T)
 
@@ -184,7 +192,7 @@ def prior_root(rig: StereoRig, since: float) -> FloatArray:
         _, t = rig.relative
         J = np.zeros((5, 6))
         J[:3, :3] = np.eye(3)
-        J[3:, 3:] = across(t).T / np.linalg.norm(t)
+        J[3:, 3:] = baseline_normals(t).T / np.linalg.norm(t)
         C = C + J @ rig.covariance[-6:, -6:] @ J.T
     return np.asarray(np.linalg.inv(np.linalg.cholesky(C)))
 
@@ -238,3 +246,78 @@ def refine_from_pictures(
     seen = (points[rows][valid], points[rows][valid] + match.warp[valid, :2])
     sigma = epipolar_sigma(rig, *seen, np.zeros((2, 2)), match.covariance[valid])
     return refine(rig, *seen, sigma)
+
+
+MOST_FIRST = 4
+"""Pictures of camera 0 whose partners are tried."""
+NEAR = 0.03
+"""Places agree within this share of the picture's longer side."""
+LEAST_SHARE = 0.8
+"""Share of the pictures that must find a partner."""
+
+
+def find_order(
+    detections: tuple[Sequence[object], Sequence[object]],
+    targets: Sequence[object],
+    sensors: tuple[tuple[int, int], tuple[int, int]],
+) -> list[int] | None:
+    """Find which picture of camera 1 belongs to each of camera 0.
+
+    Parameters
+    ----------
+    detections
+        What each camera saw, one entry a picture, as `dic.calibration.calibrate` takes it; as many of both.
+    targets
+        The target of each pair.
+    sensors
+        Columns and rows of the two cameras' pictures [px].
+
+    Returns
+    -------
+    list of int or None
+        A picture of camera 1 for each of camera 0, every one once; pictures without a detection take what is
+        left. None if no order fits `LEAST_SHARE` of them.
+    """
+    views = all_views(detections, targets)  # type: ignore[arg-type]
+    own: list[dict[int, View]] = [
+        {k: v[0] for (k, c), v in views.items() if c == camera} for camera in (0, 1)
+    ]
+    if min(len(own[0]), len(own[1])) < 3:
+        return None
+    cameras = [focal_start(sensors[c], [view for _, view in sorted(own[c].items())]) for c in (0, 1)]
+    poses = [{k: resection(cameras[c], view) for k, view in own[c].items()} for c in (0, 1)]
+    first, second = ([k for k in sorted(p) if p[k]] for p in poses)
+    if not first or not second:
+        return None
+    centres = np.array([own[1][j].pixels.mean(axis=0) for j in second])
+    limit = NEAR * max(sensors[1])
+    best: tuple[int, float, FloatArray, FloatArray] | None = None
+    for i in first[:MOST_FIRST]:
+        for j in second:
+            for p in poses[0][i]:
+                for q in poses[1][j]:
+                    places = _places(relative(p, q), cameras[1], poses[0], own[0], first)
+                    away = np.linalg.norm(places[:, None] - centres, axis=2)
+                    rows, columns = linear_sum_assignment(np.minimum(away, limit))
+                    near = away[rows, columns] < limit
+                    score = (int(near.sum()), -float(away[rows, columns][near].sum()))
+                    if best is None or score > best[:2]:
+                        best = (*score, rows[near], columns[near])
+    if best is None or best[0] < LEAST_SHARE * min(len(first), len(second)):
+        return None
+    order = {first[r]: second[c] for r, c in zip(best[2], best[3], strict=True)}
+    left = [j for j in range(len(detections[1])) if j not in order.values()]
+    return [order[k] if k in order else left.pop(0) for k in range(len(detections[0]))]
+
+
+def _places(
+    rel: Pose,
+    camera: Camera,
+    poses: Mapping[int, list[Pose]],
+    views: Mapping[int, View],
+    wanted: Sequence[int],
+) -> FloatArray:
+    """Where camera 1 would see the middle of the target in camera 0's pictures [px], shape [n, 2]."""
+    middles = np.array([poses[k][0][0] @ views[k].points.mean(axis=0) + poses[k][0][1] for k in wanted])
+    moved, camera = in_camera_1((np.eye(3), np.zeros(3)), rel), replace(camera, rotation=np.eye(3))
+    return np.asarray(camera.project(middles @ moved[0].T + moved[1]))

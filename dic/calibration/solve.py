@@ -1,23 +1,503 @@
-"""Calibration of two cameras from what they saw of a target."""
+"""Calibration of two cameras from their views of a target.
 
-from collections.abc import Sequence
-from dataclasses import replace
+`calibrate` starts from focal lengths and single poses, adjusts the bundle, rejects pairs and points that
+disagree with the cameras of the others, and checks predictions: residuals of left-out pairs, distances on
+the target.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import groupby
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dic.calibration import checks
-from dic.calibration.bundle import clustering
-from dic.calibration.projection import View
-from dic.calibration.rejection import Verdicts, solve_without_bad
-from dic.calibration.result import Calibration, Checks, Pair, PairOutcome, PairView
-from dic.calibration.rig_state import Fit, free_columns
-from dic.calibration.start import start
+from dic.basics import MAD, FloatArray, cv2
+from dic.calibration.bundle import (
+    HARDLY,
+    SHARED_PARAMETERS,
+    Fit,
+    Pose,
+    Rig,
+    Undetermined,
+    View,
+    adjust,
+    clustering,
+    free_columns,
+    project_points,
+    residuals,
+)
 from dic.calibration.targets.base import Detection, Target, TargetNotFound
-from dic.calibration.views import all_views, finished_view
-from dic.camera import PARAMETERS, StereoRig
+from dic.calibration.views import (
+    Calibration,
+    Checks,
+    Pair,
+    PairOutcome,
+    PairView,
+    all_views,
+    finished_view,
+    only,
+)
+from dic.camera import PARAMETERS, Camera, StereoRig
 from dic.images import PictureError
+from dic.processes import run_parallel
 
-Seen = Detection | TargetNotFound | PictureError | None
+FOCAL = (0.3, 60.0)
+"""Focal lengths that are tried, over the longer side of the picture."""
+FOCAL_TRIALS = 6
+"""Pictures the focal length is chosen by, and pairs whose relative pose is tried."""
+
+
+def resection(camera: Camera, view: View) -> list[Pose]:
+    """Poses of a target in a camera's own frame, best first; two where a flat target leaves both open."""
+    return [pose for _, pose in _resect_all(camera, view)]
+
+
+def _resect_all(camera: Camera, view: View) -> list[tuple[float, Pose]]:
+    """The poses of `resection`, each after its `misfit` [px]."""
+    pixels = camera.undistort(view.pixels)
+    points = np.ascontiguousarray(view.points)
+    flat = np.ptp(points[:, 2]) == 0.0
+    if len(points) < (4 if flat else 6):
+        return []
+    shift = points.mean(axis=0) * [1.0, 1.0, 0.0] + [0.0, 0.0, points[0, 2] if flat else 0.0]
+    method = cv2.SOLVEPNP_IPPE if flat else cv2.SOLVEPNP_SQPNP
+    try:
+        found, turns, shifts, _ = cv2.solvePnPGeneric(points - shift, pixels, np.eye(3), None, flags=method)
+    except cv2.error:  # points on a line
+        return []
+    poses: list[Pose] = []
+    for turn, translation in zip(turns[:found], shifts[:found], strict=True):
+        R = np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64)
+        t = translation.ravel() - R @ shift
+        if np.all(np.isfinite(R)) and np.all(np.isfinite(t)) and t[2] + (R @ shift)[2] > 0.0:
+            poses.append((R, t))
+    return sorted(((misfit(camera, view, pose), pose) for pose in poses), key=lambda found: found[0])
+
+
+def misfit(camera: Camera, view: View, pose: Pose) -> float:
+    """Root mean square distance of what was seen from a pose's prediction [px]."""
+    off = view.pixels - project_points(camera, view, *pose)
+    value = float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
+    return value if np.isfinite(value) else np.inf
+
+
+def camera_at_origin(camera: Camera) -> Camera:
+    """The camera in its own frame."""
+    return replace(camera, rotation=np.eye(3), translation=np.zeros(3))
+
+
+def focal_start(sensor: tuple[int, int], views: Sequence[View]) -> Camera:
+    """A camera without distortion, its principal point in the middle of the picture.
+
+    The focal length is that of least median misfit over a few pictures, from a scan: it cannot run away, as
+    the closed form from homographies does with a long lens and nearly parallel boards.
+
+    Raises
+    ------
+    Undetermined
+        If no pose explains any picture.
+    """
+    middle = (0.5 * (sensor[0] - 1), 0.5 * (sensor[1] - 1))
+    few = [views[k] for k in np.unique(np.linspace(0, len(views) - 1, FOCAL_TRIALS).round().astype(int))]
+
+    def off(logarithm: float) -> float:
+        f = float(np.exp(logarithm)) * max(sensor)
+        camera = Camera(fx=f, fy=f, cx=middle[0], cy=middle[1], sensor=sensor)
+        best = [next((value for value, _ in _resect_all(camera, s)), np.inf) for s in few]
+        return float(np.median(best))
+
+    low, high = np.log(FOCAL)
+    grid = np.linspace(low, high, 16)
+    values = [off(x) for x in grid]
+    best = int(np.argmin(values))
+    if not np.isfinite(values[best]):
+        raise Undetermined("no pose of the target explains what is seen; check its columns, rows and pitch")
+    a, b = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+    fine = np.linspace(a, b, 7)
+    f = float(np.exp(fine[int(np.argmin([off(x) for x in fine]))])) * max(sensor)
+    return Camera(fx=f, fy=f, cx=middle[0], cy=middle[1], sensor=sensor)
+
+
+def relative(first: Pose, second: Pose) -> Pose:
+    """From camera 0 to camera 1, if the same target has these poses in the two."""
+    R = second[0] @ first[0].T
+    return R, second[1] - R @ first[1]
+
+
+def in_camera_1(first: Pose, rel: Pose) -> Pose:
+    """A pose in camera 0's frame, in camera 1's."""
+    return rel[0] @ first[0], rel[0] @ first[1] + rel[1]
+
+
+def start(
+    sensors: tuple[tuple[int, int], tuple[int, int]],
+    views: Mapping[tuple[int, int], Sequence[View]],
+) -> tuple[Rig, dict[tuple[int, int], View]]:
+    """Cameras, relative pose and the target's poses, and which of its equivalent numberings each view has.
+
+    Parameters
+    ----------
+    sensors
+        Columns and rows of the two cameras' pictures [px].
+    views
+        (pair, camera) -> the view, once in each equivalent numbering.
+
+    Raises
+    ------
+    Undetermined
+        If a camera saw nothing, or no target was seen by both.
+    """
+    cameras = []
+    for camera in (0, 1):
+        own = [views[0] for (_, k), views in sorted(views.items(), key=lambda i: i[0]) if k == camera]
+        if not own:
+            raise Undetermined(f"camera {camera} has no picture in which the target was recognised")
+        cameras.append(focal_start(sensors[camera], own))
+    pairs = sorted({pair for pair, _ in views})
+    joint = [pair for pair in pairs if (pair, 0) in views and (pair, 1) in views]
+    if not joint:
+        raise Undetermined("no target was recognised by both cameras in the same pair of pictures")
+    poses = {pair: resection(cameras[0], views[pair, 0][0]) if (pair, 0) in views else [] for pair in pairs}
+    rel = _relative(cameras[0], cameras[1], joint, poses, views)
+    rig_cameras = (cameras[0], replace(cameras[1], rotation=rel[0], translation=rel[1]))
+    chosen: dict[tuple[int, int], View] = {}
+    found: dict[int, Pose] = {}
+    for pair in pairs:
+        options = poses[pair]
+        if (pair, 0) not in views:  # seen by camera 1 alone: its pose, carried back
+            back = (rel[0].T, -rel[0].T @ rel[1])
+            options = [in_camera_1(p, back) for p in resection(cameras[1], views[pair, 1][0])]
+        if not options:
+            continue
+        if (pair, 0) in views:
+            chosen[pair, 0] = views[pair, 0][0]
+        numberings = views.get((pair, 1), ())
+        if not numberings:
+            found[pair] = options[0]
+            continue
+        scores = [
+            (misfit(cameras[1], view, in_camera_1(p, rel)), k, j)
+            for k, view in enumerate(numberings)
+            for j, p in enumerate(options)
+        ]
+        _, k, j = min(scores)
+        chosen[pair, 1], found[pair] = numberings[k], options[j]
+    return Rig(rig_cameras, found), chosen
+
+
+def _relative(
+    first: Camera,
+    second: Camera,
+    joint: Sequence[int],
+    poses: Mapping[int, Sequence[Pose]],
+    views: Mapping[tuple[int, int], Sequence[View]],
+) -> Pose:
+    """The relative pose that explains most pairs: a flat board leaves two tilts open in each picture."""
+    few = [joint[k] for k in np.unique(np.linspace(0, len(joint) - 1, FOCAL_TRIALS).round().astype(int))]
+    candidates = [
+        relative(p, q)
+        for pair in few
+        for view in views[pair, 1]
+        for q in resection(second, view)
+        for p in poses[pair]
+    ]
+
+    def off(rel: Pose) -> float:
+        best = [
+            min(
+                (misfit(second, view, in_camera_1(p, rel)) for view in views[pair, 1] for p in poses[pair]),
+                default=np.inf,
+            )
+            for pair in few
+        ]
+        return float(np.median(best))
+
+    scores = [off(rel) for rel in candidates]
+    if not scores or not np.isfinite(min(scores)):
+        raise Undetermined("no relative pose of the cameras explains what they see; are pairs in order?")
+    return candidates[int(np.argmin(scores))]
+
+
+def rms(rig: Rig, views: Sequence[View]) -> float:
+    """Root mean square distance of all that was seen from its prediction [px]."""
+    off = np.concatenate([residuals(rig, view) for view in views])
+    return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
+
+
+ENOUGH = 1e-7
+"""Relative tolerance of the sum of squares of held-out pairs, from a start that is all but the solution."""
+
+
+def _group_by_pair(views: Sequence[View]) -> dict[int, list[View]]:
+    """Views of each pair."""
+    ordered = sorted(views, key=lambda s: (s.pair, s.camera))
+    return {pair: list(views) for pair, views in groupby(ordered, key=lambda s: s.pair)}
+
+
+def fit_pose(rig: Rig, views: Sequence[View], *, tolerance: float = 1e-10) -> Fit:
+    """The best pose of one target for given cameras."""
+    return adjust(rig, views, np.zeros((SHARED_PARAMETERS, 0)), tolerance=tolerance)
+
+
+def cross_validation_error(fit: Fit, views: Sequence[View], columns: FloatArray, folds: int) -> float:
+    """Root mean square residual of pairs that the cameras were not fitted to [px].
+
+    Pairs k, k + folds, ... are left out in turn, the rest is solved again, and of each pair left out only
+    the target's pose is adjusted. NaN if a part leaves too little to solve.
+    """
+    pairs = _group_by_pair(views)
+    joint = [pair for pair, views in pairs.items() if len(views) == 2]
+    if folds < 2 or len(joint) < 4:
+        return float("nan")
+
+    def part(k: int) -> tuple[float, int] | None:
+        """Sum of squares and number of residuals of a part; None if the rest is too little."""
+        out = set(joint[k::folds])
+        try:
+            kept = [s for s in views if s.pair not in out]
+            without = adjust(fit.rig, kept, columns, tolerance=ENOUGH, damping=HARDLY)
+        except ValueError:
+            return None
+        squares, count = 0.0, 0
+        for pair in out:
+            again = fit_pose(without.rig, pairs[pair], tolerance=ENOUGH)
+            off = np.concatenate([residuals(again.rig, s) for s in pairs[pair]])
+            squares, count = squares + float(np.sum(off**2)), count + len(off)
+        return squares, count
+
+    parts = run_parallel([partial(part, k) for k in range(min(folds, len(joint)))])
+    sums = [found for found in parts if found is not None]
+    if len(sums) < len(parts):
+        return float("nan")
+    return float(np.sqrt(sum(squares for squares, _ in sums) / sum(count for _, count in sums)))
+
+
+def triangulate_target(rig: Rig, views: Sequence[View]) -> tuple[FloatArray, FloatArray]:
+    """Points of a target seen by both cameras: in space from what they saw alone [m], and on the target.
+
+    The offset of a dot's centroid from its centre's image is taken off first.
+    """
+    # not with the module: the search for a target needs none of what this brings along
+    from dic.stereo import triangulate
+
+    first, second = views
+    _, rows0, rows1 = np.intersect1d(first.ids, second.ids, return_indices=True)
+    pixels = []
+    for view, rows in ((first, rows0), (second, rows1)):
+        camera = rig.cameras[view.camera]
+        R, t = rig.poses[view.pair]
+        shift = project_points(camera, view, R, t) - project_points(camera, view, R, t, patches=False)
+        pixels.append((view.pixels - shift)[rows])
+    found = triangulate(StereoRig(rig.cameras), pixels[0], pixels[1], np.eye(2), np.eye(2)).position
+    return found, first.points[rows0]
+
+
+def distances(rig: Rig, views: Sequence[View]) -> tuple[float, float, float]:
+    """Triangulated over true distances on the target, the ratio's sigma, and the rms error of shape [m].
+
+    The ratio is the scale of the similarity that carries the true points of each pair onto the
+    triangulated ones, which weights each distance with its length.
+    """
+    ratios, squares, count = [], 0.0, 0
+    for both in _group_by_pair(views).values():
+        if len(both) != 2:
+            continue
+        found, true = triangulate_target(rig, both)
+        if len(found) < 4:
+            continue
+        a, b = true - true.mean(axis=0), found - found.mean(axis=0)
+        u, _, v = np.linalg.svd(b.T @ a)
+        R = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
+        turned = a @ R.T
+        ratios.append(float(np.sum(turned * b) / np.sum(a * a)))
+        squares, count = squares + float(np.sum((b - turned) ** 2)), count + len(b)
+    if not ratios:
+        return float("nan"), float("nan"), float("nan")
+    spread = float(np.std(ratios, ddof=1) / np.sqrt(len(ratios))) if len(ratios) > 1 else float("nan")
+    return float(np.mean(ratios)), spread, float(np.sqrt(squares / count))
+
+
+def advice(rig: StereoRig, free: Sequence[str]) -> tuple[str, ...]:
+    """Parameters that the pictures do not determine, and what to do about it."""
+    assert rig.covariance is not None
+    sigma = dict(zip(rig.parameter_names, np.sqrt(np.diag(rig.covariance)), strict=True))
+    said = []
+    for k, camera in enumerate(rig.cameras):
+        own = dict(
+            zip(("skew", "k1", "k2", "p1", "p2", "k3"), (camera.skew, *camera.distortion), strict=True)
+        )
+        said += [
+            f"camera {k}: {name} = {own[name]:.3g} ± {sigma[f'{name}{k}']:.2g} is not determined "
+            "(its sigma exceeds its value): leave it out"
+            for name in own
+            if name in free and sigma[f"{name}{k}"] > abs(own[name])
+        ]
+        if camera.sensor is None:
+            continue
+        size = dict(zip(("cx", "cy"), camera.sensor, strict=True))
+        said += [
+            f"camera {k}: {name} is known to ± {sigma[f'{name}{k}']:.1f} px only; a stronger tilt and roll "
+            "of the target would settle it (a long lens trades it for the pose, as the covariance says)"
+            for name in size
+            if name in free and sigma[f"{name}{k}"] > 0.02 * size[name]
+        ]
+    return tuple(said)
+
+
+Z_PAIR, TIMES = 6.0, 2.0
+"""A pair is bad if its rms residual lies this many robust standard deviations above the median of the pairs
+and is this many times the median: the first alone would reject the worst of very even pictures, the second
+alone the blurred ones of a mixed set."""
+Z_POINT = 7.0
+"""A point is dropped if it is off by more than this many robust standard deviations of its view."""
+REWEIGHTINGS = 4
+"""Rounds of reweighting before any pair is judged."""
+LEAST_PAIRS = 4
+"""With fewer pairs than this there is no majority to judge by."""
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """Pairs and points kept and left out."""
+
+    kept: list[View]
+    """Views with the points used."""
+    used: dict[tuple[int, int], NDArray[np.bool_]]
+    """(pair, camera) -> which points of the view were used."""
+    bad: dict[int, str]
+    """Pair -> why it was left out."""
+
+
+def _solve_without_bad(
+    rig: Rig, views: Sequence[View], columns: tuple[FloatArray, FloatArray], *, reject: bool
+) -> tuple[Fit, Verdicts]:
+    """The least squares of the pairs and points that agree.
+
+    The first verdict is that of a robust solution (`_robust`). Then the worst pair is left out as long as it
+    is bad; after each solution every pair that is out is tried
+    again with nothing but its pose adjusted, and comes back if it fits. So one bad pair cannot take good
+    ones with it, and the verdict on a pair never rests on a solution that it took part in spoiling.
+
+    Parameters
+    ----------
+    rig, views
+        The start, and all that was seen.
+    columns
+        What is adjusted first, and in the end (`free_columns`).
+    reject
+        False: keep all.
+    """
+    pairs = _group_by_pair([s for s in views if s.pair in rig.poses])
+    bad: dict[int, str] = {}
+    if reject:
+        first = {pair: rms(rig, views) for pair, views in pairs.items()}
+        # The start is rough: only what is far beyond the rest is put aside now, and tried again below.
+        limit = 10.0 * float(np.median(list(first.values()))) + 1.0
+        bad = {pair: "" for pair, value in first.items() if value > limit}
+    fit = _solve(rig, pairs, bad, columns[0])
+    if reject and len(pairs) >= LEAST_PAIRS:
+        fit, bad = _robust(fit, pairs, bad, columns[1])
+    for _ in range(len(pairs)):
+        fit = _solve(fit.rig, pairs, bad, columns[1])
+        if not reject:
+            break
+        errors = {pair: _error(fit, views, pair in bad) for pair, views in pairs.items()}
+        now = _judge(errors, bad)
+        if set(now) == set(bad):
+            bad = now
+            break
+        bad = now
+    used = _points(fit, pairs, bad, reject)
+    kept = [only(s, used[s.pair, s.camera]) for p, views in pairs.items() if p not in bad for s in views]
+    fit = adjust(fit.rig, kept, columns[1], damping=HARDLY)
+    poses = dict(fit.rig.poses)
+    for pair in bad:
+        poses[pair] = fit_pose(fit.rig, pairs[pair]).rig.poses[pair]
+    return Fit(
+        Rig(fit.rig.cameras, poses), fit.covariance, fit.chi2, fit.freedom, fit.pose_covariance
+    ), Verdicts(kept, used, bad)
+
+
+def _solve(rig: Rig, pairs: dict[int, list[View]], bad: dict[int, str], columns: FloatArray) -> Fit:
+    good = [s for pair, views in pairs.items() if pair not in bad for s in views]
+    if not any(len(views) == 2 for pair, views in pairs.items() if pair not in bad):
+        raise Undetermined("no pair in which both cameras saw the target agrees with the others")
+    return adjust(rig, good, columns, tolerance=1e-5)
+
+
+def _robust(
+    fit: Fit, pairs: dict[int, list[View]], bad: dict[int, str], columns: FloatArray
+) -> tuple[Fit, dict[int, str]]:
+    """Cameras that bad pairs pull little at, and the pairs that do not fit them.
+
+    Least squares again and again, each pair weighted with 1 / (1 + (e / m)²) for its rms residual e and the
+    median m of all (Cauchy's weights): what does not fit loses its say, and then fits less.
+    """
+    weights = dict.fromkeys(pairs, 1.0)
+    for _ in range(REWEIGHTINGS):
+        views = [
+            replace(s, sigma=s.sigma / np.sqrt(weights[pair]))
+            for pair, views in pairs.items()
+            if pair not in bad
+            for s in views
+        ]
+        fit = adjust(fit.rig, views, columns, tolerance=1e-4)
+        errors = {pair: _error(fit, views, pair in bad) for pair, views in pairs.items()}
+        median = float(np.median(list(errors.values())))
+        weights = {pair: 1.0 / (1.0 + (value / median) ** 2) for pair, value in errors.items()}
+    limit = _limit(list(errors.values()))[0]
+    return fit, {pair: "" for pair, value in errors.items() if value > limit}
+
+
+def _limit(errors: Sequence[float]) -> tuple[float, float]:
+    """Rms residual above which a pair is bad, and the median [px]."""
+    median = float(np.median(errors))
+    spread = MAD * float(np.median(np.abs(np.array(errors) - median)))
+    return max(median + Z_PAIR * spread, TIMES * median), median
+
+
+def _error(fit: Fit, views: list[View], out: bool) -> float:
+    """Rms residual of a pair [px]; its pose is adjusted first if it took no part."""
+    return rms(fit_pose(fit.rig, views).rig if out else fit.rig, views)
+
+
+def _judge(errors: dict[int, float], bad: dict[int, str]) -> dict[int, str]:
+    """Bad pairs: those out that still do not fit, and the worst of those in if it does not."""
+    if len(errors) < LEAST_PAIRS:
+        return {}
+    limit, median = _limit([value for pair, value in errors.items() if pair not in bad])
+
+    def reason(value: float) -> str:
+        return (
+            f"rms residual {value:.3g} px with the cameras of the other pairs, median of these "
+            f"{median:.3g} px, limit {limit:.3g} px"
+        )
+
+    now = {pair: reason(errors[pair]) for pair in bad if errors[pair] > limit}
+    worst = max((pair for pair in errors if pair not in bad), key=lambda pair: errors[pair])
+    if errors[worst] > limit:
+        now[worst] = reason(errors[worst])
+    return now
+
+
+def _points(
+    fit: Fit, pairs: dict[int, list[View]], bad: dict[int, str], reject: bool
+) -> dict[tuple[int, int], NDArray[np.bool_]]:
+    """Points of each view that are used."""
+    used = {}
+    for pair, views in pairs.items():
+        for view in views:
+            off = np.hypot(*residuals(fit.rig, view).T)
+            # The median length of a plane Gaussian vector is 1.1774 of its coordinates' sigma.
+            limit = Z_POINT * float(np.median(off)) / 1.1774
+            near = off <= limit if reject else np.ones(len(off), dtype=bool)
+            used[pair, view.camera] = near & (pair not in bad)
+    return used
+
+
+CameraDetections = Detection | TargetNotFound | PictureError | None
 Size = tuple[int, int]
 
 MODELS: dict[str, tuple[str, ...]] = {
@@ -33,8 +513,8 @@ MODELS: dict[str, tuple[str, ...]] = {
 
 
 def calibrate(
-    views0: Sequence[Seen],
-    views1: Sequence[Seen],
+    views0: Sequence[CameraDetections],
+    views1: Sequence[CameraDetections],
     target: Target | Sequence[Target],
     *,
     sensors: tuple[Size, Size],
@@ -80,7 +560,7 @@ def calibrate(
 
     Raises
     ------
-    dic.calibration.rig_state.Undetermined
+    dic.calibration.bundle.Undetermined
         If the pictures cannot determine what is asked for.
     ValueError
         Lengths that do not agree, or an unknown distortion model.
@@ -100,13 +580,13 @@ def calibrate(
     rig, chosen = start(sensors, views)
     rough = free_columns(("fx", "fy"), square_pixels=True, relative=True)
     columns = free_columns(free, square_pixels=square_pixels, relative=True)
-    fit, verdicts = solve_without_bad(rig, list(chosen.values()), (rough, columns), reject=reject)
+    fit, verdicts = _solve_without_bad(rig, list(chosen.values()), (rough, columns), reject=reject)
 
     kept = verdicts.kept
     together = clustering(fit, kept, columns)
     found = StereoRig(fit.rig.cameras, fit.covariance * fit.unit**2 * max(1.0, together))
     off = np.concatenate([finished_view(fit.rig, s, np.ones(len(s.ids), dtype=bool)).residual for s in kept])
-    ratio, ratio_sigma, shape = checks.distances(fit.rig, kept) if predict else 3 * (float("nan"),)
+    ratio, ratio_sigma, shape = distances(fit.rig, kept) if predict else 3 * (float("nan"),)
     return Calibration(
         rig=found,
         free=tuple(name for name in PARAMETERS if name in free),
@@ -118,17 +598,17 @@ def calibrate(
         freedom=fit.freedom,
         checks=Checks(
             fit_rms=float(np.sqrt(np.mean(np.sum(off**2, axis=1)))),
-            held_out_rms=checks.held_out(fit, kept, columns, folds if predict else 0),
+            held_out_rms=cross_validation_error(fit, kept, columns, folds if predict else 0),
             folds=folds if predict else 0,
             distance_ratio=ratio,
             distance_sigma=ratio_sigma,
             distance_rms=shape,
         ),
-        advice=checks.advice(found, free),
+        advice=advice(found, free),
     )
 
 
-def _said(view: TargetNotFound | PictureError | None) -> str:
+def _message(view: TargetNotFound | PictureError | None) -> str:
     """Why there is no detection."""
     if view is None:
         return "no picture"
@@ -138,14 +618,14 @@ def _said(view: TargetNotFound | PictureError | None) -> str:
 def _pair(
     k: int,
     name: str,
-    views: tuple[Seen, Seen],
+    views: tuple[CameraDetections, CameraDetections],
     chosen: dict[tuple[int, int], View],
     fit: Fit,
     verdicts: Verdicts,
 ) -> Pair:
     """The record of one pair."""
     missing = [
-        f"camera {camera}: {_said(view)}"
+        f"camera {camera}: {_message(view)}"
         for camera, view in enumerate(views)
         if not isinstance(view, Detection)
     ]

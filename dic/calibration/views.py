@@ -1,14 +1,276 @@
-"""Between what detections say and what the solve works with."""
+"""Views of a target: detection in pictures, pairs of views, and the calibration that results from them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration.projection import View, seen
-from dic.calibration.result import PairView
-from dic.calibration.rig_state import Rig
-from dic.calibration.targets.base import Detection, Target
+from dic.basics import FloatArray, IntArray
+from dic.calibration.bundle import Rig, View, project_points
+from dic.calibration.targets.base import Detection, Target, TargetNotFound
+from dic.camera import StereoRig
+from dic.images import PictureError, Pictures
+from dic.processes import background_pool
+
+
+def detect(picture: NDArray[np.generic], target: Target) -> Detection:
+    """Points of a target in a picture.
+
+    Parameters
+    ----------
+    picture
+        Grey values of any depth, shape [rows, columns].
+    target
+        One of `dic.calibration.TARGETS`.
+
+    Raises
+    ------
+    TargetNotFound
+        If it is not seen, or not well enough to number its points.
+    ValueError
+        If the picture is not one grey picture.
+    """
+    return target.detect(picture)
+
+
+Views = tuple[list[Detection | TargetNotFound | PictureError], ...]
+"""Of each camera a list, one entry a picture: what was detected, why nothing was, or why the picture cannot
+be used."""
+
+
+@contextmanager
+def detection_begun(series: Sequence[Pictures], targets: Sequence[Target]) -> Iterator[Callable[..., Views]]:
+    """Begin to look for a target, in processes beside this one if there are some
+    (`dic.processes.background_pool`).
+
+    Parameters
+    ----------
+    series, targets
+        As of `detect_series`.
+
+    Yields
+    ------
+    callable
+        Joins in the work and gives what `detect_series` gives; takes its `progress`.
+    """
+    jobs = [
+        (camera, index)
+        for index in range(max(pictures.n_frames for pictures in series))
+        for camera, pictures in enumerate(series)
+        if index < pictures.n_frames
+    ]
+
+    def one(job: tuple[int, int]) -> Detection | TargetNotFound | PictureError:
+        camera, index = job
+        try:
+            return detect(series[camera].frame(index), targets[camera])
+        except (TargetNotFound, PictureError) as error:
+            return error
+
+    with background_pool([partial(one, job) for job in jobs]) as joined:
+
+        def views(progress: Callable[[int, int], None] | None = None) -> Views:
+            found: Views = tuple([] for _ in series)
+            for (camera, _), view in zip(jobs, joined(progress), strict=True):
+                found[camera].append(view)
+            return found
+
+        yield views
+
+
+def detect_series(
+    series: Sequence[Pictures],
+    targets: Sequence[Target],
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Views:
+    """Points of a target in all pictures of several cameras, as `calibrate` takes them.
+
+    Parameters
+    ----------
+    series
+        Of each camera its pictures.
+    targets
+        As each camera is to look for it.
+    progress
+        Told of the pictures done and their number, as `dic.processes.run_parallel` does.
+
+    Returns
+    -------
+    tuple
+        Of each camera a list, one entry a picture: what was detected, why nothing was, or why the picture
+        cannot be used. It does not depend on the number of threads or processes.
+
+    Raises
+    ------
+    ValueError
+        If a picture is not one grey picture.
+    """
+    with detection_begun(series, targets) as views:
+        return views(progress)
+
+
+class PairOutcome(IntEnum):
+    """The end of one pair of calibration pictures."""
+
+    VALID = 0
+    NOT_FOUND = 1
+    INCONSISTENT = 2
+    ONE_CAMERA = 3
+
+    @property
+    def used(self) -> bool:
+        """True when the pair took part in the solution."""
+        return self in (PairOutcome.VALID, PairOutcome.ONE_CAMERA)
+
+    @property
+    def cause(self) -> str:
+        """Cause of the outcome, in one sentence."""
+        return _CAUSES[self][0]
+
+    @property
+    def cure(self) -> str:
+        """Cure for a user, in one sentence."""
+        return _CAUSES[self][1]
+
+
+_CAUSES = {
+    PairOutcome.VALID: ("both cameras saw the target where the others put it", "nothing to do"),
+    PairOutcome.NOT_FOUND: (
+        "the target was recognised by neither camera",
+        "look at the pictures: all fiducials in view, in focus, free of glare",
+    ),
+    PairOutcome.INCONSISTENT: (
+        "what the two cameras saw does not fit the cameras that all other pairs agree on",
+        "look for a target that moved between the two exposures, pictures that are no pair, or blur",
+    ),
+    PairOutcome.ONE_CAMERA: (
+        "one camera alone recognised the target: used for that camera's own parameters",
+        "keep the target in both fields of view",
+    ),
+}
+
+
+def _rms(residual: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.sum(residual**2, axis=1)))) if len(residual) else float("nan")
+
+
+@dataclass(frozen=True)
+class PairView:
+    """One camera's part in a pair of pictures."""
+
+    ids: IntArray
+    """Points of the target that were recognised, shape [n]."""
+    pixels: FloatArray
+    """Observed pixels, as measured [px], shape [n, 2]."""
+    sigma: FloatArray
+    """Standard deviations from the picture's noise [px], shape [n]."""
+    residual: FloatArray
+    """Measured less expected [px], shape [n, 2]."""
+    eccentricity: FloatArray
+    """Expected centroid of a dot less the image of its centre [px], shape [n, 2]."""
+    used: NDArray[np.bool_]
+    """Points that took part; the others lie too far off, shape [n]."""
+
+    @property
+    def rms(self) -> float:
+        """Root mean square length of the residuals of the points used, or of all if none was [px]."""
+        return _rms(self.residual[self.used] if self.used.any() else self.residual)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One pair of pictures of the target."""
+
+    name: str
+    outcome: PairOutcome
+    reason: str
+    """Reason that it was left out, with numbers; empty if it was not."""
+    views: tuple[PairView | None, PairView | None]
+    """Of camera 0 and 1; None where the target was not recognised."""
+    rotation: FloatArray | None
+    """From the target's frame to the rig's, shape [3, 3]; None if the target was not recognised."""
+    translation: FloatArray | None
+    """From the target's frame to the rig's [m], shape [3]."""
+    unusable: bool = False
+    """True if a picture of it could not be read or is of another size: `reason` names it."""
+
+    @property
+    def rms(self) -> float:
+        """The same over both cameras [px]; NaN if neither recognised the target."""
+        views = [view for view in self.views if view is not None]
+        any_used = any(view.used.any() for view in views)
+        parts = [view.residual[view.used] if any_used else view.residual for view in views]
+        return _rms(np.concatenate([*parts, np.zeros((0, 2))]))
+
+
+@dataclass(frozen=True)
+class Checks:
+    """Predictions of the calibration against what it was not told; NaN where none were wanted."""
+
+    fit_rms: float
+    """Root mean square residual of the points used [px]."""
+    held_out_rms: float
+    """The same for pairs that were left out of the solution in turn, the target's pose adjusted [px];
+    NaN with fewer than four pairs."""
+    folds: int
+    """Parts the pairs were divided in for it."""
+    distance_ratio: float
+    """Triangulated over true distances of points of the target, all pairs of points, weighted by length;
+    NaN if no target was seen by both cameras."""
+    distance_sigma: float
+    """Standard deviation of that ratio from picture pair to picture pair, over the root of their number."""
+    distance_rms: float
+    """Root mean square distance of triangulated points from the target's rigid shape [m]."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Two calibrated cameras and all that speaks for and against them."""
+
+    rig: StereoRig
+    """The cameras, camera 0 at the origin, with the covariance of their parameters."""
+    free: tuple[str, ...]
+    """Parameters of each camera that were adjusted."""
+    pairs: tuple[Pair, ...]
+    """Every pair that was given, in its order."""
+    unit: float
+    """Root of the variance of unit weight: residuals over the sigma that the pictures' noise explains. The
+    covariance is scaled with its square."""
+    clustering: float
+    """`dic.calibration.bundle.clustering`: 1 if residuals are independent. The covariance is scaled with it
+    where it exceeds 1."""
+    freedom: int
+    """Coordinates measured less numbers adjusted."""
+    checks: Checks
+    advice: tuple[str, ...]
+    """Advice from the covariance on the choice of parameters and pictures."""
+
+    @property
+    def rms(self) -> float:
+        """Root mean square length of all residuals used [px]."""
+        return self.checks.fit_rms
+
+    @property
+    def rejected(self) -> tuple[Pair, ...]:
+        """Pairs that were left out."""
+        return tuple(pair for pair in self.pairs if not pair.outcome.used)
+
+    @property
+    def unusable(self) -> tuple[Pair, ...]:
+        """Pairs that took part with one picture, as the other could not be used."""
+        return tuple(pair for pair in self.pairs if pair.outcome.used and pair.unusable)
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Standard deviation of every parameter of the rig, by name; zero for one that was held."""
+        assert self.rig.covariance is not None  # a calibration always has it
+        values = np.sqrt(np.maximum(np.diag(self.rig.covariance), 0.0))
+        return dict(zip(self.rig.parameter_names, values.tolist(), strict=True))
 
 
 def all_views(
@@ -51,8 +313,8 @@ def finished_view(rig: Rig, view: View, used: NDArray[np.bool_]) -> PairView:
     """The record of one view in a solved rig."""
     R, t = rig.poses[view.pair]
     camera = rig.cameras[view.camera]
-    expected = seen(camera, view, R, t)
-    shift = expected - seen(camera, view, R, t, patches=False)
+    expected = project_points(camera, view, R, t)
+    shift = expected - project_points(camera, view, R, t, patches=False)
     return PairView(view.ids, view.pixels, view.sigma, view.pixels - expected, shift, used)
 
 

@@ -1,6 +1,131 @@
-"""Calibrations of other programs: one format a file."""
+"""Calibrations of other programs: the registry of formats, and the functions that read and write a rig.
 
-from dic.camera_files.formats import FORMATS, CameraFormat, read_rig, write_rig
-from dic.camera_files.source import CameraFileError
+A new format is its file and one line of `FORMATS`.
+"""
+
+from pathlib import Path
+from typing import Protocol
+
+from dic.camera import StereoRig
+from dic.camera_files.dice import DiceText, DiceXml
+from dic.camera_files.matchid import MatchID
+from dic.camera_files.opencorr import OpenCorr
+from dic.camera_files.opencv import OpenCV
+from dic.camera_files.source import CameraFileError, Source
+from dic.camera_files.vic3d import Vic3D
+
+
+class CameraFormat(Protocol):
+    """Protocol of camera file formats."""
+
+    @property
+    def name(self) -> str:
+        """Name of the format, as `write_rig` takes it."""
+
+    @property
+    def about(self) -> str:
+        """Program and kind of file, for messages."""
+
+    @property
+    def suffix(self) -> str:
+        """Usual end of a file's name."""
+
+    @property
+    def absolute_pose(self) -> bool:
+        """True if a file keeps the poses of both cameras; False if their relative pose only."""
+
+    @property
+    def tangential(self) -> bool:
+        """True if a file keeps tangential distortion; `write` refuses a rig that has some otherwise."""
+
+    def sniff(self, text: str) -> bool:
+        """True if a file's text is of this format."""
+
+    def read(self, source: Source, length_unit: float) -> StereoRig:
+        """The rig of a file whose lengths are multiples of `length_unit` [m], unless it says otherwise.
+
+        Raises
+        ------
+        CameraFileError
+            If the text is not what it should be.
+        """
+
+    def write(self, rig: StereoRig, length_unit: float) -> str:
+        """The text of a file with lengths in multiples of `length_unit` [m].
+
+        Raises
+        ------
+        ValueError
+            If the format cannot hold the rig.
+        """
+
+
+FORMATS: tuple[CameraFormat, ...] = (Vic3D(), DiceXml(), MatchID(), OpenCorr(), OpenCV(), DiceText())
+"""All formats, in the order in which they are tried."""
+
+
+def read_rig(path: Path | str, *, length_unit: float = 1e-3) -> StereoRig:
+    """Two calibrated cameras from the file of any known program.
+
+    Parameters
+    ----------
+    path
+        A VIC-3D project, a DICe camera system (XML or text), a MatchID .caldat, an OpenCV storage file or
+        OpenCorr's camera parameters; told apart by what they hold.
+    length_unit
+        The file's unit of length [m], that of the calibration target. Files that name theirs are believed.
+
+    Returns
+    -------
+    StereoRig
+        For pictures of the whole sensor, as calibrated; `StereoRig.cropped` fits it to a crop. With a
+        covariance only if the file has one.
+
+    Raises
+    ------
+    CameraFileError
+        If the file cannot be read, is of no known format, or does not hold two cameras.
+    """
+    if not 0.0 < length_unit <= 1.0:
+        raise ValueError(f"length_unit must be above 0 and at most 1 m, got {length_unit}")
+    source = Source.open(path)
+    for format_ in FORMATS:
+        if format_.sniff(source.text):
+            return format_.read(source, length_unit)
+    known = ", ".join(format_.about for format_ in FORMATS)
+    raise CameraFileError(path, "is no camera file known here", cure=f"known are: {known}")
+
+
+def write_rig(path: Path | str, rig: StereoRig, format: str, *, length_unit: float = 1e-3) -> None:
+    """Write a rig for another program.
+
+    Parameters
+    ----------
+    path
+        The file; one that exists is replaced.
+    rig
+        The cameras.
+    format
+        The name of a member of `FORMATS`. Only "opencv" keeps the covariance; formats without
+        `CameraFormat.absolute_pose` keep the relative pose only.
+    length_unit
+        Unit of the file's lengths [m].
+
+    Raises
+    ------
+    CameraFileError
+        An unknown format, or one that cannot hold this rig.
+    """
+    by_name = {known.name: known for known in FORMATS}
+    if format not in by_name:
+        raise CameraFileError(path, f"format {format!r} is unknown", cure=f"use one of {', '.join(by_name)}")
+    if not 0.0 < length_unit <= 1.0:
+        raise ValueError(f"length_unit must be above 0 and at most 1 m, got {length_unit}")
+    try:
+        text = by_name[format].write(rig, length_unit)
+    except ValueError as error:
+        raise CameraFileError(path, str(error), cure="choose another format") from None
+    Path(path).write_text(text, encoding="utf-8")
+
 
 __all__ = ["FORMATS", "CameraFileError", "CameraFormat", "read_rig", "write_rig"]

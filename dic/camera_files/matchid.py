@@ -24,7 +24,7 @@ CAMERA = re.compile(r"^[ \t]{0,40}Cam(\d{1,6})_", re.MULTILINE)
 
 
 class MatchID:
-    """The format; see `dic.camera_files.formats.CameraFormat`."""
+    """The format; see `dic.camera_files.CameraFormat`."""
 
     name = "matchid"
     about = "MatchID .caldat"

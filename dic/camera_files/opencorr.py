@@ -9,9 +9,9 @@ import re
 
 import numpy as np
 
+from dic.basics import cv2
 from dic.camera import StereoRig
 from dic.camera_files.source import CameraFileError, Source, printed
-from dic.opencv import cv2
 
 INTRINSIC = ("fx", "fy", "fs", "cx", "cy", "k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
 POSE = ("tx", "ty", "tz", "rx", "ry", "rz")
@@ -21,7 +21,7 @@ ENTRY = re.compile(
 
 
 class OpenCorr:
-    """The format; see `dic.camera_files.formats.CameraFormat`."""
+    """The format; see `dic.camera_files.CameraFormat`."""
 
     name = "opencorr"
     about = "OpenCorr camera parameters"

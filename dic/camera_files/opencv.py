@@ -10,10 +10,9 @@ import re
 
 import numpy as np
 
-from dic.arrays import FloatArray
+from dic.basics import FloatArray, cv2
 from dic.camera import Camera, StereoRig
 from dic.camera_files.source import CameraFileError, Source
-from dic.opencv import cv2
 
 NAMES = {
     "M1": ("M1", "K1", "cameraMatrix1", "camera_matrix_1", "camera_matrix1", "camera_matrix_left"),
@@ -40,7 +39,7 @@ _LEVELS = re.compile(r"[\[\]{}]|</?[A-Za-z_]|^[ \t]*(?:-[ \t]+){2,}", re.MULTILI
 
 
 class OpenCV:
-    """The format; see `dic.camera_files.formats.CameraFormat`."""
+    """The format; see `dic.camera_files.CameraFormat`."""
 
     name = "opencv"
     about = "OpenCV storage (YAML, XML or JSON)"

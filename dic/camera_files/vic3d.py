@@ -11,8 +11,7 @@ import re
 import numpy as np
 
 from dic.camera import Camera, StereoRig
-from dic.camera_files.source import CameraFileError, Source, angles_of, printed, rotation_of
-from dic.camera_files.xml_text import Element, parse
+from dic.camera_files.source import CameraFileError, Element, Source, angles_of, parse, printed, rotation_of
 
 OPENS = re.compile(r"<calibration(?=[\s>])")
 NUMBERS = ("cx", "cy", "fx", "fy", "skew", "k1", "k2", "k3")
@@ -21,7 +20,7 @@ SIZE = re.compile(r"<polygonmask\b[^<>]{0,200}?\bwidth=\"(\d{1,6})\"[^<>]{0,200}
 
 
 class Vic3D:
-    """The format; see `dic.camera_files.formats.CameraFormat`."""
+    """The format; see `dic.camera_files.CameraFormat`."""
 
     name = "vic3d"
     about = "VIC-3D project XML"

@@ -1,11 +1,221 @@
 """Measurement from two series of pictures and their cameras to surfaces.
 
-`stages.measure` has its stages in the order of the work; each is a module beside it.
+`measure` has the stages in the order of the work, with their wall times; each stage is a module of this
+package. The two cameras are followed in parallel, and so are the flyer's motion and the specimen's surface.
 """
 
-from dic.chain.inspect_images import Inspection, inspect_pictures
-from dic.chain.settings import DIRECTIONS, ChainError, ChainSettings
-from dic.chain.stages import VERSION, measure
+from collections.abc import Callable, Mapping
+from functools import partial
+from time import perf_counter
+from typing import Any, TypeVar
+
+from dic.basics import BoolArray, FloatArray
+from dic.bodies.follow import MatchedBody, Progress, SecondCamera
+from dic.bodies.region import Region
+from dic.camera import StereoRig
+from dic.chain import remarks
+from dic.chain.follow_bodies import (
+    clear_of_rim,
+    displacement_of,
+    follow,
+    follow_before_rim,
+    match_flyer,
+    match_specimen,
+    poses_of,
+    rim_in,
+    translations_of,
+)
+from dic.chain.inputs import (
+    DIRECTIONS,
+    ChainError,
+    ChainSettings,
+    Inputs,
+    Inspection,
+    check_cameras,
+    inspect_images,
+    inspect_pictures,
+)
+from dic.chain.outliers import gate_ends, gate_epipolar, gate_residual, gate_surface
+from dic.chain.remarks import facts_of, of_travel, speckle_settings_facts
+from dic.chain.test_frame import fit_test_frame, outline_of, strains_of, surface_of, surface_of_flyer
+from dic.images import Pictures
+from dic.processes import background, background_pool
+from dic.result import StereoResult
+from dic.stereo.diagnose import check_setup
+from dic.surfaces.surface_history import noise_floor
+
+Result = TypeVar("Result")
+
+
+class Clock:
+    """Wall time of the stages."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        """Of each stage that ended, by its name [s]."""
+
+    def __call__(self, stage: str, work: Callable[[], Result]) -> Result:
+        """Do the work of a stage; what it raises, it raises, and has no time."""
+        return self.of(stage, timed(work))
+
+    def of(self, stage: str, done: tuple[Result, float]) -> Result:
+        """Result of a stage that `timed` did."""
+        result, self.seconds[stage] = done
+        return result
+
+
+def timed(work: Callable[..., Result], *given: Any) -> tuple[Result, float]:
+    """Result of work, and its wall time [s]."""
+    started = perf_counter()
+    return work(*given), perf_counter() - started
+
+
+VERSION = 20
+"""Raised when the same pictures and settings give other numbers: results kept from before are made
+anew."""
+
+
+def _matched(inputs: Inputs, specimen: Region, flyer: Region | None) -> list[MatchedBody]:
+    """The bodies that are to be followed, the specimen first."""
+    return [match_specimen(inputs, specimen), *([] if flyer is None else [match_flyer(inputs, flyer)])]
+
+
+def measure(
+    pictures: tuple[Pictures, Pictures],
+    rig: StereoRig,
+    settings: ChainSettings,
+    *,
+    t: FloatArray,
+    static: BoolArray,
+    specimen: Region,
+    flyer: Region | None = None,
+    facts: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+    idle: Callable[[], None] = lambda: None,
+    inspection: Inspection | None = None,
+    second: SecondCamera | None = None,
+) -> StereoResult:
+    """Measure surfaces, outline and the flyer's displacement in two series of pictures.
+
+    Parameters
+    ----------
+    pictures
+        The series of camera 0 and camera 1, frame by frame at the same times.
+    rig
+        The cameras, for pictures with the crop of the series (`StereoRig.cropped`).
+    settings
+        What to measure, and how.
+    t
+        Frame times [s], shape [n_frames].
+    static
+        Frames in which specimen and flyer rest, shape [n_frames].
+    specimen
+        Where the specimen is.
+    flyer
+        Where the flyer is; None if it is not to be measured.
+    facts
+        What else is known about the pictures, for the reporting table.
+    progress
+        Told of the frames done, stage by stage.
+    idle
+        Work of the caller's for the time in which this process waits for another one.
+    inspection
+        Of these pictures and static frames, if the caller has made it (`inspect_pictures`).
+    second
+        A process that follows camera 1 in the pictures of the inspection (`dic.bodies.follow`).
+
+    Returns
+    -------
+    StereoResult
+        A frame or point that failed has an outcome in it; nothing is left out in silence.
+
+    Raises
+    ------
+    ChainError
+        If nothing can be measured: no usable static frame, no point matched between the cameras, points that
+        lie on no cylinder.
+    """
+    clock = Clock()
+    inspection = inspection or inspect_pictures(pictures, static)
+    clock.seconds["inspection of the pictures"] = inspection.seconds
+    inputs = inspect_images(pictures, rig, settings, t=t, static=static, inspection=inspection)
+    findings = clock("cameras", lambda: check_cameras(inputs, specimen))
+    try:
+        matched = clock("match between the cameras", lambda: _matched(inputs, specimen, flyer))
+        body, *others = clock("tracking", lambda: follow(inputs, matched, progress, second))
+        tracked_flyer = others[0] if others else None
+        rest_state = clock("test frame", partial(fit_test_frame, inputs, body, tracked_flyer))
+    except ChainError as error:
+        said = [*(f"{f.what} ({f.cure})" for f in findings), str(error)]
+        raise ChainError("; ".join(said)) from error
+    placement, rest = rest_state.placement, rest_state.rest
+    works: list[Callable[[], Any]] = [
+        partial(timed, translations_of, inputs, tracked_flyer, placement),
+        partial(rim_in, inputs, tracked_flyer, placement),
+        partial(timed, check_setup, rig, *body.reconstruction.pixels),
+    ]
+    with background_pool(works) as joined:
+        gated = timed(gate_epipolar, inputs, body, rest_state)
+        idle()
+        moved, rim, checked = joined()
+    in_time, body = clock.of("synchronisation of the cameras", checked), clock.of("gates", gated)
+    before, past = clear_of_rim(inputs, tracked_flyer, placement, rim)
+    narrower = None
+    if flyer is not None and past > 0.0:
+        narrower = clock("flyer again", partial(follow_before_rim, inputs, flyer, before, progress))
+    if narrower is None:
+        travel = clock.of("flyer's displacement", moved)
+    else:
+        tracked_flyer, rim = narrower, rim_in(inputs, narrower, placement)
+        travel = clock("flyer's displacement", partial(translations_of, inputs, tracked_flyer, placement))
+    axial = displacement_of(inputs, tracked_flyer, placement, rim, travel)
+    flyer_surface = surface_of_flyer(inputs, tracked_flyer, placement)
+    with background(partial(timed, poses_of, inputs, tracked_flyer, placement, axial)) as motion_later:
+        body = gate_ends(inputs, body, rest_state, axial)
+        body = gate_residual(body)  # one by one: each holds the places of all points anew
+        body = gate_surface(body, rest_state)
+        surface, left_out = surface_of(inputs, body, placement, rest)
+        another_frame = remarks.of_material(body, specimen)
+        del body  # its tracks are as large as all that follows
+        centre, uncertain = outline_of(surface, settings)
+        strain = clock("strains", lambda: strains_of(surface, settings))
+        speckle = clock("speckles", lambda: speckle_settings_facts(inputs, surface, rest))
+        motion, unposed = clock.of("flyer's poses", motion_later())
+    found = {finding.fault: finding for finding in (*in_time, *findings)}
+    return StereoResult(
+        t=t,
+        frames=inputs.health,
+        static=static,
+        specimen=surface,
+        flyer=flyer_surface,
+        axial_displacement=axial,
+        centre=centre,
+        strain=strain,
+        placement=placement,
+        noise=noise_floor(surface.surface, static),
+        remarks=(
+            *remarks.of_findings(found.values()),
+            *remarks.of_edge(rest_state.edges),
+            *remarks.of_flyer(flyer is not None, axial),
+            *remarks.of_rim(past, narrower is not None),
+            *of_travel(axial, surface),
+            *unposed,
+            *remarks.of_radius(placement, settings.radius),
+            *remarks.of_missing_points(left_out),
+            *remarks.of_uncertain_rows(uncertain, settings.largest_sigma),
+            *remarks.of_frames(inputs.health),
+            *another_frame,
+        ),
+        rig=rig,
+        facts={
+            **(facts or {}),
+            **facts_of(inputs),
+            "speckle": speckle,
+        },
+        seconds=clock.seconds,
+        motion=motion,
+    )
+
 
 __all__ = [
     "DIRECTIONS",

@@ -1,26 +1,230 @@
-"""Tracking of specimen and flyer through both series; the flyer's displacement and poses."""
+"""Tracking of specimen and flyer through both series; the flyer's region, displacement and poses.
+
+A camera that stands below the face sees it at a glance between the rim and the specimen. The face moves with
+the flyer, so that no motion tells it from the side, and a region found or drawn may hold some of it; but the
+other camera sees specimen at the same places of the cylinder. Where much of the flyer is in view that is one
+row of many; at rest, with a few rows in view, it moves the match by half a pixel.
+"""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from dic.arrays import BoolArray
-from dic.bodies.carried_region import carry_region
-from dic.bodies.follow import Progress, TrackedBody, follow_bodies
-from dic.bodies.matched import MatchedBody, match_body, material_frame
-from dic.bodies.region import Region
-from dic.bodies.second_camera import SecondCamera
-from dic.chain.inspect_images import Inputs
-from dic.chain.settings import ChainError
+from dic.basics import BoolArray, FloatArray
+from dic.bodies.axial_displacement import (
+    AxialDisplacement,
+    Translations,
+    from_rest,
+    rim_of,
+    stereo_translations,
+    translations,
+)
+from dic.bodies.body_motion import BodyMotion, body_motion
+from dic.bodies.edge_registration import rays_on_body
+from dic.bodies.follow import (
+    MatchedBody,
+    Progress,
+    SecondCamera,
+    TrackedBody,
+    follow_bodies,
+    match_body,
+    material_frame,
+)
+from dic.bodies.region import Region, carry_region
+from dic.bodies.rest_from_rim import RestGeometry, Rim
+from dic.camera import Camera, StereoRig
+from dic.chain.inputs import ChainError, Inputs
 from dic.outcome import PointOutcome, Remark
 from dic.result import Placement
-from dic.rigid_body.axial_displacement import AxialDisplacement, from_rest
-from dic.rigid_body.axial_translations import Translations, rim_of, seen_twice, translations
-from dic.rigid_body.body_motion import BodyMotion
-from dic.rigid_body.past_rim import before_rim
-from dic.rigid_body.poses import flyer_poses
-from dic.rigid_body.rest_from_rim import RestGeometry, Rim
-from dic.tracking import Tracking
+from dic.stereo.geometry import pixels_per_length
+from dic.surfaces import SpecimenFrame, overlap_factor
+from dic.tracking import Track, Tracking
+
+CLEAR = 1.0
+"""Distance from the rim at which what is left of such a region ends, as one that is found does: the blur of
+the edge [px]."""
+
+
+def before_rim(
+    mask: BoolArray, camera: Camera, frame: SpecimenFrame, radius: float, move: FloatArray, rim: float
+) -> tuple[BoolArray, float]:
+    """Pixels of a region that show the flyer's side clear of its rim, if some of it lie past the rim.
+
+    Parameters
+    ----------
+    mask
+        Pixels of the region in the material picture, shape [rows, columns].
+    camera, frame
+        The camera of that picture, and the test frame.
+    radius
+        Of the flyer [m].
+    move
+        Its translation in that picture [m], shape [3].
+    rim
+        y of the rim at translation zero [m].
+
+    Returns
+    -------
+    array of bool
+        The pixels, shape [rows, columns]: all of the region if none of their centres lies past the rim,
+        otherwise those that are `CLEAR` of it.
+    float
+        How far the region reaches past the rim along the axis [px]; 0: it does not.
+    """
+    row, column = np.nonzero(mask)
+    pixels = np.stack([column, row], axis=1).astype(np.float64)
+    moved = np.array([move[0], 0.0, move[2]])
+    y = rays_on_body(camera, pixels, frame, radius, moved)[:, 1] - move[1]
+    place = frame.in_rig(np.array([0.0, rim, radius]) + move)
+    scale = float(np.linalg.norm(pixels_per_length(camera, place, frame.rotation[1])))
+    past = float(np.max((rim - y) * scale, initial=0.0, where=np.isfinite(y)))
+    if past <= 0.0:
+        return mask, 0.0
+    kept = mask.copy()
+    kept[row, column] = (y - rim) * scale >= CLEAR  # a ray that misses the flyer has no y, and is left out
+    return kept, past
+
+
+LATERAL_SHARE = 0.05
+"""Prior standard deviation of the lateral displacement from frame to frame, over the axial displacement in
+that time: the change of direction of the velocity [rad]."""
+MOST_FRAMES = 400
+"""Frames whose poses are solved for together; of more, evenly chosen ones."""
+MOST_POINTS = 2000
+"""Points from which they are solved for; of more, evenly chosen ones. The memory grows with frames times
+points, and beyond so many subsets overlap and tell little more."""
+WIDE = 0.25
+"""Share of the points of the best frame that a frame must see.
+
+A strip of a few rows at the border of the picture has a lever too short for a rotation: what the border does
+to its places, 0.1 px alike in all frames, turns it by several mrad.
+"""
+ZERO_FRAMES = 6
+"""Frames that give it."""
+
+
+def flyer_poses(
+    body: TrackedBody,
+    rig: StereoRig,
+    frame: SpecimenFrame,
+    axial: AxialDisplacement,
+    static: BoolArray,
+    *,
+    subset: int,
+    length: float | None,
+) -> tuple[BodyMotion | None, list[Remark]]:
+    """The rigid motion of the flyer, where its points tell it.
+
+    Parameters
+    ----------
+    body
+        The flyer, followed.
+    rig, frame
+        The cameras and the test frame.
+    axial
+        Its axial displacement, which scales the prior of the lateral motion from frame to frame.
+    static
+        Frames in which it rests, shape [n_frames].
+    subset
+        Side of the subsets [px].
+    length
+        Length of the specimen at rest [m]: the displacement is that of the middle of the flyer's face. None:
+        of the middle of the points.
+
+    Returns
+    -------
+    motion : BodyMotion or None
+        Its zero is the mean at rest, or that of the first frames with a wide view if too little of the body
+        is in view at rest. LOST frames: too little of it is in view. None if no poses can be had.
+    remarks : list of Remark
+        Why there are none.
+    """
+    body = subsample(body, MOST_POINTS)
+    r = body.reconstruction
+    seen = np.logical_or(*(track.outcome == PointOutcome.VALID for track in body.tracks))
+    kept = np.zeros(len(static), dtype=bool)
+    kept[:: -(-len(static) // MOST_FRAMES)] = True
+    outcome = np.where(kept[:, None], r.outcome, int(PointOutcome.NO_PICTURE))
+    both = (outcome == PointOutcome.VALID).sum(axis=1)
+    kept &= both >= max(WIDE * both.max(initial=0), 3)
+    outcome = np.where(kept[:, None], outcome, int(PointOutcome.NO_PICTURE))
+    tracks = (_keep_frames(body.tracks[0], kept), _keep_frames(body.tracks[1], kept))
+    rest = np.flatnonzero(static & kept)
+    if not rest.size:
+        rest = np.flatnonzero(kept)[:ZERO_FRAMES]
+    step = float(np.median(np.abs(np.diff(axial.displacement[~static[axial.frame]])), axis=0))
+    radius = float(np.nanmedian(np.hypot(*frame.positions(r.position)[..., [0, 2]].reshape(-1, 2).T)))
+    try:
+        middle = _middle(frame.positions(r.position[rest]), length)
+        motion = body_motion(
+            [replace(r, outcome=outcome)],
+            frame,
+            at=middle,
+            rest=rest.tolist(),
+            overlaps=[overlap_factor(body.points, subset, seen)],
+            rig=rig,
+            tracks=[tracks],
+            rotation_change=LATERAL_SHARE * step / radius,
+            lateral_change=LATERAL_SHARE * step,
+        )
+    except ValueError as error:
+        return None, [
+            Remark(
+                name="no direction of the flyer",
+                text=f"the poses of the flyer cannot be had: {error}",
+                cure="declare a larger region of it, or a frame that shows more of it",
+            )
+        ]
+    return motion, []
+
+
+def subsample(body: TrackedBody, most: int) -> TrackedBody:
+    """A body with at most so many of its points, evenly chosen; itself if it has no more."""
+    n = len(body.points)
+    if n <= most:
+        return body
+    kept, r = slice(None, None, -(-n // most)), body.reconstruction
+    first, second = (
+        replace(
+            track,
+            points=track.points[kept],
+            excess=None if track.excess is None else track.excess[:, kept],
+            root=None if track.root is None else track.root[kept],
+            **{
+                name: getattr(track, name)[:, kept]
+                for name in ("warp", "covariance", "zncc", "outcome", "reference")
+            },
+        )
+        for track in body.tracks
+    )
+    return replace(
+        body,
+        points=body.points[kept],
+        cell=body.cell[kept],
+        tracks=(first, second),
+        reconstruction=replace(
+            r,
+            pixels=(r.pixels[0][:, kept], r.pixels[1][:, kept]),
+            **{name: getattr(r, name)[:, kept] for name in ("position", "covariance", "epipolar", "outcome")},
+        ),
+        common=None if body.common is None else body.common[:, kept],
+    )
+
+
+def _keep_frames(track: Track, kept: BoolArray) -> Track:
+    """The track without the frames that are not kept."""
+    return replace(track, outcome=np.where(kept[:, None], track.outcome, int(PointOutcome.NO_PICTURE)))
+
+
+def _middle(places: FloatArray, length: float | None) -> FloatArray:
+    """The point of the body whose displacement is wanted [m], shape [3]."""
+    if length is not None:
+        return np.array([0.0, length, 0.0])
+    known = places[np.isfinite(places).all(axis=-1)]
+    if not len(known):
+        raise ValueError("no point of it was seen by both cameras at rest or later")
+    return np.array([0.0, float(known[:, 1].mean()), 0.0])
 
 
 def match_specimen(inputs: Inputs, region: Region) -> MatchedBody:
@@ -112,7 +316,7 @@ def translations_of(inputs: Inputs, flyer: TrackedBody | None, placement: Placem
     )
 
 
-def rest_geometry(inputs: Inputs, placement: Placement) -> RestGeometry | None:
+def _rest_geometry(inputs: Inputs, placement: Placement) -> RestGeometry | None:
     """What is known of the specimen at rest; None without a declared length."""
     settings = inputs.settings
     if settings.length is None:
@@ -124,7 +328,7 @@ def rest_geometry(inputs: Inputs, placement: Placement) -> RestGeometry | None:
 
 def rim_in(inputs: Inputs, flyer: TrackedBody | None, placement: Placement) -> Rim | None:
     """The rim of the flyer's face; None if it is not known."""
-    geometry = rest_geometry(inputs, placement)
+    geometry = _rest_geometry(inputs, placement)
     if flyer is None or geometry is None:
         return None
     return rim_of(flyer, inputs.rig, placement.frame, inputs.pictures, geometry)
@@ -139,7 +343,7 @@ def clear_of_rim(
     """
     if flyer is None or rim is None:
         return np.empty((0, 0), dtype=bool), 0.0
-    places, moves = seen_twice(flyer, placement.frame)
+    places, moves = stereo_translations(flyer, placement.frame)
     known, move = np.isfinite(places).all(axis=1), moves[flyer.material]
     if not np.isfinite(move).all():
         return flyer.mask, 0.0
@@ -176,7 +380,7 @@ def displacement_of(
     """
     if flyer is None:
         return None
-    geometry = rest_geometry(inputs, placement)
+    geometry = _rest_geometry(inputs, placement)
     return from_rest(seen, rim, inputs.rig, placement.frame, inputs.t, inputs.static, geometry)
 
 

@@ -1,25 +1,403 @@
-"""Removal of outliers from the tracked specimen: patches that changed their looks, false matches, subsets
-past an end, points off the surface.
+"""Removal of outliers from the tracked specimen: changed patches, false matches, rough points, ends.
 
 A gate changes the body that it is given, whose arrays are the largest of a measurement, and returns it.
+
+A match whose only error is noise leaves a residual as large as the noise says. A highlight, lost paint or a
+shadow leaves one many times as large, over all subsets that it touches; and a reference that is taken there
+hands its error on when the residual is small again. The largest residual along a point's references
+(`dic.tracking.Track.excess`) is therefore compared with that of the same frame's better points, whose
+residual holds what all have in common: coarse sampling, haze, blur.
+
+The side of the specimen rolls onto the platens as it is compressed, and its material passes the ends. Before
+that, a camera that stands beyond the plane of an end looks at it over the platen: the rim, wider than the
+specimen, hides the last of its side. What a subset matches there is partly the platen, and it is pulled
+along; where the cameras stand one above the other, that moves the match along the epipolar line, and no
+epipolar distance tells it.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
+from scipy import ndimage
 
-from dic.arrays import BoolArray
+from dic.basics import BoolArray, FloatArray, IntArray
+from dic.bodies.axial_displacement import AxialDisplacement
 from dic.bodies.follow import TrackedBody
-from dic.bodies.past_ends import past_the_ends
-from dic.chain.inspect_images import Inputs
+from dic.camera import Camera, StereoRig
+from dic.chain.inputs import Inputs
 from dic.chain.test_frame import RestState
+from dic.correlation.subsets import neighbour_warp
 from dic.outcome import PointOutcome
-from dic.rigid_body.axial_displacement import AxialDisplacement
+from dic.processes import parts, run_parallel
 from dic.stereo import reconstruct
 from dic.stereo.reconstruction import GATE, end_points, narrow_gates
-from dic.surfaces import static_mean
-from dic.surfaces.residual_map import unlike_points
-from dic.surfaces.smoothness import off_surface, spacing
+from dic.surfaces import SpecimenFrame, static_mean
+from dic.tracking import Track
+
+MARGIN = 0.5
+"""Distance that a subset keeps from the ends: about the width of an edge in a picture [px]."""
+SMALL = 1e-5
+"""Distance of the places that tell a picture's scale [m]."""
+AT_ONCE = 50_000
+"""Points of all frames that are looked at in one go: of few points many frames, as a call takes its time."""
+SLACK = 0.8
+"""Share of a picture's scale that is sure everywhere on the specimen [-]."""
+
+
+def past_the_ends(
+    body: TrackedBody,
+    rig: StereoRig,
+    frame: SpecimenFrame,
+    subset: int,
+    direction: tuple[float, float],
+    ends: tuple[FloatArray, FloatArray],
+    *,
+    platen: float | None = None,
+) -> BoolArray:
+    """Valid points whose subset reaches past an end, so that a camera sees part of it no longer.
+
+    The part of a subset that its mask holds reaches so many pixels from the point toward either end in the
+    material picture. Deformed with the point's own warp it must fit, in each camera's picture, between the
+    point and that end, or the platen's rim where it hides the end.
+
+    Parameters
+    ----------
+    body
+        The specimen, followed.
+    rig
+        The cameras.
+    frame
+        The test frame.
+    subset
+        Side of the subsets [px].
+    direction
+        From the transmission platen toward the flyer in camera 0's picture (right, down).
+    ends
+        y of the lower and the upper end in every frame [m], each of shape [n_frames]; NaN where not known.
+    platen
+        Radius of both platens [m]; None: not known, and no rim is looked at.
+
+    Returns
+    -------
+    array of bool
+        Shape [n_frames, n_points].
+    """
+    r = body.reconstruction
+    toward = np.asarray(direction) / np.linalg.norm(direction)
+    position = frame.positions(r.position)
+    valid = r.outcome == PointOutcome.VALID
+    past = np.zeros(valid.shape, dtype=bool)
+    step = max(1, AT_ONCE // max(len(body.points), 1))
+    parts = [slice(first, first + step) for first in range(0, len(valid), step)]
+    for side, end in zip((-1.0, 1.0), ends, strict=True):
+        reach = _reach(body, side * toward, subset // 2)
+        for camera, track, pixels in zip(rig.cameras, body.tracks, r.pixels, strict=True):
+            along, scale = axis_in_picture(camera, frame, position[valid])
+            hidden = 0.0 if platen is None else platen * _steepest(camera, frame, side, end)
+            for part in parts:
+                known = valid[part] & np.isfinite(end[part, None])
+                with np.errstate(invalid="ignore"):  # no point
+                    before = side * (end[part, None] - position[part, :, 1])
+                    near = known & (before < 2.0 * subset / (SLACK * scale) + hidden)
+                k, rows = np.nonzero(near)
+                k += part.start
+                room = visible_room(
+                    camera, frame, position[k, rows], pixels[k, rows], end[k], side * along, platen
+                )
+                extent = _extent(track, k, rows, side * reach[rows, None] * toward)
+                past[k, rows] |= extent @ (side * along) > room - MARGIN
+    return past
+
+
+def visible_room(
+    camera: Camera,
+    frame: SpecimenFrame,
+    places: FloatArray,
+    pixels: FloatArray,
+    end: FloatArray | float,
+    outward: FloatArray,
+    platen: float | None,
+) -> FloatArray:
+    """Distance in a picture from points to where the specimen is seen to end [px], shape [n].
+
+    Its end is taken at the point's own distance from the axis. The rim lies in the plane of the end where
+    the plane through the point, the camera and the direction of the axis meets it on the camera's side; it
+    hides nothing of a point that is as far from the axis.
+
+    Parameters
+    ----------
+    camera, frame
+        The camera and the test frame.
+    places
+        The points in the test frame [m], shape [n, 3].
+    pixels
+        Where the camera sees them [px], shape [n, 2].
+    end
+        y of the end [m], one or one a point, shape [n].
+    outward
+        Unit vector toward that end in the picture, shape [2].
+    platen
+        Radius of the platen's rim [m]; None: not known.
+    """
+    y = np.full(len(places), end)
+    at_end = np.column_stack([places[:, 0], y, places[:, 2]])
+    room = (camera.project(frame.in_rig(at_end)) - pixels) @ outward
+    if platen is None:
+        return np.asarray(room)
+    eye = frame.positions(camera.centre)
+    start, way = eye[[0, 2]], places[:, [0, 2]] - eye[[0, 2]]
+    a, b, c = (way**2).sum(axis=1), way @ start, start @ start - platen**2
+    share = (-b - np.sqrt(np.maximum(b**2 - a * c, 0.0))) / a
+    before = (b**2 > a * c) & (share < 1.0)
+    rim = start + share[:, None] * way
+    on_rim = np.column_stack([rim[:, 0], y, rim[:, 1]])[before]
+    room[before] = np.minimum(room[before], (camera.project(frame.in_rig(on_rim)) - pixels[before]) @ outward)
+    return np.asarray(room)
+
+
+def axis_in_picture(camera: Camera, frame: SpecimenFrame, places: FloatArray) -> tuple[FloatArray, float]:
+    """Direction of the axis toward the flyer in a picture, a unit vector [2], and pixels of a metre along it.
+
+    Parameters
+    ----------
+    camera, frame
+        The camera and the test frame.
+    places
+        Points of the specimen in the test frame [m], shape [n, 3]: both are those at their middle.
+    """
+    if not len(places):
+        return np.array([0.0, -1.0]), 1.0
+    step = np.array([0.0, SMALL, 0.0])
+    middle = places.mean(axis=0)
+    pixels = camera.project(frame.in_rig(np.array([middle - step, middle + step])))
+    way = pixels[1] - pixels[0]
+    size = float(np.linalg.norm(way))
+    return np.asarray(way / size), size / (2.0 * SMALL)
+
+
+def _steepest(camera: Camera, frame: SpecimenFrame, side: float, end: FloatArray) -> float:
+    """Largest rise of the rays over the plane of an end, away from the specimen; 0 for a camera before it."""
+    x, y, z = frame.positions(camera.centre)
+    return float(np.max(np.nan_to_num(side * (y - end)), initial=0.0) / np.hypot(x, z))
+
+
+def _extent(track: Track, k: IntArray, rows: IntArray, step: FloatArray) -> FloatArray:
+    """Steps in the material picture from points `rows` as pictures `k` show them [px], shape [n, 2]."""
+    warp = track.warp[k, rows]
+    return np.asarray(step + neighbour_warp(warp, step)[:, :2] - warp[:, :2])
+
+
+def _reach(body: TrackedBody, step: FloatArray, half: int) -> FloatArray:
+    """Distance that each subset's mask reaches from its point along `step` [px], shape [n_points]."""
+    rows, columns = body.mask.shape
+    reach = np.full(len(body.points), 0.5)
+    inside = np.ones(len(body.points), dtype=bool)
+    for k in range(1, half + 1):
+        x, y = np.round(body.points + k * step).astype(int).T
+        here = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
+        inside &= here
+        inside[inside] = body.mask[y[inside], x[inside]]
+        reach[inside] = k + 0.5
+    return reach
+
+
+REACH = 2
+"""Neighbours are points up to so many cells away."""
+SIGMAS = 5.0
+"""Distance from the surface through the neighbours that noise is allowed, in standard deviations [-]."""
+BENDING = 0.035
+"""And what its own bending between the points is allowed, over their distance [-]."""
+FEWEST_CONFIRMING = 2
+"""A point with fewer neighbours is confirmed by nobody."""
+FEWEST = 4
+"""Neighbours from which on a plane through them judges a point."""
+BENT = 10
+"""Neighbours from which on the surface through them is quadratic."""
+ROUNDS = 12
+
+
+def spacing(position: FloatArray, cell: IntArray) -> float:
+    """Median distance of points that are next to each other in the grid [m]; NaN if no two of them are known.
+
+    Parameters
+    ----------
+    position
+        Places [m], shape [n_points, 3]; NaN where not known.
+    cell
+        Column and row of each point in the grid, shape [n_points, 2].
+    """
+    near, offset = _neighbours(cell)
+    beside = (near >= 0) & (np.abs(offset).sum(axis=-1) == 1.0)
+    apart = np.linalg.norm(position[near] - position[:, None], axis=-1)[beside]
+    apart = apart[np.isfinite(apart)]
+    return float(np.median(apart)) if apart.size else float("nan")
+
+
+def off_surface(
+    position: FloatArray, sigma: FloatArray, valid: BoolArray, cell: IntArray, *, distance: float
+) -> BoolArray:
+    """Valid points that lie off the smooth surface through their neighbours.
+
+    In every frame a polynomial of the grid's columns and rows is fitted to the places of a point's
+    neighbours, the point itself left out. The worst point among its neighbours goes first, and all are
+    judged anew without it: one false match does not condemn those around it. A point with fewer than two
+    neighbours is confirmed by nobody and goes too; with two or three it is not judged.
+
+    Parameters
+    ----------
+    position
+        Places in space [m], shape [n_frames, n_points, 3].
+    sigma
+        Their standard deviations by component [m], likewise.
+    valid
+        Which are to be judged, shape [n_frames, n_points].
+    cell
+        Column and row of each point in the grid, shape [n_points, 2].
+    distance
+        Of the points at rest (`spacing`) [m]: `BENDING` of it is what a surface may bend between them.
+
+    Returns
+    -------
+    array of bool
+        Shape [n_frames, n_points].
+
+    Raises
+    ------
+    ValueError
+        If `distance` is not a positive length.
+    """
+    if not distance > 0.0:
+        raise ValueError(f"distance must be a positive length [m], got {distance}")
+    near, offset = _neighbours(cell)
+    terms = _terms(offset)
+    bending = BENDING * distance
+
+    def of(frames: range) -> BoolArray:
+        off = np.zeros((len(frames), len(cell)), dtype=bool)
+        for k, frame in enumerate(frames):
+            kept = valid[frame].copy()
+            for _ in range(ROUNDS):
+                score = _scores(position[frame], sigma[frame], kept, near, terms, bending)
+                around = np.where(near >= 0, score[near], 0.0).max(axis=1, initial=0.0)
+                worst = kept & (score > 1.0) & (score >= around)
+                if not worst.any():
+                    break
+                kept &= ~worst
+            off[k] = valid[frame] & ~kept
+        return off
+
+    processes, off = parts(), np.zeros(valid.shape, dtype=bool)
+    works = [partial(of, range(part, len(position), processes)) for part in range(processes)]
+    for part, found in enumerate(run_parallel(works, processes=processes)):
+        off[part::processes] = found
+    return off
+
+
+def _neighbours(cell: IntArray) -> tuple[IntArray, FloatArray]:
+    """Points around each point, -1 where there is none, and their offsets [cells]: [n, m] and [n, m, 2]."""
+    low = cell.min(axis=0) - REACH
+    table = np.full(tuple(cell.max(axis=0) - low + REACH + 1), -1, dtype=np.int64)
+    table[tuple((cell - low).T)] = np.arange(len(cell))
+    steps = [(i, j) for i in range(-REACH, REACH + 1) for j in range(-REACH, REACH + 1) if (i, j) != (0, 0)]
+    at = (cell - low)[:, None] + np.array(steps)
+    near = table[at[..., 0], at[..., 1]]
+    return near, np.broadcast_to(np.array(steps, dtype=np.float64), (*near.shape, 2))
+
+
+def _terms(offset: FloatArray) -> FloatArray:
+    """Constant, linear and quadratic terms of offsets, shape [..., 6]."""
+    i, j = offset[..., 0], offset[..., 1]
+    return np.stack([np.ones_like(i), i, j, i * i, i * j, j * j], axis=-1)
+
+
+def _scores(
+    position: FloatArray,
+    sigma: FloatArray,
+    kept: BoolArray,
+    near: IntArray,
+    terms: FloatArray,
+    bending: float,
+) -> FloatArray:
+    """Distance from the surface through the neighbours over what is allowed, shape [n_points]."""
+    used = (near >= 0) & kept[near] & kept[:, None]
+    count = used.sum(axis=1)
+    score = np.zeros(len(position))
+    score[kept & (count < FEWEST_CONFIRMING)] = 2.0
+    for order, chosen in (
+        (6, np.flatnonzero(count >= BENT)),
+        (3, np.flatnonzero((count >= FEWEST) & (count < BENT))),
+    ):
+        if not chosen.size:
+            continue
+        A = np.where(used[chosen, :, None], terms[chosen, :, :order], 0.0)
+        around = near[chosen]
+        x = np.where(used[chosen, :, None], position[around], 0.0)
+        noise = np.where(used[chosen, :, None], sigma[around], 0.0)
+        ridge = 1e-9 * np.eye(order)  # neighbours on one line fix no plane: its variance then is large
+        # the surface's height at the point itself: the constant term of the fit
+        constant = np.eye(order)[:, :1]
+        weights = (A @ np.linalg.solve(np.swapaxes(A, 1, 2) @ A + ridge, constant))[..., 0]
+        spread = np.sqrt(np.einsum("nm,nmk->nk", weights**2, noise**2))
+        expected = np.einsum("nm,nmk->nk", weights, x)
+        # Weights that extrapolate magnify what the surface does between its points, too.
+        bent = bending * np.maximum(1.0, np.sum(np.abs(weights), axis=1))[:, None]
+        allowed = bent + SIGMAS * np.hypot(spread, sigma[chosen])
+        score[chosen] = np.max(np.abs(position[chosen] - expected) / allowed, axis=1)
+    return score
+
+
+SEED = 10.0
+"""Residual, in those of the frame's better points, that no right match leaves [-]."""
+TOUCHED = 1.5
+"""And that of points which belong to the same patch as such a one [-]."""
+BETTER = 25.0
+"""Percentile of the frame's residuals that stands for them [%]."""
+TOUCH_REACH = 2
+"""Points of a patch lie within so many cells of each other."""
+
+
+def unlike_points(excess: FloatArray, valid: BoolArray, cell: IntArray) -> BoolArray:
+    """Valid points of patches whose residual noise does not explain.
+
+    A patch holds a point with `SEED` times the residual of the frame's better points, and all around it with
+    `TOUCHED` times that. Seeds and limits were chosen on one drawn population and judged on another
+    (verification page of the tracking).
+
+    Parameters
+    ----------
+    excess
+        Variance of the residuals beyond that of the noise, over the latter [-], shape [n_frames, n_points];
+        NaN where not known: such a point is judged by nothing.
+    valid
+        Which are to be judged, shape [n_frames, n_points].
+    cell
+        Column and row of each point in the grid, shape [n_points, 2].
+
+    Returns
+    -------
+    array of bool
+        Shape [n_frames, n_points].
+    """
+    low = cell.min(axis=0)
+    shape = tuple((cell.max(axis=0) - low + 1).tolist())
+    at = tuple((cell - low).T)
+    around = np.ones((2 * TOUCH_REACH + 1, 2 * TOUCH_REACH + 1), dtype=bool)
+    found = np.zeros(valid.shape, dtype=bool)
+    for frame in range(len(valid)):
+        judged = valid[frame] & np.isfinite(excess[frame])
+        if not judged.any():
+            continue
+        residual = np.where(judged, 1.0 + excess[frame], 0.0)
+        level = residual / np.percentile(residual[judged], BETTER)
+        if not (level > SEED).any():
+            continue
+        seeds, touched = np.zeros((2, *shape), dtype=bool)
+        seeds[at], touched[at] = level > SEED, level > TOUCHED
+        patch = ndimage.binary_propagation(seeds, structure=around, mask=touched)
+        found[frame] = patch[at] & judged
+    return found
+
 
 LEAST_GATE = 0.1
 """Smallest gate for epipolar distances [px]."""

@@ -1,15 +1,21 @@
-"""Remarks on the test and its declarations, in sentences with numbers and cures."""
+"""Remarks on a test with numbers and cures: declarations, the flyer's travel, speckles, facts for the
+report."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
-from dic.arrays import IntArray
+from dic.basics import FloatArray, IntArray
+from dic.bodies.axial_displacement import AxialDisplacement
 from dic.bodies.follow import TrackedBody
-from dic.bodies.region import Region
+from dic.bodies.region import Region, polygon_mask
+from dic.chain.inputs import Inputs
+from dic.images import GreyNoise, PictureError, Pictures, SpeckleQuality, grey_noise, speckle_quality
 from dic.outcome import FrameOutcome, PointOutcome, Remark
-from dic.result import Placement
-from dic.rigid_body.axial_displacement import AxialDisplacement
+from dic.result import Body, Placement, StereoResult
 from dic.stereo.diagnose import Finding
 
 RADIUS_SIGMAS = 4.0
@@ -174,3 +180,251 @@ def _counted(outcome: IntArray) -> list[tuple[PointOutcome, int]]:
 
 def _words(name: str) -> str:
     return name.lower().replace("_", " ")
+
+
+SIGMAS = 5.0
+"""Disagreement that is remarked on, in standard deviations."""
+STEP_SHARE = 0.35
+"""And, of a step from frame to frame, as a share of those around it."""
+STEADY = 0.2
+"""Steps before and after that differ by less than this share are a steady motion."""
+AROUND = 3
+"""Steps on either side that a step is compared with."""
+MOST_AHEAD = 1.05
+"""The specimen's fastest points move at most so many times as far as the flyer that pushes them."""
+FASTEST = 95.0
+"""Percentile of the points' displacements that stands for the fastest."""
+FEWEST_POINTS = 10
+
+
+def of_travel(axial: AxialDisplacement | None, specimen: Body) -> list[Remark]:
+    """Remarks on a travel of the flyer that its steps, the specimen's end or its points contradict.
+
+    Parameters
+    ----------
+    axial
+        The travel; None: there is none to be checked.
+    specimen
+        The specimen's points.
+    """
+    if axial is None:
+        return []
+    remarks = []
+    frames = uneven_steps(axial)
+    if frames.size:
+        listed = ", ".join(str(k) for k in frames[:10].tolist()) + (" and more" if frames.size > 10 else "")
+        remarks.append(
+            Remark(
+                name="uneven steps of the flyer",
+                text=f"up to frame {listed} (counted from 0) the flyer moved by a third less, or more, than "
+                "in the frames around",
+                cure="look for pictures that are missing or doubled in both series; the times after one are "
+                "wrong by a frame",
+            )
+        )
+    if axial.rim_disagreement is not None:
+        off, sigma = axial.rim_disagreement
+        if abs(off) > SIGMAS * sigma:
+            remarks.append(
+                Remark(
+                    name="flyer off the specimen's end",
+                    text=f"at rest the rim of the flyer's face stands {1e6 * off:.0f} ± {1e6 * sigma:.0f} µm "
+                    "(k = 1) from the specimen's upper end by its declared length",
+                    cure="check the specimen's length, the crop offsets of both cameras, the calibration, "
+                    "the region flyer, and whether the flyer touched the specimen at rest",
+                )
+            )
+    ahead = fastest_share(axial, specimen)
+    if ahead is not None and ahead > MOST_AHEAD:
+        remarks.append(
+            Remark(
+                name="specimen ahead of the flyer",
+                text=f"the specimen's fastest points moved {ahead:.2f} times as far as the flyer that pushes "
+                "them",
+                cure="look where the region flyer lies in its frame: it must hold nothing of the specimen",
+            )
+        )
+    return remarks
+
+
+def uneven_steps(axial: AxialDisplacement) -> IntArray:
+    """Frames that end a step unlike the steady ones before and after it.
+
+    A step counts as speed, so that frames that were left out change nothing.
+    """
+    dt = np.diff(axial.t)
+    speed = np.diff(axial.displacement) / dt
+    noise = np.hypot(axial.sigma[1:], axial.sigma[:-1]) / dt
+    found = []
+    for k in range(AROUND, speed.size - AROUND):
+        before = float(np.median(speed[k - AROUND : k]))
+        after = float(np.median(speed[k + 1 : k + 1 + AROUND]))
+        usual = 0.5 * (before + after)
+        if abs(after - before) > STEADY * abs(usual):
+            continue  # starting, or at rest
+        if abs(speed[k] - usual) > max(STEP_SHARE * abs(usual), SIGMAS * float(noise[k])):
+            found.append(int(axial.frame[k + 1]))
+    return np.array(found, dtype=np.int64)
+
+
+def fastest_share(axial: AxialDisplacement, specimen: Body) -> float | None:
+    """Axial displacement of the specimen's fastest points over the flyer's, the median over the later half.
+
+    The flyer pushes the specimen against a platen: no point of it moves farther than the flyer.
+    """
+    surface = specimen.surface
+    late = axial.displacement > 0.5 * float(axial.displacement.max(initial=0.0))
+    shares = []
+    for frame, moved in zip(axial.frame[late].tolist(), axial.displacement[late].tolist(), strict=True):
+        fine = surface.outcome[frame] == PointOutcome.VALID
+        if fine.sum() >= FEWEST_POINTS and moved > 0.0:
+            shares.append(float(np.percentile(-surface.u[frame, fine, 1], FASTEST)) / moved)
+    return float(np.median(shares)) if shares else None
+
+
+WANTED = 0.02
+"""Predicted standard deviation of a match above which a subset is called too small [px]."""
+MOST_AVERAGED = 50
+"""Static pictures that are averaged."""
+
+
+@dataclass(frozen=True)
+class Speckles:
+    """The speckles of one camera."""
+
+    picture: FloatArray
+    """Mean of the static pictures [grey], shape [rows, columns]."""
+    quality: SpeckleQuality
+    """Their quality."""
+
+
+def speckles(
+    pictures: Pictures,
+    frames: Sequence[int],
+    noise: GreyNoise,
+    pixels: FloatArray,
+    *,
+    subset: int,
+    wanted: float = WANTED,
+) -> Speckles:
+    """Judge the speckles between the points that a camera sees of a body at rest.
+
+    Parameters
+    ----------
+    pictures
+        The camera's series.
+    frames
+        Static frames with a usable picture.
+    noise
+        Of its grey values.
+    pixels
+        Where it sees the body's points at rest [px], shape [n, 2]; NaN where it does not. Their convex hull
+        is what is judged.
+    subset
+        Side of the subsets [px].
+    wanted
+        Predicted standard deviation that a subset should reach [px].
+
+    Raises
+    ------
+    ValueError
+        Fewer than three points, not on one line, or no contrast between them.
+    """
+    chosen = list(frames)[:MOST_AVERAGED]
+    seen = pixels[np.isfinite(pixels).all(axis=1)]
+    if len(seen) < 3 or np.linalg.matrix_rank(seen - seen[0]) < 2:
+        raise ValueError(f"{len(seen)} points span no area whose speckles could be judged")
+    corners = seen[ConvexHull(seen).vertices]
+    total = np.zeros(pictures.shape)
+    for frame in chosen:
+        total += pictures.frame(frame)
+    mean = total / len(chosen)
+    mask = polygon_mask([(float(x), float(y)) for x, y in corners], pictures.shape)
+    return Speckles(mean, speckle_quality(mean, mask, subset, noise, averaged=len(chosen), wanted=wanted))
+
+
+def quality_facts(quality: SpeckleQuality) -> dict[str, Any]:
+    """Facts of the speckles for the reporting table, as JSON can hold them: lengths in px, gradients in
+    grey/px."""
+    judged = ~np.any(np.isnan(quality.floor), axis=2)
+    worst = quality.floor[judged].max(axis=1)
+    needed = np.zeros(0) if quality.needed is None else quality.needed[judged]
+    return {
+        "size": list(quality.size),
+        "size_by_edges": quality.size_by_edges,
+        "coverage": quality.coverage,
+        "mean_gradient": quality.mean_gradient,
+        "noise": quality.noise,
+        "floor": quality.median_floor if worst.size else None,
+        "wanted": quality.wanted,
+        "too_small": float(quality.too_small[judged].mean()) if worst.size else None,
+        # the subset that nearly all places would do with; none if some would do with none that was tried
+        "needed": int(np.percentile(needed, 95)) if needed.size and np.mean(needed > 0) > 0.95 else None,
+    }
+
+
+def speckles_of(
+    result: StereoResult, pictures: tuple[Pictures, Pictures]
+) -> tuple[Speckles | None, Speckles | None]:
+    """The speckles of both cameras of a stereo result; None where they cannot be judged.
+
+    Parameters
+    ----------
+    result
+        What the pictures gave; its table says why a camera's speckles cannot be judged.
+    pictures
+        The series it was made from.
+    """
+    found: list[Speckles | None] = []
+    rest = np.flatnonzero(result.static & result.specimen.surface.valid.any(axis=1)).tolist()
+    inputs = result.facts.get("speckle") or [{"problem": "not asked for"}] * len(pictures)
+    for series, pixels, fact in zip(pictures, result.specimen.pixels, inputs, strict=True):
+        if "problem" in fact:
+            found.append(None)
+            continue
+        noise = grey_noise(series, rest)
+        subset = result.facts["settings"]["subset"]
+        found.append(speckles(series, rest, noise, pixels[rest[0]], subset=subset, wanted=fact["wanted"]))
+    return found[0], found[1]
+
+
+def facts_of(inputs: Inputs) -> dict[str, Any]:
+    """Pictures and settings."""
+    pictures, settings = inputs.pictures, inputs.settings
+    correlation = settings.tracking.correlation
+    return {
+        "pictures": {
+            "shape": list(pictures[0].shape),
+            "bits": pictures[0].bits,
+            "crop_offset": [list(series.crop_offset) for series in pictures],
+            "noise_grey": [grey.sigma for grey in inputs.grey],
+        },
+        "settings": {
+            "subset": correlation.subset,
+            "step": settings.step,
+            "strain_window": settings.strain_window,
+            "prefilter": correlation.prefilter,
+            "shape": correlation.shape.name.lower(),
+            "stereo_shape": settings.stereo.shape.name.lower(),
+            "criterion": "ZNSSD, inverse-compositional Gauss-Newton",
+            "interpolant": "quintic B-spline",
+            "reference": "a point's own earlier picture, renewed where its correlation or stretch asks "
+            "for it",
+            "strip_half_width_m": settings.strip_half_width,
+            "toward_flyer": settings.toward_flyer,
+            "zero_px": list(settings.zero),
+        },
+    }
+
+
+def speckle_settings_facts(inputs: Inputs, specimen: Body, rest: list[int]) -> list[dict[str, Any]]:
+    """The speckle report of both cameras; where there can be none, why."""
+    found: list[dict[str, Any]] = []
+    for series, noise, pixels in zip(inputs.pictures, inputs.grey, specimen.pixels, strict=True):
+        try:
+            judged = speckles(series, rest, noise, pixels[rest[0]], subset=inputs.settings.subset)
+        except (PictureError, ValueError) as error:
+            found.append({"problem": str(error)})
+        else:
+            found.append(quality_facts(judged.quality))
+    return found

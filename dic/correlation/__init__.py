@@ -1,8 +1,140 @@
-"""Subset matching by inverse-compositional Gauss-Newton, many points at once."""
+"""Subset matching by inverse-compositional Gauss-Newton, many points at once.
 
-from dic.correlation.search import correlate
-from dic.correlation.settings import Correlation, Match, Templates
-from dic.correlation.stack import Noise, PictureStack
-from dic.correlation.warp import Shape
+`subsets` has the inputs and the result of a match; `kernels` has the search on a CPU or a GPU.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dic.basics import FloatArray
+from dic.correlation.kernels.launch import Batch, search
+from dic.correlation.subsets import Correlation, Match, Noise, PictureStack, Shape, Templates
+from dic.processes import cores
+
+
+def correlate(
+    reference: PictureStack,
+    deformed: PictureStack,
+    points: ArrayLike,
+    guess: ArrayLike,
+    settings: Correlation,
+    *,
+    reference_picture: ArrayLike = 0,
+    deformed_picture: ArrayLike = 0,
+    reference_warp: ArrayLike | None = None,
+    mask: ArrayLike | None = None,
+    templates: Templates | None = None,
+    template_rows: ArrayLike | None = None,
+    threads: int | None = None,
+) -> Match:
+    """Find subsets of one picture in another.
+
+    The template of a point is ``T(ξ) = f(W_ref(ξ))``, f one of the pictures of `reference`; found is the
+    warp ``W`` for which ``g(W(ξ))``, g one of the pictures of `deformed`, is most like it (ZNSSD). Both
+    warps are total ones, from the material picture.
+
+    Parameters
+    ----------
+    reference, deformed
+        Prepared pictures, on one device and with the prefilter of `settings`.
+    points
+        Places in the material picture (x, y) [px], shape [n, 2].
+    guess
+        Total warps to begin with, shape [n, 12]; a row with a NaN ends as NO_FIRST_GUESS.
+    settings
+        Subset, shape function and limits. A shape function of lower order keeps the higher numbers of the
+        guess as they are composed.
+    reference_picture, deformed_picture
+        Which picture of its stack a point uses, shape [n] or one for all.
+    reference_warp
+        Total warps to the reference pictures, shape [n, 12]; None: those are the material picture itself.
+    mask
+        Pixels of the material picture that belong to the specimen, shape [rows, columns]; None: all.
+    templates
+        Keeps the templates for calls to come, and gives those of calls before; on a GPU it is not used.
+    template_rows
+        Whose templates in it the points' are, shape [n]; None: those in their order.
+    threads
+        CPU threads; default all cores the process may use. A result does not depend on it.
+
+    Returns
+    -------
+    Match
+        One row a point.
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit, pictures that the stacks do not have, stacks of two devices or of another
+        prefilter than `settings`, templates for other settings or with no such rows.
+    """
+    points = np.ascontiguousarray(points, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(f"points must have shape [n, 2], got {points.shape}")
+    n = len(points)
+    if not np.isfinite(points).all():
+        raise ValueError("points must be finite")
+    guess = _warps("guess", guess, n)
+    if reference.device != deformed.device:
+        raise ValueError(f"both stacks must be on one device, got {reference.device} and {deformed.device}")
+    for name, stack in (("reference", reference), ("deformed", deformed)):
+        if stack.prefilter != settings.prefilter:
+            raise ValueError(
+                f"the {name} pictures were prepared with prefilter {stack.prefilter} px, the settings say "
+                f"{settings.prefilter} px: prepare them again, or change the settings"
+            )
+    batch = Batch(
+        points=points,
+        guess=guess,
+        reference=None if reference_warp is None else _warps("reference_warp", reference_warp, n),
+        reference_picture=_pictures("reference_picture", reference_picture, n, reference.n_pictures),
+        deformed_picture=_pictures("deformed_picture", deformed_picture, n, deformed.n_pictures),
+        mask=None if mask is None else _mask(mask),
+        templates=templates,
+        place=_places(templates, template_rows, n, settings),
+    )
+    return search(reference, deformed, batch, settings, threads or cores())
+
+
+def _warps(name: str, warps: ArrayLike, n: int) -> FloatArray:
+    warps = np.ascontiguousarray(warps, dtype=np.float64)
+    if warps.shape != (n, 12):
+        raise ValueError(f"{name} must have shape {(n, 12)}, a warp a point, got {warps.shape}")
+    return warps
+
+
+def _pictures(name: str, index: ArrayLike, n: int, available: int) -> NDArray[np.int32]:
+    if isinstance(index, int) and 0 <= index < available:
+        return np.full(n, index, dtype=np.int32)
+    found = np.asarray(index)
+    if not np.issubdtype(found.dtype, np.integer) or found.shape not in ((), (n,)):
+        raise ValueError(f"{name} must be a whole number or {n} of them, got {found.dtype} {found.shape}")
+    if n and not (found.min() >= 0 and found.max() < available):
+        raise ValueError(f"{name} must be from 0 to {available - 1}, got {found.min()} to {found.max()}")
+    return np.ascontiguousarray(np.broadcast_to(found, n), dtype=np.int32)
+
+
+def _places(
+    templates: Templates | None, rows: ArrayLike | None, n: int, settings: Correlation
+) -> NDArray[np.int64]:
+    places = np.arange(n) if rows is None else np.asarray(rows, dtype=np.int64)
+    if templates is None:
+        return places
+    if templates.settings != settings:
+        raise ValueError(f"templates are for {templates.settings}, not for {settings}")
+    room = len(templates.known)
+    if places.shape != (n,) or (n and not (places.min() >= 0 and places.max() < room)):
+        raise ValueError(f"template_rows must be {n} whole numbers from 0 to {room - 1}")
+    return places
+
+
+def _mask(mask: ArrayLike) -> NDArray[np.uint8]:
+    found = np.asarray(mask)
+    if found.dtype != np.bool_ or found.ndim != 2:
+        raise ValueError(
+            f"mask must be true or false with shape [rows, columns], got {found.dtype} {found.shape}"
+        )
+    return np.ascontiguousarray(found).view(np.uint8)
+
 
 __all__ = ["Correlation", "Match", "Noise", "PictureStack", "Shape", "Templates", "correlate"]

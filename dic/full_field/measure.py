@@ -1,27 +1,294 @@
-"""Full-field measurement from pictures to a result."""
+"""Full-field measurement of a plane by one camera; settings, extensometers and grey noise of all full
+fields."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dic.arrays import BoolArray, FloatArray, IntArray
+from dic.basics import BoolArray, FloatArray, IntArray
 from dic.bodies.region import grid_points
-from dic.correlation import Noise
-from dic.correlation.warp import apply
-from dic.full_field.extensometers import Extensometer, extensions
-from dic.full_field.grey_noise import noise_at_rest, noise_from_matches
-from dic.full_field.result import FullField
-from dic.full_field.settings import FullFieldSettings
-from dic.images import Pictures, frame_health
-from dic.images.kept import kept
-from dic.images.memory import PicturesInMemory
+from dic.correlation import Correlation, Noise
+from dic.correlation.subsets import Shape, apply, overlap_correlation
+from dic.images import PictureError, Pictures, frame_health
+from dic.images.quality import grey_noise
+from dic.images.series import PicturesInMemory, decode_once
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.result import SurfaceStrain
-from dic.surfaces.strains import StrainGauge, strains
+from dic.result import Extension, FullField, SurfaceStrain
+from dic.surfaces.strains import StrainGauge, StrainOutcome, strains
 from dic.surfaces.surface_history import SurfaceHistory
-from dic.tracking import Track, track
+from dic.tracking import Track, Tracking, track
+
+
+@dataclass(frozen=True, kw_only=True)
+class FullFieldSettings:
+    """Settings of a full-field measurement.
+
+    Raises
+    ------
+    ValueError
+        A value outside its range; the message names it.
+    """
+
+    step: int = 5
+    """Distance of neighbouring points [px]."""
+    margin: float = 2.0
+    """Least distance of a point from the rim of the mask [px]."""
+    tracking: Tracking = field(default_factory=Tracking)
+    """Settings of the tracking in time; its subset is that of the measurement."""
+    stereo_shape: Shape = Shape.QUADRATIC
+    """Shape function of the match between two cameras."""
+    strain_window: int = 5
+    """Side of the window of points that a strain is fitted to, odd."""
+    strain_order: int = 1
+    """Order of the polynomial in that window, 1 or 2."""
+    reference: int = 0
+    """Frame in which the points are chosen and from which displacements are counted."""
+    static: int = 1
+    """Frames at the beginning in which nothing moves. Two or more give the noise of the grey values and a
+    mean reference position."""
+    noise: float | None = None
+    """Standard deviation of a grey value [grey]; None: from the static frames, or from the residuals of the
+    matches where there is only one."""
+    device: str = "cpu"
+    """Device of the correlation."""
+
+    @property
+    def subset(self) -> int:
+        """Side of the subsets [px]."""
+        return self.tracking.correlation.subset
+
+    @property
+    def stereo(self) -> Correlation:
+        """Settings of the match between two cameras."""
+        return replace(self.tracking.correlation, shape=self.stereo_shape)
+
+    @property
+    def gauge(self) -> float:
+        """Side of the virtual strain gauge [px]: (window - 1) step + subset."""
+        return float((self.strain_window - 1) * self.step + self.subset)
+
+    def __post_init__(self) -> None:
+        checks = (
+            ("step", self.step >= 1, "at least 1 px"),
+            ("margin", self.margin >= 0.0, "not negative"),
+            ("strain_window", self.strain_window >= 3 and self.strain_window % 2 == 1, "odd, at least 3"),
+            ("strain_order", self.strain_order in (1, 2), "1 or 2"),
+            ("reference", self.reference >= 0, "a frame number from 0"),
+            ("static", self.static >= 1, "at least 1 frame"),
+            ("noise", self.noise is None or self.noise > 0.0, "positive, or None"),
+            ("stereo_shape", self.stereo_shape >= Shape.AFFINE, "AFFINE or QUADRATIC"),
+        )
+        for name, fine, allowed in checks:
+            if not fine:
+                raise ValueError(f"{name} must be {allowed}, got {getattr(self, name)}")
+
+
+FEWEST = 4
+"""Fewest valid points about an end."""
+THINNEST = 0.3
+"""Least spread of these points in any direction [steps, root mean square]."""
+
+
+@dataclass(frozen=True)
+class Extensometer:
+    """A virtual extensometer."""
+
+    name: str
+    """Its name."""
+    ends: tuple[tuple[float, float], tuple[float, float]]
+    """Its ends in the reference picture of camera 0 (x, y) [px]."""
+    window: int = 3
+    """Side of the square of points that give the place of an end [points], odd."""
+
+    def __post_init__(self) -> None:
+        if self.window < 3 or self.window % 2 == 0:
+            raise ValueError(f"window must be odd and at least 3 points, got {self.window}")
+        if self.ends[0] == self.ends[1]:
+            raise ValueError(f"the ends of the extensometer {self.name} are one place: {self.ends[0]} px")
+
+
+def extension(
+    surface: SurfaceHistory,
+    points: FloatArray,
+    extensometer: Extensometer,
+    *,
+    step: float,
+    subset: float,
+    reference_sigma: FloatArray | None = None,
+) -> Extension:
+    """Length of an extensometer in every frame.
+
+    The place of an end is the value there of a plane fitted to the places of the points around it, with the
+    same points and weights w at the reference, so that lost points move no end. With the weights g of both
+    ends, w of the second less w of the first, and n the unit vector between them the sigma is that of
+    ``n · Σ g x`` for errors of the points that correlate as their subsets overlap.
+
+    Parameters
+    ----------
+    surface
+        The surface; elongations refer to its reference positions.
+    points
+        Places of its points in the reference picture [px], shape [n_points, 2].
+    extensometer
+        Its ends and window.
+    step, subset
+        Distance of neighbouring points, and side of the subsets [px].
+    reference_sigma
+        Standard deviations of the reference positions, independent of the frames' [m], shape [n_points, 3];
+        None: they are exact.
+    """
+    near = [_near(points, end, extensometer.window, step) for end in extensometer.ends]
+    rows = np.flatnonzero(near[0] | near[1])
+    grid, valid = points[rows], surface.valid[:, rows]
+    rho = overlap_correlation(grid, grid, subset)
+    rest = np.zeros((rows.size, 3)) if reference_sigma is None else reference_sigma[rows]
+    n_frames = surface.n_frames
+    length, elongation, sigma = (np.full(n_frames, np.nan) for _ in range(3))
+    strain, outcome = np.full(n_frames, np.nan), np.full(n_frames, int(StrainOutcome.TOO_FEW_NEIGHBOURS))
+    for k in range(n_frames):
+        weights = [
+            _weights(grid, valid[k] & own[rows], end, step)
+            for own, end in zip(near, extensometer.ends, strict=True)
+        ]
+        if weights[0] is None or weights[1] is None:
+            continue
+        g = weights[1] - weights[0]
+        here = np.where(valid[k, :, None], surface.position[k, rows], 0.0)
+        between, before = g @ here, g @ surface.X[rows]
+        length[k], initial = np.linalg.norm(between), np.linalg.norm(before)
+        elongation[k] = length[k] - initial
+        strain[k] = elongation[k] / initial
+        noise = np.where(valid[k, :, None], surface.sigma[k, rows], 0.0)
+        n, n0 = between / length[k], before / initial
+        sigma[k] = np.sqrt(
+            sum(
+                (n[c] ** 2) * _variance(g * noise[:, c], rho) + (n0[c] ** 2) * _variance(g * rest[:, c], rho)
+                for c in range(3)
+            )
+        )
+        outcome[k] = int(StrainOutcome.VALID)
+    return Extension(
+        extensometer.name,
+        np.array(extensometer.ends),
+        length,
+        elongation,
+        sigma,
+        strain,
+        outcome,
+    )
+
+
+def extensions(
+    surface: SurfaceHistory, points: FloatArray, wanted: Sequence[Extensometer], **given: object
+) -> tuple[Extension, ...]:
+    """`extension` of several extensometers.
+
+    Raises
+    ------
+    ValueError
+        If an end lies beside all points, so that no frame could give a length.
+    """
+    for one in wanted:
+        for end in one.ends:
+            if _near(points, end, one.window, float(given["step"])).sum() < FEWEST:  # type: ignore[arg-type]
+                raise ValueError(
+                    f"the end ({end[0]:g}, {end[1]:g}) px of the extensometer {one.name} has fewer than "
+                    f"{FEWEST} points around it: place it on the region, or enlarge its window"
+                )
+    return tuple(extension(surface, points, one, **given) for one in wanted)  # type: ignore[arg-type]
+
+
+def _near(points: FloatArray, end: tuple[float, float], window: int, step: float) -> BoolArray:
+    """Points in the window about an end, shape [n_points]."""
+    return np.asarray((np.abs(points - np.array(end)) <= 0.5 * window * step + 1e-9).all(axis=1))
+
+
+def _weights(grid: FloatArray, used: BoolArray, end: tuple[float, float], step: float) -> FloatArray | None:
+    """Weights that give the value at `end` of the plane through the used points, shape [n]; None if these are
+    too few or nearly on a line."""
+    if used.sum() < FEWEST:
+        return None
+    q = (grid[used] - np.array(end)) / step
+    if np.linalg.eigvalsh(np.cov(q.T, bias=True))[0] < THINNEST**2:
+        return None
+    T = np.column_stack([np.ones(len(q)), q])
+    weights = np.zeros(len(grid))
+    weights[used] = np.linalg.solve(T.T @ T, T.T)[0]
+    return weights
+
+
+def _variance(g: FloatArray, rho: FloatArray) -> float:
+    return float(g @ rho @ g)
+
+
+def noise_at_rest(
+    pictures: Pictures, health: IntArray, static: int, mask: BoolArray | None
+) -> tuple[Noise, float] | None:
+    """Noise from the static frames, and its standard deviation [grey]; None if fewer than two are usable.
+
+    Parameters
+    ----------
+    pictures
+        One camera's series.
+    health
+        `FrameOutcome` of its pictures, shape [n_frames].
+    static
+        Frames at the beginning in which nothing moves.
+    mask
+        Pixels that count, shape [rows, columns]; None: all.
+    """
+    rest = np.flatnonzero(health[:static] == FrameOutcome.VALID)
+    if rest.size < 2:
+        return None
+    try:
+        grey = grey_noise(pictures, rest.tolist(), mask=mask)
+    except (PictureError, ValueError):
+        return None
+    line = grey.intercept > 0.0 and grey.slope > 0.0
+    found = Noise(floor=grey.intercept**0.5, gain=grey.slope) if line else Noise(floor=grey.sigma)
+    return found, grey.sigma
+
+
+def noise_from_matches(
+    picture: NDArray[np.generic], points: FloatArray, zncc: FloatArray, subset: int
+) -> float:
+    """Standard deviation of a grey value that explains how well subsets correlate [grey].
+
+    Two pictures of one pattern with independent noise σ correlate by ``1 - σ²/s²``, s² the variance of the
+    grey values in the subset, noise included. The median over the points of ``s √(1 - zncc)`` also holds
+    what interpolation and shape function leave, and is therefore rather too large than too small.
+
+    Parameters
+    ----------
+    picture
+        The reference picture, shape [rows, columns].
+    points
+        Places of the matched subsets' centres [px], shape [n, 2].
+    zncc
+        Their correlations, shape [n].
+    subset
+        Side of the subsets [px].
+
+    Raises
+    ------
+    ValueError
+        If there are no points.
+    """
+    if not len(points):
+        raise ValueError("no subset was matched, so the noise of the grey values is not known: declare it")
+    from dic.basics import cv2
+
+    grey = np.asarray(picture, dtype=np.float64)
+    size = (subset, subset)
+    mean = cv2.boxFilter(grey, -1, size)
+    variance = cv2.boxFilter(grey * grey, -1, size) - mean * mean
+    column, row = np.round(points).astype(np.int64).T
+    s2 = np.maximum(variance[row, column], 0.0)
+    return float(np.sqrt(np.median(s2 * np.maximum(1.0 - zncc, 0.0))))
+
 
 Progress = Callable[[str, int, int], None]
 """Called as ``progress(stage, done, total)``."""
@@ -79,7 +346,7 @@ def measure_plane(
     health = frame_health(series).outcome
     usable_reference([health], chosen)
     time, timed = times_of(series, t)
-    mask = whole(mask, series)
+    mask = full_mask(mask, series)
     points, cell = grid_points(mask, chosen.step, margin=chosen.margin)
     known = known_noise(series, health, mask, chosen)
     found = track(
@@ -94,7 +361,7 @@ def measure_plane(
         progress=None if progress is None else lambda done, total: progress("camera 0", done, total),
     )
     if known is None:
-        sigma = noise_in(found, series, chosen)
+        sigma = _noise_in(found, series, chosen)
         found = replace(found, covariance=found.covariance * sigma**2)
     else:
         sigma = known[1]
@@ -121,10 +388,10 @@ def measure_plane(
 
 def as_series(pictures: Series) -> Pictures:
     """A series whose pictures are read once; arrays become one."""
-    return kept(pictures if isinstance(pictures, Pictures) else PicturesInMemory(pictures))
+    return decode_once(pictures if isinstance(pictures, Pictures) else PicturesInMemory(pictures))
 
 
-def whole(mask: BoolArray | None, series: Pictures) -> BoolArray:
+def full_mask(mask: BoolArray | None, series: Pictures) -> BoolArray:
     """The mask, or that of the whole picture; a ValueError if it is of another size."""
     if mask is None:
         return np.ones(series.shape, dtype=bool)
@@ -165,7 +432,7 @@ def known_noise(
     return noise_at_rest(series, health, settings.static, mask)
 
 
-def noise_in(found: Track, series: Pictures, settings: FullFieldSettings) -> float:
+def _noise_in(found: Track, series: Pictures, settings: FullFieldSettings) -> float:
     """Noise of the grey values from the first frame that the points were followed into [grey]."""
     counts = (found.outcome == PointOutcome.VALID).sum(axis=1)
     counts[settings.reference] = 0  # a picture correlates with itself, noise and all

@@ -1,38 +1,296 @@
-"""Full-field measurement by two cameras: a curved surface, or a cylinder."""
+"""Full-field measurement by two cameras: a curved surface, or a cylinder corrected for the bias of curvature.
+
+Camera 1 sees the pixels of camera 0's subset displaced by a field u(ξ) that a polynomial of first or second
+order, the shape function, cannot follow: what is left of it moves the fitted centre,
+
+    b = c₀ - u(0),        c = argmin Σ_ξ |u(ξ) - Σ_j c_j φ_j(ξ)|²
+
+φ_j the terms of the shape function, φ₀ = 1, ξ the pixels of the subset that lie in the mask. For u = a x⁴
+over [-h, h] and a second order, b = 3/35 a h⁴ in size; for u = a x² and a first order, a h²/3. At the rim of
+a mask half of a subset is missing, its centre is extrapolated, and b is many times as large. A radius that is
+free over a part of the circumference changes by many times what the points do. With a cylinder near the true
+one, u is known in closed form from the rays and b is taken off.
+"""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from dic.arrays import BoolArray, FloatArray, IntArray
-from dic.bodies.follow import follow_body
+from dic.basics import BoolArray, FloatArray, IntArray
+from dic.bodies.follow import TrackedBody, follow_body
 from dic.bodies.region import Region, grid_points
-from dic.camera import StereoRig
+from dic.camera import Camera, StereoRig
+from dic.chain.outliers import GATE_SIGMAS, LEAST_GATE, OWN_SIGMAS
 from dic.chain.remarks import of_findings
 from dic.correlation import Noise
-from dic.full_field.extensometers import Extensometer, extensions
-from dic.full_field.frames import cylinder_frame, plane_frame
-from dic.full_field.grey_noise import noise_from_matches
+from dic.correlation.subsets import Shape, gradient
 from dic.full_field.measure import (
+    Extensometer,
+    FullFieldSettings,
     Progress,
     Series,
     as_series,
+    extensions,
     facts_of,
     frame_outcomes,
+    full_mask,
     known_noise,
+    noise_from_matches,
     strains_of,
     times_of,
     usable_reference,
-    whole,
 )
-from dic.full_field.meeting import at_rest_of, corrected, cylinder_of, cylinders, gated
-from dic.full_field.result import FullField
-from dic.full_field.settings import FullFieldSettings
 from dic.images import Pictures, frame_health
-from dic.stereo import match_stereo
-from dic.stereo.setup_check import check_setup
-from dic.surfaces import referenced, static_mean, to_surface
+from dic.outcome import PointOutcome
+from dic.result import FittedCylinder, FullField
+from dic.stereo import Reconstruction, match_stereo, reconstruct
+from dic.stereo.diagnose import check_setup
+from dic.surfaces import fit_cylinder, overlap_factor, referenced, static_mean, to_surface
+from dic.surfaces.cylinder import Cylinder, SpecimenFrame, test_frame
+from dic.tracking import Track
+
+
+def plane_frame(X: FloatArray, rig: StereoRig) -> SpecimenFrame:
+    """Frame on the plane that fits points best: Z along its normal toward the cameras, x as camera 0's
+    pictures run to the right, y up in them, the origin in the middle of the points.
+
+    Parameters
+    ----------
+    X
+        Points in the rig's frame [m], shape [n, 3].
+    rig
+        The cameras.
+
+    Raises
+    ------
+    ValueError
+        Fewer than three points, or a plane that camera 0 sees edge on.
+    """
+    if len(X) < 3:
+        raise ValueError(f"a plane needs three points, got {len(X)}")
+    origin = X.mean(axis=0)
+    Z = np.linalg.svd(X - origin, full_matrices=False)[2][2]
+    middle = 0.5 * (rig.cameras[0].centre + rig.cameras[1].centre)
+    Z = Z * (1.0 if (middle - origin) @ Z >= 0.0 else -1.0)
+    right = rig.cameras[0].rotation[0]
+    x = right - (right @ Z) * Z
+    if np.linalg.norm(x) < 0.05:
+        raise ValueError("camera 0 looks along the plane that fits the points best")
+    x = x / np.linalg.norm(x)
+    return SpecimenFrame(np.array([x, np.cross(Z, x), Z]), origin, np.zeros((6, 6)))
+
+
+def _cylinder_frame(cylinder: Cylinder, rig: StereoRig) -> SpecimenFrame:
+    """Frame on a cylinder: y along its axis, up in camera 0's pictures, or to the right where the axis lies
+    across them; Z from the axis toward the cameras, the origin on the axis beside the middle of the points.
+    """
+    ends = cylinder.point + np.outer([-0.1, 0.1], cylinder.radius * cylinder.axis)
+    across, down = np.abs(np.diff(rig.cameras[0].project(ends), axis=0)[0])
+    direction = (0.0, -1.0) if down >= across else (1.0, 0.0)
+    return test_frame(cylinder, rig, toward_flyer=direction, zero=cylinder.point)
+
+
+NODES = 15
+"""Places along each side of a subset that stand for its pixels."""
+LEAST_SEEN = 0.2
+"""Share of them that must lie on the cylinder and in the mask."""
+
+
+def polynomial_bias(field: FloatArray, shape: Shape) -> FloatArray:
+    """Value at the centre of the polynomial that fits a field over a square best, less the field's own.
+
+    Parameters
+    ----------
+    field
+        The field at `subset_nodes`, its value at the centre in the middle, NaN where it is not known, shape
+        [n, NODES², m].
+    shape
+        AFFINE for a polynomial of first order, QUADRATIC for one of second.
+
+    Returns
+    -------
+    NDArray
+        Shape [n, m]; NaN where less than `LEAST_SEEN` of the field, or not its centre, is known.
+    """
+    x, y = subset_nodes(2.0).T  # from -1 to 1: the result has no length in it
+    terms = [np.ones_like(x), x, y] + ([x * x, x * y, y * y] if shape == Shape.QUADRATIC else [])
+    T = np.stack(terms, axis=1)
+    known = np.asarray(np.isfinite(field).all(axis=2))
+    middle = field[:, NODES**2 // 2]
+    fine = (known.mean(axis=1) >= LEAST_SEEN) & np.isfinite(middle).all(axis=1)
+    bias = np.full(middle.shape, np.nan)
+    away = np.where(known[..., None], field - middle[:, None], 0.0)[fine]
+    used = known[fine].astype(np.float64)
+    normal = np.einsum("nk,ka,kb->nab", used, T, T, optimize=True)
+    bias[fine] = np.linalg.solve(normal, np.einsum("ka,nkm->nam", T, away))[:, 0]
+    return bias
+
+
+def subset_nodes(side: float) -> FloatArray:
+    """Centres of NODES x NODES equal squares that make up a square about zero, shape [NODES², 2]."""
+    places = ((np.arange(NODES) + 0.5) / NODES - 0.5) * side
+    x, y = np.meshgrid(places, places)
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+def on_cylinder(camera: Camera, pixels: FloatArray, cylinder: Cylinder) -> FloatArray:
+    """Points of a cylinder that a camera sees at `pixels` [m], shape [..., 3]; NaN beside it."""
+    ideal = camera.undistort(pixels)
+    ray = np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1) @ camera.rotation
+    d, w = ray @ cylinder.basis[:2].T, cylinder.basis[:2] @ (camera.centre - cylinder.point)
+    a, b, c = np.sum(d * d, axis=-1), d @ w, w @ w - cylinder.radius**2
+    under = b * b - a * c
+    s = (-b - np.sqrt(np.where(under >= 0.0, under, np.nan))) / a
+    return np.asarray(camera.centre + s[..., None] * ray)
+
+
+def match_bias(
+    rig: StereoRig, cylinder: Cylinder, points: FloatArray, mask: BoolArray, subset: int, shape: Shape
+) -> FloatArray:
+    """Bias of the places in camera 1 of points matched from camera 0 [px], shape [n, 2].
+
+    Parameters
+    ----------
+    rig
+        The cameras.
+    cylinder
+        In the rig's frame, from points of this rig.
+    points
+        Centres of the subsets in camera 0's picture [px], shape [n, 2].
+    mask
+        Pixels of that picture that count, shape [rows, columns].
+    subset
+        Their side [px].
+    shape
+        Shape function of the match.
+
+    Returns
+    -------
+    NDArray
+        NaN where too little of the subset lies on the cylinder and in the mask.
+    """
+    pixels = points[:, None] + subset_nodes(float(subset))
+    X = on_cylinder(rig.cameras[0], pixels, cylinder)
+    rows, columns = mask.shape
+    x, y = np.round(np.moveaxis(pixels, -1, 0)).astype(np.int64)
+    inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
+    inside &= mask[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)]
+    return polynomial_bias(np.where(inside[..., None], rig.cameras[1].project(X), np.nan), shape)
+
+
+def without_bias(track: Track, bias: FloatArray, material: int) -> Track:
+    """Camera 1's track of the points that were meant.
+
+    Its points were matched beside them by `bias` in the material frame and follow the place found there: by
+    ``F F₀⁻¹ bias`` beside it in another frame, F the deformation gradients of the track.
+
+    Parameters
+    ----------
+    track
+        Camera 1's track.
+    bias
+        Bias in the material frame [px], shape [n_points, 2]; a NaN corrects nothing.
+    material
+        That frame.
+    """
+    known = np.where(np.isfinite(bias), bias, 0.0)
+    F = gradient(track.warp)
+    with np.errstate(invalid="ignore"):  # of points that were lost
+        start = np.where(np.isfinite(F[material]), F[material], np.eye(2))
+        now = np.where(np.isfinite(F), F, np.eye(2))
+    moved = now @ (np.linalg.inv(start) @ known[..., None])
+    warp = track.warp.copy()
+    warp[..., :2] -= moved[..., 0]
+    return replace(track, warp=warp)
+
+
+CORRECTIONS = 2
+"""Times that the curvature's bias is taken off: the second starts from a cylinder that is nearly right."""
+
+
+def apply_epipolar_gate(rig: StereoRig, body: TrackedBody, rest: Sequence[int]) -> TrackedBody:
+    """The body with the epipolar gate that its reference frames give."""
+    epipolar = body.reconstruction.epipolar[list(rest)]
+    found = epipolar[np.isfinite(epipolar)]
+    if not found.size:
+        raise ValueError(
+            "no point was matched between the cameras: check which camera is which, the calibration, the "
+            "crop offsets and the region"
+        )
+    gate = max(LEAST_GATE, GATE_SIGMAS * float(np.median(np.abs(found))) / 0.6745)
+    again = reconstruct(rig, *body.tracks, gate=gate, gate_sigmas=OWN_SIGMAS, common=body.common)
+    return replace(body, reconstruction=again)
+
+
+def _at_rest_of(r: Reconstruction, rest: Sequence[int]) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Mean places of the points at the reference, their covariances, and which points they are."""
+    known = referenced(r, rest)
+    X, C = static_mean(r, rest)
+    return X[known], C[known], known
+
+
+def _cylinder_of(
+    r: Reconstruction,
+    rest: Sequence[int],
+    settings: FullFieldSettings,
+    points: FloatArray,
+    radius: float | None = None,
+) -> Cylinder:
+    """The cylinder at the reference."""
+    X, C, known = _at_rest_of(r, rest)
+    return fit_cylinder(X, C, radius=radius, overlap=overlap_factor(points[known], settings.subset))
+
+
+def remove_curvature_bias(
+    rig: StereoRig, body: TrackedBody, rest: Sequence[int], settings: FullFieldSettings, radius: float | None
+) -> tuple[TrackedBody, float, float]:
+    """The body without the bias of its subsets' curvature, the bias's median size in camera 1 [px], and the
+    radius before [m]."""
+    first, track = body, body.tracks[1]
+    plain, size = _cylinder_of(first.reconstruction, rest, settings, body.points).radius, 0.0
+    for _ in range(CORRECTIONS):
+        cylinder = _cylinder_of(body.reconstruction, rest, settings, body.points, radius)
+        bias = match_bias(rig, cylinder, body.points, body.mask, settings.subset, settings.stereo_shape)
+        known = np.isfinite(bias).all(axis=1)
+        size = float(np.median(np.linalg.norm(bias[known], axis=1))) if known.any() else 0.0
+        tracks = (body.tracks[0], without_bias(track, bias, body.material))
+        body = apply_epipolar_gate(
+            rig, replace(first, tracks=tracks, reconstruction=reconstruct_body(rig, first, tracks)), rest
+        )
+    return body, size, plain
+
+
+def reconstruct_body(rig: StereoRig, body: TrackedBody, tracks: tuple[Any, Any]) -> Reconstruction:
+    return reconstruct(rig, *tracks, common=body.common)
+
+
+def cylinders(
+    r: Reconstruction,
+    frame: SpecimenFrame,
+    points: FloatArray,
+    settings: FullFieldSettings,
+    correction: float,
+    plain: float,
+) -> FittedCylinder:
+    """A cylinder with a free radius through the points of each frame."""
+    n = len(r.outcome)
+    radius, sigma, rms, count = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan), np.zeros(n, int)
+    for k in range(n):
+        valid = r.outcome[k] == PointOutcome.VALID
+        try:
+            found = fit_cylinder(
+                frame.positions(r.position[k, valid]),
+                frame.covariances(r.covariance[k, valid]),
+                overlap=overlap_factor(points[valid], settings.subset),
+            )
+        except ValueError:
+            continue  # too few points, or none of a cylinder: NaN and no points
+        radius[k], sigma[k], rms[k] = found.radius, found.sigma[4], found.rms
+        count[k] = int(found.used.sum())
+    return FittedCylinder(radius, sigma, rms, count, correction, plain)
+
 
 TRIED = 300
 """Points whose matches give the noise of the grey values where nothing else does."""
@@ -90,7 +348,7 @@ def measure_cylinder(
 ) -> FullField:
     """Measure a cylinder by two cameras: its surface, and radius and axis of the cylinder of each frame.
 
-    The bias that the curvature inside the subsets gives is taken off (`dic.full_field.curvature`).
+    The bias that the curvature inside the subsets gives is taken off (`dic.full_field.stereo`).
 
     Parameters
     ----------
@@ -132,7 +390,7 @@ def _measured(
     health = (frame_health(series[0]).outcome, frame_health(series[1]).outcome)
     usable_reference(health, settings)
     time, timed = times_of(series[0], t)
-    region = whole(mask, series[0])
+    region = full_mask(mask, series[0])
     noise, sigma, measured = _noise(series, rig, health, region, settings)
     body = follow_body(
         series,
@@ -151,13 +409,13 @@ def _measured(
     )
     at_rest = settings.reference < settings.static
     rest = list(range(settings.static)) if at_rest else [settings.reference]
-    body = gated(rig, body, rest)
+    body = apply_epipolar_gate(rig, body, rest)
     correction, plain = 0.0, float("nan")
     if kind == "cylinder":
-        body, correction, plain = corrected(rig, body, rest, settings, radius)
-        frame = cylinder_frame(cylinder_of(body.reconstruction, rest, settings, body.points, radius), rig)
+        body, correction, plain = remove_curvature_bias(rig, body, rest, settings, radius)
+        frame = _cylinder_frame(_cylinder_of(body.reconstruction, rest, settings, body.points, radius), rig)
     else:
-        frame = plane_frame(at_rest_of(body.reconstruction, rest)[0], rig)
+        frame = plane_frame(_at_rest_of(body.reconstruction, rest)[0], rig)
     r = body.reconstruction
     taken = referenced(r, rest)
     surface = to_surface(r, frame, time, reference=rest, points=taken)

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.files import regular
-from dic.images.packed import packed_size, unpack
 from dic.images.series import (
     Grey,
     PictureError,
@@ -25,6 +24,8 @@ from dic.images.series import (
     checked_frame,
     checked_index,
     checked_shape,
+    packed_size,
+    unpack,
 )
 
 _HEADER = struct.Struct("<2sHHHiIiIIIIII")

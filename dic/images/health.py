@@ -12,7 +12,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.arrays import FloatArray, IntArray
+from dic.basics import FloatArray, IntArray
 from dic.images.series import PictureError, Pictures
 from dic.outcome import FrameOutcome
 
@@ -154,7 +154,7 @@ def saturated_mask(picture: NDArray[np.generic], ceiling: int, *, grow: int = 1)
     grow
         How far a saturated pixel spoils its neighbours through interpolation [px].
     """
-    from dic.opencv import cv2
+    from dic.basics import cv2
 
     full = (np.asarray(picture) >= ceiling).astype(np.uint8)
     kernel = np.ones((2 * grow + 1, 2 * grow + 1), dtype=np.uint8)

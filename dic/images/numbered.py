@@ -1,11 +1,14 @@
-"""Numbered series of TIFF, PNG, JPEG and BMP pictures: one file a frame, its size and wholeness read from
-its bytes before it is decoded (`dic.images.whole_file`).
+"""Numbered series of TIFF, PNG, JPEG and BMP pictures, one file a frame.
 
 The frame number is the number in the name; the first number present is frame 0, and numbers count in the
-largest step that fits them all (0002, 0004, 0008: step 2). A number that is left out is a missing frame.
+largest step that fits them all (0002, 0004, 0008: step 2). A missing number is a missing frame. OpenCV
+decodes truncated files and any size that a header states; hence size and completeness are read from the
+bytes first.
 """
 
 import re
+import struct
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import gcd
@@ -17,7 +20,76 @@ from numpy.typing import NDArray
 from dic.files import regular
 from dic.images import tiff
 from dic.images.series import Grey, PictureError, checked_bits, checked_frame, checked_index, checked_shape
-from dic.images.whole_file import missing_end, stated_size
+
+_PNG = b"\x89PNG\r\n\x1a\n"
+_JPEG_END_WITHIN = 65_536
+"""Largest distance of a JPEG's end mark from its end: cameras append notes [bytes]."""
+
+
+def _missing_end(data: bytes) -> str:
+    """Missing or damaged part of the bytes of a PNG, JPEG or BMP file; empty if none is seen."""
+    if data.startswith(_PNG):
+        return _png(data)
+    if data.startswith(b"\xff\xd8"):
+        whole = b"\xff\xd9" in data[max(2, len(data) - _JPEG_END_WITHIN) :]
+        return "" if whole else "the JPEG file is cut off: its end mark is missing"
+    if data.startswith(b"BM"):
+        return _bmp(data)
+    return ""
+
+
+def _stated_size(data: bytes) -> tuple[int, int] | None:
+    """Rows and columns that the header gives; None if the file is of another kind or has no whole header."""
+    if data.startswith(_PNG) and len(data) >= 24:
+        columns, rows = struct.unpack_from(">II", data, 16)
+        return rows, columns
+    if data.startswith(b"BM") and len(data) >= 26:
+        oldest = data[14:18] == b"\x0c\0\0\0"
+        columns, rows = struct.unpack_from("<HH" if oldest else "<ii", data, 18)
+        return abs(rows), columns
+    return _jpeg_size(data) if data.startswith(b"\xff\xd8") else None
+
+
+def _jpeg_size(data: bytes) -> tuple[int, int] | None:
+    """Of the first frame header: the blocks before it are stepped over."""
+    place = 2
+    while place + 9 <= len(data):
+        if data[place] != 0xFF or data[place + 1] == 0xFF:
+            place += 1  # fill bytes
+            continue
+        kind, (length,) = data[place + 1], struct.unpack_from(">H", data, place + 2)
+        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
+            rows, columns = struct.unpack_from(">HH", data, place + 5)
+            return rows, columns
+        place += 2 if kind == 0x01 or 0xD0 <= kind <= 0xD9 else 2 + length
+    return None
+
+
+def _png(data: bytes) -> str:
+    place = len(_PNG)
+    while place + 12 <= len(data):
+        length, kind = struct.unpack_from(">I4s", data, place)
+        end = place + 12 + length
+        if end > len(data):
+            break
+        (check,) = struct.unpack_from(">I", data, end - 4)
+        if zlib.crc32(data[place + 4 : end - 4]) != check:
+            return f"the PNG file is damaged: the check sum of its block at byte {place} is wrong"
+        if kind == b"IEND":
+            return ""
+        place = end
+    return f"the PNG file is cut off: its block at byte {place} is not whole"
+
+
+def _bmp(data: bytes) -> str:
+    if len(data) < 34:
+        return "the BMP file is cut off in its header"
+    start, header, width, height, _, bits, compression = struct.unpack_from("<IIiiHHI", data, 10)
+    if header < 40 or compression != 0:
+        return ""  # an older header or run lengths: the decoder has to see
+    need = start + (abs(width) * bits + 31) // 32 * 4 * abs(height)
+    return f"the BMP file is cut off: {len(data)} of {need} bytes are there" if len(data) < need else ""
+
 
 SUFFIXES = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
 """Endings of the files that a folder is searched for; a pattern may name others."""
@@ -30,7 +102,7 @@ LARGEST_FILE = 2**29
 
 
 @dataclass(frozen=True)
-class NumberedPictures:
+class _NumberedPictures:
     """Frames that are files of their own; see `dic.images.Pictures`."""
 
     path: Path
@@ -67,7 +139,7 @@ class NumberedPictures:
         return checked_frame(file, index, _decode(file, index)[0], self.shape, self.bits)
 
 
-def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
+def read_folder(path: Path, pattern: str | None = None) -> _NumberedPictures:
     """Open the series in a folder.
 
     Parameters
@@ -107,7 +179,7 @@ def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
     return _opened(path, [found.get(number) for number in numbers], tuple(numbers))
 
 
-def read_files(files: Sequence[Path]) -> NumberedPictures:
+def read_files(files: Sequence[Path]) -> _NumberedPictures:
     """Open picture files in the order given; frame i is file i, and a file that is not there a missing frame.
 
     Raises
@@ -120,7 +192,7 @@ def read_files(files: Sequence[Path]) -> NumberedPictures:
     return _opened(files[0].parent, list(files), tuple(range(len(files))))
 
 
-def _opened(path: Path, files: list[Path | None], numbers: tuple[int, ...]) -> NumberedPictures:
+def _opened(path: Path, files: list[Path | None], numbers: tuple[int, ...]) -> _NumberedPictures:
     """The series, with shape and depth of its first picture that can be decoded."""
     failures: list[PictureError] = []
     for index, file in enumerate(files):
@@ -134,7 +206,7 @@ def _opened(path: Path, files: list[Path | None], numbers: tuple[int, ...]) -> N
         shape = checked_shape(file, *picture.shape)
         data = file.read_bytes()
         used = checked_bits(file, bits, 16)
-        return NumberedPictures(
+        return _NumberedPictures(
             path, tuple(files), numbers, shape, used, coloured=not tiff.sniff(file, data) and _colours(data)
         )
     raise PictureError(
@@ -202,10 +274,10 @@ def _decode(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
         )
     if tiff.sniff(file, data):
         return _page(file, index)
-    what = missing_end(data)
+    what = _missing_end(data)
     if what:
         raise PictureError(file, what, frame=index, cure="copy or export it again")
-    size_given = stated_size(data)
+    size_given = _stated_size(data)
     if size_given is None:
         raise PictureError(
             file,
@@ -230,7 +302,7 @@ def _page(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
 
 
 def _by_opencv(file: Path, index: int, data: bytes) -> tuple[NDArray[np.generic], int]:
-    from dic.opencv import cv2
+    from dic.basics import cv2
 
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH
     before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
@@ -252,7 +324,7 @@ def _by_opencv(file: Path, index: int, data: bytes) -> tuple[NDArray[np.generic]
 
 def _colours(data: bytes) -> bool:
     """Whether a PNG, JPEG or BMP has pixels whose three colours differ."""
-    from dic.opencv import cv2
+    from dic.basics import cv2
 
     picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
     return picture is not None and picture.ndim == 3 and bool((picture != picture[..., :1]).any())

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.files import regular
-from dic.images.packed import packed_size, unpack
 from dic.images.series import (
     Grey,
     PictureError,
@@ -19,6 +18,8 @@ from dic.images.series import (
     checked_frame,
     checked_index,
     checked_shape,
+    packed_size,
+    unpack,
 )
 
 _LARGEST = 4_000_000

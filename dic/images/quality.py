@@ -1,13 +1,270 @@
-"""Quality of a speckle pattern: size, coverage, gradient, and the predicted noise floor."""
+"""Quality of pictures: noise of the grey values, speckle size and coverage, the predicted noise floor.
 
+The noise comes from frames in which nothing moves. Gradients are those of a picture's interpolating quintic
+B-spline. Speckle size comes from the autocorrelation and from the edges.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.arrays import FloatArray, IntArray
-from dic.images.noise import GreyNoise, gradient, noise_gain
-from dic.images.pattern import coverage_and_diameter, illumination, width_of_autocorrelation
+from dic.basics import FloatArray, IntArray
+from dic.images.series import Pictures
+
+Mask = NDArray[np.bool_]
+
+_LARGEST_WINDOW = 1024
+"""Side of the field whose autocorrelation is computed [px]."""
+
+
+def _width_of_autocorrelation(detail: FloatArray, used: Mask, sigma: float) -> tuple[float, float]:
+    """Full width at half height of the autocorrelation along x and y [px]; NaN if it never falls by half.
+
+    Parameters
+    ----------
+    detail
+        Grey values less the illumination, shape [rows, columns].
+    used
+        The pixels that count, shape [rows, columns]; of a large field the middle is taken.
+    sigma
+        Standard deviation of the noise, taken off the peak [grey].
+    """
+    window = tuple(_middle(np.flatnonzero(used.any(axis=1 - axis))) for axis in (0, 1))
+    detail, used = np.where(used, detail, 0.0)[window], used[window]
+    shape = [2 * side for side in detail.shape]  # zeros around: no wrap
+
+    def correlated(a: FloatArray) -> FloatArray:
+        spectrum = np.fft.rfft2(a, s=shape)
+        return np.asarray(np.fft.irfft2(spectrum * np.conj(spectrum), s=shape))
+
+    pairs = correlated(used.astype(np.float64))
+    mean = np.where(pairs > 0.5, correlated(detail) / np.maximum(pairs, 1.0), 0.0)
+    peak = mean[0, 0] - sigma**2
+    if peak <= 0.0:
+        return float("nan"), float("nan")
+    along_x, along_y = (line[: len(line) // 2] / peak for line in (mean[0, :], mean[:, 0]))
+    return _half_width(along_x), _half_width(along_y)
+
+
+def _middle(places: NDArray[np.int64]) -> slice:
+    """The middle `_LARGEST_WINDOW` of what lies between the first and the last."""
+    low, high = int(places[0]), int(places[-1]) + 1
+    spare = max(high - low - _LARGEST_WINDOW, 0)
+    return slice(low + spare // 2, high - (spare - spare // 2))
+
+
+def _half_width(line: FloatArray) -> float:
+    """Twice the lag at which a correlation falls to one half; the peak is set to 1."""
+    line = np.concatenate([[1.0], line[1:]])
+    below = np.flatnonzero(line < 0.5)
+    if not below.size:
+        return float("nan")
+    k = int(below[0])
+    return float(2.0 * (k - 1 + (line[k - 1] - 0.5) / (line[k - 1] - line[k])))
+
+
+def coverage_and_diameter(f: FloatArray, level: FloatArray, used: Mask, sigma: float) -> tuple[float, float]:
+    """Share of dark pixels, and diameter of discs thrown at random with the chords of the lesser phase [px].
+
+    The picture over its illumination `level` is cut at Otsu's threshold. An edge counts where the grey value
+    goes from two standard deviations of the noise on one side to as far on the other.
+    """
+    from dic.basics import cv2
+
+    even = np.divide(f, level, out=np.zeros(f.shape), where=used & (level > 0.0))
+    low, high = np.percentile(even[used], (0.1, 99.9))
+    if high <= low:
+        return float("nan"), float("nan")
+    scaled = np.clip(np.rint((even[used] - low) / (high - low) * 255.0), 0, 255).astype(np.uint8)
+    cut, _ = cv2.threshold(scaled.reshape(-1, 1), 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    threshold = (low + (cut + 0.5) / 255.0 * (high - low)) * level
+    dark = float(np.mean((f < threshold)[used]))
+
+    side = np.where(f < threshold - 2.0 * sigma, -1, np.where(f > threshold + 2.0 * sigma, 1, 0))
+    edges, length = 0, 0
+    for signs, inside in ((side, used), (side.T, used.T)):
+        edges += _changes(signs, inside)
+        length += int((inside[:, 1:] & inside[:, :-1]).sum())
+    p = min(dark, 1.0 - dark)
+    if not edges or p == 0.0:
+        return dark, float("nan")
+    chord = p * length / (edges / 2.0)
+    return dark, float(4.0 / np.pi * chord * (1.0 - p) * -np.log1p(-p) / p)
+
+
+def _changes(side: NDArray[np.int64], used: Mask) -> int:
+    """Number of changes of the rows between -1 and 1, zeros passed over, within the mask."""
+    known = (side != 0) | ~used
+    column = np.where(known, np.arange(side.shape[1]), -1)
+    last = np.maximum.accumulate(column, axis=1)
+    rows = np.arange(side.shape[0])[:, None]
+    held = np.where(last >= 0, np.where(used, side, 0)[rows, np.maximum(last, 0)], 0)
+    return int(np.sum(held[:, 1:] * held[:, :-1] == -1))
+
+
+def illumination(f: FloatArray, used: Mask) -> FloatArray:
+    """Illumination: Gaussian mean of the pixels that count, over a sixth of the field [grey]."""
+    from dic.basics import cv2
+
+    width = max(float(np.sqrt(used.sum())) / 6.0, 8.0)
+    step = max(int(width / 8.0), 1)  # smooth enough to be computed on coarser pixels
+    rows, columns = f.shape
+    coarse = (max(columns // step, 1), max(rows // step, 1))
+
+    def smooth(values: FloatArray) -> FloatArray:
+        small = cv2.resize(values, coarse, interpolation=cv2.INTER_AREA) if step > 1 else values
+        blurred = cv2.GaussianBlur(small, (0, 0), width / step)
+        return np.asarray(cv2.resize(blurred, (columns, rows), interpolation=cv2.INTER_LINEAR))
+
+    weight, total = smooth(used.astype(np.float64)), smooth(np.where(used, f, 0.0))
+    return np.asarray(total / np.maximum(weight, 1e-9))
+
+
+_VALUE = np.array([1.0, 26.0, 66.0, 26.0, 1.0]) / 120.0
+_SLOPE = np.array([-1.0, -10.0, 0.0, 10.0, 1.0]) / 24.0
+"""The quintic B-spline and its derivative at whole pixels."""
+
+
+def gradient(picture: NDArray[np.generic]) -> tuple[FloatArray, FloatArray]:
+    """Derivatives along x (columns) and y (rows) at the pixel centres [grey/px].
+
+    Parameters
+    ----------
+    picture
+        Grey values, shape [rows, columns].
+
+    Returns
+    -------
+    tuple
+        The two derivatives, each of shape [rows, columns].
+    """
+    from scipy import ndimage
+
+    coefficients = ndimage.spline_filter(np.asarray(picture, dtype=np.float64), order=5, mode="mirror")
+
+    def along(axis: int) -> FloatArray:
+        sloped = ndimage.correlate1d(coefficients, _SLOPE, axis=axis, mode="mirror")
+        return np.asarray(ndimage.correlate1d(sloped, _VALUE, axis=1 - axis, mode="mirror"))
+
+    return along(1), along(0)
+
+
+@cache
+def noise_gain() -> float:
+    """Variance of `gradient` over that of independent noise of the pixels [1/px²]."""
+    impulse = np.zeros((65, 65))
+    impulse[32, 32] = 1.0
+    return float(np.sum(gradient(impulse)[0] ** 2))
+
+
+_BINS = 20
+
+
+@dataclass(frozen=True)
+class GreyNoise:
+    """Standard deviation of the grey values, and how it depends on them."""
+
+    sigma: float
+    """Of one pixel of one frame, over the whole mask [grey]."""
+    intercept: float
+    """Variance at grey value 0 by the straight line `intercept + slope * grey` [grey²]."""
+    slope: float
+    """Growth of the variance with the grey value [grey]; photon noise makes it positive."""
+    slope_sigma: float
+    """Standard deviation of the slope [grey]."""
+    gain: FloatArray
+    """Brightness of each frame relative to their mean, the flicker that was removed [-], shape [n_frames]."""
+    motion: FloatArray
+    """Rigid motion (x, y) of each frame against their mean, removed too [px], shape [n_frames, 2]."""
+
+    def variance(self, grey: NDArray[np.generic]) -> FloatArray:
+        """Variance at given grey values [grey²], by the straight line, not below a tenth of `sigma²`."""
+        line = self.intercept + self.slope * np.asarray(grey, dtype=np.float64)
+        return np.asarray(np.maximum(line, 0.1 * self.sigma**2))
+
+
+def grey_noise(
+    pictures: Pictures | Sequence[NDArray[np.generic]],
+    frames: Sequence[int],
+    *,
+    mask: NDArray[np.bool_] | None = None,
+) -> GreyNoise:
+    """Measure the noise in static frames.
+
+    Each frame k is compared with the mean M of all: ``f_k = b (M - u·∇M) + c + noise``, by least squares over
+    the mask. The gain b and offset c take the flicker away, u a rigid motion of a small part of a pixel. The
+    variance is that of the differences of neighbouring frames' remainders, halved: a slow change of the
+    picture does not count as noise. Its median over the pairs is ``sigma²``; the line is fitted to its mean
+    over pixels of like brightness, weighted by how well each is known.
+
+    Parameters
+    ----------
+    pictures
+        A series, or pictures of shape [rows, columns].
+    frames
+        Numbers of the static frames, at least two.
+    mask
+        The pixels that count, shape [rows, columns]; all if None. Leave saturated pixels out.
+
+    Raises
+    ------
+    ValueError
+        Fewer than two frames, a mask of other shape or of fewer than 100 pixels, or no noise at all.
+    PictureError
+        A frame that cannot be read.
+    """
+    if len(frames) < 2:
+        raise ValueError(f"noise needs at least 2 static frames, got {len(frames)}")
+    read = pictures.frame if isinstance(pictures, Pictures) else pictures.__getitem__
+    stack = [np.asarray(read(index)) for index in frames]
+    mean = np.asarray(np.mean(stack, axis=0, dtype=np.float64))
+    used = np.ones(mean.shape, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)
+    if used.shape != mean.shape or used.sum() < 100:
+        raise ValueError(
+            f"mask must be of shape {mean.shape} with at least 100 pixels, "
+            f"is of shape {used.shape} with {used.sum()}"
+        )
+    columns = np.stack([part[used] for part in (mean, np.ones_like(mean), *gradient(mean))], axis=1)
+    normal = np.linalg.pinv(columns.T @ columns)
+    fitted = np.array([normal @ (columns.T @ frame[used]) for frame in stack])
+    squares, levels = np.zeros(len(columns)), []
+    for k in range(len(stack) - 1):  # a pair at a time: the frames may be many and large
+        here, there = (stack[m][used] - columns @ fitted[m] for m in (k, k + 1))
+        square = (there - here) ** 2 / 2.0  # the variance of one frame's noise
+        squares += square / (len(stack) - 1)
+        levels.append(square.mean())
+    sigma2 = float(np.median(levels))
+    if sigma2 <= 0.0:
+        raise ValueError("the frames are equal to the last bit: give other frames, or the noise as a number")
+    intercept, slope, error = _line(mean[used], squares)
+    gain = np.array([frame[used].mean() for frame in stack])
+    return GreyNoise(
+        sigma=float(np.sqrt(sigma2)),
+        intercept=intercept,
+        slope=slope,
+        slope_sigma=error,
+        gain=np.asarray(gain / gain.mean()),
+        motion=np.asarray(-fitted[:, 2:] / fitted[:, :1]),  # moved by u, b M looks like b (M - u·∇M)
+    )
+
+
+def _line(grey: FloatArray, variance: FloatArray) -> tuple[float, float, float]:
+    """Intercept, slope and the slope's standard deviation of variance over grey value."""
+    order = np.argsort(grey, kind="stable")
+    bins = [part for part in np.array_split(order, _BINS) if part.size > 1]
+    x = np.array([grey[part].mean() for part in bins])
+    y = np.array([variance[part].mean() for part in bins])
+    weight = 1.0 / np.array([max(variance[part].std() ** 2 / part.size, 1e-12) for part in bins])
+    centre = np.sum(weight * x) / np.sum(weight)
+    spread = float(np.sum(weight * (x - centre) ** 2))
+    if spread <= 0.0 or np.ptp(x) <= 1e-9 * max(1.0, abs(centre)):
+        return float(np.average(y, weights=weight)), 0.0, float("inf")
+    slope = float(np.sum(weight * (x - centre) * y) / spread)
+    return float(np.average(y, weights=weight) - slope * centre), slope, float(spread**-0.5)
+
 
 LARGEST_SUBSET = 101
 """Largest subset that is tried for a wanted floor [px]."""
@@ -127,7 +384,7 @@ def speckle_quality(
     coverage, by_edges = coverage_and_diameter(f, f - even, used, left)
     return SpeckleQuality(
         subset=subset,
-        size=width_of_autocorrelation(even, used, left),
+        size=_width_of_autocorrelation(even, used, left),
         size_by_edges=by_edges,
         coverage=coverage,
         mean_gradient=steepness,
@@ -148,7 +405,7 @@ def _sums(
     tuple
         The tables, shape [7, rows + 1, columns + 1], and the mean intensity gradient [grey/px].
     """
-    from dic.opencv import cv2
+    from dic.basics import cv2
 
     gx, gy = gradient(f)
     excess = noise_gain() * variance / averaged

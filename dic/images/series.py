@@ -1,7 +1,13 @@
-"""A series of pictures of one camera, of whatever file format, and the bounds that every reader checks
-before anything is allocated."""
+"""A series of pictures of one camera: from a file, from memory, or decoded once; limits of all readers.
+
+Limits are checked before memory is allocated. Grey values of 10 and 12 bits may be packed without gaps,
+most significant bit first, as in TIFF (12 bits), Photron's `.mraw` and Phantom's P10 and P12L: four values
+of 10 bits in five bytes, two of 12 bits in three.
+"""
 
 import operator
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -183,3 +189,189 @@ def checked_frame(
     if picture.dtype == np.uint8:
         return np.asarray(picture, dtype=np.uint8)
     return np.asarray(picture, dtype=np.uint16)
+
+
+@dataclass(frozen=True)
+class PicturesInMemory:
+    """Arrays as a series; see `dic.images.Pictures`.
+
+    Raises
+    ------
+    ValueError
+        No pictures, or one that is not of shape [rows, columns].
+    """
+
+    pictures: Sequence[NDArray[np.generic]]
+    """Grey values, 8 or 16-bit whole numbers, each of shape [rows, columns]."""
+    bits: int = 0
+    """Bits that carry the grey value; 0: those of the arrays' type."""
+    crop_offset: tuple[float, float] = (0.0, 0.0)
+    """Place of the top left pixel on the sensor (x, y) [px]."""
+    times: NDArray[np.float64] | None = None
+    """Times of the frames [s], shape [n_frames]; None if not known."""
+
+    def __post_init__(self) -> None:
+        if not len(self.pictures) or np.ndim(self.pictures[0]) != 2:
+            raise ValueError("pictures in memory must be one array [rows, columns] or more")
+        if not self.bits:
+            object.__setattr__(self, "bits", 8 * np.asarray(self.pictures[0]).dtype.itemsize)
+
+    @property
+    def path(self) -> Path:
+        """Stands for a file in messages."""
+        return Path("arrays in memory")
+
+    @property
+    def n_frames(self) -> int:
+        """Number of arrays."""
+        return len(self.pictures)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the first array [px]."""
+        rows, columns = np.shape(self.pictures[0])
+        return rows, columns
+
+    def frame(self, index: int) -> Grey:
+        """Grey values of one frame, shape [rows, columns]; a PictureError if it does not fit the first."""
+        array = np.asarray(self.pictures[checked_index(self.n_frames, index)])
+        return checked_frame(self.path, index, array, self.shape, self.bits)
+
+
+MOST_DECODED = 128 * 2**20
+"""Pictures of one series that are kept in memory [bytes]; those beyond are read again when asked for. A large
+picture is decoded in a small part of the time in which its points are matched."""
+
+
+def decode_once(pictures: Pictures) -> "DecodedPictures":
+    """A series with its pictures kept; itself if they are already."""
+    return pictures if isinstance(pictures, DecodedPictures) else DecodedPictures(pictures)
+
+
+class DecodedPictures:
+    """The same series, for those who look at its pictures more than once; see `dic.images.Pictures`.
+
+    Parameters
+    ----------
+    pictures
+        The series.
+    most
+        Memory that its pictures may take up [bytes].
+    """
+
+    def __init__(self, pictures: Pictures, *, most: int = MOST_DECODED) -> None:
+        self.pictures, self.most = pictures, most
+        self._kept: dict[int, Grey] = {}
+        self._size = 0
+
+    @property
+    def path(self) -> Path:
+        """The file, or the folder of a numbered series."""
+        return self.pictures.path
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames that the headers promise."""
+        return self.pictures.n_frames
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns [px]."""
+        return self.pictures.shape
+
+    @property
+    def bits(self) -> int:
+        """Bits that carry the grey value."""
+        return self.pictures.bits
+
+    @property
+    def crop_offset(self) -> tuple[float, float]:
+        """Place of the top left pixel on the sensor (x, y) [px]."""
+        return self.pictures.crop_offset
+
+    @property
+    def times(self) -> NDArray[np.float64] | None:
+        """Times of the frames [s], shape [n_frames]; None if not recorded."""
+        return self.pictures.times
+
+    @property
+    def held(self) -> Mapping[int, Grey]:
+        """The pictures that are in memory, by frame."""
+        return self._kept
+
+    def hold(self, pictures: Mapping[int, Grey]) -> None:
+        """Take over pictures by frame that another process has read from the same series (`held`)."""
+        for index, picture in pictures.items():
+            self._keep(index, picture)
+
+    def _keep(self, index: int, picture: Grey) -> Grey:
+        if index not in self._kept and self._size + picture.nbytes <= self.most:
+            picture.flags.writeable = False
+            self._size += picture.nbytes
+            self._kept[index] = picture
+        return picture
+
+    def frame(self, index: int) -> Grey:
+        """Grey values of one frame, not to be written to, shape [rows, columns].
+
+        Raises
+        ------
+        PictureError
+            As the series does; a frame that cannot be read is tried again when it is asked for again.
+        """
+        found = self._kept.get(index)
+        if found is None:
+            found = self.pictures.frame(index)
+            if self._size + found.nbytes <= self.most:
+                found = self._keep(index, found.copy())  # a memory map may change under the hand
+        return found
+
+
+Bytes = NDArray[np.uint8]
+Words = NDArray[np.uint16]
+
+
+def packed_size(values: int, bits: int) -> int:
+    """Bytes that so many grey values take, the last byte filled up with zeros."""
+    return (values * bits + 7) // 8
+
+
+def unpack(raw: Bytes, bits: int, values: int) -> Words:
+    """The first `values` grey values of packed bytes, shape [values].
+
+    Parameters
+    ----------
+    raw
+        The bytes, at least `packed_size` of them, shape [n].
+    bits
+        Bits of a grey value: 10 or 12.
+    values
+        How many grey values to read.
+
+    Raises
+    ------
+    ValueError
+        Other bits, or fewer bytes than the values need.
+    """
+    if bits not in (10, 12):
+        raise ValueError(f"bits = {bits}: packed grey values have 10 or 12")
+    need = packed_size(values, bits)
+    if raw.size < need:
+        raise ValueError(f"{values} grey values of {bits} bits need {need} bytes, there are {raw.size}")
+    group = 5 if bits == 10 else 3  # bytes, the fewest that hold a whole number of values
+    groups = -(-need // group)
+    padded = np.zeros(groups * group, dtype=np.uint8)
+    padded[:need] = raw[:need]
+    byte = padded.reshape(groups, group).astype(np.uint16).T
+    if bits == 10:
+        a, b, c, d, e = byte
+        columns = [
+            a << 2 | b >> 6,
+            (b & 0x3F) << 4 | c >> 4,
+            (c & 0x0F) << 6 | d >> 2,
+            (d & 0x03) << 8 | e,
+        ]
+    else:
+        a, b, c = byte
+        columns = [a << 4 | b >> 4, (b & 0x0F) << 8 | c]
+    return np.stack(columns, axis=1).reshape(-1)[:values]

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.files import regular
-from dic.images.packed import packed_size, unpack
 from dic.images.series import (
     MOST_FRAMES,
     Grey,
@@ -29,6 +28,8 @@ from dic.images.series import (
     checked_frame,
     checked_index,
     checked_shape,
+    packed_size,
+    unpack,
 )
 
 if TYPE_CHECKING:
@@ -303,7 +304,7 @@ def _segments(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> Iterator[
 
 
 def _by_opencv(path: Path, index: int, bits: int) -> NDArray[np.generic]:
-    from dic.opencv import cv2
+    from dic.basics import cv2
 
     try:
         found, pictures = cv2.imreadmulti(str(path), index, 1, flags=cv2.IMREAD_UNCHANGED)

@@ -1,12 +1,9 @@
 """Two cameras: epipolar geometry, stereo match, triangulation, diagnosis."""
 
-from dic.stereo.epipolar import epipolar_distance
-from dic.stereo.gates import Gate
-from dic.stereo.match import StereoMatch, match_stereo
-from dic.stereo.reconstruction import Reconstruction, reconstruct
-from dic.stereo.settings import StereoGates, StereoSearch
-from dic.stereo.systematic import calibration_sigma, calibration_slopes
-from dic.stereo.triangulation import Triangulation, projection_error, triangulate
+from dic.stereo.epipolar_search import StereoGates, StereoSearch
+from dic.stereo.geometry import Triangulation, epipolar_distance, projection_error, triangulate
+from dic.stereo.match import Gate, StereoMatch, match_stereo
+from dic.stereo.reconstruction import Reconstruction, calibration_sigma, calibration_slopes, reconstruct
 
 __all__ = [
     "Gate",

@@ -1,28 +1,354 @@
-"""Diagnosis of a stereo test whose rays do not meet: named faults with numbers and cures.
+"""Diagnosis of a stereo test whose rays do not meet: exchanged cameras, crop offset, synchronisation.
 
 The epipolar distance of a correct match is the noise of the match plus the error of the calibration, some
 hundredths of a pixel. Where it is more, one explanation after another is tried, in the order of what a
 laboratory gets wrong: cameras exchanged, a crop offset wrong or left out, frames out of step. An explanation
 holds if with it the distances are what they should be; if none does, the calibration is named.
+
+A picture cropped at another place of the sensor than its calibration was told shows every point δ pixels
+away. The epipolar distance feels most of that across the epipolar lines; along them it feels only what
+perspective and lens distortion vary over the field. So δ is sought by least squares (Gauss-Newton on
+`epipolar_distance`, points that do not fit weighted down by Cauchy's function), and a component that the
+points do not determine is left at zero.
+
+Camera 1 late by τ frames sees every point where it will be τ frames later. Across the epipolar lines that
+shows as an epipolar distance ``τ w``, with w the motion of the point across its line in one frame. Motion
+along the lines only changes depth and tells nothing. A constant distance of a point, from the calibration, is
+left free, so w has to vary: a rest before the motion is best. τ is the slope of a regression of the distances
+over w with an intercept for each point, outliers weighted down by Cauchy's function.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.arrays import FloatArray
+from dic.basics import MAD, BoolArray, FloatArray, IntArray
 from dic.camera import StereoRig
-from dic.stereo.epipolar import epipolar_distance
-from dic.stereo.offsets import HYPOTHESES, Offset, faint_offset, find_offset
-from dic.stereo.synchronisation import Synchronisation, synchronisation
+from dic.correlation import Noise, Shape
+from dic.correlation.subsets import apply
+from dic.outcome import PointOutcome
+from dic.stereo.geometry import Rays, epipolar_distance, epipolar_slopes, slopes_between
+from dic.tracking import Tracking, track
+
+OFFSET_POINTS = 4000
+"""Point pairs that are used at most, evenly taken from all."""
+INDEPENDENT = 100
+"""Points that count at most for a standard deviation: neighbours share the errors of the calibration."""
+DETERMINED = 8.0
+"""Standard deviation up to which a component is determined [px]."""
+SURE, LEAST_FAINT = 3.5, 4.0
+"""An offset along the epipolar lines is at least so many standard deviations and pixels [-, px]."""
+CALIBRATED = 2.0
+"""Standard deviation of such an offset that a good calibration leaves [px]."""
+REMAINING_SHARE = 0.5
+"""Most of the distances that it may leave, as a share."""
+FARTHEST = 4096.0
+"""Offset up to which one is sought [px]: the side of a large sensor."""
+
+HYPOTHESES = {
+    "camera 1": np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+    "both cameras": np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
+}
+"""Pixels that a wrong offset shifts: (x0, y0, x1, y1) per (dx, dy). One of camera 0 alone is, for the
+epipolar distances, the opposite one of camera 1."""
+
+
+@dataclass(frozen=True)
+class Offset:
+    """A crop offset that explains the epipolar distances, or does not."""
+
+    where: str
+    """A key of `HYPOTHESES`."""
+    value: FloatArray
+    """Shift to be added to the crop offset (x, y), whole pixels [px]; 0 where not determined."""
+    sigma: FloatArray
+    """Standard deviation of each component, from the scatter that is left [px]; infinite if held at 0."""
+    before: float
+    """Median absolute epipolar distance as it is [px]."""
+    after: float
+    """The same with the offset added [px]."""
+
+    @property
+    def shifts(self) -> tuple[FloatArray, FloatArray]:
+        """Shifts to be added to the pixels of camera 0 and of camera 1 [px]."""
+        both = HYPOTHESES[self.where] @ self.value
+        return both[:2], both[2:]
+
+
+def _find_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, where: str) -> Offset:
+    """The whole-pixel crop offset under which the epipolar distances are least.
+
+    Parameters
+    ----------
+    rig
+        The cameras, with the crop that is doubted.
+    pixels0, pixels1
+        Point pairs (x, y) [px], shapes [n, 2], finite.
+    where
+        A key of `HYPOTHESES`.
+
+    Raises
+    ------
+    ValueError
+        Fewer than 20 pairs, a lens distortion that cannot be undone.
+    """
+    if len(pixels0) < 20:
+        raise ValueError(f"an offset needs at least 20 point pairs, got {len(pixels0)}")
+    step = -(-len(pixels0) // OFFSET_POINTS)
+    p0, p1 = pixels0[::step], pixels1[::step]
+    basis = HYPOTHESES[where]
+    held = np.zeros(2, dtype=bool)
+    value, sigma = _fit(rig, p0, p1, basis, held)
+    held = (sigma > DETERMINED) | (np.abs(value) < 3.0 * sigma)
+    if np.any(held):
+        value, sigma = _fit(rig, p0, p1, basis, held)
+    value = np.round(value)
+    both = basis @ value
+    median = [
+        float(np.median(np.abs(epipolar_slopes(rig, p0 + s * both[:2], p1 + s * both[2:])[0])))
+        for s in (0.0, 1.0)
+    ]
+    return Offset(where, value, sigma, *median)
+
+
+def faint_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> Offset | None:
+    """An offset of one camera along the epipolar lines, from what is left of it across them.
+
+    Rays that miss each other by hundredths of a pixel pass as calibrated, but where what they miss by varies
+    over the field as perspective makes it, and half of it goes with one offset of whole pixels, the crop is
+    doubted: depths, and with them all lengths, follow it.
+
+    Parameters
+    ----------
+    rig, pixels0, pixels1
+        As for `find_offset`.
+
+    Returns
+    -------
+    Offset or None
+        None if no component is `SURE` standard deviations and `LEAST_FAINT` from zero, or if too little of
+        the distances goes with it.
+    """
+    step = -(-len(pixels0) // OFFSET_POINTS)
+    p0, p1 = pixels0[::step], pixels1[::step]
+    basis = HYPOTHESES["camera 1"]
+    value, sigma = _fit(rig, p0, p1, basis, np.zeros(2, dtype=bool))
+    sure = (np.abs(value) >= SURE * sigma) & (np.abs(value) >= LEAST_FAINT)
+    if not np.any(sure):
+        return None
+    fitted = np.where(sure, np.round(value), value)  # across the lines a part of a pixel is the calibration's
+    after = p1 + (basis @ fitted)[2:]
+    sizes = [float(np.median(np.abs(epipolar_slopes(rig, p0, p)[0]))) for p in (p1, after)]
+    if sizes[1] > REMAINING_SHARE * sizes[0]:
+        return None
+    known = np.where(sure, np.hypot(sigma, CALIBRATED), np.inf)
+    return Offset("camera 1", np.where(sure, fitted, 0.0), known, *sizes)
+
+
+def _fit(
+    rig: StereoRig, p0: FloatArray, p1: FloatArray, basis: FloatArray, held: NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray]:
+    """Offset and standard deviation, shapes [2]; 0 ± infinite where held, or where none is found."""
+    value, sigma = np.zeros(2), np.full(2, np.inf)
+    free = ~held
+    if not np.any(free):
+        return value, sigma
+    for trial in range(30):
+        both = basis @ value
+        try:
+            e, slope0, slope1 = epipolar_slopes(rig, p0 + both[:2], p1 + both[2:])
+        except ValueError:  # the lens folds back there: not an offset that a picture can have
+            return np.zeros(2), np.full(2, np.inf)
+        J = np.concatenate([slope0, slope1], axis=-1) @ basis[:, free]
+        # All points count at first, which are far off together; those that stay behind lose their weight.
+        spread = 2.5 * MAD * float(np.median(np.abs(e - np.median(e)))) + 1e-9
+        spread = max(spread, 2.5 * float(np.median(np.abs(e)))) if trial < 6 else spread
+        weight = 1.0 / (1.0 + (e / spread) ** 2)
+        normal = (J * weight[:, None]).T @ J
+        move = -np.linalg.lstsq(normal, J.T @ (weight * e), rcond=1e-12)[0]
+        value[free] += move
+        if np.abs(value).max() > FARTHEST:
+            return np.zeros(2), np.full(2, np.inf)
+        if trial > 6 and np.abs(move).max() < 1e-3:
+            break
+    noise = MAD * float(np.median(np.abs(e))) + 1e-9
+    eigen, axes = np.linalg.eigh(normal)
+    covariance = (axes / np.maximum(eigen, 1e-30)) @ axes.T * max(1.0, len(e) / INDEPENDENT)
+    sigma[free] = noise * np.sqrt(np.diag(covariance))
+    return value, sigma
+
+
+LEAST_SYNCHRONISATION_PAIRS = 100
+"""Point pairs that a shift must leave to be judged."""
+LEAST_MOTION = 0.05
+"""Motion across the epipolar lines that tells one frame from the next [px/frame]: as much as the error of
+a calibration may vary along a path."""
+SYNCHRONISATION_POINTS = 500
+"""Points that are used at most, evenly taken from all."""
+
+
+@dataclass(frozen=True)
+class Synchronisation:
+    """Time by which the cameras' frames are apart."""
+
+    shifts: IntArray
+    """Frames by which camera 1 was assumed to be late, shape [n_shifts]."""
+    scatter: FloatArray
+    """Robust standard deviation of the epipolar distances for each shift, less what each point has in the
+    fifth of the frames with the least motion [px], shape [n_shifts]; infinite where fewer than `LEAST_PAIRS`
+    pairs are left."""
+    motion: float
+    """Root mean square motion across the epipolar lines, each point's mean taken out [px/frame]."""
+    late: float
+    """Delay of camera 1, parts of a frame included [frames]; NaN if it cannot be told."""
+    late_sigma: float
+    """Standard deviation of `late` over the frames [frames]; NaN if it cannot be told."""
+
+    @property
+    def decided(self) -> bool:
+        """True if the motion across the epipolar lines is large enough to tell one frame from the next."""
+        return bool(self.motion > LEAST_MOTION and self.late_sigma < 0.1)
+
+
+def synchronisation(
+    rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, *, farthest: int = 2
+) -> Synchronisation:
+    """Find by how many frames the two cameras are apart.
+
+    Parameters
+    ----------
+    rig
+        The cameras.
+    pixels0, pixels1
+        The same points in the frames of each camera (x, y) [px], NaN where lost, shapes
+        [n_frames, n_points, 2].
+    farthest
+        Shifts up to this many frames, either way, are tried.
+
+    Returns
+    -------
+    Synchronisation
+        Its `late` means something where it is `decided`.
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit, fewer than `farthest` + 3 frames, a lens distortion that cannot be undone.
+    """
+    if pixels0.shape != pixels1.shape or pixels0.ndim != 3:
+        raise ValueError(
+            f"pixels0 and pixels1 must have one shape [n_frames, n_points, 2], got {pixels0.shape} and "
+            f"{pixels1.shape}"
+        )
+    n = len(pixels0)
+    if not 1 <= farthest <= n - 3:
+        raise ValueError(f"farthest must be from 1 to {n - 3} (of {n} frames), got {farthest}")
+    step = -(-pixels0.shape[1] // SYNCHRONISATION_POINTS)
+    pixels0, pixels1 = (_without_jumps(pixels[:, ::step]) for pixels in (pixels0, pixels1))
+    aims = Rays.of(rig.cameras[0], pixels0), Rays.of(rig.cameras[1], pixels1)
+    shifts = np.arange(-farthest, farthest + 1)
+    shifted = {int(shift): _shifted(rig, *aims, int(shift)) for shift in shifts}
+    slope1 = shifted[0][1]
+    velocity = np.full_like(pixels1, np.nan)
+    velocity[1:-1] = (pixels1[2:] - pixels1[:-2]) / 2.0
+    across = np.sum(slope1 * velocity, axis=-1)
+    speed = _median(np.abs(across), axis=1)
+    calm = speed <= np.nanquantile(speed, 0.2) if np.any(np.isfinite(speed)) else np.zeros(n, dtype=bool)
+
+    scatter = np.full(len(shifts), np.inf)
+    for i, (e, _) in enumerate(shifted.values()):
+        free = e - _median(np.where(calm[:, None], e, np.nan), axis=0)
+        if np.sum(np.isfinite(free)) >= LEAST_SYNCHRONISATION_PAIRS:
+            scatter[i] = MAD * np.nanmedian(np.abs(free))
+    late, late_sigma, motion = 0.0, float("nan"), 0.0
+    for _ in range(3):  # w is the motion at the frame paired: pair anew once the shift is known
+        best = int(np.clip(np.round(late), -farthest, farthest))
+        e, _ = shifted[best]
+        rest, late_sigma, motion = _regression(e, _moved(across, best))
+        if not np.isfinite(rest) or round(best + rest) == best:
+            late = best + rest
+            break
+        late = best + rest
+    return Synchronisation(shifts, scatter, motion, late, late_sigma)
+
+
+def _without_jumps(pixels: FloatArray) -> FloatArray:
+    """Pixels with NaN for those that lie far from the median of five frames around them."""
+    padded = np.pad(pixels, ((2, 2), (0, 0), (0, 0)), mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 5, axis=0)
+    off = np.abs(pixels - _median(windows, axis=-1)).max(axis=-1)
+    usual = np.nanmedian(off) if np.any(np.isfinite(off)) else 0.0
+    return np.where((off <= max(1.0, 10.0 * usual))[..., None], pixels, np.nan)
+
+
+def _shifted(rig: StereoRig, aim0: Rays, aim1: Rays, shift: int) -> tuple[FloatArray, FloatArray]:
+    """Distances [n_frames, n_points] with camera 1 late by `shift`, and their slopes by its pixels.
+
+    Rows are the frames of camera 0; those without a partner are NaN.
+    """
+    e, _, slope1 = slopes_between(rig, aim0, Rays(*(_moved(part, shift) for part in aim1)))
+    return e, slope1
+
+
+def _moved(values: FloatArray, by: int) -> FloatArray:
+    """Row f holds what row f - by held; NaN where there is none."""
+    moved = np.full_like(values, np.nan)
+    if by >= 0:
+        moved[by:] = values[: len(values) - by]
+    else:
+        moved[:by] = values[-by:]
+    return moved
+
+
+def _median(values: FloatArray, axis: int) -> FloatArray:
+    """Medians of what is finite, NaN where nothing is."""
+    # NaN is sorted behind all numbers; `numpy.nanmedian` goes through the lines one by one
+    ordered = np.sort(np.where(np.isfinite(values), values, np.nan), axis=axis)
+    count = np.sum(np.isfinite(values), axis=axis, keepdims=True)
+    pair = [np.take_along_axis(ordered, k, axis) for k in (np.maximum(count - 1, 0) // 2, count // 2)]
+    both = np.squeeze(0.5 * (pair[0] + pair[1]), axis)
+    return np.where(np.squeeze(count, axis) > 0, both, np.nan)
+
+
+def _regression(e: FloatArray, w: FloatArray) -> tuple[float, float, float]:
+    """Slope of e over w with an intercept for each point, its sigma over the frames, and the rms of w."""
+    used = np.isfinite(e) & np.isfinite(w)
+    if np.sum(used) < LEAST_SYNCHRONISATION_PAIRS:
+        return float("nan"), float("nan"), 0.0
+    e, w = np.where(used, e, 0.0), np.where(used, w, 0.0)
+    off = w - _median(np.where(used, w, np.nan), axis=1)[:, None]
+    # A false point moves unlike its frame, and as w would outweigh all others.
+    trust = used & (np.abs(off) <= 4.0 * MAD * np.median(np.abs(off[used])))
+    weight, slope = trust.astype(np.float64), 0.0
+    for _ in range(20):
+        total = np.maximum(weight.sum(axis=0), 1e-30)
+        w_free = w - (weight * w).sum(axis=0) / total
+        e_free = e - (weight * e).sum(axis=0) / total
+        power = float(np.sum(weight * w_free**2))
+        if not power > 0.0:
+            return float("nan"), float("nan"), 0.0
+        slope = float(np.sum(weight * w_free * e_free) / power)
+        rest = e_free - slope * w_free
+        weight = trust * _cauchy(rest, used)
+    # Points of a frame share its error: frames, not points, are the independent observations.
+    per_frame = np.sum(weight * w_free * rest, axis=1)
+    sigma = float(np.sqrt(np.sum(per_frame**2)) / power)
+    return slope, sigma, float(np.sqrt(power / weight.sum()))
+
+
+def _cauchy(values: FloatArray, used: NDArray[np.bool_]) -> FloatArray:
+    """Weights that fall beyond 2.5 robust standard deviations."""
+    spread = 2.5 * MAD * float(np.median(np.abs(values[used]))) + 1e-12
+    return np.asarray(1.0 / (1.0 + (np.where(used, values, 0.0) / spread) ** 2))
+
 
 LEAST_PAIRS = 20
 """Point pairs without which nothing is said."""
 
 
-LEAST_FAINT = 3, 60
+LEAST_FAINT_COUNTS = 3, 60
 """Frames and points without which nothing is said of an offset along the epipolar lines."""
 
 
@@ -83,7 +409,7 @@ def diagnose(
     tuple of Finding
         Empty if nothing is wrong that epipolar distances show. They do not show a motion along the epipolar
         lines, or the exchange of cameras that are aligned to `tolerance`; an offset along them of some
-        pixels only from `LEAST_FAINT` on (`dic.stereo.offsets.faint_offset`).
+        pixels only from `LEAST_FAINT` on (`dic.stereo.diagnose.faint_offset`).
 
     Raises
     ------
@@ -103,9 +429,9 @@ def diagnose(
         raise ValueError(f"a diagnosis needs at least {LEAST_PAIRS} point pairs, got {np.sum(pair)}")
     still = pair & _stillest(pixels1, pair)[:, None]
     findings, rig, shifts = _standing_faults(rig, pixels0[still], pixels1[still], tolerance)
-    if not findings and len(pixels0) >= LEAST_FAINT[0]:
+    if not findings and len(pixels0) >= LEAST_FAINT_COUNTS[0]:
         rest = _at_rest(pixels0, pixels1, still)
-        faint = faint_offset(rig, *rest) if len(rest[0]) >= LEAST_FAINT[1] else None
+        faint = faint_offset(rig, *rest) if len(rest[0]) >= LEAST_FAINT_COUNTS[1] else None
         findings += [] if faint is None else [_offset_finding(faint)]
     if len(pixels0) >= farthest + 3:
         sync = synchronisation(rig, pixels0 + shifts[0], pixels1 + shifts[1], farthest=farthest)
@@ -159,7 +485,7 @@ def _standing_faults(
         return [_swap(before, after)], swapped, none
     best = {}
     for name, cameras in (("as given", rig), ("exchanged", swapped if np.isfinite(after) else rig)):
-        offsets = [find_offset(cameras, p0, p1, where) for where in HYPOTHESES]
+        offsets = [_find_offset(cameras, p0, p1, where) for where in HYPOTHESES]
         best[name] = min(offsets, key=lambda offset: offset.after)
         if best[name].after <= tolerance:
             swap = [_swap(before, after)] if name == "exchanged" else []
@@ -220,3 +546,69 @@ def _out_of_step(sync: Synchronisation) -> Finding | None:
         what += f": shifted by {frames}, epipolar distances scatter by {after:.3f} instead of {before:.3f} px"
         cure = f"leave out the first {frames} of camera {other}, and look at the trigger cables"
     return Finding(Fault.OUT_OF_STEP, what, cure, before, after, (sync.late,))
+
+
+MOST_POINTS = 150
+"""Points that are looked for: enough for a diagnosis."""
+
+
+def free_pairs(
+    pictures: tuple[NDArray[np.generic], NDArray[np.generic]],
+    points: FloatArray,
+    tracking: Tracking,
+    *,
+    noise: float | Noise,
+    mask: BoolArray | None = None,
+    device: str = "cpu",
+) -> tuple[FloatArray, FloatArray]:
+    """Points of one camera found in the other without use of the cameras' parameters.
+
+    Camera 1's picture is taken for a later one of camera 0, and searched by features and windows; only the
+    neighbours judge a match. On a strongly curved surface the middle of the view is found.
+
+    Parameters
+    ----------
+    pictures
+        One instant, camera 0 and camera 1, each of shape [rows, columns].
+    points
+        Places in camera 0's picture [px], shape [n, 2].
+    tracking
+        How subsets are matched; an affine shape function at least is used.
+    noise
+        Standard deviation of the grey values.
+    mask
+        Pixels of the body in camera 0's picture.
+    device
+        Where pictures are correlated.
+
+    Returns
+    -------
+    pixels0, pixels1 : array
+        The same points in both pictures, NaN where not found, shape [1, n, 2].
+    """
+    rows = np.unique(np.linspace(0, len(points) - 1, MOST_POINTS).astype(int))
+    subset = tracking.correlation
+    shape = max(subset.shape, Shape.AFFINE)
+    wide = replace(tracking, correlation=replace(subset, shape=shape), search=max(tracking.search, 48))
+    found = track(
+        [pictures[1]], points[rows], wide, noise=noise, mask=mask, material=pictures[0], device=device
+    )
+    valid = (found.outcome[0] == PointOutcome.VALID)[:, None]
+    seen = apply(points[rows], found.warp[0])
+    return np.where(valid, points[rows], np.nan)[None], np.where(valid, seen, np.nan)[None]
+
+
+def check_setup(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> tuple[Finding, ...]:
+    """Findings about cameras and crop offsets from the epipolar distances; none if there are too few pairs.
+
+    Parameters
+    ----------
+    rig
+        The cameras, for pictures with the crop of the series.
+    pixels0, pixels1
+        The same points in both cameras, NaN where lost [px], shape [n_frames, n_points, 2].
+    """
+    pairs = np.isfinite(pixels0).all(axis=-1) & np.isfinite(pixels1).all(axis=-1)
+    if pairs.sum() < LEAST_PAIRS:
+        return ()
+    return diagnose(rig, pixels0, pixels1)

@@ -1,19 +1,35 @@
-"""Two tracks of the same points, one a camera, to positions in space."""
+"""Positions in space from two tracks of the same points, and the errors that positions share.
+
+The parameters θ of a rig are known with a covariance C_θ. A wrong θ moves a point by S δθ with S = ∂X/∂θ at
+fixed pixels, the same δθ for every point and frame. So ``S C_θ Sᵀ`` is the covariance of a position, but it
+does not average out over points, and a difference of two positions has ``(S_a - S_b) C_θ (S_a - S_b)ᵀ``.
+
+A match has an error of its own, the noise of its grey values, and one in common with its neighbours in space
+and time. Of the second kind no residual of a body's motion shows the size: it looks like motion. But it moves
+the two cameras' places apart as much across the epipolar lines as along them, and across them nothing else
+does. So the epipolar distances d of points that were followed are the witness. About its mean over time at
+each point, d has the covariance
+
+    s^2 exp(-(r / l)^2) exp(-|dt| / tau)
+
+between points that are r apart in the picture and frames that are dt apart; the own errors are left out by
+comparing points whose subsets have no pixel in common. What is subtracted with the mean over time is counted.
+"""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
-from dic.arrays import BoolArray, FloatArray, IntArray
-from dic.camera import StereoRig
-from dic.correlation.warp import apply, gradient
-from dic.forks import cores
+from dic.basics import BoolArray, FloatArray, IntArray
+from dic.camera import PARAMETERS, Camera, StereoRig
+from dic.correlation.subsets import apply, gradient
 from dic.outcome import PointOutcome
-from dic.stereo.rays import inverse, largest_eigenvalue, projection_slope
-from dic.stereo.triangulation import Triangulation, triangulate
-from dic.tracking.history import Track
+from dic.processes import cores
+from dic.stereo.geometry import Triangulation, inverse, largest_eigenvalue, projection_slope, triangulate
+from dic.tracking.inputs import Track
 
 MOST_COMMON = 0.9
 """Share of a camera's noise, in any direction, that it may have in common with the other."""
@@ -240,3 +256,230 @@ def _pixels(track: Track, part: slice, found: NDArray[np.bool_], camera: int) ->
             f"{where[frame, point]} px: give it another outcome"
         )
     return np.asarray(np.where(found[..., None], where, np.nan))
+
+
+def perturbed(rig: StereoRig, change: FloatArray) -> StereoRig:
+    """The rig with its parameters changed by a little; camera 0's pose, the frame of all points, stays.
+
+    Parameters
+    ----------
+    rig
+        The cameras.
+    change
+        By `StereoRig.parameter_names` [px, -, rad, m], shape [26].
+    """
+    n = len(PARAMETERS)
+    first = _changed(rig.cameras[0], change[:n])
+    second = _changed(rig.cameras[1], change[n : 2 * n])
+    R, t = rig.relative
+    turn = _rotation(change[2 * n : 2 * n + 3])
+    R, t = turn @ R, t + change[2 * n + 3 :]
+    second = replace(second, rotation=R @ first.rotation, translation=t + R @ first.translation)
+    return replace(rig, cameras=(first, second))
+
+
+def calibration_slopes(rig: StereoRig, points: FloatArray) -> FloatArray:
+    """Derivatives of positions by the rig's parameters at fixed pixels, by central differences.
+
+    Parameters
+    ----------
+    rig
+        The cameras.
+    points
+        Positions in the rig's frame, before both cameras [m], shape [..., 3].
+
+    Returns
+    -------
+    NDArray
+        S, in m per unit of each of `StereoRig.parameter_names`, shape [..., 3, 26].
+    """
+    points = np.asarray(points, dtype=np.float64)
+    pixels = [camera.project(points) for camera in rig.cameras]
+    unit = np.eye(2)
+    slopes = np.empty((*points.shape, len(rig.parameter_names)))
+    for k, step in enumerate(_steps(rig)):
+        change = np.zeros(slopes.shape[-1])
+        change[k] = step
+        ahead, behind = (
+            triangulate(perturbed(rig, way * change), pixels[0], pixels[1], unit, unit).position
+            for way in (1.0, -1.0)
+        )
+        slopes[..., k] = (ahead - behind) / (2.0 * step)
+    return slopes
+
+
+def calibration_sigma(rig: StereoRig, points: FloatArray) -> FloatArray:
+    """Standard deviations of positions that the calibration's covariance alone causes, common to all points.
+
+    Parameters
+    ----------
+    rig
+        The cameras, with a covariance.
+    points
+        Positions in the rig's frame, before both cameras [m], shape [..., 3]. The result is smooth over the
+        field and the same in all frames: the places of one frame, or some of them, tell all.
+
+    Returns
+    -------
+    NDArray
+        By component [m], shape [..., 3].
+
+    Raises
+    ------
+    ValueError
+        A rig without a covariance, or one of another size than its parameters.
+    """
+    n = len(rig.parameter_names)
+    if rig.covariance is None:
+        raise ValueError(
+            "the rig has no covariance: calibrate it here, camera files of other programs bring none"
+        )
+    if rig.covariance.shape != (n, n):
+        raise ValueError(f"the rig's covariance has shape {rig.covariance.shape}, must be ({n}, {n})")
+    slopes = calibration_slopes(rig, points)
+    return np.asarray(np.sqrt(np.einsum("...ij,jk,...ik->...i", slopes, rig.covariance, slopes)))
+
+
+def _changed(camera: Camera, change: FloatArray) -> Camera:
+    """A camera with its `PARAMETERS` changed."""
+    fx, fy, cx, cy, skew = np.array([camera.fx, camera.fy, camera.cx, camera.cy, camera.skew]) + change[:5]
+    k1, k2, p1, p2, k3 = np.array(camera.distortion) + change[5:]
+    return replace(camera, fx=fx, fy=fy, cx=cx, cy=cy, skew=skew, distortion=(k1, k2, p1, p2, k3))
+
+
+def _rotation(r: FloatArray) -> FloatArray:
+    """Rodrigues' rotation exp([r]) of a rotation vector [rad], shape [3, 3]."""
+    angle = float(np.linalg.norm(r))
+    cross = np.cross(np.eye(3), r)  # [r], so that [r] v = r × v
+    if angle == 0.0:
+        return np.eye(3)
+    return np.asarray(
+        np.eye(3) + np.sin(angle) / angle * cross + (1.0 - np.cos(angle)) / angle**2 * cross @ cross
+    )
+
+
+def _steps(rig: StereoRig) -> FloatArray:
+    """Steps of the differences, shape [26]: each moves a pixel by some hundredths, far above round-off."""
+    baseline = float(np.linalg.norm(rig.relative[1]))
+    steps = []
+    for camera in rig.cameras:
+        steps += [1e-5 * camera.fx, 1e-5 * camera.fy, 0.01, 0.01, 0.1, 1e-3, 1e-2, 1e-4, 1e-4, 1e-1]
+    return np.array([*steps, *[1e-5] * 3, *[1e-5 * baseline] * 3])
+
+
+MOST_POINTS = 200
+"""Points that are compared with one another, even over the grid."""
+FEWEST_POINTS, FEWEST_FRAMES = 6, 12
+"""With fewer nothing is said."""
+NEAR = 2.0
+"""Pairs up to so many subsets apart tell the memory [-]."""
+LAGS = 0.4
+"""Longest lag over the number of frames [-]."""
+STEPS = 25
+"""Memories and lengths that are tried, evenly in their logarithms."""
+
+
+@dataclass(frozen=True)
+class SharedError:
+    """What neighbours and successive frames have in common of the epipolar distance's error."""
+
+    sigma: float
+    """Standard deviation s of the epipolar distance [px]; 0 if none was found."""
+    length: float
+    """Distance l at which the correlation is 1/e [px]."""
+    memory: float
+    """Time tau after which it is 1/e [frames]."""
+
+
+NONE = SharedError(0.0, 1.0, 1.0)
+"""No error in common."""
+
+
+def shared_error(epipolar: FloatArray, valid: BoolArray, points: FloatArray, *, subset: float) -> SharedError:
+    """Find the size, the length and the memory of what the errors of matches have in common.
+
+    Parameters
+    ----------
+    epipolar
+        Signed distances of camera 1's points from the epipolar lines of camera 0's [px], shape [n_frames,
+        n_points].
+    valid
+        Which of them are known, same shape.
+    points
+        Places in the material picture [px], shape [n_points, 2].
+    subset
+        Side of the subsets [px]: points nearer than that, across and along, share their noise.
+
+    Returns
+    -------
+    SharedError
+        `NONE` where too few points were followed, or their distances have nothing in common.
+    """
+    steady = np.flatnonzero(valid.mean(axis=0) > 0.5)
+    steady = steady[:: max(-(-steady.size // MOST_POINTS), 1)]
+    if steady.size < FEWEST_POINTS or len(valid) < FEWEST_FRAMES:
+        return NONE
+    V = valid[:, steady].astype(np.float64)
+    D = np.where(V > 0.0, epipolar[:, steady], 0.0)
+    D = np.where(V > 0.0, D - D.sum(axis=0) / V.sum(axis=0), 0.0)
+    place = points[steady]
+    apart, free = cdist(place, place), cdist(place, place, "chebyshev") >= subset
+    near = (free & (apart <= NEAR * subset)).astype(np.float64)
+    if not near.any():
+        return NONE
+    memory = _memory(D, V, near)
+    length = _length(D, V, apart, free)
+    if memory is None or length is None:
+        return NONE
+    share = float(demeaned(len(D), memory)[0])
+    return SharedError(sigma=float(np.sqrt(length[1] / share)), length=length[0], memory=memory)
+
+
+def demeaned(n: int, memory: float) -> FloatArray:
+    """Covariances by lag of n values of a unit process with memory about their own mean, shape [n].
+
+    The mean of n values of covariance exp(-|i - j| / memory) takes a part of the process with it.
+    """
+    at = np.arange(n)
+    R = np.exp(-np.abs(at[:, None] - at) / memory)
+    rows = R.mean(axis=1)
+    H = R - rows[:, None] - rows[None, :] + R.mean()
+    return np.array([np.diagonal(H, lag).mean() for lag in range(n)])
+
+
+def _memory(D: FloatArray, V: FloatArray, near: FloatArray) -> float | None:
+    """Memory of what near points have in common [frames]; None if that is nothing."""
+    n = len(D)
+    last = max(int(LAGS * n), 2)
+    mates, counts = D @ near, V @ near
+    found = np.array([np.sum(D[: n - k] * mates[k:]) for k in range(last)])
+    pairs = np.array([np.sum(V[: n - k] * counts[k:]) for k in range(last)])
+    if not (pairs > 0.0).all() or found[0] <= 0.0:
+        return None
+    found = found / pairs
+    best, least = None, np.inf
+    for memory in np.geomspace(0.5, float(n), STEPS):
+        shape = demeaned(n, memory)[:last]
+        size = float(shape @ found / (shape @ shape))
+        rest = float(np.sum((found - size * shape) ** 2))
+        if size > 0.0 and rest < least:
+            best, least = float(memory), rest
+    return best
+
+
+def _length(D: FloatArray, V: FloatArray, apart: FloatArray, free: BoolArray) -> tuple[float, float] | None:
+    """Length over which points have errors in common [px], and their covariance at no distance [px²]; None if
+    they have none."""
+    pairs = V.T @ V
+    use = free & (pairs > 0.5 * len(D))
+    if not use.any():
+        return None
+    covariance, distance = (D.T @ D)[use] / pairs[use], apart[use]
+    best, least = None, np.inf
+    for length in np.geomspace(distance.min(), 3.0 * distance.max(), STEPS):
+        shape = np.exp(-((distance / length) ** 2))
+        size = float(shape @ covariance / max(float(shape @ shape), 1e-300))
+        rest = float(np.sum((covariance - size * shape) ** 2))
+        if size > 0.0 and rest < least:
+            best, least = (float(length), size), rest
+    return best

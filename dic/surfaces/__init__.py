@@ -1,12 +1,10 @@
 """Surfaces in the test frame: cylinder, outline, symmetry, strains, noise floors."""
 
-from dic.surfaces.convert import referenced, static_mean, to_surface
-from dic.surfaces.cylinder import Cylinder, fit_cylinder
-from dic.surfaces.frame import SpecimenFrame, on_cylinder, test_frame
-from dic.surfaces.outline import outline
-from dic.surfaces.overlap import overlap_factor
+from dic.correlation.subsets import overlap_factor
+from dic.surfaces.cylinder import Cylinder, SpecimenFrame, fit_cylinder, on_cylinder, test_frame
+from dic.surfaces.outline import axisymmetry, outline
 from dic.surfaces.strains import StrainGauge, StrainOutcome, strains
-from dic.surfaces.symmetry import axisymmetry
+from dic.surfaces.surface_history import referenced, static_mean, to_surface
 
 __all__ = [
     "Cylinder",

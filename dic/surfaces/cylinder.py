@@ -1,4 +1,7 @@
-"""The circular cylinder that fits measured points best, with its covariance.
+"""The circular cylinder that fits measured points best, and the test frame on it.
+
+The test frame has y along the specimen's axis, Z out of plane toward the cameras, and x right-handed. The
+positive direction of the axis and the place of y = 0 are declared: the pictures do not show them.
 
 Weighted orthogonal distances: a point of covariance C whose normal to the cylinder is n lies off the
 surface by the noise sigma² = nᵀ C n, all that matters to first order when the noise is small beside the
@@ -10,18 +13,139 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import least_squares
 
-from dic.arrays import BoolArray, FloatArray
-from dic.robust import MAD
-from dic.surfaces.cylinder_fit import (
-    Shape,
-    candidate_axes,
-    circle,
-    complete_basis,
-    distances,
-    fit_shape,
-    slopes,
-)
+from dic.basics import MAD, BoolArray, FloatArray
+from dic.camera import Camera, StereoRig
+
+
+def _candidate_axes(X: FloatArray) -> list[FloatArray]:
+    """Directions worth starting a fit from, unit vectors.
+
+    The direction of least curvature of the paraboloid over the plane that fits best, right for any arc
+    up to a half circle; the principal directions of the points, right for a long cylinder.
+
+    Parameters
+    ----------
+    X
+        Points about their centroid [m], shape [n, 3].
+    """
+    _, vectors = np.linalg.eigh(X.T @ X)
+    normal, first, second = vectors.T
+    size = float(np.sqrt(np.mean(X**2)))
+    a, b, h = X @ first / size, X @ second / size, X @ normal / size
+    terms = np.column_stack([np.ones_like(a), a, b, a * a, a * b, b * b])
+    fitted = np.linalg.lstsq(terms, h, rcond=None)[0]
+    hessian = np.array([[2.0 * fitted[3], fitted[4]], [fitted[4], 2.0 * fitted[5]]])
+    curvature, directions = np.linalg.eigh(hessian)
+    straight = directions[:, np.argmin(np.abs(curvature))]
+    slope = straight @ fitted[1:3]
+    along = straight[0] * first + straight[1] * second + slope * normal
+    return [along / np.linalg.norm(along), *vectors.T]
+
+
+def circle(u: FloatArray, v: FloatArray) -> tuple[float, float, float]:
+    """Centre (u, v) and radius of the circle through plane points, by linear least squares (Kåsa)."""
+    terms = np.column_stack([2.0 * u, 2.0 * v, np.ones_like(u)])
+    a, b, c = np.linalg.lstsq(terms, u * u + v * v, rcond=None)[0]
+    return float(a), float(b), float(np.sqrt(max(c + a * a + b * b, 0.0)))
+
+
+def _complete_basis(axis: FloatArray, near: FloatArray | None = None) -> FloatArray:
+    """Rows e1, e2, `axis`, orthonormal and right-handed; e1 as near as can be to `near`, shape [3, 3]."""
+    if near is None:
+        near = np.eye(3)[np.argmin(np.abs(axis))]
+    e1 = near - (near @ axis) * axis
+    e1 = e1 / np.linalg.norm(e1)
+    (a, b, c), (x, y, z) = axis.tolist(), e1.tolist()  # numpy.cross takes a hundred times as long for two
+    return np.array([e1, [b * z - c * y, c * x - a * z, a * y - b * x], axis])
+
+
+Shape = tuple[FloatArray, FloatArray, float]
+"""Basis with the axis in its last row, a point of the axis, the radius."""
+
+
+def _fit_shape(
+    X: FloatArray,
+    sigma: FloatArray,
+    start: Shape,
+    radius: float | None,
+    radius_sigma: float,
+    *,
+    robust: bool = False,
+    steps: int = 100,
+) -> Shape:
+    """Least squares of the distances over their sigmas.
+
+    Parameters
+    ----------
+    X
+        Points about their centroid [m], shape [n, 3].
+    sigma
+        Their noise along the normal [m], shape [n].
+    start
+        Where to begin.
+    radius, radius_sigma
+        As `dic.surfaces.fit_cylinder`.
+    robust
+        Sum 2 (√(1 + r²) - 1) in place of r², at which single points pull little.
+    steps
+        Most evaluations.
+    """
+    held = radius is not None and radius_sigma == 0.0
+    begin = (start[0], start[1], float(radius)) if held and radius is not None else start
+    size = float(np.sqrt(np.mean(X**2)))
+    unit = np.array([size, size, 1.0, 1.0, size])  # shifts, tilts, growth of the radius
+
+    def shape(x: FloatArray) -> Shape:
+        return _changed(begin, np.append(x, 0.0) * unit if held else x * unit)
+
+    def residual(x: FloatArray) -> FloatArray:
+        basis, point, R = shape(x)
+        off = (np.linalg.norm(_from_axis(X, point, basis), axis=1) - R) / sigma
+        return off if held or radius is None else np.append(off, (R - radius) / radius_sigma)
+
+    found = least_squares(
+        residual,
+        np.zeros(4 if held else 5),
+        jac="3-point",
+        loss="soft_l1" if robust else "linear",
+        xtol=1e-10,
+        ftol=1e-14,
+        gtol=1e-14,
+        max_nfev=steps,
+    )
+    return shape(found.x)
+
+
+def slopes(X: FloatArray, shape: Shape) -> tuple[FloatArray, FloatArray]:
+    """Distances from the surface [m]; their change by a growth of shifts, tilts, radius, [n, 5]."""
+    basis, point, R = shape
+    distance, normal = distances(X, point, basis)
+    cos, sin, s = normal @ basis[0], normal @ basis[1], (X - point) @ basis[2]
+    return distance - R, -np.column_stack([cos, sin, s * cos, s * sin, np.ones(len(X))])
+
+
+def _changed(shape: Shape, change: FloatArray) -> Shape:
+    basis, point, R = shape
+    axis = basis[2] + change[2] * basis[0] + change[3] * basis[1]
+    axis = axis / np.linalg.norm(axis)
+    moved = point + change[0] * basis[0] + change[1] * basis[1]
+    return _complete_basis(axis, near=basis[0]), moved, float(R + change[4])
+
+
+def distances(X: FloatArray, point: FloatArray, basis: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Distances from the axis [m], shape [n], and unit normals, shape [n, 3]."""
+    away = _from_axis(X, point, basis)
+    distance = np.linalg.norm(away, axis=1)
+    return distance, away / np.maximum(distance, np.finfo(float).tiny)[:, None]
+
+
+def _from_axis(X: FloatArray, point: FloatArray, basis: FloatArray) -> FloatArray:
+    """Vectors from the axis to points, across it [m], shape [n, 3]."""
+    away = X - point
+    return np.asarray(away - np.outer(away @ basis[2], basis[2]))
+
 
 FEWEST_POINTS = 6
 FLATTEST = 50.0
@@ -105,13 +229,13 @@ def fit_cylinder(
     X = X - centre
     best = min(_start(X, radius), key=lambda fit: fit[1])[0]
     grown = np.sqrt(factor)
-    best = fit_shape(X, _sigmas(X, C, best) * grown, best, radius, radius_sigma, robust=True)
+    best = _fit_shape(X, _sigmas(X, C, best) * grown, best, radius, radius_sigma, robust=True)
     used = np.zeros(len(X), dtype=bool)
     for _ in range(20):
         sigma = _sigmas(X, C, best)
         off = np.abs(distances(X, best[1], best[0])[0] - best[2]) / sigma
         kept = off <= reject * max(1.0, MAD * float(np.median(off)))
-        before, best = best, fit_shape(X[kept], (sigma * grown)[kept], best, radius, radius_sigma)
+        before, best = best, _fit_shape(X[kept], (sigma * grown)[kept], best, radius, radius_sigma)
         settled = np.linalg.norm(best[1] - before[1]) + abs(best[2] - before[2]) < 1e-3 * sigma.min()
         if settled and (kept == used).all():
             break
@@ -141,10 +265,10 @@ def _start(X: FloatArray, radius: float | None) -> list[tuple[Shape, float]]:
     thin = X[:: max(1, len(X) // 500)]
     unit = np.full(len(thin), float(np.sqrt(np.mean(thin**2))))
     fits = []
-    for axis in candidate_axes(thin):
-        basis = complete_basis(axis)
+    for axis in _candidate_axes(thin):
+        basis = _complete_basis(axis)
         a, b, R = circle(thin @ basis[0], thin @ basis[1])
-        shape = fit_shape(thin, unit, (basis, a * basis[0] + b * basis[1], R), None, 0.0, steps=15)
+        shape = _fit_shape(thin, unit, (basis, a * basis[0] + b * basis[1], R), None, 0.0, steps=15)
         fits.append((shape, float(np.mean((distances(thin, shape[1], shape[0])[0] - shape[2]) ** 2))))
     if radius is None:
         return fits
@@ -200,3 +324,179 @@ def _finished(
     V = np.zeros((5, 5))
     V[:n, :n] = scale**2 * np.linalg.inv(A) / np.outer(unit, unit)
     return Cylinder(centre + point, basis, R, V, off, used, chi2, scale)
+
+
+WIDEST_ANGLE = 45.0
+"""Largest angle between the axis seen by camera 0 and the direction declared for it [degrees]."""
+
+
+@dataclass(frozen=True)
+class SpecimenFrame:
+    """A frame (x, y, Z) placed in the rig's, and how well it is known."""
+
+    rotation: FloatArray
+    """Rows x, y, Z as unit vectors of the rig's frame, shape [3, 3]."""
+    origin: FloatArray
+    """The point of the axis at y = 0, in the rig's frame [m], shape [3]."""
+    covariance: FloatArray
+    """Of small rotations about x, y, Z [rad] and shifts of the origin along them [m], shape [6, 6].
+    The rotation about y is fixed by the cameras and has no variance."""
+
+    def positions(self, X: FloatArray) -> FloatArray:
+        """Points of the rig's frame in this one [m], shape [..., 3]."""
+        return np.asarray((X - self.origin) @ self.rotation.T)
+
+    def in_rig(self, x: FloatArray) -> FloatArray:
+        """Points of this frame in the rig's [m], shape [..., 3]."""
+        return np.asarray(x @ self.rotation + self.origin)
+
+    def covariances(self, C: FloatArray) -> FloatArray:
+        """Covariances of the rig's frame in this one [m²], shape [..., 3, 3]."""
+        return np.asarray(self.rotation @ C @ self.rotation.T)
+
+    def variances(self, C: FloatArray) -> FloatArray:
+        """Diagonals of `covariances` [m²], shape [..., 3]."""
+        return np.einsum("ij,...jk,ik->...i", self.rotation, C, self.rotation)
+
+    def sigma(self, x: FloatArray) -> FloatArray:
+        """Standard deviation that the frame's own uncertainty adds at points of it, common to all of them.
+
+        Parameters
+        ----------
+        x
+            Points in this frame [m], shape [..., 3].
+
+        Returns
+        -------
+        NDArray
+            Standard uncertainties by component [m], shape [..., 3].
+        """
+        x = np.asarray(x, dtype=np.float64)
+        J = np.zeros((*x.shape, 6))  # a frame turned by r and shifted by d sees x at x - r × x - d
+        J[..., 0, 1], J[..., 0, 2] = -x[..., 2], x[..., 1]
+        J[..., 1, 0], J[..., 1, 2] = x[..., 2], -x[..., 0]
+        J[..., 2, 0], J[..., 2, 1] = -x[..., 1], x[..., 0]
+        J[..., 3:] = -np.eye(3)
+        return np.sqrt(np.einsum("...ij,jk,...ik->...i", J, self.covariance, J).clip(min=0.0))
+
+
+def test_frame(
+    cylinder: Cylinder,
+    rig: StereoRig,
+    *,
+    toward_flyer: tuple[float, float],
+    zero: ArrayLike,
+    zero_sigma: float = 0.0,  # noqa: PT028
+) -> SpecimenFrame:
+    """Place the test frame on the cylinder of the undeformed specimen.
+
+    y runs along the axis, positive toward the side declared by `toward_flyer`. Z is the part across the
+    axis of the direction from the axis to the midpoint between the cameras. The origin lies on the axis
+    in the plane y = 0.
+
+    Parameters
+    ----------
+    cylinder
+        Of the undeformed specimen, from points in the rig's frame.
+    rig
+        The cameras the points were measured with.
+    toward_flyer
+        Direction from the transmission side toward the flyer in camera 0's picture (right, down), of
+        any length; (0, -1) is up.
+    zero
+        A point of the plane y = 0, the transmission platen's face, in the rig's frame [m], shape [3];
+        `on_cylinder` finds it from a pixel.
+    zero_sigma
+        Standard uncertainty of its place along the axis [m].
+
+    Raises
+    ------
+    ValueError
+        A direction that the axis does not have in camera 0's picture within 45°, or numbers that are
+        not finite.
+    """
+    zero = np.asarray(zero, dtype=np.float64)
+    declared = np.asarray(toward_flyer, dtype=np.float64)
+    if zero.shape != (3,) or not np.isfinite(zero).all() or not zero_sigma >= 0.0:
+        raise ValueError(
+            f"zero must be a point of the rig's frame [m] and zero_sigma >= 0 m, got {zero}, {zero_sigma}"
+        )
+    if declared.shape != (2,) or not np.isfinite(declared).all() or not np.any(declared):
+        raise ValueError(f"toward_flyer must be a direction (right, down) in the picture, got {toward_flyer}")
+    seen = _in_picture(rig.cameras[0], cylinder)
+    cosine = float(seen @ declared / np.linalg.norm(declared))
+    if abs(cosine) < np.cos(np.radians(WIDEST_ANGLE)):
+        raise ValueError(
+            f"toward_flyer is {toward_flyer} (right, down), but camera 0 sees the axis along "
+            f"({seen[0]:.2f}, {seen[1]:.2f}) or its reverse: must agree within {WIDEST_ANGLE:g}°; declare "
+            "the direction of the flyer in camera 0's picture, or check the cylinder's points"
+        )
+    y = cylinder.axis * np.sign(cosine)
+    middle = 0.5 * (rig.cameras[0].centre + rig.cameras[1].centre)
+    view = middle - cylinder.point
+    Z = view - (view @ y) * y
+    Z = Z / np.linalg.norm(Z)
+    rotation = np.array([np.cross(y, Z), y, Z])
+    origin = cylinder.point + ((zero - cylinder.point) @ y) * y
+    return SpecimenFrame(rotation, origin, _covariance(cylinder, rotation, origin, zero, zero_sigma))
+
+
+test_frame.__test__ = False  # type: ignore[attr-defined]  # a name that test runners collect
+
+
+def on_cylinder(camera: Camera, pixel: ArrayLike, cylinder: Cylinder) -> FloatArray:
+    """The point of the cylinder that a camera sees at a pixel [m], in the rig's frame, shape [3].
+
+    Parameters
+    ----------
+    camera
+        One camera of the rig that measured the cylinder.
+    pixel
+        Place in its picture (x, y) [px].
+    cylinder
+        Where the pixel's ray meets it first.
+
+    Raises
+    ------
+    ValueError
+        If the ray passes the cylinder by.
+    """
+    ideal = camera.undistort(np.asarray(pixel, dtype=np.float64))
+    ray = camera.rotation.T @ np.array([ideal[0], ideal[1], 1.0])
+    start = camera.centre - cylinder.point
+    d, w = cylinder.basis[:2] @ ray, cylinder.basis[:2] @ start
+    a, b, c = d @ d, d @ w, w @ w - cylinder.radius**2
+    under = b * b - a * c
+    if not under >= 0.0:
+        raise ValueError(
+            f"the ray of pixel {tuple(np.asarray(pixel).tolist())} passes the cylinder of radius "
+            f"{cylinder.radius:.4g} m by; choose a pixel on the specimen"
+        )
+    return np.asarray(camera.centre + (-b - np.sqrt(under)) / a * ray)
+
+
+def _in_picture(camera: Camera, cylinder: Cylinder) -> FloatArray:
+    """Unit direction of the axis in a camera's picture (right, down)."""
+    ends = cylinder.point + np.outer([-0.1, 0.1], cylinder.radius * cylinder.axis)
+    seen = np.diff(camera.project(ends), axis=0)[0]
+    return np.asarray(seen / np.linalg.norm(seen))
+
+
+def _covariance(
+    cylinder: Cylinder, rotation: FloatArray, origin: FloatArray, zero: FloatArray, zero_sigma: float
+) -> FloatArray:
+    """From shifts a, b and tilts α, β of the cylinder's axis: the direction y changes by
+    t = ±(α e1 + β e2), the origin by a e1 + b e2 + s t; the plane y = 0 turns about the declared point."""
+    across = rotation @ cylinder.basis[:2].T  # e1, e2 in the test frame, shape [3, 2]
+    sense = float(np.sign(rotation[1] @ cylinder.axis))
+    s = float((origin - cylinder.point) @ rotation[1])
+    x0, _, Z0 = rotation @ (zero - origin)
+    J = np.zeros((6, 5))
+    turn = sense * across
+    J[0, 2:4], J[2, 2:4] = turn[2], -turn[0]  # r × y = t: t_Z = r_x, t_x = -r_Z
+    J[3:, 0:2] = across
+    J[3:, 2:4] = s * turn
+    J[4] = Z0 * J[0] - x0 * J[2]
+    V = np.asarray(J @ cylinder.covariance @ J.T)
+    V[4, 4] += zero_sigma**2
+    return V

@@ -1,12 +1,106 @@
-"""Speckle paint: drops of random places and sizes, printed dots, and damage done to them."""
+"""Paint on a surface: texels of reflectance, speckles, printed dots and damage, calibration boards."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.arrays import FloatArray
-from dic.synthetic.texture import Area, Texture
+from dic.basics import FloatArray
+from dic.calibration.targets import Charuco, Chessboard, FiducialDots
+
+
+@dataclass(frozen=True)
+class Texture:
+    """Reflectance of a surface on a grid, which is the pattern itself: all pictures read the same one."""
+
+    grey: NDArray[np.float32]
+    """Reflectance of the texels [-], 0 to 1; rows along the generator, columns around: [rows, columns]."""
+    pitch: float
+    """Distance of texels [m]."""
+    origin: tuple[float, float]
+    """Place of texel [0, 0]: around and along [m]."""
+
+    def __post_init__(self) -> None:
+        if self.grey.ndim != 2 or min(self.grey.shape) < 2:
+            raise ValueError(f"grey must be a grid of at least 2 x 2 texels, got shape {self.grey.shape}")
+        if not (np.isfinite(self.pitch) and self.pitch > 0.0):
+            raise ValueError(f"pitch must be a positive length in metres, got {self.pitch}")
+
+    def at(self, around: FloatArray, along: FloatArray) -> FloatArray:
+        """Reflectance at places [m], bilinear; beyond the grid that of the nearest texel."""
+        rows, columns = self.grey.shape
+        u = np.clip((np.asarray(around) - self.origin[0]) / self.pitch, 0.0, columns - 1.001)
+        v = np.clip((np.asarray(along) - self.origin[1]) / self.pitch, 0.0, rows - 1.001)
+        i, j = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
+        a, b = u - i, v - j
+        g = self.grey.astype(np.float64)
+        near = (1.0 - a) * g[j, i] + a * g[j, i + 1]
+        far = (1.0 - a) * g[j + 1, i] + a * g[j + 1, i + 1]
+        return np.asarray((1.0 - b) * near + b * far)
+
+
+@dataclass(frozen=True)
+class Area:
+    """Part of a surface that a texture covers."""
+
+    around: tuple[float, float]
+    """First and last place around [m]."""
+    along: tuple[float, float]
+    """First and last place along the generator [m]."""
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in (("around", self.around), ("along", self.along)):
+            if not (np.isfinite(low) and np.isfinite(high) and high > low):
+                raise ValueError(
+                    f"{name} must be a first and a larger last place in metres, got {low}, {high}"
+                )
+
+    @property
+    def size(self) -> float:
+        """Area [m²]."""
+        return (self.around[1] - self.around[0]) * (self.along[1] - self.along[0])
+
+    def grid(self, pitch: float) -> tuple[FloatArray, FloatArray]:
+        """Places of texels around and along [m], shapes [columns] and [rows]."""
+
+        def places(low: float, high: float) -> FloatArray:
+            return np.asarray(low + pitch * np.arange(int(np.ceil((high - low) / pitch)) + 2))
+
+        return places(*self.around), places(*self.along)
+
+
+def plain(area: Area, pitch: float, *, level: float, grain: float = 0.0, seed: int = 0) -> Texture:
+    """Bare material: one reflectance, with a fine grain of that standard deviation [-]."""
+    across, along = area.grid(pitch)
+    noise = np.random.default_rng(seed).standard_normal((len(along), len(across)))
+    grey = np.clip(level + grain * noise, 0.0, 1.0).astype(np.float32)
+    return Texture(grey, pitch, (area.around[0], area.along[0]))
+
+
+def waves(
+    area: Area, pitch: float, *, vectors: FloatArray, phases: FloatArray, level: float, height: float
+) -> Texture:
+    """Sum of cosines ``level + height Σ cos(2π (kx around + ky along) + φ)``, with a known integral.
+
+    Parameters
+    ----------
+    area
+        What it covers.
+    pitch
+        Of the texels [m].
+    vectors
+        (kx, ky) [1/m], shape [n, 2].
+    phases
+        φ [rad], shape [n].
+    level, height
+        Mean and amplitude [-].
+    """
+    across, along = area.grid(pitch)
+    grey = np.full((len(along), len(across)), level)
+    for (kx, ky), phase in zip(vectors, phases, strict=True):
+        grey += height * np.cos(2.0 * np.pi * (kx * across[None] + ky * along[:, None]) + phase)
+    return Texture(grey.astype(np.float32), pitch, (area.around[0], area.along[0]))
 
 
 @dataclass(frozen=True)
@@ -161,3 +255,94 @@ def _bared(texture: Texture, depth: FloatArray, level: float) -> Texture:
     share = np.clip(0.5 + depth / (2.0 * texture.pitch), 0.0, 1.0)
     grey: NDArray[np.float32] = (texture.grey * (1.0 - share) + level * share).astype(np.float32)
     return Texture(grey, texture.pitch, texture.origin)
+
+
+BLACK, WHITE = 0.06, 0.97
+"""Reflectances of a board [-]."""
+HOLE = 0.45
+"""Diameter of the hole in a hollow dot over the dot's, where the target does not say it [-]."""
+
+
+def board_texture(target: Any, pitch: float) -> tuple[Texture, FloatArray]:
+    """Paint of a target, in the frame that its points are numbered in, and the corners of the board.
+
+    Parameters
+    ----------
+    target
+        A `FiducialDots`, `Chessboard` or `Charuco`.
+    pitch
+        Largest distance of texels [m]; x is around, y along.
+
+    Returns
+    -------
+    Texture
+        The paint.
+    corners
+        Of the board [m], shape [4, 2].
+
+    Raises
+    ------
+    TypeError
+        Another target.
+    """
+    if isinstance(target, FiducialDots):
+        texture = _dots(target, pitch)
+    elif isinstance(target, Chessboard):
+        texture = _chessboard(target, pitch)
+    elif isinstance(target, Charuco):
+        texture = _charuco(target, pitch)
+    else:
+        raise TypeError(
+            f"a target of {type(target).__name__} cannot be drawn; draw dots, chessboard or ChArUco"
+        )
+    rows, columns = texture.grey.shape
+    x0, y0 = texture.origin
+    x1, y1 = x0 + (columns - 1) * texture.pitch, y0 + (rows - 1) * texture.pitch
+    return texture, np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+
+
+def _dots(target: FiducialDots, pitch: float) -> Texture:
+    p, d = target.pitch, target.diameter
+    area = Area((-0.8 * p, (target.columns - 0.2) * p), (-0.8 * p, (target.rows - 0.2) * p))
+    row, column = np.mgrid[: target.rows, : target.columns]
+    centres = np.stack([column.ravel(), row.ravel()], axis=1) * p
+    dots = painted(area, pitch, centres, np.full(len(centres), d), Paint(BLACK, WHITE, 0.0))
+    hole = target.hole or HOLE * d
+    middle = np.array(target.hollow, dtype=np.float64) * p
+    holes = painted(area, pitch, middle, np.full(3, hole), Paint(0.0, 1.0, 0.0)).grey
+    return Texture((dots.grey * holes + WHITE * (1.0 - holes)).astype(np.float32), pitch, dots.origin)
+
+
+def _chessboard(target: Chessboard, pitch: float) -> Texture:
+    p = target.pitch
+    margin = 1.8 * p  # beyond the inner corners: a square and a bright rim
+    area = Area((-margin, (target.columns - 1) * p + margin), (-margin, (target.rows - 1) * p + margin))
+    x, y = area.grid(pitch)
+    sign = _alternating(x, target.columns, p, pitch) * _alternating(y, target.rows, p, pitch)[:, None]
+    grey = 0.5 * (WHITE + BLACK) + 0.5 * (WHITE - BLACK) * sign
+    inside = _within(x, target.columns, p, pitch) * _within(y, target.rows, p, pitch)[:, None]
+    return Texture((grey * inside + WHITE * (1.0 - inside)).astype(np.float32), pitch, (x[0], y[0]))
+
+
+def _alternating(x: FloatArray, n: int, p: float, pitch: float) -> FloatArray:
+    """1 and -1 that change sign at 0, p, ..., (n - 1) p, over a rim of 1.5 texels."""
+    nearest = np.clip(np.rint(x / p), 0, n - 1)
+    sign = np.where(nearest % 2 == 0, 1.0, -1.0)
+    return np.asarray(sign * np.clip((x - nearest * p) / (0.75 * pitch), -1.0, 1.0))
+
+
+def _within(x: FloatArray, n: int, p: float, pitch: float) -> FloatArray:
+    """1 between -p and n p, 0 beyond."""
+    return np.asarray(np.clip(0.5 + np.minimum(x + p, n * p - x) / (1.5 * pitch), 0.0, 1.0))
+
+
+def _charuco(target: Charuco, pitch: float) -> Texture:
+    """OpenCV's own drawing of the board, its squares a whole number of texels wide."""
+    square = int(np.ceil(target.pitch / pitch))
+    margin = square // 3
+    size = (target.columns * square + 2 * margin, target.rows * square + 2 * margin)
+    drawn = target._board().generateImage(size, marginSize=margin, borderBits=1)
+    grey = BLACK + (WHITE - BLACK) * (drawn.astype(np.float32) / 255.0)
+    texel = target.pitch / square
+    first = (0.5 - margin) * texel  # middle of the first texel, from the board's corner on
+    return Texture(grey, texel, (first, first))

@@ -1,18 +1,20 @@
-"""Pictures of a scene by ray casting: light on the pixels, before the sensor's noise."""
+"""Pictures of a scene: ray casting, the sensor's grey values, and files as cameras write them."""
 
-from collections.abc import Iterator
-from dataclasses import replace
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
+import tifffile
 from numpy.typing import NDArray
 
-from dic.arrays import FloatArray
+from dic.basics import FloatArray, cv2
 from dic.camera import Camera
 from dic.correlation.kernels.device import select_device
-from dic.synthetic.kernels.launch import frames, rays_of_board, rays_of_bodies
-from dic.synthetic.kernels.upload import upload_bodies, upload_view
-from dic.synthetic.lens import Lens, weight_table
-from dic.synthetic.scene import Lamp, RevolvedBody, Scene
+from dic.files import replacing
+from dic.synthetic.kernels.launch import frames, rays_of_board, rays_of_bodies, upload_bodies, upload_view
+from dic.synthetic.scene import Lamp, Lens, RevolvedBody, Scene, weight_table
 
 Light = NDArray[np.float32]
 """Light on the pixels; 1 is white paint under the whole light, shape [n_frames, rows, columns]."""
@@ -50,7 +52,7 @@ def picture_series(
     lens
         Point spread and rays a pixel; default `Lens()`.
     haze
-        Displacements of the picture by the air [px], as `dic.synthetic.lens.haze` makes them; None: none.
+        Displacements of the picture by the air [px], as `dic.synthetic.scene.haze` makes them; None: none.
     haze_pitch
         Distance of its nodes [px].
     device
@@ -139,3 +141,184 @@ def _depths(scene: Scene, camera: Camera) -> tuple[float, float]:
             X = np.array(corners) @ body.turn.reshape(-1, 3, 3)[0] + place
             found += camera.in_camera(X)[:, 2].tolist()
     return max(min(found), 1e-3), max(*found, 1e-3)
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A camera's sensor.
+
+    Raises
+    ------
+    ValueError
+        A value outside its range.
+    """
+
+    bits: int = 12
+    """Of a grey value."""
+    full_well: float = 15_000.0
+    """Electrons of the largest grey value."""
+    read_noise: float = 30.0
+    """Standard deviation without light [electrons]."""
+    black: float = 0.02
+    """Grey value without light over the largest one [-]."""
+    white: float = 0.7
+    """Grey value of light 1 over the largest one [-]."""
+    fixed_pattern: float = 0.0
+    """Standard deviation of the pixels' gains [-]."""
+    flicker: float = 0.0
+    """Standard deviation of the light's brightness from frame to frame [-]."""
+    gradient: float = 0.0
+    """Light at the right edge of the picture over that at its left, less 1, linear between [-]."""
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.bits <= 16:
+            raise ValueError(f"bits must be 1 to 16, got {self.bits}")
+        if not 0.0 <= self.black < self.white <= 1.0:
+            raise ValueError(f"0 <= black < white <= 1 is needed, got {self.black}, {self.white}")
+        for name in ("read_noise", "fixed_pattern", "flicker"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise ValueError(f"{name} must be finite and not negative, got {getattr(self, name)}")
+        if not 0.0 < self.full_well < np.inf or not -1.0 < self.gradient < 10.0:
+            raise ValueError(
+                f"full_well must be > 0 and gradient > -1, got {self.full_well}, {self.gradient}"
+            )
+
+    @property
+    def largest(self) -> int:
+        """Largest grey value."""
+        return int(2**self.bits - 1)
+
+    @property
+    def per_electron(self) -> float:
+        """Grey values per electron."""
+        return self.largest / self.full_well
+
+    def electrons(self, light: NDArray[np.floating]) -> FloatArray:
+        """Mean electrons of light on a pixel."""
+        return np.asarray(light, dtype=np.float64) * (self.white - self.black) * self.full_well
+
+    def pattern(self, shape: tuple[int, int], rng: np.random.Generator) -> FloatArray:
+        """Gains of the pixels with the lamp's gradient, mean 1, shape [rows, columns]."""
+        across = 1.0 + self.gradient * (np.linspace(0.0, 1.0, shape[1]) if shape[1] > 1 else np.zeros(1))
+        gains = 1.0 + self.fixed_pattern * rng.standard_normal(shape)
+        return np.asarray(gains * across / across.mean())
+
+    def expose(
+        self, light: NDArray[np.floating], pattern: FloatArray, brightness: float, rng: np.random.Generator
+    ) -> NDArray[np.uint16]:
+        """Grey values of one picture, shape [rows, columns].
+
+        Photons are Poisson's, read noise is Gaussian; the sum is rounded, and clipped at 0 and the largest.
+
+        Parameters
+        ----------
+        light
+            Light on the pixels, 1 of white paint, shape [rows, columns].
+        pattern
+            What `pattern` gave for this camera.
+        brightness
+            Of the lamp in this frame, 1 on average.
+        rng
+            Random numbers.
+        """
+        mean = np.maximum(self.electrons(light) * pattern * brightness, 0.0)
+        caught = rng.poisson(mean) + self.read_noise * rng.standard_normal(mean.shape)
+        grey = self.black * self.largest + caught * self.per_electron
+        return np.clip(np.rint(grey), 0, self.largest).astype(np.uint16)
+
+
+Stack = NDArray[np.uint16]
+"""Grey values, shape [n_frames, rows, columns]."""
+
+_SETUP = 0x1AF8
+"""Length of SETUP in a cine of version 1 [bytes]."""
+
+
+def _write_tiff(path: Path, pictures: Stack, *, bits: int, times: NDArray[np.float64], rate: float) -> None:
+    """Write a stack of 16-bit pages."""
+    with replacing(path) as partial:
+        tifffile.imwrite(partial, pictures, photometric="minisblack")
+
+
+def _write_png(path: Path, pictures: Stack, *, bits: int, times: NDArray[np.float64], rate: float) -> None:
+    """Write a folder with a numbered series of 8-bit files; further bits are cut off."""
+    path.mkdir()
+    shift = max(bits - 8, 0)
+    for number, picture in enumerate(pictures):
+        if not cv2.imwrite(str(path / f"{number:04d}.png"), (picture >> shift).astype(np.uint8)):
+            raise OSError(f"{path}: picture {number} cannot be written")
+
+
+def write_numbered(path: Path, picture: NDArray[np.uint16], *, bits: int) -> None:
+    """Write one PNG file, of 8 bits if the grey values have no more, else of 16."""
+    if not cv2.imwrite(str(path), picture.astype(np.uint8) if bits <= 8 else picture):
+        raise OSError(f"{path} cannot be written")
+
+
+def _write_cine(path: Path, pictures: Stack, *, bits: int, times: NDArray[np.float64], rate: float) -> None:
+    """Write a Phantom cine of 16-bit values, with time stamps from its trigger at t = 0 on.
+
+    After Vision Research's "Cine File Format": file header, bitmap header, SETUP, one tagged block of time
+    stamps,
+    table of positions, pictures, bottom row first.
+    """
+    n, rows, columns = pictures.shape
+    trigger = 1 << 31  # half a second: stamps before it need no borrowing from the seconds
+    setup = bytearray(_SETUP)
+    struct.pack_into("<H", setup, 0, min(round(rate), 65535))  # FrameRate16
+    struct.pack_into("<2sH", setup, 140, b"ST", _SETUP)
+    struct.pack_into("<HH", setup, 737, columns, rows)  # ImWidth, ImHeight
+    struct.pack_into("<I", setup, 768, round(rate))  # FrameRate
+    struct.pack_into("<I", setup, 896, bits)  # RealBPP
+    struct.pack_into("<II", setup, 5732, 0, 2**bits - 1)  # BlackLevel, WhiteLevel
+    ticks = np.rint(times * 2.0**32).astype(np.int64) + trigger
+    stamps = np.stack([(ticks & 0xFFFFFFFF) & ~np.int64(3), ticks >> 32], axis=1).astype("<u4")
+    block = struct.pack("<IHH", 8 + stamps.nbytes, 1002, 0) + stamps.tobytes()
+    at_setup = 44 + 40
+    table = at_setup + len(setup) + len(block)
+    size = rows * columns * 2
+    first = table + 8 * n
+    places = first + np.arange(n) * (8 + size)
+    number = int(np.rint(times[0] * rate))
+    header = struct.pack(
+        "<2sHHHiIiIIIIII", b"CI", 44, 0, 1, number, n, number, n, 44, at_setup, table, trigger, 0
+    )
+    bitmap = struct.pack("<IiiHHIIiiII", 40, columns, rows, 1, 16, 0, size, 10_000, 10_000, 0, 2**bits)
+    note = struct.pack("<II", 8, size)
+    with replacing(path) as partial, partial.open("wb") as file:
+        for part in (header, bitmap, bytes(setup), block, places.astype("<i8").tobytes()):
+            file.write(part)
+        for picture in pictures:
+            file.write(note)
+            file.write(picture[::-1].astype("<u2").tobytes())
+
+
+def _write_mraw(path: Path, pictures: Stack, *, bits: int, times: NDArray[np.float64], rate: float) -> None:
+    """Write a Photron recording of 16-bit values: `path` (.mraw) and its .cihx beside it."""
+    n, rows, columns = pictures.shape
+    start = int(np.rint(times[0] * rate))
+    text = (
+        '<?xml version="1.0" encoding="utf-8"?>\n<cih><fileInfo><date>2026/01/01</date></fileInfo>'
+        "<basicInfo><comment>made</comment></basicInfo><deviceInfo><deviceName>virtual</deviceName></deviceInfo>"
+        f"<recordInfo><recordRate>{rate:.10g}</recordRate><shutterSpeed>{rate:.10g}</shutterSpeed></recordInfo>"
+        f"<frameInfo><recordedFrame>{n}</recordedFrame><totalFrame>{n}</totalFrame><startFrame>{start}</startFrame>"
+        "<skipFrame>1</skipFrame></frameInfo><imageFileInfo><fileFormat>MRaw</fileFormat></imageFileInfo>"
+        f"<imageDataInfo><resolution><width>{columns}</width><height>{rows}</height></resolution>"
+        "<colorInfo><type>Mono</type><bit>16</bit></colorInfo>"
+        f"<effectiveBit><depth>{bits}</depth><side>Lower</side></effectiveBit></imageDataInfo></cih>\n"
+    )
+    with replacing(path.with_suffix(".cihx")) as partial:
+        partial.write_text(text, encoding="utf-8")
+    with replacing(path) as partial, partial.open("wb") as file:
+        for picture in pictures:
+            file.write(picture.astype("<u2").tobytes())
+
+
+Writer = Callable[..., None]
+WRITERS: dict[str, tuple[str, Writer]] = {
+    "tiff": (".tif", _write_tiff),
+    "png": ("", _write_png),
+    "cine": (".cine", _write_cine),
+    "mraw": (".mraw", _write_mraw),
+}
+"""Name of a format -> suffix of its file, "" for a folder, and its writer."""

@@ -1,7 +1,460 @@
-"""Points followed through the frames of one camera."""
+"""Tracking of points through the frames of one camera, with updates of their references.
 
-from dic.tracking.follow import track
-from dic.tracking.history import Track
-from dic.tracking.settings import Tracking
+A reference moves forward when a point no longer correlates with it, and back when it correlates again.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dic.basics import BoolArray, FloatArray, IntArray
+from dic.correlation import Noise, Templates
+from dic.correlation.subsets import identity
+from dic.outcome import FrameOutcome, PointOutcome
+from dic.tracking.frame_match import FrameMatch, Neighbours, Predictor, RetrySchedule
+from dic.tracking.inputs import FramesAhead, Picture, Scene, Series, Track, Tracking, count
+from dic.tracking.matcher import (
+    Matcher,
+    References,
+    Template,
+    compose,
+    gradient,
+    in_material,
+    inherited_covariance,
+    principal,
+    relative,
+    stretch,
+)
+
+JOIN = 0.7
+"""Points that have come this far toward a change of reference (in ln stretch) join one that changes: fewer
+pictures are kept and the neighbours keep a common reference."""
+QUORUM = 0.02
+"""References change when this share of the points found asks for it ..."""
+URGENT = 1.5
+"""... or one has gone this far beyond the limit (in ln stretch)."""
+DROP = 0.05
+"""A poor correlation asks for a new reference only if it has fallen by this much since the last change."""
+GROWTH_STEP = 1.2
+"""A growing subset grows by this factor at a time."""
+LARGEST = 101
+"""Largest subset of the match [px]."""
+PROBATION = 5
+"""Frames that a point must do with a reference taken in a hurry before it may take another one so."""
+
+
+@dataclass(frozen=True)
+class LatestFrame:
+    """The latest frame with a picture, as a reference that a point may need in a hurry."""
+
+    frame: int
+    warp: FloatArray
+    """Total warps, shape [n, 12]."""
+    carried: FloatArray
+    """Covariance that a chain through this frame carries [px²], shape [n, 2, 2]."""
+    valid: BoolArray
+    """Points found in it, shape [n]."""
+    excess: FloatArray
+    """Largest excess of the residuals in the chain that ends there [-], shape [n]."""
+
+
+def enlarged_subset(subset: int, warp: FloatArray, limit: float) -> IntArray:
+    """Side that keeps the shortest side of a flattened subset in the picture [px], shape [n].
+
+    Parameters
+    ----------
+    subset
+        Side of the subset at rest [px].
+    warp
+        Total warps, shape [n, 12].
+    limit
+        Largest growth [-].
+    """
+    if limit == 1.0:
+        return np.full(len(warp), subset)
+    smallest = principal(gradient(warp))[1]
+    growth = np.clip(1.0 / np.maximum(smallest, 1e-6), 1.0, limit)
+    # few sizes, so that points can be matched together
+    growth = np.minimum(GROWTH_STEP ** np.ceil(np.log(growth) / np.log(GROWTH_STEP) - 1e-9), limit)
+    side = 2 * np.round((subset * growth - 1.0) / 2.0) + 1
+    return np.asarray(np.minimum(side, LARGEST), dtype=np.int64)
+
+
+class _ReferenceUpdates:
+    """Decides about the references of n points."""
+
+    def __init__(self, references: References, settings: Tracking) -> None:
+        n = len(references.level)
+        self.references, self.settings = references, settings
+        self.low = np.zeros(n, dtype=bool)
+        """Points whose correlation was poor in the frame before, shape [n]."""
+        self.fresh = np.full(n, np.nan)
+        """Correlation in the first frame after the reference was taken, shape [n]."""
+        self.hurried = np.full(n, -PROBATION)
+        """Frame, counted from the first, of the last change of reference in a hurry, shape [n]."""
+        self.steps = 0
+
+    def _template(
+        self,
+        matcher: Matcher,
+        rows: IntArray,
+        frame: int,
+        warp: FloatArray,
+        carried: FloatArray,
+        excess: FloatArray,
+    ) -> Template:
+        """A frame as the reference of points `rows`; warps, covariances and excess of all points."""
+        subset = enlarged_subset(self.settings.correlation.subset, warp[rows], self.settings.growth)
+        return matcher.template(rows, frame, warp[rows], carried[rows], subset, excess[rows])
+
+    def match_last_frame(self, here: FrameMatch, last: LatestFrame | None) -> None:
+        """Match lost points with the frame before as their reference; those found so keep it."""
+        if last is None:
+            return
+        calm = self.steps - self.hurried >= PROBATION
+        rows = np.flatnonzero(~here.valid & last.valid & (here.template.frame != last.frame) & calm)
+        if len(rows) == 0:
+            return
+        template = self._template(here.matcher, rows, last.frame, last.warp, last.carried, last.excess)
+        guess = here.guess[rows]
+        lean = here.neighbours.any(here.valid)[rows]
+        guess[lean] = here.neighbours.best(here.warp, here.zncc, here.valid, rows[lean])
+        found = here.attempt(rows, guess, template)
+        self.references.renew(found, here.template.take(found))
+        self.fresh[found], self.hurried[found] = np.nan, self.steps
+        here.propagate()
+
+    def forward(self, here: FrameMatch, frame: int, carried: FloatArray, excess: FloatArray) -> None:
+        """Give the points that ask for it this frame as their reference."""
+        # a reference taken in a hurry that does not last shall not be what the point is searched with later
+        failed = np.flatnonzero(~here.valid & (self.steps - self.hurried < PROBATION))
+        self.references.go_back(failed[self.references.level[failed] > 0])
+        self.hurried[failed] = -PROBATION
+        valid = np.flatnonzero(here.valid)
+        new = np.isnan(self.fresh[valid])
+        self.fresh[valid[new]] = here.zncc[valid[new]]
+        low = np.zeros_like(self.low)
+        poor = here.zncc[valid] < np.minimum(self.settings.update_zncc, self.fresh[valid] - DROP)
+        low[valid] = poor
+        strain = np.log(stretch(relative(here.warp[valid], here.template.warp[valid])))
+        limit = np.log(self.settings.update_stretch)
+        asks = (strain > limit) | (poor & self.low[valid])
+        if np.sum(asks) < QUORUM * len(asks):
+            asks = strain > URGENT * limit
+        if np.any(asks):
+            asks |= strain > JOIN * limit
+        rows = valid[asks]
+        if len(rows) == 0:
+            self.low = low
+            return
+        self.references.renew(rows, self._template(here.matcher, rows, frame, here.warp, carried, excess))
+        self.fresh[rows], low[rows] = np.nan, False
+        self.low = low
+
+    def back(self, here: FrameMatch) -> None:
+        """Return points to an earlier reference that they look like again, and match them with it."""
+        self.steps += 1
+        if self.settings.return_every == 0 or self.steps % self.settings.return_every != 0:
+            return
+        rows = np.flatnonzero(here.valid & (self.references.level > 0))
+        if len(rows) == 0:
+            return
+        earlier = self.references.template(rows, back=1)
+        strain = np.log(stretch(relative(here.warp[rows], earlier.warp)))
+        near = strain < JOIN * np.log(self.settings.update_stretch)
+        rows, earlier = rows[near], earlier.take(np.flatnonzero(near))
+        if len(rows) == 0:
+            return
+        match = here.matcher.match(here.stack, rows, here.warp[rows], earlier)
+        off = np.hypot(*(match.warp[:, :2] - here.warp[rows, :2]).T)
+        fits = match.outcome == int(PointOutcome.VALID)
+        fits &= match.zncc >= np.minimum(self.settings.update_zncc, here.zncc[rows])
+        fits &= off <= self.settings.neighbour_gate
+        picked = np.flatnonzero(fits)
+        rows = rows[picked]
+        here.warp[rows], here.zncc[rows] = match.warp[picked], match.zncc[picked]
+        here.covariance[rows] = match.covariance[picked]
+        here.template.put(rows, earlier.take(picked))
+        self.references.go_back(rows)
+        self.fresh[rows], self.low[rows] = np.nan, False
+
+
+def _compose_points(here: FrameMatch) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """`compose` for the points found, each of shape [n, 2, 2], and the largest excess of the residuals in
+    their chains, shape [n]; NaN for the others."""
+    total, carried = np.full_like(here.covariance, np.nan), np.full_like(here.covariance, np.nan)
+    rows = np.flatnonzero(here.valid)
+    template, warp = here.template.take(rows), here.warp[rows]
+    beyond = here.matcher.excess(here.zncc[rows], template)
+    total[rows], carried[rows] = compose(here.covariance[rows], warp, template, beyond)
+    largest = np.full(len(total), np.nan)
+    largest[rows] = np.maximum(beyond, template.excess)
+    return total, carried, largest
+
+
+MATERIAL = -1
+"""Frame number under which a material picture of another series is kept."""
+
+
+def track(
+    pictures: Series,
+    points: FloatArray,
+    settings: Tracking | None = None,
+    *,
+    noise: float | Noise,
+    mask: BoolArray | None = None,
+    start: FloatArray | None = None,
+    start_covariance: FloatArray | None = None,
+    material: Picture | None = None,
+    first: int = 0,
+    frame_outcome: IntArray | None = None,
+    device: str = "cpu",
+    progress: Callable[[int, int], None] | None = None,
+) -> Track:
+    """Follow points through a series of pictures, read one at a time.
+
+    A frame without a usable picture and a point that is not found are outcomes; the rest goes on.
+
+    Parameters
+    ----------
+    pictures
+        The series; an array of shape [n_frames, rows, columns] will do.
+    points
+        Places (x, y) in the material picture [px], shape [n_points, 2].
+    settings
+        How to match and when to change references; None: `Tracking()`.
+    noise
+        Standard deviation of a grey value, or `dic.correlation.Noise` where it grows with it [grey].
+    mask
+        Pixels of the material picture that belong to the surface, shape [rows, columns]; None: all.
+    start
+        Total warps of the points in frame `first`, shape [n_points, 12]; None: they have not moved. Without
+        `material` they are taken as they are, with it as the first guess.
+    start_covariance
+        Of the places that `start` gives, as the match that found them tells [px²], shape [n_points, 2, 2].
+    material
+        The material picture, shape [rows, columns], if it is not a frame of this series (of another camera,
+        say); None: frame `first` is the first reference.
+    first
+        Frame from which the points are followed, forward to the end and then back to the beginning.
+    frame_outcome
+        `dic.FrameOutcome` of the frames where the caller knows better, shape [n_frames]; frames that are not
+        VALID there are skipped.
+    device
+        Where the matches are computed.
+    progress
+        Called with the frames done and their number.
+
+    Raises
+    ------
+    ValueError
+        Points, mask, warps or frame numbers that do not fit the pictures; no picture in frame `first`.
+    """
+    chosen = settings or Tracking()
+    points = np.ascontiguousarray(points, dtype=np.float64)
+    n = count(pictures)
+    _check(points, n, start, start_covariance, material, first, frame_outcome)
+    run = _Run(pictures, points, chosen, noise, mask, frame_outcome, device)
+    run.begin(first, start, start_covariance, material)
+    forward = range(first if material is not None else first + 1, n)
+    backward = range(first - 1, -1, -1)
+    run.frames.expect([*forward, *backward])
+    try:
+        for done, frame in enumerate([*forward, *backward], start=n - len(forward) - len(backward)):
+            if frame == first - 1:
+                run.turn(first)
+            run.step(frame)
+            if progress is not None:
+                progress(done + 1, n)
+    finally:
+        run.frames.close()
+    return run.track
+
+
+def _check(
+    points: FloatArray,
+    n_frames: int,
+    start: FloatArray | None,
+    start_covariance: FloatArray | None,
+    material: Picture | None,
+    first: int,
+    frame_outcome: IntArray | None,
+) -> None:
+    n = len(points)
+    if points.ndim != 2 or points.shape[1] != 2 or n == 0 or not np.all(np.isfinite(points)):
+        raise ValueError(
+            f"points must be finite pixels of shape [n, 2], n at least 1, got shape {points.shape}"
+        )
+    if not 0 <= first < n_frames:
+        raise ValueError(f"first must be a frame from 0 to {n_frames - 1}, got {first}")
+    wanted = (
+        ("start", start, (n, 12)),
+        ("start_covariance", start_covariance, (n, 2, 2)),
+        ("frame_outcome", frame_outcome, (n_frames,)),
+    )
+    for name, value, shape in wanted:
+        if value is not None and np.shape(value) != shape:
+            raise ValueError(f"{name} has shape {np.shape(value)}, must be {shape}")
+        if value is not None and not np.all(np.isfinite(value)):
+            raise ValueError(f"{name} must be finite: leave out the points that have no start")
+    if start_covariance is not None and (start is None or material is not None):
+        raise ValueError("start_covariance belongs to a start without a material picture")
+
+
+class _Run:
+    """A tracking under way."""
+
+    def __init__(
+        self,
+        pictures: Series,
+        points: FloatArray,
+        settings: Tracking,
+        noise: float | Noise,
+        mask: BoolArray | None,
+        frame_outcome: IntArray | None,
+        device: str,
+    ) -> None:
+        n_frames, n = count(pictures), len(points)
+        self.points, self.settings = points, settings
+        self.frames = FramesAhead(
+            pictures, noise=noise, prefilter=settings.correlation.prefilter, device=device
+        )
+        self.declared = frame_outcome
+        # a subset that grows has no template of one size
+        kept = Templates.of(n, settings.correlation) if settings.growth == 1.0 else None
+        self.references = References(n, kept)
+        self.matcher = Matcher(
+            points,
+            settings.correlation,
+            self.references,
+            mask,
+            noise if isinstance(noise, Noise) else Noise(noise),
+        )
+        self.neighbours = Neighbours.of(points)
+        self.predictor = Predictor(n)
+        self.retries, self.ended = RetrySchedule(n), np.full(n, int(PointOutcome.NO_FIRST_GUESS))
+        self.scene: Scene
+        self.updates = _ReferenceUpdates(self.references, settings)
+        self.last: LatestFrame | None = None
+        self.frame_outcome = np.full(n_frames, int(FrameOutcome.VALID))
+        self.excess = np.full((n_frames, n), np.nan)
+        self.track = Track(
+            points=points,
+            warp=np.full((n_frames, n, 12), np.nan),
+            covariance=np.full((n_frames, n, 2, 2), np.nan),
+            zncc=np.full((n_frames, n), np.nan),
+            outcome=np.full((n_frames, n), int(PointOutcome.NO_PICTURE)),
+            reference=np.full((n_frames, n), MATERIAL),
+            excess=self.excess,
+            frame_outcome=self.frame_outcome,
+        )
+
+    def begin(
+        self,
+        first: int,
+        start: FloatArray | None,
+        start_covariance: FloatArray | None,
+        material: Picture | None,
+    ) -> None:
+        """Take in the first reference, and match it with itself to learn which of its subsets are of use."""
+        n = len(self.points)
+        warp = identity(n) if start is None else np.array(start, dtype=np.float64)
+        none = np.zeros((n, 2, 2))
+        if material is not None:
+            other = np.asarray(material)
+            self.scene = Scene.of(other)
+            self.references.add(MATERIAL, other, self.frames.prepared(MATERIAL, other))
+            self.references.start(self._root(MATERIAL, identity(n), none, own=True))
+            self.predictor.add(first, np.arange(n), warp)
+            return
+        picture = self.frames.read(first)
+        outcome = FrameOutcome.UNREADABLE if picture is None else Scene.of(picture).judge(picture)
+        if picture is None or not outcome.ok:
+            raise ValueError(f"frame {first} cannot be the first reference: {outcome.cause}; choose another")
+        self.scene = Scene.of(picture)
+        stack = self.frames.prepared(first, picture)
+        self.references.add(first, picture, stack)
+        own = start_covariance is None
+        self.references.start(self._root(first, warp, none, own=own))
+        rows = np.arange(n)
+        match = self.matcher.match(stack, rows, warp, self.references.template(rows))
+        template = 0.5 * match.covariance  # of a picture with itself: the other half is that searched in
+        if start_covariance is not None:
+            before = inherited_covariance(np.asarray(start_covariance), template, warp)
+            self.references.start(self._root(first, warp, before, own=own))
+        else:
+            blank = match.outcome != int(PointOutcome.VALID)
+            template[blank] = np.nan
+            self.track = replace(self.track, root=in_material(template, warp))
+        self.predictor.add(first, rows, warp)
+        track = self.track
+        track.warp[first], track.zncc[first], track.outcome[first] = warp, match.zncc, match.outcome
+        track.covariance[first] = none if start_covariance is None else start_covariance
+        self.excess[first] = 0.0
+        track.reference[first] = first
+
+    def turn(self, first: int) -> None:
+        """Start again at frame `first`, to go back in time."""
+        found = np.flatnonzero(self.track.outcome[first] == int(PointOutcome.VALID))
+        self.predictor, self.retries = Predictor(len(self.points)), RetrySchedule(len(self.points))
+        for frame in range(min(first + 2, len(self.track.warp) - 1), first - 1, -1):
+            valid = found[self.track.outcome[frame, found] == int(PointOutcome.VALID)]
+            self.predictor.add(frame, valid, self.track.warp[frame, valid])
+        self.references.restart()
+        self.updates = _ReferenceUpdates(self.references, self.settings)
+        self.last = None
+
+    def step(self, frame: int) -> None:
+        """Find the points in one frame."""
+        picture = self.frames.read(frame)
+        if self.declared is not None and self.declared[frame] != int(FrameOutcome.VALID):
+            outcome = FrameOutcome(int(self.declared[frame]))
+        else:
+            outcome = self.scene.judge(picture)
+        if picture is None or not outcome.ok:
+            self.frame_outcome[frame] = int(outcome)
+            return
+        stack = self.frames.prepared(frame, picture)
+        self.references.add(frame, picture, stack)
+        here = FrameMatch.begin(
+            picture,
+            stack,
+            self.matcher,
+            self.neighbours,
+            self.settings,
+            self.predictor.predict(frame),
+            self.predictor.known > 0,
+            self.retries.skipped,
+            self.ended,
+        )
+        self.updates.match_last_frame(here, self.last)
+        self.updates.back(here)
+        covariance, carried, excess = _compose_points(here)
+        self._record(frame, here, covariance, excess)
+        self.ended = here.outcome
+        self.retries.add(here.valid, self.neighbours)
+        self.updates.forward(here, frame, carried, excess)
+        found = np.flatnonzero(here.valid)
+        self.predictor.add(frame, found, here.warp[found])
+        self.last = LatestFrame(frame, here.warp, carried, here.valid, excess)
+        self.references.tidy(keep=frame)
+
+    def _root(self, frame: int, warp: FloatArray, before: FloatArray, *, own: bool) -> Template:
+        """The first reference of all points; `own` if the noise of its template is part of their sigma."""
+        n = len(self.points)
+        subset = np.full(n, self.settings.correlation.subset)
+        root = self.matcher.template(np.arange(n), frame, warp, before, subset, np.zeros(n))
+        return replace(root, root=np.full(n, own))
+
+    def _record(self, frame: int, here: FrameMatch, covariance: FloatArray, excess: FloatArray) -> None:
+        track = self.track
+        self.excess[frame] = excess
+        track.warp[frame], track.covariance[frame] = here.warp, covariance
+        track.zncc[frame], track.outcome[frame] = here.zncc, here.outcome
+        track.reference[frame] = here.template.frame
+        if not np.any(here.valid):
+            self.frame_outcome[frame] = int(FrameOutcome.LOST)
+
 
 __all__ = ["Track", "Tracking", "track"]

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from dic.arrays import BoolArray, FloatArray, IntArray
+from dic.basics import BoolArray, FloatArray, IntArray
 from dic.correlation import Correlation, Match, Noise, PictureStack, Shape, Templates, correlate
-from dic.correlation.warp import gradient, identity
+from dic.correlation.subsets import gradient, identity
 from dic.images import Pictures
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.tracking import Track
-from dic.tracking.ahead import FramesAhead
+from dic.tracking.inputs import FramesAhead
 
 APART = 0.5
 """Distance from the place that the body's motion gives it which a point is allowed beside its noise [px]."""

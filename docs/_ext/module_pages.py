@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("kolsky", "explicit", "implicit", "doe", "dic")
+PACKAGES = ("kolsky", "explicit", "doe", "dic")
 REFERENCE = re.compile(r"\{(?:py:\w+|doc)\}`(?:[^`<]*<)?[~!]?(?:/?api/generated/)?([\w.]+)>?`")
 """A reference of a page to a name or a page of ours."""
 

@@ -1,7 +1,6 @@
 """Designs of experiments: where in a box to run. A new one is one file and one line of `DESIGNS`."""
 
-from doe.designs.design import Design, Rng
-from doe.designs.kind import DesignKind
+from doe.designs.design import Design, DesignKind, Rng
 from doe.designs.optimal import d_optimal
 from doe.designs.response_surface import box_behnken, central_composite, fractional_factorial
 from doe.designs.space_filling import (

@@ -1,13 +1,17 @@
 """Surrogates of expensive functions of a box. A new one is one file and one line in `SURROGATES`."""
 
-from doe.surrogates.cost import CostSurrogate
-from doe.surrogates.kernels import DEFAULT_KERNELS, Kernel, SurrogateError
 from doe.surrogates.pca import PrincipalComponents
 from doe.surrogates.process import ProcessSurrogate
-from doe.surrogates.protocol import ComponentSurrogate, Surrogate, SurrogateKind
+from doe.surrogates.protocol import (
+    DEFAULT_KERNELS,
+    ComponentSurrogate,
+    Kernel,
+    Surrogate,
+    SurrogateError,
+    SurrogateKind,
+)
 from doe.surrogates.quadratic import QuadraticSurrogate
-from doe.surrogates.rbf import Candidate, RadialBasis
-from doe.surrogates.response import ResponseSurrogate
+from doe.surrogates.rbf import Candidate, CostSurrogate, RadialBasis, ResponseSurrogate
 
 SURROGATES: dict[str, SurrogateKind] = {
     "response": SurrogateKind(ResponseSurrogate, "radial basis functions of principal components"),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from doe.arrays import FloatArray
-from doe.surrogates.kernels import SurrogateError
+from doe.surrogates.protocol import SurrogateError
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,120 @@
-"""The interface of surrogates, and the checks on the runs that go into one."""
+"""The interface of surrogates, the checks on the runs that go into one, and radial kernels with their
+tails."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from math import comb
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.distance import cdist
 
 from doe.arrays import FloatArray
 from doe.box import Box
-from doe.surrogates.kernels import SurrogateError
+
+LEAST_DEGREE = {"thin_plate_spline": 1, "cubic": 1, "quintic": 2, "multiquadric": 0, "gaussian": 0}
+"""Kernel names (scipy's), each with the lowest degree of the polynomial tail that makes the system
+solvable. 0 for the Gaussian too, which needs none: without a tail a constant would not be reproduced."""
+
+SCALE_FREE = ("thin_plate_spline", "cubic", "quintic")
+"""Kernels that need no shape parameter: scaling r only scales them (up to the tail)."""
+
+
+class SurrogateError(ValueError):
+    """A surrogate cannot be built from these runs; the message says what is missing."""
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A radial function of the distance in the unit box, and the degree of its polynomial tail.
+
+    Raises
+    ------
+    ValueError
+        If the name is unknown, the degree too low for it, or `shape` is missing, not positive, or given
+        for a kernel that has none.
+    """
+
+    name: str
+    """ "thin_plate_spline", "cubic", "quintic", "multiquadric" or "gaussian"."""
+    degree: int
+    """Degree of the polynomial tail."""
+    shape: float | None = None
+    """Shape parameter: the kernel depends on shape * r, r in edges of the unit box [-]."""
+
+    def __post_init__(self) -> None:
+        if self.name not in LEAST_DEGREE:
+            raise ValueError(f"unknown kernel {self.name!r}; one of {sorted(LEAST_DEGREE)}")
+        if self.degree < LEAST_DEGREE[self.name]:
+            raise ValueError(
+                f"the tail of kernel {self.name!r} needs degree >= {LEAST_DEGREE[self.name]}, "
+                f"got {self.degree}"
+            )
+        if self.name in SCALE_FREE and self.shape is not None:
+            raise ValueError(f"kernel {self.name!r} has no shape parameter, got {self.shape}")
+        if self.name not in SCALE_FREE and not (self.shape is not None and 0.0 < self.shape < np.inf):
+            raise ValueError(f"kernel {self.name!r} needs a shape parameter > 0, got {self.shape}")
+
+    def __str__(self) -> str:
+        shape = "" if self.shape is None else f", shape {self.shape:g}"
+        return f"{self.name} (tail of degree {self.degree}{shape})"
+
+    def n_terms(self, dimension: int) -> int:
+        """Number of monomials in the tail for `dimension` parameters."""
+        return comb(dimension + self.degree, dimension)
+
+    def n_needed(self, dimension: int) -> int:
+        """Fewest runs: one more than the tail's terms, so that a run can be left out."""
+        return self.n_terms(dimension) + 1
+
+    def matrix(self, unit_points: FloatArray) -> FloatArray:
+        """Kernel values between all points, Phi_ij = phi(|u_i - u_j|), shape [n, n].
+
+        The signs are those that make Phi positive definite on vectors orthogonal to the tail.
+        """
+        r = cdist(unit_points, unit_points) * (1.0 if self.shape is None else self.shape)
+        if self.name == "thin_plate_spline":
+            # r^2 log r, whose limit at 0 is 0; the logarithm of 0 must not be formed.
+            return r**2 * np.log(r, out=np.zeros_like(r), where=r > 0.0)
+        if self.name == "cubic":
+            return r**3
+        if self.name == "quintic":
+            return -(r**5)
+        if self.name == "multiquadric":
+            return -np.sqrt(1.0 + r**2)
+        return np.exp(-(r**2))
+
+    def tail(self, unit_points: FloatArray) -> FloatArray:
+        """Monomials of the tail at the points, centred and scaled to their range, shape [n, n_terms].
+
+        The space they span does not depend on that scaling; the numbers stay near 1.
+        """
+        low, high = unit_points.min(axis=0), unit_points.max(axis=0)
+        half = np.where(high > low, 0.5 * (high - low), 1.0)
+        z = (unit_points - 0.5 * (low + high)) / half
+        columns = [np.ones(len(z))]
+        for degree in range(1, self.degree + 1):
+            for chosen in combinations_with_replacement(range(z.shape[1]), degree):
+                columns.append(np.prod(z[:, chosen], axis=1))
+        return np.stack(columns, axis=1)
+
+
+DEFAULT_KERNELS = (
+    Kernel("thin_plate_spline", 1),
+    Kernel("cubic", 1),
+    Kernel("cubic", 2),
+    Kernel("quintic", 2),
+    Kernel("quintic", 3),
+    Kernel("quintic", 4),
+    Kernel("multiquadric", 1, 2.0),
+    Kernel("gaussian", 1, 1.0),
+    Kernel("gaussian", 1, 2.0),
+    Kernel("gaussian", 1, 4.0),
+)
+"""The candidates among which the leave-one-out error chooses: from rough to very smooth."""
 
 
 class Surrogate(Protocol):

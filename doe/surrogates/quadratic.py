@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 
 from doe.arrays import FloatArray
 from doe.box import Box
-from doe.surrogates.kernels import SurrogateError
-from doe.surrogates.protocol import checked_runs, unit_points
+from doe.surrogates.protocol import SurrogateError, checked_runs, unit_points
 
 RUNS_PER_TERM = 2.5
 """Runs for each term of the quadratic that a design for it should have."""

@@ -12,8 +12,7 @@ from scipy.spatial.distance import cdist
 
 from doe.arrays import FloatArray
 from doe.box import Box
-from doe.surrogates.kernels import SurrogateError
-from doe.surrogates.protocol import Surrogate, checked_runs
+from doe.surrogates.protocol import Surrogate, SurrogateError, checked_runs
 
 Fit = Callable[[FloatArray, FloatArray], Surrogate]
 """A surrogate of runs [n, d] and their responses [n, k]."""

@@ -1,4 +1,8 @@
-"""Radial basis functions over the unit box with leave-one-out errors in closed form."""
+"""Surrogates by radial basis functions over the unit box: of the whole response, and of a scalar cost.
+
+Leave-one-out errors are in closed form. The whole response is reduced to principal components, each
+interpolated.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +10,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import linalg
 from scipy.interpolate import RBFInterpolator
 from scipy.spatial.distance import pdist, squareform
 
 from doe.arrays import FloatArray
-from doe.surrogates.kernels import Kernel, SurrogateError
+from doe.box import Box
+from doe.surrogates.pca import PrincipalComponents
+from doe.surrogates.protocol import DEFAULT_KERNELS, Kernel, SurrogateError, checked_runs, unit_points
 
 LARGEST_CONDITION = 1e12
 """Largest condition number of the reduced kernel matrix: beyond it fewer than four digits of the
@@ -214,3 +221,211 @@ def _refuse_twins(unit_points: FloatArray) -> None:
         raise SurrogateError(
             f"runs {i} and {j} are the same point (distance {distances.min():.1e} in the unit box)"
         )
+
+
+@dataclass(frozen=True)
+class ResponseSurrogate:
+    """Predicts the response vector; a cost is then formed from the prediction, not interpolated.
+
+    The response is smooth in the parameters where a cost made of absolute values has a kink, and one
+    surrogate serves every cost.
+    """
+
+    box: Box
+    """Where it holds."""
+    points: FloatArray
+    """The runs it was built from, in parameter units, shape [n, d]."""
+    components: PrincipalComponents
+    """The reduction of the response."""
+    basis: RadialBasis
+    """The interpolant of the components' scores."""
+    candidates: tuple[Candidate, ...]
+    """Every kernel that was tried, with its leave-one-out error over the scaled response or the reason
+    why it could not be used."""
+
+    @classmethod
+    def fit(
+        cls,
+        box: Box,
+        points: ArrayLike,
+        responses: ArrayLike,
+        *,
+        scale: ArrayLike = 1.0,
+        variance: float = 1.0 - 1e-8,
+        truncation: float | None = None,
+        kernels: Sequence[Kernel] = DEFAULT_KERNELS,
+    ) -> ResponseSurrogate:
+        """Build it from runs; the kernel with the smallest leave-one-out error wins.
+
+        Parameters
+        ----------
+        box
+            Where the runs lie.
+        points
+            The runs, in parameter units, shape [n, d].
+        responses
+            Their responses, shape [n, k].
+        scale
+            What an entry's deviations are measured by, in response units: a number or shape [k].
+        variance
+            Share of the scaled variance the components keep, in (0, 1].
+        truncation
+            If given, rules instead of `variance`: largest allowed |response - reduction| / scale.
+        kernels
+            Candidates; one only fixes the choice.
+
+        Raises
+        ------
+        ValueError
+            If a point is outside the box, shapes do not match, or an option is outside its range.
+        SurrogateError
+            If a response is not finite, or no kernel can be used: too few runs (the message says how
+            many it takes), coinciding runs, an ill-conditioned system.
+        """
+        x, y = checked_runs(box, points, responses)
+        components = PrincipalComponents.fit(y, scale=scale, variance=variance, truncation=truncation)
+        basis, candidates = choose_kernel(box.unit(x), components.scores(y), kernels)
+        return cls(box, x, components, basis, candidates)
+
+    def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
+        """The response at points.
+
+        Parameters
+        ----------
+        points
+            In parameter units, shape [m, d].
+        extrapolate
+            Allow points outside the box.
+
+        Returns
+        -------
+        responses
+            In response units, shape [m, k].
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, or a point is outside the box and `extrapolate` is False.
+        """
+        return self.components.expand(self.scores(points, extrapolate=extrapolate))
+
+    def scores(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
+        """Coordinates of the response in the components, as `predict`, shape [m, d] -> [m, q]."""
+        return self.basis.predict(unit_points(self.box, points, extrapolate=extrapolate))
+
+    @property
+    def kernel(self) -> Kernel:
+        """The kernel that was chosen."""
+        return self.basis.kernel
+
+    @property
+    def n_components(self) -> int:
+        """Number of components kept."""
+        return self.components.n_components
+
+    @property
+    def truncation_error(self) -> FloatArray:
+        """Largest |response - reduction| over the runs, in response units, shape [k]."""
+        return self.components.truncation_error
+
+    @property
+    def loo_residuals(self) -> FloatArray:
+        """Run minus what the other runs predict for it, in response units, shape [n, k].
+
+        The components stay those of all runs; what they leave out of the run is part of its residual.
+        """
+        return self.components.deviation(self.basis.loo_residuals) + self.components.truncation
+
+    @property
+    def loo_rms_entries(self) -> FloatArray:
+        """Root mean square of `loo_residuals` over the runs, in response units, shape [k]."""
+        return np.asarray(np.sqrt(np.mean(self.loo_residuals**2, axis=0)))
+
+    @property
+    def loo_rms(self) -> float:
+        """Root mean square of `loo_residuals` / scale over runs and entries [-]."""
+        return float(np.sqrt(np.mean((self.loo_residuals / self.components.scale) ** 2)))
+
+
+@dataclass(frozen=True)
+class CostSurrogate:
+    """Interpolates the cost itself, k = 1: the classic response surface, for comparison.
+
+    A cost made of absolute values has a kink at its optimum, which no smooth interpolant follows; its
+    leave-one-out error shows it.
+    """
+
+    box: Box
+    """Where it holds."""
+    points: FloatArray
+    """The runs it was built from, in parameter units, shape [n, d]."""
+    basis: RadialBasis
+    """The interpolant."""
+    candidates: tuple[Candidate, ...]
+    """Every kernel that was tried, with its leave-one-out error in cost units or why it could not be used."""
+
+    @classmethod
+    def fit(
+        cls, box: Box, points: ArrayLike, costs: ArrayLike, *, kernels: Sequence[Kernel] = DEFAULT_KERNELS
+    ) -> CostSurrogate:
+        """Build it from runs; the kernel with the smallest leave-one-out error wins.
+
+        Parameters
+        ----------
+        box
+            Where the runs lie.
+        points
+            The runs, in parameter units, shape [n, d].
+        costs
+            Their costs, shape [n].
+        kernels
+            Candidates; one only fixes the choice.
+
+        Raises
+        ------
+        ValueError
+            If a point is outside the box or shapes do not match.
+        SurrogateError
+            If a cost is not finite, or no kernel can be used (see `ResponseSurrogate.fit`).
+        """
+        column = np.asarray(costs, dtype=np.float64)
+        if column.ndim != 1:
+            raise ValueError(f"costs must have shape [n], got {list(column.shape)}")
+        x, y = checked_runs(box, points, column[:, None])
+        basis, candidates = choose_kernel(box.unit(x), y, kernels)
+        return cls(box, x, basis, candidates)
+
+    def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
+        """The cost at points in parameter units, shape [m, d] -> [m, 1].
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, or a point is outside the box and `extrapolate` is False.
+        """
+        return self.basis.predict(unit_points(self.box, points, extrapolate=extrapolate))
+
+    def cost(self, point: ArrayLike) -> float:
+        """The cost at one point of the box in parameter units, shape [d]: what a search calls.
+
+        Raises
+        ------
+        ValueError
+            If the point is outside the box.
+        """
+        return float(self.predict(np.asarray(point, dtype=np.float64)[None, :])[0, 0])
+
+    @property
+    def kernel(self) -> Kernel:
+        """The kernel that was chosen."""
+        return self.basis.kernel
+
+    @property
+    def loo_residuals(self) -> FloatArray:
+        """Run minus what the other runs predict for it, in cost units, shape [n, 1]."""
+        return self.basis.loo_residuals
+
+    @property
+    def loo_rms(self) -> float:
+        """Root mean square of `loo_residuals` over the runs, in cost units."""
+        return self.basis.loo_rms

@@ -1,11 +1,9 @@
 """Uncertainty of a model's parameters: noise, intervals, ridges, posterior, verdicts; no physics."""
 
 from doe.uncertainty.covariance import block_bootstrap, gauss_newton, sandwich
-from doe.uncertainty.likelihood import Channel, Likelihood
-from doe.uncertainty.noise import AutoRegression, Noise, fit_noise
+from doe.uncertainty.likelihood import AutoRegression, Channel, Likelihood, Noise, fit_noise
 from doe.uncertainty.posterior import Posterior, sample_posterior
-from doe.uncertainty.profile import Profiles, profile_likelihoods
-from doe.uncertainty.verdict import Verdict, VerdictKind, verdicts
+from doe.uncertainty.profile import Profiles, Verdict, VerdictKind, profile_likelihoods, verdicts
 
 __all__ = [
     "AutoRegression",

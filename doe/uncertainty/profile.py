@@ -1,8 +1,15 @@
-"""Profile likelihood: how much worse the best fit gets while one parameter is held elsewhere."""
+"""Profile likelihoods, the directions in which the data do not decide, and verdicts on the parameters.
+
+A profile shows how much worse the best fit gets while one parameter is fixed at another value. A ridge
+combines the
+eigenvectors of the information with the profile's path. A verdict is one word, with its reasons.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -236,3 +243,228 @@ def _profile(likelihood: Likelihood, walk: _Walk, fits: list[Fit], alone: _Walk,
         not_converged=sum(not fit.converged for fit in fits),
         level=level,
     )
+
+
+LOADING = 0.1
+"""Smallest component of a direction of length one, in the unit box, that is put into words."""
+
+
+@dataclass(frozen=True)
+class Direction:
+    """An eigenvector of the information at the optimum, in the unit box."""
+
+    vector: FloatArray
+    """Its components, length one, largest positive [-], shape [d]."""
+    reach: float
+    """Distance along it at which -2 ln L has risen to the level, in edges of the box [-]: above 1 the
+    box ends first; infinite if the data do not move at all."""
+    words: str
+    """The direction in words and numbers."""
+
+
+def directions(likelihood: Likelihood, profiles: Profiles) -> tuple[Direction, ...]:
+    """Eigenvectors of the information J^T C^-1 J at the optimum, the least decided first.
+
+    They are those of parameters scaled to their bounds: another box has others.
+
+    Parameters
+    ----------
+    likelihood
+        Of the data.
+    profiles
+        Holds the optimum and the level.
+    """
+    best = profiles.optimum
+    jacobian = likelihood.jacobian(best.unit_point, best.discrepancies)
+    values, vectors = np.linalg.eigh(jacobian.T @ jacobian)
+    found = []
+    for value, column in zip(values, vectors.T, strict=True):
+        vector = column * np.sign(column[np.argmax(np.abs(column))])
+        reach = float(np.sqrt(profiles.level / value)) if value > 1e-12 * values[-1] else np.inf
+        found.append(Direction(vector, reach, _words(likelihood.box.names, vector, reach)))
+    return tuple(found)
+
+
+def _words(names: tuple[str, ...], vector: FloatArray, reach: float) -> str:
+    order = [j for j in np.argsort(-np.abs(vector)) if abs(vector[j]) >= LOADING]
+    first, *others = [(names[j], float(vector[j])) for j in order]
+    text = f"{first[0]} alone" if not others else f"{first[0]} up"
+    for name, loading in others:
+        text += f", {name} {'up' if loading > 0.0 else 'down'} by {abs(loading) / first[1]:.2g} times as much"
+    unit = "" if not others else " (in edges of the box)"
+    return text + unit + (f", undecided over {reach:.2g} edges" if np.isfinite(reach) else ", not seen")
+
+
+@dataclass(frozen=True)
+class Partner:
+    """A parameter that makes up for another one's change."""
+
+    name: str
+    """Which."""
+    change: float
+    """How far it moves along the path, in its units."""
+    per: float
+    """How far the other one moves meanwhile, in that one's units."""
+    cost: float
+    """Rise of -2 ln L if this one moved so far alone."""
+
+
+def partners(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> tuple[Partner, ...]:
+    """Parameters that make up for another one's change along its profile, the most needed first.
+
+    At both ends of the interval, or of the box where the interval is open, it is asked what the move of
+    each other parameter would cost alone. One whose move costs more than the level made the difference;
+    one that drifts at no cost did not.
+
+    Parameters
+    ----------
+    likelihood
+        Of the data.
+    profiles
+        Holds the optimum and the level.
+    profile
+        Of the parameter in question.
+    """
+    box, best = likelihood.box, profiles.optimum
+    j = box.names.index(profile.name)
+    found: dict[str, Partner] = {}
+    for i in _ends(profile, best.point[j]):
+        away = box.unit(profile.points[i])
+        for k, name in enumerate(box.names):
+            if k == j:
+                continue
+            moved = best.unit_point.copy()
+            moved[k] = away[k]
+            residual = likelihood.residuals(moved)[0]
+            cost = likelihood.deviance(residual, likelihood.discrepancies(residual)) - best.deviance
+            change, per = (float(profile.points[i][m] - best.point[m]) for m in (k, j))
+            if cost > profile.level and (name not in found or cost > found[name].cost):
+                found[name] = Partner(name, change, per, cost)
+    return tuple(sorted(found.values(), key=lambda partner: -partner.cost))
+
+
+def _ends(profile: Profile, centre: float) -> list[int]:
+    """Indices of the fits at the ends of the interval, the faces of the box where it is open."""
+    lower, upper = profile.interval
+    inside = np.flatnonzero(
+        (profile.values >= (profile.values[0] if lower is None else lower))
+        & (profile.values <= (profile.values[-1] if upper is None else upper))
+    )
+    return [int(i) for i in dict.fromkeys((inside[0], inside[-1])) if profile.values[i] != centre]
+
+
+INFLATION = 3.0
+"""Length of an interval over its length with the other parameters known, from which on it is said that
+it rests on them: a correlation above 0.94 for a quadratic."""
+
+
+class VerdictKind(Enum):
+    """The kinds of verdict on a parameter."""
+
+    IDENTIFIED = "identified"
+    ONE_SIDED = "one-sided bound"
+    RIDGE = "ridge"
+    NOT_SEEN = "not seen"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict on one parameter inside the box."""
+
+    name: str
+    """The parameter."""
+    kind: VerdictKind
+    """In one word."""
+    interval: Interval
+    """From the profile likelihood; None where it is open."""
+    inflation: float | None
+    """Length of the interval over its length with the others known [-]; None if one of them is open."""
+    partners: tuple[Partner, ...]
+    """Parameters that make up for this one's change, the most needed first."""
+    text: str
+    """The verdict in a sentence."""
+
+
+def verdicts(likelihood: Likelihood, profiles: Profiles) -> tuple[Verdict, ...]:
+    """A verdict for each parameter, from its profile and from what it does alone.
+
+    A profile that passes the level on both sides identifies its parameter inside the box. On a side
+    where it does not, the parameter is held at that face with the others at the optimum: if this alone
+    passes the level, the data do see the parameter and others make up for it, a ridge. If not, the data
+    bound it on one side, or on none: not seen.
+
+    Parameters
+    ----------
+    likelihood
+        Of the data.
+    profiles
+        Its profiles.
+    """
+    return tuple(_verdict(likelihood, profiles, profile) for profile in profiles.profiles)
+
+
+def _verdict(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> Verdict:
+    made_up = any(
+        end is None and alone is not None for end, alone in zip(profile.interval, profile.alone, strict=True)
+    )
+    if profile.closed:
+        kind = VerdictKind.IDENTIFIED
+    elif made_up:
+        kind = VerdictKind.RIDGE
+    elif profile.interval == (None, None):
+        kind = VerdictKind.NOT_SEEN
+    else:
+        kind = VerdictKind.ONE_SIDED
+    inflation = _inflation(profile)
+    leans = kind is VerdictKind.RIDGE or (inflation is not None and inflation >= INFLATION)
+    others = partners(likelihood, profiles, profile) if leans else ()
+    text = _sentence(profile, kind, inflation if leans else None, others)
+    return Verdict(profile.name, kind, profile.interval, inflation, others, text)
+
+
+def _inflation(profile: Profile) -> float | None:
+    (lower, upper), (below, above) = profile.interval, profile.alone
+    if lower is None or upper is None or below is None or above is None:
+        return None
+    return (upper - lower) / (above - below)
+
+
+def _sentence(
+    profile: Profile, kind: VerdictKind, inflation: float | None, others: tuple[Partner, ...]
+) -> str:
+    name, (lower, upper) = profile.name, profile.interval
+    bounds = _bounds(lower, upper)
+    box = f"in the box [{profile.values[0]:.5g}, {profile.values[-1]:.5g}]"
+    path = "; ".join(
+        f"{other.name} {other.change:+.3g} makes up for {name} {other.per:+.3g}" for other in others
+    )
+    if kind is VerdictKind.NOT_SEEN:
+        return f"{name} is not seen: no value {box} fits significantly worse, the others held or not"
+    if kind is VerdictKind.RIDGE:
+        who = " and ".join(other.name for other in others) or "the others together"
+        text = f"{name} lies on a ridge with {who} that runs out of the box"
+        text += f" ({bounds})" if bounds else ""
+        text += f": {path}" if path else ""
+    elif kind is VerdictKind.ONE_SIDED:
+        text = f"{name} is {bounds}; {box} nothing bounds it on the other side"
+    else:
+        text = f"{name} is identified, {bounds}"
+        if inflation is not None:
+            text += f"; its interval is {inflation:.1f} times longer than with the others known"
+            text += f" ({path})" if path else ""
+    if profile.elsewhere:
+        text += f"; values about {', '.join(f'{value:.4g}' for value in profile.elsewhere)} fit as well"
+    if profile.not_converged:
+        text += f"; {profile.not_converged} fits were cut short"
+    return text
+
+
+def _bounds(lower: float | None, upper: float | None) -> str:
+    if lower is not None and upper is not None:
+        # As many digits as tell the ends apart to a hundredth of their distance.
+        size = max(abs(lower), abs(upper)) / (upper - lower)
+        digits = max(5, 3 + math.ceil(math.log10(size)))
+        return f"between {lower:.{digits}g} and {upper:.{digits}g}"
+    if lower is not None:
+        return f"at least {lower:.5g}"
+    return "" if upper is None else f"at most {upper:.5g}"

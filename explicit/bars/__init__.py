@@ -1,14 +1,17 @@
 """Elastic bars around the specimen: a mesh of platens, transducers and bars, and one-dimensional waves."""
 
-from explicit.bars.contacts import Joint, PulseShaper
-from explicit.bars.coupling import couple
-from explicit.bars.elastic import elastic_bar
-from explicit.bars.events import find_events
-from explicit.bars.flyer_test import simulate_test
-from explicit.bars.impact import Apparatus, integrate_test
-from explicit.bars.lines import loaded_line, section_force
-from explicit.bars.pulse import PulseResponse, pulse_on_bars, pulse_on_mesh
-from explicit.bars.sections import Section
+from explicit.bars.coupling import couple, simulate_test
+from explicit.bars.elastic import PulseResponse, elastic_bar, pulse_on_bars, pulse_on_mesh
+from explicit.bars.lines import (
+    Apparatus,
+    Joint,
+    PulseShaper,
+    Section,
+    find_events,
+    integrate_test,
+    loaded_line,
+    section_force,
+)
 
 __all__ = [
     "Apparatus",

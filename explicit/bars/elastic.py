@@ -1,21 +1,220 @@
-"""Elastic platens, transducers and bars as an axisymmetric mesh, integrated by central differences.
+"""Elastic platens, transducers and bars as an axisymmetric mesh, and as a linear system by their pulse
+response.
 
 The parts are linear elastic: steel under a soft specimen strains by 1e-6. They are loaded on one face and
-free elsewhere. One product of a sparse matrix is one step.
+free elsewhere. One product of a sparse matrix is one step (central differences).
+
+What they do is linear in the force on their face and the same at any time. One run under a pulse, a hat of
+one
+newton over two steps, is therefore all runs: the force of a simulation, linear between the steps, is a sum
+of
+such pulses. A batch costs a convolution in place of a march in time.
 """
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.sparse import csr_array
 
-from explicit.arrays import FloatArray
-from explicit.bars.mesh import ElasticMesh, mesh_of, pressed_share
-from explicit.bars.sections import Section
-from explicit.bars.stiffness import assemble, element_matrices, largest_frequency, nodal_mass
+from explicit.arrays import FloatArray, IntArray
+from explicit.bars.lines import Section, loaded_line
+
+
+@dataclass(frozen=True)
+class ElasticMesh:
+    """Rectangles in the half-plane (r, x); x is the distance from the loaded face, into the parts."""
+
+    sections: tuple[Section, ...]
+    """The parts, the loaded one first."""
+    nodes: FloatArray
+    """Positions (r, x) [m], shape [n_nodes, 2]."""
+    quads: IntArray
+    """Corner nodes of each element, counter-clockwise, shape [n_elements, 4]."""
+    part: IntArray
+    """Index of each element's section, shape [n_elements]."""
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes."""
+        return len(self.nodes)
+
+    @property
+    def face(self) -> IntArray:
+        """Nodes of the loaded face, axis first."""
+        return self.plane(0.0)
+
+    def plane(self, depth: float) -> IntArray:
+        """Nodes of the cross-section nearest to a distance from the loaded face [m], axis first."""
+        depths = np.unique(self.nodes[:, 1])
+        if not depths[0] <= depth <= depths[-1]:
+            raise ValueError(f"depth must be in [0, {depths[-1]:.6g}] m, got {depth}")
+        nearest = depths[np.argmin(np.abs(depths - depth))]
+        found = np.flatnonzero(self.nodes[:, 1] == nearest)
+        return found[np.argsort(self.nodes[found, 0])]
+
+
+def mesh_of(sections: Sequence[Section], *, size: float) -> ElasticMesh:
+    """Mesh sections with rectangles.
+
+    Every radius that occurs is a line of the mesh, so a step of the radius is sharp; neighbours are bonded
+    over the smaller of their faces.
+
+    Parameters
+    ----------
+    sections : sequence
+        The parts, the loaded one first.
+    size : float
+        Largest side of an element [m]. A section has at least two elements along its axis, so that its
+        mid-section is a plane of nodes, and an even number of them.
+
+    Raises
+    ------
+    ValueError
+        If there is no section or `size` is not positive.
+    """
+    if not sections:
+        raise ValueError("a mesh needs at least one section, got none")
+    if not size > 0.0:
+        raise ValueError(f"size must be > 0 m, got {size}")
+    radial = _lines(np.unique([0.0, *(section.radius for section in sections)]), size)
+    ends = np.concatenate([[0.0], np.cumsum([section.length for section in sections])])
+    axial, layers = [np.zeros(1)], []
+    for k, section in enumerate(sections):
+        n = 2 * max(1, int(np.ceil(0.5 * section.length / size * (1.0 - 1e-9))))
+        axial.append(np.linspace(ends[k], ends[k + 1], n + 1)[1:])
+        layers += [k] * n
+    x, part = np.concatenate(axial), np.array(layers)
+    index = np.arange(len(x) * len(radial)).reshape(len(x), len(radial))
+    # (r, x) with x along the parts: counter-clockwise is out, along, in.
+    quads = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1)
+    outer = np.array([section.radius for section in sections])[part]
+    solid = radial[None, 1:] <= outer[:, None] * (1.0 + 1e-12)
+    quads, of_element = quads[solid], np.broadcast_to(part[:, None], solid.shape)[solid]
+    used, renumbered = np.unique(quads, return_inverse=True)
+    places = np.stack(np.broadcast_arrays(radial[None, :], x[:, None]), axis=-1).reshape(-1, 2)
+    return ElasticMesh(tuple(sections), places[used], renumbered.reshape(-1, 4), of_element.copy())
+
+
+def _lines(fixed: FloatArray, size: float) -> FloatArray:
+    """Lines through fixed places, equally spaced between neighbours, not more than `size` apart."""
+    spans = [
+        np.linspace(a, b, max(1, int(np.ceil((b - a) / size * (1.0 - 1e-9)))) + 1)[1:]
+        for a, b in pairwise(fixed)
+    ]
+    return np.concatenate([[0.0], *spans])
+
+
+def pressed_share(mesh: ElasticMesh, radius: FloatArray) -> FloatArray:
+    """Share of a force that each node of the face takes when it presses evenly within a radius.
+
+    The consistent loads (2 / a^2) * integral of N_i r dr from 0 to a, integrated exactly.
+
+    Parameters
+    ----------
+    radius : shape [n]
+        Radius a of the pressed patch [m], in (0, radius of the face].
+
+    Returns
+    -------
+    shape [n, n_face_nodes]
+        Rows sum to 1.
+
+    Raises
+    ------
+    ValueError
+        If a radius is outside its range.
+    """
+    lines = mesh.nodes[mesh.face, 0]
+    a = np.asarray(radius, dtype=float)
+    wrong = ~((a > 0.0) & (a <= lines[-1] * (1.0 + 1e-12)))
+    if wrong.any():
+        raise ValueError(f"pressed radius must be in (0, {lines[-1]:.6g}] m, got {a[wrong][0]:.6g}")
+    share = np.zeros((len(a), len(lines)))
+    for i, (inner, outer) in enumerate(pairwise(lines)):
+        end = np.clip(a, inner, outer)
+        square, cube = 0.5 * (end**2 - inner**2), (end**3 - inner**3) / 3.0
+        share[:, i] += (outer * square - cube) / (outer - inner)
+        share[:, i + 1] += (cube - inner * square) / (outer - inner)
+    return 2.0 * share / a[:, None] ** 2
+
+
+_CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+
+
+@dataclass(frozen=True)
+class _ElementMatrices:
+    """Matrices of every element over a full turn; degrees of freedom (u_r, u_x) corner by corner."""
+
+    stiffness: FloatArray
+    """Stiffness [N/m], shape [n_elements, 8, 8]."""
+    mass: FloatArray
+    """Row-sum share of the mass at each corner [kg], shape [n_elements, 4]."""
+
+
+def _element_matrices(mesh: ElasticMesh) -> _ElementMatrices:
+    """Integrate stiffness with 2 x 2 and mass with the same Gauss points (Hughes 2000, 2.9 and 3.11).
+
+    The mass is exact: N r det j is of degree 2 in each local coordinate. The hoop term N^2 / r is not a
+    polynomial; no point lies on the axis.
+    """
+    corners = mesh.nodes[mesh.quads]
+    n = len(corners)
+    stiffness, mass = np.zeros((n, 8, 8)), np.zeros((n, 4))
+    law = np.array([_elasticity(s.youngs_modulus, s.poisson) for s in mesh.sections])[mesh.part]
+    density = np.array([section.density for section in mesh.sections])[mesh.part]
+    for xi, eta in _CORNERS / np.sqrt(3.0):
+        shape = 0.25 * (1.0 + xi * _CORNERS[:, 0]) * (1.0 + eta * _CORNERS[:, 1])
+        local = 0.25 * np.column_stack(
+            [_CORNERS[:, 0] * (1.0 + eta * _CORNERS[:, 1]), _CORNERS[:, 1] * (1.0 + xi * _CORNERS[:, 0])]
+        )
+        jacobian = np.einsum("ai,eaj->eij", local, corners)
+        slope = np.einsum("eij,aj->eai", np.linalg.inv(jacobian), local)
+        radius = corners[:, :, 0] @ shape
+        dv = 2.0 * np.pi * radius * np.linalg.det(jacobian)
+        strain = np.zeros((n, 4, 8))  # rr, xx, hoop, twice rx
+        strain[:, 0, 0::2] = strain[:, 3, 1::2] = slope[:, :, 0]
+        strain[:, 1, 1::2] = strain[:, 3, 0::2] = slope[:, :, 1]
+        strain[:, 2, 0::2] = shape / radius[:, None]
+        stiffness += np.einsum("eki,ekl,elj,e->eij", strain, law, strain, dv, optimize=True)
+        mass += shape * (density * dv)[:, None]
+    return _ElementMatrices(stiffness, mass)
+
+
+def _elasticity(young: float, poisson: float) -> FloatArray:
+    """Hooke's law for (rr, xx, hoop, twice rx) [Pa], shape [4, 4]."""
+    mu = young / (2.0 * (1.0 + poisson))
+    lam = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+    law = np.diag([2.0 * mu, 2.0 * mu, 2.0 * mu, mu])
+    law[:3, :3] += lam
+    return law
+
+
+def assemble(mesh: ElasticMesh, stiffness: FloatArray) -> csr_array:
+    """Assembled stiffness [N/m], degrees of freedom (u_r, u_x) node by node, shape [2 n, 2 n]."""
+    dofs = np.stack([2 * mesh.quads, 2 * mesh.quads + 1], axis=-1).reshape(-1, 8)
+    rows, columns = np.repeat(dofs, 8, axis=1), np.tile(dofs, (1, 8))
+    shape = (2 * mesh.n_nodes, 2 * mesh.n_nodes)
+    return csr_array((stiffness.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
+
+
+def nodal_mass(mesh: ElasticMesh, corner_mass: FloatArray) -> FloatArray:
+    """Lumped mass of each node [kg], shape [n_nodes]."""
+    mass = np.zeros(mesh.n_nodes)
+    np.add.at(mass, mesh.quads, corner_mass)
+    return mass
+
+
+def largest_frequency(matrices: _ElementMatrices) -> float:
+    """Bound of the mesh's largest angular frequency [rad/s]: the largest of a single element's."""
+    inverse_root = np.repeat(matrices.mass, 2, axis=1) ** -0.5
+    scaled = inverse_root[:, :, None] * matrices.stiffness * inverse_root[:, None, :]
+    return float(np.sqrt(np.linalg.eigvalsh(scaled)[:, -1].max()))
 
 
 @dataclass(frozen=True)
@@ -163,7 +362,7 @@ def elastic_bar(
         If a depth is outside the parts or on either end.
     """
     mesh = mesh_of(sections, size=size)
-    matrices = element_matrices(mesh)
+    matrices = _element_matrices(mesh)
     planes = [mesh.plane(depth) for depth in depths]
     middle = mesh.nodes[mesh.quads, 1].mean(axis=1)
     rows = []
@@ -186,3 +385,146 @@ def elastic_bar(
         sections=csr_array(np.reshape(rows, (len(rows), 2 * mesh.n_nodes))),
         marks=tuple(int(mesh.plane(depth)[-1]) for depth in marks),
     )
+
+
+FINEST = 1e-7
+"""Longest time step of the one-dimensional waves under a pulse [s]; travel times are rounded to one between
+this and a quarter of it, the one that fits them best."""
+
+
+@dataclass(frozen=True)
+class PulseResponse:
+    """What elastic parts at rest do when a pulse of 1 N presses on their face.
+
+    The pulse rises from 0 at time 0 to 1 N after a step and falls to 0 after two.
+    """
+
+    step: float
+    """Distance of the times, the first at 0 [s]."""
+    path: FloatArray
+    """Displacement of the face, into the parts [m/N], shape [n]."""
+    seen: FloatArray
+    """The same of the place that a camera sees [m/N], shape [n]."""
+    section: FloatArray
+    """Compressive force through the section of the transducer [1], shape [n]."""
+
+    def histories(self, impulse: FloatArray, kind: str) -> FloatArray:
+        """Histories under forces that act from rest, shape of `impulse`.
+
+        Parameters
+        ----------
+        impulse
+            Impulse of the force on the face at the steps, 0 at the first [N s], shape [n_samples, n]; from a
+            NaN on nothing presses any more.
+        kind
+            "path", "seen" or "section".
+
+        Raises
+        ------
+        ValueError
+            If there are more steps than the response has.
+        """
+        n = impulse.shape[1]
+        table = getattr(self, kind)
+        if n > len(table):
+            raise ValueError(f"{n} steps are asked for, the pulse's response has {len(table)}")
+        from scipy.signal import fftconvolve  # of use with bars only
+
+        return np.asarray(fftconvolve(mean_about(impulse, self.step), table[None, :], axes=1)[:, 1 : n + 1])
+
+
+def mean_about(impulse: FloatArray, step: float) -> FloatArray:
+    """Mean force over a step about every step but the first, where it is 0 [N], shape of `impulse`.
+
+    The sum of the pulses has the impulse of the force.
+    """
+    finite = np.isfinite(impulse)
+    last = impulse.shape[1] - 1 - np.argmax(finite[:, ::-1], axis=1)
+    whole = np.where(finite, impulse, np.take_along_axis(impulse, last[:, None], axis=1))
+    halves = 0.5 * (whole[:, 1:] + whole[:, :-1])
+    ends = np.concatenate([whole[:, :1], halves, whole[:, -1:]], axis=1)
+    force = np.diff(ends, axis=1) / step
+    force[:, 1] += force[:, 0]  # the first half step's impulse
+    force[:, 0] = 0.0
+    force[:, -1] *= 2.0  # the last half step's mean
+    return np.asarray(force)
+
+
+def pulse_on_bars(
+    sections: Sequence[Section], *, step: float, n: int, sensor: float = 0.0, seen: float = 0.0
+) -> PulseResponse:
+    """The response of one-dimensional bars, free at their far end.
+
+    Parameters
+    ----------
+    sections
+        Bars bonded one behind the other, the loaded one first.
+    step
+        Distance of the times [s].
+    n
+        Number of times.
+    sensor, seen
+        Distance of the transducer's section and of the place that is seen from the loaded face [m].
+
+    Raises
+    ------
+    ValueError
+        If a distance is outside the bars, or a section is shorter than half a wave's way in a time step.
+    """
+    least = max(2, int(np.ceil(step / FINEST)))
+    travel = np.array([section.travel_time for section in sections])
+    counts = np.arange(least, 4 * least + 1)
+    delays = travel * counts[:, None] / step
+    parts = int(counts[np.argmin(np.abs(np.round(delays) / delays - 1.0).max(axis=1))])
+    fine = step / parts
+    force = np.interp(fine * np.arange(parts * n + 1), step * np.arange(3), [0.0, 1.0, 0.0])
+    line = loaded_line(sections, force, step=fine)
+
+    def path(depth: float) -> FloatArray:
+        velocity = line.velocity(depth)
+        summed = np.cumsum(0.5 * fine * (velocity[1:] + velocity[:-1]))
+        return np.concatenate([[0.0], summed])[::parts][:n]
+
+    return PulseResponse(step, path(0.0), path(seen), line.force(sensor)[::parts][:n])
+
+
+def pulse_on_mesh(
+    sections: Sequence[Section],
+    *,
+    step: float,
+    n: int,
+    size: float,
+    radius: float,
+    sensor: float = 0.0,
+    seen: float = 0.0,
+) -> PulseResponse:
+    """The response of elastic parts as an axisymmetric mesh.
+
+    Parameters
+    ----------
+    sections, step, n, sensor, seen
+        As of `pulse_on_bars`; `seen` lies on the outer surface. A sensor at 0 is the face itself.
+    size
+        Largest side of an element [m].
+    radius
+        Radius within which the force presses on the face, evenly [m].
+
+    Raises
+    ------
+    ValueError
+        If a distance is outside the parts or on their far end, or a size is not positive.
+    """
+    depths = [] if sensor == 0.0 else [sensor]
+    parts = elastic_bar(sections, size=size, depths=depths, marks=[seen])
+    end = step * max(n, 3)
+    # Whole steps of the march in one of the pulse: its impulse is then exact.
+    safety = step / np.ceil(step / (0.9 * parts.stable_step)) / parts.stable_step * (1.0 + 1e-9)
+    pulse = np.array([0.0, 1.0, 0.0, 0.0])
+    history = parts.integrate(np.array([0.0, step, 2.0 * step, end]), pulse, radius, safety=safety)
+    times = step * np.arange(n)
+
+    def at(values: FloatArray) -> FloatArray:
+        return np.interp(times, history.times, values)
+
+    section = history.section_force[:, 0] if depths else history.force
+    return PulseResponse(step, at(history.path), at(history.seen[:, 0]), at(section))

@@ -1,13 +1,23 @@
-"""The door for an element: what the time loop and the sweeps ask of it.
+"""The interface of an element, and the Warp functions that elements share.
 
 An element gives Warp functions for the forces and the energy of one quadrilateral, and the array of
 reference-configuration constants that they read. The sweeps know neither its points nor its strains.
+
+Stable step: the volumetric part has a sharp bound (rank one). Stiffness and damping of the rest are
+bounded by
+moduli times |grad v|^2; over the corners' masses this form is a sum of squares (b . v)^2 of a few vectors
+b. Its
+largest eigenvalue is that of their Gram matrix: below the trace, and below the largest sum of a row's
+absolute
+values (Gershgorin).
 """
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
+import warp as wp
 from numpy.typing import NDArray
 
 from explicit.arrays import FloatArray
@@ -27,7 +37,7 @@ class ElementFunctions:
     [m^3] among them. `Element.shapes` fills an array of it."""
     read_shape: Any
     """``read_shape(constants, e, measure) -> Shape``: one element's constants from a grouped table
-    (`explicit.time_loop.grouped_tables.grouped`), which only `entry_function` and `entries_function` of that
+    (`explicit.layout.structs.grouped`), which only `entry_function` and `entries_function` of that
     module read; what only the step bound needs is not read unless `measure` is 1."""
     Solid: Any
     """Warp struct: moduli and viscosities of one sample."""
@@ -93,3 +103,109 @@ def corner_inverse_mass(
     """
     inverse = 1.0 / (density * corner_volume)
     return np.where(mesh.on_axis[mesh.quads], 0.0, inverse), inverse
+
+
+@cache
+def solid_struct(precision: Precision) -> Any:
+    """Generate the struct of one sample's moduli [Pa], viscosities [Pa s], drag [1/s] and the root of the
+    modulus that scales viscous hourglass control [Pa^(1/2)]."""
+    real = precision.real
+
+    @wp.struct
+    class Solid:
+        scale: real
+        bulk: real
+        hourglass: real
+        shear_viscosity: real
+        bulk_viscosity: real
+        hourglass_viscosity: real
+        hourglass_impedance: real
+        mass_damping: real
+
+    return Solid
+
+
+@cache
+def isochoric_factor_function(precision: Precision) -> Any:
+    """Generate ``f(J, J - 1) -> (J^(-2/3), 1 / J)`` [-], the factor that makes b isochoric, and what comes
+    with it for less than a division.
+
+    Near J = 1, where a nearly incompressible solid lives, J^(-1/3) comes from a series in J - 1, corrected by
+    the series of (1 - e)^(-1/3) in its own error e.
+    """
+    real = precision.real
+    one, third = real(1.0), real(1.0 / 3.0)
+    two_ninths, next_term = real(2.0 / 9.0), real(14.0 / 81.0)
+    near_one = real(0.05)  # e is below 7e-5 there, so what the corrected series leaves out is below 1e-17
+
+    @wp.func
+    def isochoric_factor(jacobian: real, dilatation: real):
+        y = one - dilatation * (third - two_ninths * dilatation)
+        e = one - (jacobian * y) * (y * y)
+        y = y + (y * e) * (third + e * (two_ninths + e * next_term))
+        if wp.abs(dilatation) > near_one:
+            y = one / wp.cbrt(jacobian)
+        return y * y, y * y * y
+
+    return isochoric_factor
+
+
+@cache
+def gradient_bounds_function(precision: Precision, bound: str) -> Any:
+    """Generate ``f(w_r, w_y, b_r, b_y, c) -> (radial, axial)``: the most that |grad v|^2 can be of
+    sum v^2 / w over the corners, in radial and in axial motion, which do not couple [1/(kg m^2)]; by the
+    "trace" or by the "eigenvalue"."""
+    real, vec4 = precision.real, precision.vec4
+
+    @wp.func
+    def traces(w_r: vec4, w_y: vec4, b_r: vec4, b_y: vec4, c: vec4):
+        radial, axial = real(0.0), real(0.0)
+        for a in range(4):
+            gradient = b_r[a] * b_r[a] + b_y[a] * b_y[a]
+            radial += w_r[a] * (gradient + c[a] * c[a])
+            axial += w_y[a] * gradient
+        return radial, axial
+
+    @wp.func
+    def rows(w_r: vec4, w_y: vec4, b_r: vec4, b_y: vec4, c: vec4):
+        rr, yy, tt, ry, rt, yt = real(0.0), real(0.0), real(0.0), real(0.0), real(0.0), real(0.0)
+        axial_rr, axial_yy, axial_ry = real(0.0), real(0.0), real(0.0)
+        for a in range(4):
+            rr += w_r[a] * b_r[a] * b_r[a]
+            yy += w_r[a] * b_y[a] * b_y[a]
+            tt += w_r[a] * c[a] * c[a]
+            ry += w_r[a] * b_r[a] * b_y[a]
+            rt += w_r[a] * b_r[a] * c[a]
+            yt += w_r[a] * b_y[a] * c[a]
+            axial_rr += w_y[a] * b_r[a] * b_r[a]
+            axial_yy += w_y[a] * b_y[a] * b_y[a]
+            axial_ry += w_y[a] * b_r[a] * b_y[a]
+        ry, rt, yt = wp.abs(ry), wp.abs(rt), wp.abs(yt)
+        radial = wp.max(wp.max(rr + ry + rt, yy + ry + yt), tt + rt + yt)
+        axial = wp.max(axial_rr, axial_yy) + wp.abs(axial_ry)
+        return wp.min(radial, rr + yy + tt), wp.min(axial, axial_rr + axial_yy)
+
+    return {"trace": traces, "eigenvalue": rows}[bound]
+
+
+@cache
+def shear_bound_function(law_tangent: Any, precision: Precision) -> Any:
+    """Generate ``f(rr, yy, ry, tt, row)``: the most that the second variation of U(I1_bar) can be of
+    |grad v|^2 [Pa].
+
+    It is 2U' [L b L + I1/3 tr L^2 - 4/3 tr L (dev b L) - 2/9 I1 tr^2 L] and a part with U''. The law bounds b
+    and the latter; the rest, at its worst in tr L, comes here.
+    """
+    real = precision.real
+    one, two, third, two_thirds = real(1.0), real(2.0), real(1.0 / 3.0), real(2.0 / 3.0)
+
+    @wp.func
+    def shear_bound(rr: real, yy: real, ry: real, tt: real, row: wp.array(dtype=real)):
+        mean = (rr + yy + tt) * third
+        drr, dyy, dtt = rr - mean, yy - mean, tt - mean
+        squared = drr * drr + dyy * dyy + dtt * dtt + two * ry * ry
+        largest = wp.max(wp.max(rr, yy) + wp.abs(ry), tt)
+        factor = one + (mean + two_thirds * squared / mean) / largest
+        return factor * law_tangent(rr, yy, ry, tt, row)
+
+    return shear_bound

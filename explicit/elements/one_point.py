@@ -11,14 +11,19 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from explicit.elements.base import INVERTED, ElementFunctions, corner_inverse_mass
-from explicit.elements.bounds import gradient_bounds_function, shear_bound_function
-from explicit.elements.shared import isochoric_factor_function, solid_struct
-from explicit.geometry import element_geometry
-from explicit.materials.kernels.volumetric import volumetric_functions
-from explicit.mesh import Mesh
+from explicit.elements.base import (
+    INVERTED,
+    ElementFunctions,
+    corner_inverse_mass,
+    gradient_bounds_function,
+    isochoric_factor_function,
+    shear_bound_function,
+    solid_struct,
+)
+from explicit.layout.structs import entries_function, entries_if_function, entry_function
+from explicit.materials.volumetric import volumetric_functions
+from explicit.mesh import Mesh, element_geometry
 from explicit.precision import Precision
-from explicit.time_loop.grouped_tables import entries_function, entries_if_function, entry_function
 
 
 @dataclass(frozen=True)
@@ -34,7 +39,7 @@ class OnePoint:
         return element_functions(law, precision, bound, volumetric)
 
     def shapes(self, mesh: Mesh, density: float, dtype: np.dtype[Any]) -> NDArray[Any]:
-        """See `explicit.elements.base.Element.shapes`; the constants are those of `explicit.geometry`."""
+        """See `explicit.elements.base.Element.shapes`; the constants are those of `explicit.mesh`."""
         geometry = element_geometry(mesh)
         shapes = np.zeros(mesh.n_elements, dtype=dtype)
         for field in ("volume", "gradient_r", "gradient_y", "hoop", "gamma", "hourglass_r", "hourglass_y"):

@@ -1,6 +1,6 @@
 """Material laws, one file each; `explicit.materials.law` says how one is added."""
 
-from explicit.materials.base import MaterialLaw
+from explicit.materials.law import MaterialLaw
 from explicit.materials.laws import LAWS, AnyLaw, law_class
 from explicit.materials.laws.marlow import MarlowLaw, marlow_from_curve, neo_hookean
 from explicit.materials.volumetric import bulk_modulus

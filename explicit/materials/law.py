@@ -1,30 +1,80 @@
-"""Closed-form laws: what one offers, and how one is added.
+"""Material laws: the interface to the solver, closed-form laws, and how one is added.
+
+A law gives the isochoric part alone: the Kirchhoff stress of an isotropic hyperelastic solid. The
+volumetric
+part is `explicit.materials.volumetric`'s, and the solver's stiffness factor multiplies both.
 
 To add a law write one file in `explicit.materials.laws` with
 
-1. a frozen dataclass derived from `explicit.materials.invariants.InvariantLaw` (the energy is a function of
-   I1_bar and I2_bar) or from `explicit.materials.stretches.StretchLaw` (of the principal stretches), with one
+1. a frozen dataclass derived from `explicit.materials.families.InvariantLaw` (the energy is a function of
+   I1_bar and I2_bar) or from `explicit.materials.families.StretchLaw` (of the principal stretches), with
+one
    field for each entry of its ``PARAMETERS``, in that order;
-2. its energy and derivatives in NumPy (``W``, ``dW_dI``, ``d2W_dI2``, or the three of a `StretchLaw`), which
+2. its energy and derivatives in NumPy (``W``, ``dW_dI``, ``d2W_dI2``, or the three of a `StretchLaw`),
+which
    are the twin that tests and fits use;
 3. the same as Warp functions of ``(..., row)``, where ``row`` holds what its ``parameters`` returns;
 4. one line in `explicit.materials.laws.LAWS`.
 
-The class then has all of `explicit.materials.base.MaterialLaw`: stress, energy, the bound of the tangent for
-the stable step, in NumPy and in Warp, for every driver, element and precision.
-`tests/unit/explicit/test_material_laws.py` goes over `LAWS` and holds every member to its own energy. A law
-gives the isochoric part alone; the volumetric part is `explicit.materials.volumetric`'s, and the solver's
-stiffness factor multiplies both.
+`tests/unit/explicit/test_material_laws.py` goes over `LAWS` and compares every member with its own energy.
+
+In the principal axes, with lam_bar_i = J^(-1/3) lam_i and w_i = lam_bar_i dW/dlam_bar_i,
+
+    tau_i = w_i - (w_1 + w_2 + w_3) / 3,                                                       (L.1)
+    dtau_i / dln lam_j = P_ik H_kl P_lj,   H_kl = lam_k lam_l W_kl + w_k delta_kl,   P = 1 - 1 1^T / 3,  (L.2)
+
+from which the tangent in simple shear, Drucker's criterion and the stable step follow (Ogden 1984; Simo and
+Taylor 1991).
 """
 
 from dataclasses import dataclass, field, replace
 from math import inf
-from typing import ClassVar, Protocol, Self
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray
+from explicit.precision import Precision
+
+
+class MaterialLaw(Protocol):
+    """Interface of a material law.
+
+    An instance holds the constants of one material; a batch may mix instances of one class.
+    """
+
+    @property
+    def initial_shear_modulus(self) -> float:
+        """Shear modulus at rest mu_0 [Pa]."""
+        ...
+
+    @property
+    def data_limit(self) -> float:
+        """Largest s = sqrt(I1_bar - 3) the law has data for [-]; infinity for a closed-form law."""
+        ...
+
+    def parameters(self) -> FloatArray:
+        """The constants as one flat row for the kernels."""
+        ...
+
+    def stress(self, b_bar: FloatArray) -> FloatArray:
+        """NumPy twin: isochoric Kirchhoff stress (rr, yy, ry, tt) [Pa] of b_bar (rr, yy, ry, tt)."""
+        ...
+
+    def energy(self, b_bar: FloatArray) -> FloatArray:
+        """NumPy twin: isochoric strain energy per reference volume [Pa]."""
+        ...
+
+    @staticmethod
+    def kernel_functions(precision: Precision) -> tuple[Any, Any, Any]:
+        """The Warp functions ``(stress, tangent, energy)`` of this class.
+
+        Each takes ``(b_bar_rr, b_bar_yy, b_bar_ry, b_bar_tt, row)``. ``stress`` returns the isochoric
+        Kirchhoff stress (rr, yy, ry, tt) as a vec4, ``tangent`` an upper bound of the tangent shear
+        modulus (for the stable step), ``energy`` the strain energy per reference volume.
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -56,7 +106,7 @@ class Stretches(Protocol):
     """Energy of principal stretches W(lam1, lam2, lam3), for homogeneous tests and fits.
 
     The arguments are taken as they stand. An incompressible solution gives stretches of product 1; a
-    compressible one divides them by J^(1/3) first, see `explicit.materials.principal`.
+    compressible one divides them by J^(1/3) first, see `explicit.materials.law`.
     """
 
     def strain_energy(self, lam1: ArrayLike, lam2: ArrayLike, lam3: ArrayLike) -> FloatArray:
@@ -115,7 +165,7 @@ class ClosedFormLaw:
 
     @property
     def initial_shear_modulus(self) -> float:
-        """mu_0 [Pa], by the name of `explicit.materials.base.MaterialLaw`."""
+        """mu_0 [Pa], by the name of `explicit.materials.law.MaterialLaw`."""
         return self.shear_modulus
 
     @property
@@ -167,3 +217,96 @@ class ClosedFormLaw:
 
 def _unit(spec: ParameterSpec) -> str:
     return "" if spec.unit == "1" else f" {spec.unit}"
+
+
+def isochoric(stretch: ArrayLike) -> FloatArray:
+    """Stretches divided by J^(1/3), shape [..., 3]."""
+    lam = np.asarray(stretch, dtype=float)
+    return np.asarray(lam / np.cbrt(lam.prod(axis=-1))[..., None])
+
+
+def kirchhoff(law: Stretches, stretch: ArrayLike) -> FloatArray:
+    """Isochoric Kirchhoff stress, Eq. (L.1).
+
+    Parameters
+    ----------
+    law
+        A closed-form law.
+    stretch : array
+        Principal stretches [-], of any volume, shape [..., 3].
+
+    Returns
+    -------
+    array
+        Principal stresses tau_i [Pa], of sum 0, shape [..., 3].
+    """
+    w = _logarithmic_slope(law, isochoric(stretch))
+    return np.asarray(w - w.mean(axis=-1, keepdims=True))
+
+
+def tangent(law: Stretches, stretch: ArrayLike) -> FloatArray:
+    """Derivative of the isochoric Kirchhoff stress by the logarithms of the stretches, Eq. (L.2) [Pa],
+    shape [..., 3, 3]; the stretches have shape [..., 3]."""
+    lam = isochoric(stretch)
+    H = law.hessian(lam[..., 0], lam[..., 1], lam[..., 2]) * lam[..., :, None] * lam[..., None, :]
+    H = H + np.eye(3) * _logarithmic_slope(law, lam)[..., None]
+    P = np.eye(3) - 1.0 / 3.0
+    return np.asarray(P @ H @ P)
+
+
+def largest_curvature(law: Stretches, stretch: ArrayLike) -> FloatArray:
+    """The most that the second variation of W can be of |L|^2 along F + eps L F [Pa], shape [...].
+
+    Exact: the larger of the greatest eigenvalues of its blocks, one of the stretches and three of shear. The
+    kernels' tangent bounds it for the stable step. The stretches, of shape [..., 3], must differ.
+    """
+    lam = isochoric(stretch)
+    square, tau = lam**2, kirchhoff(law, lam)
+    block = tangent(law, lam) - np.eye(3) * tau[..., None]
+    most = [np.linalg.eigvalsh(block)[..., -1]]
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        G = (tau[..., i] - tau[..., j]) / (square[..., i] - square[..., j])
+        mean, apart = 0.5 * G * (square[..., i] + square[..., j]), 0.5 * G * (square[..., i] - square[..., j])
+        most.append(mean + np.hypot(apart, G * square[..., j] - tau[..., j]))
+    return np.asarray(np.max(most, axis=0))
+
+
+def _logarithmic_slope(law: Stretches, lam: FloatArray) -> FloatArray:
+    return np.stack(law.principal(lam[..., 0], lam[..., 1], lam[..., 2]), axis=-1) * lam
+
+
+STRETCHES = (0.2, 5.0)
+"""Stretches along the load that are looked at [-]: to 80 % compression and fivefold length."""
+MODES = {
+    "uniaxial deformation": (1.0, -0.5, -0.5),
+    "equibiaxial deformation": (1.0, 1.0, -2.0),
+    "planar deformation": (1.0, 0.0, -1.0),
+}
+"""Exponents of the load's stretch in each of the three, whose product is 1."""
+
+
+def not_positive(law: Stretches, *, stretches: tuple[float, float] = STRETCHES) -> tuple[str, float] | None:
+    """First deformation at which the energy of a law is not above 0.
+
+    Parameters
+    ----------
+    law
+        A closed-form law. Past locking it has no energy, and nothing is asked of it there.
+    stretches : (float, float)
+        Range of the stretch along the load [-].
+
+    Returns
+    -------
+    (str, float) or None
+        The mode of deformation, and the stretch next to 1 at which the energy is 0 or below; None if it is
+        positive.
+    """
+    x = np.geomspace(stretches[0], stretches[1], 1201)
+    x = x[np.abs(x - 1.0) > 1e-3]
+    x = x[np.argsort(np.abs(np.log(x)))]
+    for mode, exponents in MODES.items():
+        energy = law.strain_energy(*(x**k for k in exponents))
+        bad = np.flatnonzero(energy <= 0.0)  # past locking it is no number, and is not compared
+        if bad.size:
+            return mode, float(x[bad[0]])
+    return None

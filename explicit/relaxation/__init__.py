@@ -2,8 +2,7 @@
 
 from explicit.relaxation.base import RateDependence
 from explicit.relaxation.bergstrom_boyce import BergstromBoyce, bergstrom_boyce_stress
-from explicit.relaxation.prony import PronySeries
-from explicit.relaxation.uniaxial import prony_stress, uniaxial_stress
+from explicit.relaxation.prony import PronySeries, prony_stress, uniaxial_stress
 
 RELAXATIONS: dict[str, type[RateDependence]] = {"prony": PronySeries, "bergstrom_boyce": BergstromBoyce}
 """What relaxes, by the name that it has in a shot file."""

@@ -1,24 +1,27 @@
-"""Threads of a CPU that share one simulation: their parts, their meetings, who comes and who goes.
+"""Threads of a CPU that share one simulation: their parts, their meetings, who joins and who leaves.
 
 Every thread runs the whole time loop on packs of its own, which follow each other in the mesh. The one in
-the first seat keeps the books: totals, records, the next step, the boundary. It begins alone, and its
-elements are the last. The others come when they have a core, and go for a while when they have been waited
-for: a thread that lost its core for a moment costs more than it brings. Nobody waits for a thread that has
-not come.
-
-Sums over elements are made in the order of one thread: the threads behind the first part keep the shares of
-their elements, and the last one adds its own and theirs, one after the other, to the sum of the first.
+the
+first seat keeps the books: totals, records, the next step, the boundary. It begins without the others, and
+its
+elements are the last. The others join when they have a core, and leave for a while when they delay the
+rest.
+Nobody waits for a thread that has not joined. Sums over elements are made in the order of one thread, so
+that
+the bits do not depend on the number of threads.
 """
 
 import ctypes
 import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from functools import cache
 from typing import Any
 
 import warp as wp
 
-from explicit.mesh_arguments import SPARE
-from explicit.time_loop.slots import Share, Total
+from explicit.arguments import SPARE
+from explicit.layout.structs import Share, Total
 
 MOST_SEATS = 8
 """Most threads that share a simulation. There is room for the largest values of `lanes.WARPS`."""
@@ -70,7 +73,7 @@ class Team:
     largest value that a thread has latched."""
 
 
-CODE = f"""
+TEAM_CODE = f"""
     const int seat = team.seat, seats = team.seats, keeps_books = seat == 0;
     int* const words = team.words.data;
     double* const shares = team.shares.data;
@@ -245,7 +248,7 @@ class Seats:
 
 
 @cache
-def alone() -> Any:
+def single_thread_team() -> Any:
     """The argument of a thread that shares its simulation with nobody."""
     team = Team()
     team.seats = 1
@@ -262,3 +265,61 @@ def nap_function() -> int:
     address = ctypes.cast(function, ctypes.c_void_p).value
     assert address is not None
     return address
+
+
+ELEMENTS_EACH = 768
+"""Elements of a thread, at least: with fewer, the threads meet too often."""
+
+
+class SharedRun:
+    """One launch, of one simulation or of a pack.
+
+    Parameters
+    ----------
+    begin
+        Makes the launch when it is its turn: to be called with the argument of each thread, see
+        `explicit.simd.team`.
+    count
+        Simulations of the launch.
+    n_elements
+        Elements of a simulation that several threads can share, 0 for others.
+    where
+        The Warp device.
+    """
+
+    def __init__(
+        self, begin: Callable[[], Callable[[Any], None]], count: int, n_elements: int, where: Any
+    ) -> None:
+        self.count = count
+        self._begin, self._n_elements, self._where = begin, n_elements, where
+        self._seats = 1
+        self._begun: Future[tuple[Callable[[Any], None], Seats] | None] = Future()
+
+    def offer(self, threads: int) -> Sequence[Callable[[], None]]:
+        """Let so many threads share it: what those do that join, before or after it begins."""
+        self._seats = max(1, min(threads, self._n_elements // ELEMENTS_EACH, MOST_SEATS))
+        return [lambda seat=seat: self._join(seat) for seat in range(1, self._seats)]  # type: ignore[misc]
+
+    def run(self) -> int:
+        """Run it whole; how many simulations these were."""
+        try:
+            launch = self._begin()
+            if self._seats == 1:
+                launch(single_thread_team())
+                return self.count
+            seats = Seats(self._n_elements, self._seats, self._where)
+            try:
+                self._begun.set_result((launch, seats))
+                launch(seats.team(0))
+            finally:
+                seats.close()
+        finally:
+            if not self._begun.done():  # who wants to join need not wait
+                self._begun.set_result(None)
+        return self.count
+
+    def _join(self, seat: int) -> None:
+        begun = self._begun.result()
+        if begun is not None:
+            launch, seats = begun
+            launch(seats.team(seat))

@@ -1,4 +1,16 @@
-"""The two sweeps over a simulation's elements: corner forces, and energies at the times of the ledger."""
+"""Sweeps over a simulation's elements: corner forces, relaxation, energies, and the signs of failure.
+
+A relaxing law enters at its instantaneous stiffness; the relaxation functions subtract what the branches
+have
+relaxed since. Every `CHECK_EVERY` steps the specimen's motion is checked: a run has *diverged* when the
+specimen
+moves with more energy than the platens ever gave it. It starts at rest and stores no less than nothing, so
+
+    E_kin(t) <= max over t' <= t of W(t')
+
+whatever the material, the mesh and the contact; `MOTION_LIMIT` leaves room for the error of the time step.
+After a failure the element is searched once.
+"""
 
 from dataclasses import dataclass
 from functools import cache
@@ -7,12 +19,21 @@ from typing import Any
 import warp as wp
 
 from explicit.elements import ElementFunctions
+from explicit.layout.lanes import LaneFunctions
+from explicit.layout.state import StateLayout
+from explicit.layout.structs import (
+    Control,
+    Plan,
+    Share,
+    Structs,
+    Total,
+    entries_function,
+    entry_function,
+    simulation_structs,
+)
 from explicit.precision import Precision
-from explicit.time_loop.grouped_tables import entries_function
-from explicit.time_loop.lanes import LaneFunctions
-from explicit.time_loop.slots import Share
-from explicit.time_loop.state_layout import StateLayout
-from explicit.time_loop.structs import Structs, simulation_structs
+from explicit.relaxation.base import Relaxation
+from explicit.response import Outcome
 
 
 @dataclass(frozen=True)
@@ -141,3 +162,314 @@ def sweep_functions(
         return elastic, hourglass, past, wp.float64(most)
 
     return SweepFunctions(sweep_elements, sweep_energies)
+
+
+@dataclass(frozen=True)
+class RelaxationFunctions:
+    """Functions of the branches for the time loop."""
+
+    sweep: Any
+    """``sweep(body, solid, row, branches, memory, control, step, fields, lane, measure)``: subtract the
+    forces of what has relaxed from the corners; returns the largest omega^2 of theirs [1/s^2], 0 unless
+    `measure` is 1."""
+    energies: Any
+    """``energies(body, solid, row, limit_s, branches, memory, fields, lane)``: as of the sweep over energies,
+    of the long-term law, and what was done on the branches [J]."""
+    memory: int
+    """Numbers that an element remembers."""
+
+
+@cache
+def relaxation_functions(
+    kind: Relaxation | None,
+    law: type,
+    precision: Precision,
+    bound: str,
+    element: ElementFunctions,
+    structs: Structs,
+    layout: StateLayout,
+    sweeps: SweepFunctions,
+    lanes: LaneFunctions,
+) -> RelaxationFunctions:
+    """Generate the functions of a kind of branches, or those of none."""
+    if kind is None:
+        return _nothing(precision, element, structs, sweeps, lanes)
+    real = precision.real
+    Body, Solid, Fields = structs.Body, element.Solid, simulation_structs(precision).Fields
+    empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
+    sum_first, first_element, end_element = lanes.sum_first, lanes.first_element, lanes.end_element
+    corner = corner_functions(precision, structs)
+    nodes, values = corner.nodes, corner.values
+    read_shape, corner_stride, place_of = element.read_shape, layout.corner_stride, layout.element
+    stress_point, sweep_energies = element.stress_point, sweeps.energies
+    point = kind.point(law, precision, bound)
+    relax, held = point.relax, point.held
+    n_points, per_point = int(element.n_points), int(point.memory)
+    worth, index_of_rest = int(n_points * per_point), int(kind.index_of_rest)
+    zero = real(0.0)
+
+    @wp.func
+    def sweep(
+        body: Body,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        branches: wp.array(dtype=real),
+        memory: wp.array(dtype=real),
+        control: wp.array(dtype=wp.float64),
+        step: int,
+        fields: Fields,
+        lane: int,
+        measure: int,
+    ):
+        # The step that led here, and the time between the velocities before and after.
+        moved, interval = real(0.0), real(0.0)
+        if step >= 0:
+            plan = Control.PLANS + Plan.SIZE * (step % 2)
+            moved = real(control[plan + Plan.STEP_BEFORE])
+            interval = real(control[plan + Plan.INTERVAL])
+        most = real(0.0)
+        n_elements, stride = body.n_elements, corner_stride(body.n_elements)
+        e = first_element(lane, n_elements)
+        end = end_element(n_elements)
+        while e < end:
+            q = nodes(body, e)
+            shape = read_shape(body.shapes, e, measure)
+            ur, uy, vr, vy = (
+                values(fields.u_r, q),
+                values(fields.u_y, q),
+                values(fields.v_r, q),
+                values(fields.v_y, q),
+            )
+            done, stiffer, at = real(0.0), real(0.0), place_of(e)
+            for g in range(n_points):
+                weight, gradient_r, gradient_y, hoop = stress_point(shape, g)
+                f_r, f_y, more, omega_squared = relax(
+                    weight, gradient_r, gradient_y, hoop, shape.inverse_mass_r, shape.inverse_mass_y,
+                    solid.scale, row, branches, memory, g * per_point, n_elements, e,
+                    ur, uy, vr, vy, moved, interval, measure,
+                )  # fmt: skip
+                for a in range(4):
+                    fields.corner_r[a * stride + at] = fields.corner_r[a * stride + at] + f_r[a]
+                    fields.corner_y[a * stride + at] = fields.corner_y[a * stride + at] + f_y[a]
+                done += more
+                stiffer += omega_squared
+            memory[worth * n_elements + e] = memory[worth * n_elements + e] + done
+            most = wp.max(most, stiffer)
+            e += n_workers()
+        return wp.float64(most)
+
+    @wp.func
+    def energies(
+        body: Body,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        limit_s: real,
+        branches: wp.array(dtype=real),
+        memory: wp.array(dtype=real),
+        fields: Fields,
+        lane: int,
+    ):
+        rest = branches[index_of_rest]
+        lasting = Solid(solid.scale * rest, solid.bulk, solid.hourglass, zero, zero, zero, zero, zero)
+        elastic, hourglass, past, most = sweep_energies(body, lasting, row, limit_s, fields, lane)
+        taken = empty_sum()
+        n_elements = body.n_elements
+        e = sum_first(lane)
+        while e < body.n_elements:
+            q = nodes(body, e)
+            shape = read_shape(body.shapes, e, 0)
+            ur, uy = values(fields.u_r, q), values(fields.u_y, q)
+            stored = real(0.0)
+            for g in range(n_points):
+                weight, gradient_r, gradient_y, hoop = stress_point(shape, g)
+                stored += held(
+                    weight, gradient_r, gradient_y, hoop,
+                    solid.scale, row, branches, memory, g * per_point, n_elements, e, ur, uy,
+                )  # fmt: skip
+            taken = add_to(taken, wp.float64(stored + memory[worth * n_elements + e]), e)
+            e += n_workers()
+        return elastic, hourglass, past, most, taken
+
+    return RelaxationFunctions(sweep, energies, n_points * per_point + 1)
+
+
+def _nothing(
+    precision: Precision,
+    element: ElementFunctions,
+    structs: Structs,
+    sweeps: SweepFunctions,
+    lanes: LaneFunctions,
+) -> RelaxationFunctions:
+    real = precision.real
+    Body, Solid, Fields = structs.Body, element.Solid, simulation_structs(precision).Fields
+    sweep_energies, empty_sum = sweeps.energies, lanes.empty_sum
+
+    @wp.func
+    def sweep(
+        body: Body,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        branches: wp.array(dtype=real),
+        memory: wp.array(dtype=real),
+        control: wp.array(dtype=wp.float64),
+        step: int,
+        fields: Fields,
+        lane: int,
+        measure: int,
+    ):
+        return wp.float64(0.0)
+
+    @wp.func
+    def energies(
+        body: Body,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        limit_s: real,
+        branches: wp.array(dtype=real),
+        memory: wp.array(dtype=real),
+        fields: Fields,
+        lane: int,
+    ):
+        elastic, hourglass, past, most = sweep_energies(body, solid, row, limit_s, fields, lane)
+        return elastic, hourglass, past, most, empty_sum()
+
+    return RelaxationFunctions(sweep, energies, 0)
+
+
+CHECK_EVERY = 8
+"""Steps between two checks of a simulation: a divergence or a turned element is noticed at most so many steps
+late."""
+MOTION_LIMIT = 2.0
+"""Kinetic energy over the largest work of the platens so far at which a simulation has diverged [-]; energy
+is kept to 0.1 % (verification manual), so that no sound run comes near."""
+STRAY_ENERGY = 1e-6
+"""Kinetic energy that is never called motion, over mu_0 V [-]: that of a strain of 1e-3. A specimen that
+waits for the flyer may tremble with round-off though no platen has worked on it yet."""
+
+
+@dataclass(frozen=True)
+class FailureFunctions:
+    """Checks of the time loop beside its steps."""
+
+    motion: Any
+    """``motion(body, fields, lane)``: this worker's share of the kinetic energy [J], a sum that begins with
+    ``empty_sum``."""
+    strain: Any
+    """``strain(body, limit, fields, lane)``: the largest s of this worker's elements past the data limit of
+    their law, or 0 [-]."""
+    failed_element: Any
+    """``failed_element(body, solid, row, fields, partials, lane, status)``: the element that answers most for
+    a failure, of equal ones the first; one whose number is not finite beats all others. Every lane calls
+    it."""
+
+
+@cache
+def failure_functions(
+    precision: Precision,
+    element: ElementFunctions,
+    structs: Structs,
+    layout: StateLayout,
+    lanes: LaneFunctions,
+) -> FailureFunctions:
+    """Generate the functions."""
+    real = precision.real
+    Body, Solid, Fields = structs.Body, element.Solid, simulation_structs(precision).Fields
+    empty_sum, add_to, n_workers = lanes.empty_sum, lanes.add_to, lanes.n_workers
+    sum_first, first_element, end_element = lanes.sum_first, lanes.first_element, lanes.end_element
+    sync, put_largest, get_largest = lanes.sync, lanes.put_largest, lanes.get_largest
+    number, corner = entry_function(real), corner_functions(precision, structs)
+    nodes, values = corner.nodes, corner.values
+    read_shape, element_forces, element_strains = element.read_shape, element.forces, element.strains
+    place_of = layout.node
+    half = real(0.5)
+    least, most, nobody = wp.float64(-1e300), wp.float64(1e300), wp.float64(-1.0e30)
+    inverted, diverged = int(Outcome.INVERTED), int(Outcome.DIVERGED)
+    exceeded = int(Outcome.TABLE_EXCEEDED)
+
+    @wp.func
+    def motion(body: Body, fields: Fields, lane: int):
+        kinetic = empty_sum()
+        n = sum_first(lane)
+        while n < body.n_nodes:
+            at = place_of(body, n)
+            squared = fields.v_r[at] * fields.v_r[at] + fields.v_y[at] * fields.v_y[at]
+            kinetic = add_to(kinetic, wp.float64(half * number(body.masses, 0, n) * squared), n)
+            n += n_workers()
+        return kinetic
+
+    @wp.func
+    def strain(body: Body, limit: real, fields: Fields, lane: int):
+        past = real(0.0)
+        e = first_element(lane, body.n_elements)
+        end = end_element(body.n_elements)
+        while e < end:
+            q = nodes(body, e)
+            _jacobian, s = element_strains(
+                read_shape(body.shapes, e, 0),
+                values(fields.u_r, q),
+                values(fields.u_y, q),
+            )
+            if s > limit:
+                past = wp.max(past, s)
+            e += n_workers()
+        return wp.float64(past)
+
+    @wp.func
+    def worst_of_lane(
+        body: Body,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        fields: Fields,
+        lane: int,
+        status: int,
+    ):
+        best, found = wp.float64(least), int(-1)
+        e = lane
+        while e < body.n_elements:
+            q = nodes(body, e)
+            shape = read_shape(body.shapes, e, 1)
+            ur = values(fields.u_r, q)
+            uy = values(fields.u_y, q)
+            vr = values(fields.v_r, q)
+            vy = values(fields.v_y, q)
+            jacobian, s = element_strains(shape, ur, uy)
+            _f_r, _f_y, omega_squared, _power, _artificial = element_forces(
+                shape, solid, row, ur, uy, vr, vy, 1
+            )
+            score = omega_squared  # STEP_COLLAPSED, STEP_LIMIT: the shortest stable step
+            if status == inverted:
+                score = -jacobian
+            elif status == exceeded:
+                score = s
+            elif status == diverged:
+                score = wp.dot(vr, vr) + wp.dot(vy, vy)
+            known = wp.float64(score)
+            if not wp.isfinite(known):
+                known = wp.float64(most)
+            if known > best:
+                best = known
+                found = e
+            e += wp.block_dim()
+        return best, found
+
+    @wp.func
+    def failed_element(
+        body: Body,
+        solid: Solid,
+        row: wp.array(dtype=real),
+        fields: Fields,
+        partials: wp.array(dtype=wp.float64),
+        lane: int,
+        status: int,
+    ):
+        score, worst = worst_of_lane(body, solid, row, fields, lane, status)
+        put_largest(partials, Total.MOST, score)
+        sync()
+        candidate = wp.float64(nobody)
+        if score == get_largest(partials, Total.MOST):
+            candidate = -wp.float64(worst)
+        put_largest(partials, Total.TURNED, candidate)
+        sync()
+        return int(-get_largest(partials, Total.TURNED))
+
+    return FailureFunctions(motion, strain, failed_element)

@@ -13,22 +13,19 @@ import warp as wp
 
 from explicit.elements import ElementFunctions
 from explicit.elements import element as element_named
+from explicit.layout.lanes import BLOCK, SHARING, SMALL_BLOCK, lane_functions, lanes_of_chips
+from explicit.layout.state import layout_on_chips, state_layout
+from explicit.layout.structs import CONTROL_SIZE, Control, Share, Structs, Total, batch_structs
 from explicit.precision import Precision
 from explicit.relaxation.base import Relaxation
-from explicit.relaxation.kernels.branches import relaxation_functions
-from explicit.time_loop.boundary import boundary_functions
-from explicit.time_loop.chip_lanes import lanes_of_chips
-from explicit.time_loop.chip_layout import layout_on_chips
-from explicit.time_loop.element_sweeps import sweep_functions
-from explicit.time_loop.end_of_step import end_of_step_function
-from explicit.time_loop.failure import CHECK_EVERY, failure_functions
-from explicit.time_loop.lanes import BLOCK, SHARING, SMALL_BLOCK, lane_functions
-from explicit.time_loop.next_step import next_step_functions
-from explicit.time_loop.node_sweeps import node_sweeps
-from explicit.time_loop.record import record_functions
-from explicit.time_loop.slots import CONTROL_SIZE, Control, Share, Total
-from explicit.time_loop.state_layout import state_layout
-from explicit.time_loop.structs import Structs, batch_structs
+from explicit.time_loop.element_sweeps import (
+    CHECK_EVERY,
+    failure_functions,
+    relaxation_functions,
+    sweep_functions,
+)
+from explicit.time_loop.node_sweeps import boundary_functions, node_sweeps
+from explicit.time_loop.steps import end_of_step_function, next_step_functions, record_functions
 
 
 @dataclass(frozen=True)
@@ -66,7 +63,7 @@ def time_loop_kernel(
     """Generate the time loop for a material law, two contact laws, a precision and an element.
 
     With `on_chip` a GPU keeps the state of a simulation in shared memory, where it must fit
-    (`explicit.time_loop.state_layout.fits`). It is compiled for `block` threads there, `cluster` blocks of
+    (`explicit.layout.state.fits`). It is compiled for `block` threads there, `cluster` blocks of
     which share a simulation where its state is not on the chip;
     `bound` is that of `explicit.model.Stepping`, `volumetric` that of `explicit.Model`, `relaxation` its
     `relaxation_kind`.

@@ -50,15 +50,15 @@ class Switches(Mapping[str, bool]):
         for key, value in self.stated.items():
             if not isinstance(value, bool):
                 raise ValueError(f"switch '{key}' must be true or false, got {value!r}")
-            if known_key(key) in stated:
+            if correction_key(key) in stated:
                 raise ValueError(
-                    f"switch '{known_key(key)}' is stated twice, with blanks and with underscores"
+                    f"switch '{correction_key(key)}' is stated twice, with blanks and with underscores"
                 )
-            stated[known_key(key)] = value
+            stated[correction_key(key)] = value
         object.__setattr__(self, "stated", MappingProxyType(stated))
 
     def __getitem__(self, key: str) -> bool:
-        known = known_key(key)
+        known = correction_key(key)
         return self.stated.get(known, CORRECTIONS[known][0])
 
     def __iter__(self) -> Iterator[str]:
@@ -70,10 +70,10 @@ class Switches(Mapping[str, bool]):
     def state(self, key: str) -> str:
         """Why a switch stands as it does: "on by default", "switched off", ..."""
         state = "on" if self[key] else "off"
-        return f"switched {state}" if known_key(key) in self.stated else f"{state} by default"
+        return f"switched {state}" if correction_key(key) in self.stated else f"{state} by default"
 
 
-def known_key(key: str) -> str:
+def correction_key(key: str) -> str:
     """The switch of `CORRECTIONS` that a key means; underscores stand for blanks.
 
     Raises
@@ -125,7 +125,7 @@ def compare(
         If the key is unknown, the shapes differ, no sample or a value that is not finite is compared, or
         the reason is missing.
     """
-    key = known_key(key)
+    key = correction_key(key)
     a, b = np.asarray(before, dtype=float), np.asarray(after, dtype=float)
     if a.shape != b.shape:
         raise ValueError(
@@ -175,7 +175,7 @@ class AuditLog:
         ValueError
             If a key is unknown.
         """
-        self._entries.extend([replace(entry, key=known_key(entry.key)) for entry in corrections])
+        self._entries.extend([replace(entry, key=correction_key(entry.key)) for entry in corrections])
 
     def complete(self, reasons: Mapping[str, str]) -> None:
         """Append an entry for each correction that has none: left out, with its reason.

@@ -1,16 +1,22 @@
-"""Records of the reduction of bar signals (SI, float64, compression positive, the shot's clock)."""
+"""Records of bar signals, from the recording to the result (SI, float64, compression positive, the shot's
+clock).
+
+A `Signal` has a uniform clock. `WavesResult` is the result of `kolsky waves`, `FlyerResult` that of the flyer
+test.
+"""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from kolsky.base.apparatus import Bar
+from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.arrays import FloatArray
+from kolsky.base.records import Recording
 
 ANALYSES = ("one wave", "two waves", "three waves")
 """Keys of the mappings of a `Reduction`."""
-SHARED_HISTORIES = ("front_force", "back_force", "front_velocity", "back_velocity")
+_SHARED_HISTORIES = ("front_force", "back_force", "front_velocity", "back_velocity")
 """Histories of a `Reduction` that all analyses share."""
 
 
@@ -191,7 +197,7 @@ def histories(reduction: Reduction) -> dict[str, History]:
         )
         for analysis in ANALYSES
     }
-    return by_analysis | {name: getattr(reduction, name) for name in SHARED_HISTORIES}
+    return by_analysis | {name: getattr(reduction, name) for name in _SHARED_HISTORIES}
 
 
 def map_histories(reduction: Reduction, change: Callable[[str, History], History]) -> Reduction:
@@ -217,3 +223,127 @@ def with_opposite_sign(reduction: Reduction) -> Reduction:
     return map_histories(
         reduction, lambda name, history: History(-history.value, history.sigma, history.unit)
     )
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """Share of one input of the budget in the variance of the results."""
+
+    quantity: Quantity
+    """The input."""
+    shares: Mapping[str, float]
+    """Its share of the variance of each result, by the result's name [-]."""
+    sensitivity: Mapping[str, float] = field(default_factory=dict)
+    """Change of each result per unit of the input, with its sign, by the result's name, in the result's unit
+    over the input's. An input that counts as exact is not varied and has none."""
+
+
+@dataclass(frozen=True)
+class BudgetTable:
+    """The uncertainty budget at the numbers that are quoted."""
+
+    results: Mapping[str, tuple[float, float, str]]
+    """Quoted number by name: value, standard uncertainty (k = 1), unit."""
+    contributions: tuple[Contribution, ...]
+    """One row an input, noise last."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReducedTest:
+    """A reduced test, however it was measured, with everything that its numbers rest on."""
+
+    name: str
+    """Name of the shot."""
+    specimen: Specimen
+    """The specimen before the test."""
+    load: str
+    """"compression" or "tension"."""
+    reduction: Reduction
+    """Strain, rate, stress and forces, with bands."""
+    corrections: tuple[Correction, ...]
+    """The audit log."""
+    budget: BudgetTable
+    """The uncertainty budget."""
+    facts: Mapping[str, tuple[float, str]]
+    """Numbers of the record and its reduction: value and unit by name."""
+    remarks: tuple[str, ...]
+    """Conditions that limit the use of the values, each with its cure."""
+    inputs: Mapping[str, str]
+    """SHA-256 of every file that was read, by name."""
+    settings: Mapping[str, str] = field(default_factory=dict)
+    """Declared settings, and the versions."""
+    extra: Mapping[str, FloatArray] = field(default_factory=dict)
+    """Further histories on the reduction's times, "name (unit)" to values, shape [n]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WavesResult(ReducedTest):
+    """A test between bars, reduced from their gauges."""
+
+    incident: BarSignal
+    """Strain at the incident gauge."""
+    transmission: BarSignal
+    """Strain at the transmission gauge."""
+    windows: Windows
+    """Time windows of the pulses."""
+    faces: FaceWaves
+    """The waves at the specimen."""
+    analysis: str = "three waves"
+    """The analysis whose values are quoted."""
+    valid: tuple[float, float] | None = None
+    """Span in which imbalance and inertia stay within a share of the stress [s]; None if there is none."""
+    validity: str = ""
+    """The same in words, with the share that was allowed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlyerResult(ReducedTest):
+    """A test with a flyer, reduced from its transducers and its motion."""
+
+    signals: tuple[Signal, ...]
+    """Forces at the transducers over the whole record [N]."""
+    events: tuple[tuple[str, float | None, float | None, str], ...]
+    """Name, time [s], sigma [s] and how it was found, of every event that was looked for."""
+    valid: tuple[float, float] | None
+    """Span in which a classical curve may be read [s]; None if there is none."""
+    validity: str
+    """The same in words, with the share that was allowed."""
+    synchronisation: str | None
+    """Verdict of the cross-check of cameras and transducers; None without an incident transducer."""
+    inertia: Mapping[str, FloatArray]
+    """Shares of the mean stress: "imbalance" and "inertia" at "time" [s], shape [n_intervals]."""
+
+
+LARGEST_JITTER = 0.01
+"""Share of the interval by which a sample time may be off an even division."""
+
+
+def uniform_clock(recording: Recording) -> tuple[float, float]:
+    """First time and interval of a recording [s], which must be uniform.
+
+    Raises
+    ------
+    ValueError
+        If lengths differ, a value is not finite, or a time is off an even division by 1 % of the interval.
+    """
+    time, value, name = recording.time, recording.value, recording.channel
+    if time.shape != value.shape or time.ndim != 1 or time.size < 2:
+        raise ValueError(
+            f"{name}: time and value need one length of 2 or more, got {time.shape}, {value.shape}"
+        )
+    bad = np.flatnonzero(~(np.isfinite(time) & np.isfinite(value)))
+    if bad.size:
+        raise ValueError(
+            f"{name}: sample {bad[0]} is ({time[bad[0]]} s, {value[bad[0]]}); every sample must be finite"
+        )
+    interval = float(time[-1] - time[0]) / (time.size - 1)
+    if not interval > 0.0:
+        raise ValueError(f"{name}: times must increase, got {time[0]:.9g} to {time[-1]:.9g} s")
+    off = np.abs(time - time[0] - interval * np.arange(time.size))
+    worst = int(np.argmax(off))
+    if off[worst] > LARGEST_JITTER * interval:
+        raise ValueError(
+            f"{name}: sample {worst} is {off[worst] / interval:.3g} intervals off an even division, allowed"
+            f" is {LARGEST_JITTER:g}; a rounded time column must be replaced by a stated start and interval"
+        )
+    return float(time[0]), interval

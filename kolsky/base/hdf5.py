@@ -68,7 +68,7 @@ class Place:
     sizes: dict[str, int] = field(default_factory=dict)
     """Sizes of the named dimensions met so far; a dimension of one name has one size."""
     unit: str = ""
-    """Unit of the record it belongs to, see `kolsky.base.hdf5_items.OWN`."""
+    """Unit of the record it belongs to, see `kolsky.base.hdf5_records.RECORD_UNIT`."""
     taken: list[int] = field(default_factory=lambda: [0])
     """What was read of the file so far [bytes], one number for all its places."""
 

@@ -4,7 +4,7 @@ import warnings
 from importlib.util import find_spec
 from pathlib import Path
 
-OURS = ("dic", "doe", "explicit", "implicit")
+OURS = ("dic", "doe", "explicit")
 """Packages that stand beside `kolsky`."""
 
 

@@ -67,7 +67,7 @@ def budget(
 ) -> None:
     """Budget the errors of a test; writes budget.csv and budget.html, and keeps realisations in a ledger."""
     started = perf_counter()
-    from kolsky.cli.sweep_options import Workers
+    from kolsky.cli.sweep import Workers
 
     workers = Workers(processes, dask)
     analysis, refined = texts.mesh("--mesh", mesh), texts.mesh("--refined-mesh", refined_mesh)
@@ -80,15 +80,13 @@ def budget(
             cure="give two: --rates 100,1000",
         )
     from doe.ledger import LedgerError
-    from kolsky.base.files import usable_folder
-    from kolsky.base.json_types import jsonable
+    from kolsky.base.files import jsonable, usable_folder
     from kolsky.cli.terminal import print_result, since, sweep_progress
-    from kolsky.inverse.settings import Settings
+    from kolsky.inverse.problem import Settings
     from kolsky.report.study_folder import write_budget_results
     from kolsky.studies.budget.budget import budget as budget_of
-    from kolsky.studies.budget.campaign import plan_campaign, shot_sigma
     from kolsky.studies.budget.factors import USUAL, factors_of
-    from kolsky.studies.budget.output import facts, made_with, printed
+    from kolsky.studies.budget.records import facts, made_with, plan_campaign, printed, shot_sigma
     from kolsky.virtual.specification import read_specification
 
     folder = usable_folder(out or (test if test.is_dir() else test.parent) / "results")
@@ -148,7 +146,7 @@ def _specification(test: Path, folder: Path) -> Path:
         return test
     from kolsky.results.hdf5 import read_identification
     from kolsky.shot.load import load_shot
-    from kolsky.virtual.from_shot import specification_of
+    from kolsky.virtual.shot_file import specification_of
 
     shot = load_shot(test)
     kept = shot.folder / "results" / "identification.h5"

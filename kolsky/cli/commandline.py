@@ -15,38 +15,26 @@ import typer
 
 from kolsky.base.errors import InputError
 from kolsky.base.process import last_work, set_blas_threads
-from kolsky.cli.actuator_control import actuator_control
-from kolsky.cli.actuator_invert import actuator_invert
-from kolsky.cli.actuator_simulate import actuator_simulate
+from kolsky.cli.actuator import actuator_control, actuator_invert, actuator_simulate
+from kolsky.cli.bars import repeats, waves, wavespeed
 from kolsky.cli.budget import budget
-from kolsky.cli.calibrate import calibrate
-from kolsky.cli.channels import channels
-from kolsky.cli.check import check
-from kolsky.cli.dic import dic
+from kolsky.cli.check import channels, check
+from kolsky.cli.dic import calibrate, dic
 from kolsky.cli.doctor import doctor
-from kolsky.cli.film import film
-from kolsky.cli.general import with_general_options
 from kolsky.cli.identify import identify
+from kolsky.cli.material_curves import material_relaxation, reference_curve
 from kolsky.cli.material_fit import material_fit
 from kolsky.cli.material_healing import material_healing
-from kolsky.cli.material_relaxation import material_relaxation
 from kolsky.cli.new import new
-from kolsky.cli.options import with_solver_options
+from kolsky.cli.options import with_general_options, with_solver_options
 from kolsky.cli.plan import plan
 from kolsky.cli.predict import predict
 from kolsky.cli.rate import rate
-from kolsky.cli.reference_curve import reference_curve
-from kolsky.cli.repeats import repeats
-from kolsky.cli.report import report
+from kolsky.cli.report import film, report
 from kolsky.cli.simulate import simulate
-from kolsky.cli.specimen_fit import specimen_fit
-from kolsky.cli.specimen_plan import specimen_plan
-from kolsky.cli.specimen_simulate import specimen_simulate
+from kolsky.cli.specimen import specimen_fit, specimen_plan, specimen_simulate
 from kolsky.cli.sweep import sweep
-from kolsky.cli.virtual_make import virtual_make
-from kolsky.cli.virtual_new import virtual_new
-from kolsky.cli.waves import waves
-from kolsky.cli.wavespeed import wavespeed
+from kolsky.cli.virtual import virtual_make, virtual_new
 
 Command = Callable[..., None]
 

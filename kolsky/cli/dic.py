@@ -1,4 +1,4 @@
-"""`kolsky dic`: from the pictures of a shot to surfaces, files, tables and a page."""
+"""`kolsky dic` and `calibrate`: from the pictures of a shot to surfaces, and from a target to two cameras."""
 
 from contextlib import ExitStack
 from pathlib import Path
@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from kolsky.base.errors import InputError
 from kolsky.base.process import infrequent_gc
 from kolsky.cli import texts
 from kolsky.cli.options import AsJson, Figures, Out, ShotPath
 
 if TYPE_CHECKING:
+    from dic.calibration import Calibration
     from dic.result import StereoResult
 
 
@@ -53,32 +55,32 @@ def dic(
     """
     started = perf_counter()
     formats = texts.figure_formats(figures)
-    from kolsky.shot.measurement_path import measurement_file
+    from kolsky.schema.pictures import find_measurement_file
 
     if regions or grid:
         _draw_regions(shot, out, grid=grid)
         return
-    if (alone := measurement_file(shot)) is not None:
+    if (alone := find_measurement_file(shot)) is not None:
         _measure_alone(alone, out, device, started, formats, csv=csv, vtu=vtp, as_json=as_json)
         return
-    from dic.forks import forking
+    from dic.processes import allow_forks
     from kolsky.base.files import usable_folder
     from kolsky.base.process import keep_freed_memory, single_threaded_libraries
     from kolsky.cli.terminal import print_result, progress_bars, since
+    from kolsky.pictures.rig import calibrate_in_background
     from kolsky.shot.load import load_pictures
-    from kolsky.shot.rig import calibrated_beside
 
     keep_freed_memory()
     loaded = load_pictures(shot)
     folder = usable_folder(out or loaded.folder / "results")
     kept = not again and (folder / "dic.h5").exists()  # may be read back; the cameras are found if not
-    with progress_bars() as progress, forking(), single_threaded_libraries(), ExitStack() as stack:
+    with progress_bars() as progress, allow_forks(), single_threaded_libraries(), ExitStack() as stack:
         began = perf_counter()
-        cameras = None if kept else stack.enter_context(calibrated_beside(loaded.pictures))
+        cameras = None if kept else stack.enter_context(calibrate_in_background(loaded.pictures))
         # imported while others look at the target
         from kolsky.report.page_process import drawers, load_surface_page, surface_page_process
+        from kolsky.report.picture_views import read_surface_view
         from kolsky.report.result_folder import write_dic_results
-        from kolsky.report.surface_view import read_surface_view
         from kolsky.shot.optical_data import RESULT_FILE, surfaces
 
         page = stack.enter_context(surface_page_process(drawers()))  # forked with what both need
@@ -124,14 +126,14 @@ def _measure_alone(
     as_json: bool,
 ) -> None:
     """The measurement that a dic.toml describes."""
-    from dic.forks import forking
+    from dic.processes import allow_forks
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import print_result, progress_bars, since
-    from kolsky.shot.measurement import measure_file, read_measurement
+    from kolsky.pictures.measurement import measure_file, read_measurement
 
     measurement = read_measurement(path)
     folder = usable_folder(out or path.parent / "results")
-    with progress_bars() as progress, forking():
+    with progress_bars() as progress, allow_forks():
         result = measure_file(measurement, device=device, progress=progress)
     from kolsky.report.pages.full_field import printed, summary, warnings
     from kolsky.report.result_folder import write_full_field_results
@@ -149,11 +151,11 @@ def _measure_alone(
 def _draw_regions(source: Path, out: Path | None, *, grid: bool) -> None:
     """Regions by hand: with a grid, or in the page."""
     from kolsky.base.files import usable_folder
-    from kolsky.shot.drawn_regions import frames_to_show, open_session
-    from kolsky.shot.regions.grid_picture import write_grids
-    from kolsky.shot.regions.server import RegionServer
+    from kolsky.pictures.region_server import RegionServer
+    from kolsky.pictures.regions import write_grids
+    from kolsky.shot.dic import frames_to_show, open_region_session
 
-    session = open_session(source)
+    session = open_region_session(source)
     if grid:
         folder = usable_folder(out or session.path.parent / "results" / "regions")
         for path in write_grids(folder, session, frames_to_show(session)):
@@ -165,3 +167,95 @@ def _draw_regions(source: Path, out: Path | None, *, grid: bool) -> None:
     server.run()
     saved = ", ".join(session.saved)
     typer.echo(f"saved into {session.path}: {saved}" if saved else f"{session.path} was left as it is")
+
+
+_RIG_FILE = "rig.yml"
+"""The cameras with their covariance, in OpenCV's storage format."""
+
+
+def calibrate(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SOURCE",
+            help="A calibration.toml, a shot.toml with a table calibration, or the folder of one.",
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FOLDER", help="Where results go.", show_default="results")
+    ] = None,
+    export: Annotated[
+        str,
+        typer.Option(
+            metavar="FORMATS",
+            help="Also write the cameras for other programs; an unknown name lists the formats.",
+        ),
+    ] = "",
+    figures: Figures = "",
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate two cameras from pictures of a target, with the covariance of all parameters.
+
+    Writes rig.yml, calibration.html and calibration.csv.
+    """
+    started = perf_counter()
+    from dic.camera_files import FORMATS, CameraFileError, write_rig
+
+    known = {known.name: known for known in FORMATS}
+    exports = [texts.one_of("--export", name, tuple(known)) for name in texts.listed(export)]
+    formats = texts.figure_formats(figures)
+    from kolsky.base.files import filling, usable_folder
+    from kolsky.base.process import single_threaded_libraries
+    from kolsky.cli.terminal import print_result, progress_bars, since
+    from kolsky.pictures.calibration import (
+        calibration_json,
+        calibration_of,
+        read_calibration_toml,
+        write_calibration_points,
+    )
+    from kolsky.report.pages.calibration import summary, warnings
+
+    toml, section = read_calibration_toml(source)
+    folder = usable_folder(out or toml.path.parent / "results")
+    with progress_bars() as progress, single_threaded_libraries():
+        found = calibration_of(toml, section, progress)
+    from kolsky.report.canvas import save_figures
+    from kolsky.report.pages.calibration import write_page
+
+    with filling(folder) as partial:
+        try:
+            write_rig(partial / _RIG_FILE, found.rig, "opencv")
+            for name in exports:
+                write_rig(partial / f"rig-{name}{known[name].suffix}", found.rig, name)
+        except CameraFileError as error:
+            raise InputError(
+                folder,
+                str(error),
+                cure="is it the folder of a calibration series of this target? look at the pictures named",
+            ) from None
+        write_calibration_points(partial / "calibration.csv", found)
+        write_page(partial / "calibration.html", toml.path.parent.resolve().name, found)
+        if formats:
+            save_figures(partial / "figures", found, formats=formats)
+    print_result(
+        summary(found),
+        {**calibration_json(found), "warnings": warnings(found)} if as_json else None,
+        answers=[] if as_json else _calibration_pairs(found),
+        rest={
+            "cameras": folder / _RIG_FILE,
+            "page": folder / "calibration.html",
+            "wall time": since(started),
+        },
+        warnings=warnings(found),
+    )
+
+
+def _calibration_pairs(found: "Calibration") -> list[str]:
+    """A line for each pair: residuals of the two cameras, and what became of it."""
+    lines = ["  pair        camera 0    camera 1    points"]
+    for pair in found.pairs:
+        rms = [f"{view.rms:9.4f} px" if view is not None else "         -  " for view in pair.views]
+        points = " + ".join(str(int(view.used.sum())) for view in pair.views if view is not None)
+        word = "" if pair.outcome.value == 0 else f"  {pair.outcome.name.lower().replace('_', ' ')}"
+        lines.append(f"  {pair.name:<8}{rms[0]}{rms[1]}  {points}{word}")
+    return lines

@@ -1,7 +1,14 @@
-"""`kolsky doctor`: what this installation has to work with."""
+"""`kolsky doctor`: what this installation can work with: versions, devices, cache, writable folders."""
 
+import os
+import platform
+import shutil
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -18,8 +25,7 @@ def doctor(
 
     Ends with exit code 1 if something that every command needs is missing.
     """
-    from kolsky.base.json_types import jsonable
-    from kolsky.cli.installation import examine
+    from kolsky.base.files import jsonable
     from kolsky.cli.terminal import print_result
 
     found = examine(folder)
@@ -27,3 +33,152 @@ def doctor(
     print_result(found.rows(), said, rest={}, warnings=found.problems)
     if found.problems:
         raise typer.Exit(1)
+
+
+REQUIRED = (
+    "warp-lang",
+    "numpy",
+    "scipy",
+    "h5py",
+    "matplotlib",
+    "pydantic",
+    "pint",
+)
+"""Distributions that commands need."""
+EXTRAS = {
+    "opencv-python-headless": ("pictures", "shots measured from their pictures"),
+    "RigolWFM": ("scopes", "binary files of oscilloscopes"),
+    "npTDMS": ("tdms", "files of National Instruments"),
+    "distributed": ("cluster", "sweeps over many hosts"),
+    "emcee": ("bayes", "posterior by Markov chains"),
+    "pandas": ("notebook", "tables of results"),
+    "pyvista": ("scene", "pictures of the deforming specimen"),
+    "imageio-ffmpeg": ("film", "films of the deforming specimen"),
+}
+"""Distributions that some commands need: extra of this package, and what for."""
+_TWINS = {
+    "opencv-python-headless": (
+        "opencv-contrib-python-headless",
+        "opencv-python",
+        "opencv-contrib-python",
+    )
+}
+"""Distributions that have the same modules as another."""
+LEAST_SPACE = 1e9
+"""Free space below which a long study may not end [bytes]."""
+
+
+@dataclass(frozen=True)
+class _Installation:
+    """What was found, and what is missing."""
+
+    versions: Mapping[str, str | None]
+    """Of this package, Python, the system and every required distribution; None if it is not there."""
+    extras: Mapping[str, str | None]
+    """Of every optional distribution."""
+    devices: tuple[str, ...]
+    """Devices of the solver, the CPU first."""
+    cores: int
+    """Cores that this process may use."""
+    cache: Path | None
+    """Folder of compiled kernels; None if the solver's library did not start."""
+    folder: Path
+    """Where results are to go."""
+    free: float | None
+    """Free space there [bytes]; None if the folder is not there."""
+    problems: tuple[str, ...]
+    """What every command needs and is missing, a sentence each with its cure."""
+
+    def rows(self) -> dict[str, str]:
+        """The findings as names and texts."""
+        rows = {name: found or "missing" for name, found in self.versions.items()}
+        rows["devices"] = ", ".join(self.devices) or "none"
+        rows["cores"] = str(self.cores)
+        rows["compiled kernels"] = str(self.cache or "nowhere")
+        rows |= {
+            f"extra {extra}": self.extras[name] or f"not installed ({what}): pip install 'kolsky[{extra}]'"
+            for name, (extra, what) in EXTRAS.items()
+        }
+        free = "not there" if self.free is None else f"{self.free / 1e9:.0f} GB free"
+        rows["results"] = f"{self.folder.resolve()}, {free}"
+        return rows
+
+    def as_dict(self) -> dict[str, Any]:
+        """The findings under the names of the fields."""
+        return {
+            "versions": dict(self.versions),
+            "extras": dict(self.extras),
+            "devices": list(self.devices),
+            "cores": self.cores,
+            "cache": self.cache,
+            "folder": self.folder.resolve(),
+            "free_bytes": self.free,
+            "problems": list(self.problems),
+        }
+
+
+def examine(folder: Path) -> _Installation:
+    """Look at the installation; nothing is left behind.
+
+    Parameters
+    ----------
+    folder
+        Where results are to go.
+    """
+    versions = {
+        "kolsky": _version("kolsky"),
+        "Python": platform.python_version(),
+        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+        **{name: _version(name, *_TWINS.get(name, ())) for name in REQUIRED},
+    }
+    problems = [
+        f"{name} is not installed: pip install kolsky, or pip install {name}"
+        for name in REQUIRED
+        if versions[name] is None
+    ]
+    devices, cache, said = _devices()
+    problems += said
+    problems += [why for place in (folder, cache) if place is not None and (why := _unwritable(place))]
+    free = float(shutil.disk_usage(folder).free) if folder.is_dir() else None
+    if free is not None and free < LEAST_SPACE:
+        problems.append(f"{folder.resolve()} has {free / 1e6:.0f} MB left: make room, or give --out FOLDER")
+    return _Installation(
+        versions=versions,
+        extras={name: _version(name, *_TWINS.get(name, ())) for name in EXTRAS},
+        devices=devices,
+        cores=len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
+        cache=cache,
+        folder=folder,
+        free=free,
+        problems=tuple(problems),
+    )
+
+
+def _version(*names: str) -> str | None:
+    """Version of the first of some distributions that is there."""
+    for name in names:
+        try:
+            return version(name)
+        except PackageNotFoundError:
+            continue
+    return None
+
+
+def _devices() -> tuple[tuple[str, ...], Path | None, list[str]]:
+    """Devices, folder of compiled kernels, and why there are none."""
+    try:
+        from explicit.device import available, kernel_cache
+
+        return available(), kernel_cache(), []
+    except Exception as error:  # whatever keeps a library from starting is the finding
+        cure = "pip install --force-reinstall warp-lang"
+        return (), None, [f"warp does not start ({' '.join(str(error).split())}): {cure}"]
+
+
+def _unwritable(folder: Path) -> str:
+    """Why nothing can be written into a folder; empty if it can."""
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return ""
+    except OSError as error:
+        return f"{folder} cannot be written to ({error.strerror}): give another place with --out FOLDER"

@@ -1,14 +1,22 @@
-"""`kolsky identify`: load, identify, write, print."""
+"""`kolsky identify`: load, identify, write, print.
 
+One shot, or with --each many shots one by one: in this process, in several, or on a Dask cluster. Several
+shots together are in `kolsky.cli.identify_shots`.
+"""
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError, as_completed
+from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from kolsky.base.errors import InputError, refuse
 from kolsky.cli import texts
-from kolsky.cli.identify_alone import Alone, answered
-from kolsky.cli.identify_each import identify_each, refuse_shared
 from kolsky.cli.identify_shots import (
     CurveNodes,
     GainEach,
@@ -17,10 +25,321 @@ from kolsky.cli.identify_shots import (
     Roughness,
     SlowTests,
     identify_shots,
-    refuse,
+    refuse_single_shot_options,
 )
 from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Figures, Mesh, Out, SolverOptions
+from kolsky.cli.terminal import quietly
 from kolsky.inverse.parameters import PARAMETERS
+
+if TYPE_CHECKING:
+    from kolsky.inverse.problem import Settings
+    from kolsky.shot.records import Shot
+
+
+@dataclass(frozen=True)
+class SingleShotJob:
+    """A shot that is identified by itself, as the command line asks for it; it can be pickled."""
+
+    shot: Path
+    """Its folder, or its shot.toml."""
+    solver: SolverOptions
+    """Numerical choices."""
+    mesh: tuple[int, int]
+    """Elements across the radius and along the length, of the search."""
+    choices: Mapping[str, Any]
+    """Fields of `kolsky.inverse.problem.Settings` beside the numerics."""
+    out: Path | None = None
+    """Where results go; None for the folder `results` of the shot."""
+    relaxation: str = ""
+    """What relaxes, as written; empty for what the shot declares."""
+    diagnose: bool = False
+    """Whether the likeliest causes are tried out."""
+    paper: bool = False
+    """Whether the method of Mates et al. is applied beside."""
+    formats: tuple[str, ...] = ()
+    """Formats of figures alone."""
+
+
+@dataclass(frozen=True)
+class Printout:
+    """What an identification has to say, its results being written; it can be pickled."""
+
+    shot: str
+    """Name of the shot."""
+    answers: tuple[str, ...]
+    """First lines: the free parameters with their intervals, the fit."""
+    rows: Mapping[str, Any]
+    """Names and values below them."""
+    said: Mapping[str, Any]
+    """The object of `--json`."""
+    warnings: tuple[str, ...]
+    """What to know before using the answer."""
+    page: Path
+    """The report."""
+
+
+def run_job(one: SingleShotJob, *, processes: int = 1) -> Printout:
+    """Identify a shot and write its results.
+
+    Parameters
+    ----------
+    one
+        The shot, and what is asked.
+    processes
+        Processes that draw the page; with 1 no others correlate pictures either.
+
+    Raises
+    ------
+    InputError
+        If the shot, an option or the folder of the results cannot be used.
+    """
+    from kolsky.cli.options import load, usable
+    from kolsky.cli.terminal import progress_bars
+    from kolsky.report.page_process import load_identify_page, page_process
+
+    shot, folder = load(one.shot, one.out, forks=processes > 1)
+    if one.relaxation:
+        from kolsky.inverse.parameters import with_relaxation
+
+        shot = with_relaxation(shot, *texts.relaxation("--relaxation", one.relaxation))
+    # Libraries that both processes need are loaded before one of them is forked, and no GPU is used yet.
+    from kolsky.inverse.problem import Settings
+
+    with page_process(processes) as page:
+        numerics = one.solver.numerics(one.mesh)
+        from kolsky import identification
+        from kolsky.report.result_folder import PAGE, write_identify_results
+        from kolsky.results import printed
+        from kolsky.results.identification_rows import fit_line
+        from kolsky.results.tables import to_json
+
+        settings = Settings(numerics=numerics, **one.choices)
+        meanwhile, checked = ([load_identify_page], None) if page is None else ([], page.draw_ahead)
+        with usable(shot), progress_bars() as progress:
+            found = identification.identify(
+                shot, settings, progress=progress, meanwhile=meanwhile, checked=checked
+            )
+            if one.diagnose:
+                found = identification.diagnose(found, shot, settings, progress=progress)
+        write_identify_results(folder, found, shot, formats=one.formats, processes=processes, page=page)
+    beside, said, doubts = paper_answer(shot, settings, folder) if one.paper else ({}, {}, [])
+    return Printout(
+        shot=shot.name,
+        answers=(*(printed.answer(e) for e in found.estimates.values()), fit_line(found)),
+        rows={**printed.details(found), **beside},
+        said={**to_json(found), **said},
+        warnings=(*found.warnings, *doubts),
+        page=folder / PAGE,
+    )
+
+
+def paper_answer(
+    shot: "Shot", settings: "Settings", folder: Path
+) -> tuple[dict[str, str], dict[str, Any], list[str]]:
+    """The paper's answer: rows to print, keys of the JSON object, warnings. Its files are written.
+
+    Without one there is none of these but a warning: our own answer stands.
+    """
+    from doe.ledger import LedgerError
+    from kolsky.cli.terminal import progress_bars
+    from kolsky.shot.curve import with_pull
+    from kolsky.studies import paper_method as paper
+    from kolsky.studies.paper_method import BOUNDS, paper_method
+
+    given = {name: span for name, span in (settings.free or {}).items() if span and name in BOUNDS}
+    try:
+        with progress_bars() as progress:
+            found = paper_method(
+                with_pull(shot, settings.pull),
+                bounds=given,
+                held=settings.held,
+                numerics=settings.numerics,
+                refined_mesh=settings.refined_mesh,
+                ledger=folder / f"{paper.STEM}.sqlite",
+                progress=progress,
+            )
+    except (ValueError, LedgerError, OSError) as error:
+        return {}, {paper.STEM: None}, [f"the paper's method has no answer: {error}"]
+    paper.write_paper_method(folder, found)
+    return (
+        paper.rows(found),
+        {paper.STEM: paper.to_json(found)},
+        paper.paper_warnings(found),
+    )
+
+
+_Answer = Printout | InputError
+"""What became of a shot: its answer, or why there is none."""
+
+
+def refuse_shared(processes: int | None, dask: str) -> None:
+    """Refuse workers where there is but one identification.
+
+    Raises
+    ------
+    InputError
+        If workers are asked for.
+    """
+    for option, given in (("--processes", processes is not None), ("--dask", bool(dask))):
+        if given:
+            raise InputError(
+                texts.COMMAND_LINE,
+                f"{option} shares out shots that are identified by themselves",
+                cure="give --each, or leave it out: shots that are identified together run side by side",
+            )
+
+
+def identify_each(
+    shots: Sequence[Path], alike: SingleShotJob, *, processes: int | None, dask: str, as_json: bool
+) -> None:
+    """Identify every shot by itself, write the results of each, print in the order of the shots.
+
+    Parameters
+    ----------
+    shots
+        Folders, or shot.toml.
+    alike
+        What is asked of every shot; its folder of results, if given, holds one of each shot's name.
+    processes, dask
+        Who shares them: processes of this machine, or the workers of a scheduler, which see the same folders.
+    as_json
+        Print one JSON object.
+
+    Raises
+    ------
+    InputError
+        If two shots would write to one place, or there are no such workers; after the others' answers, if
+        some shots cannot be used.
+    """
+    started = perf_counter()
+    from kolsky.cli.sweep import Workers
+    from kolsky.cli.terminal import print_result, progress_bars, since
+
+    tasks = [
+        replace(alike, shot=shot, out=out)
+        for shot, out in zip(shots, _result_folders(shots, alike.out), strict=True)
+    ]
+    workers = Workers(processes, dask)
+    if dask or processes is not None:
+        # Workers of a scheduler share their machines: one thread each, unless more are asked for.
+        threads = workers.threads(alike.solver.threads or (1 if dask else None))
+        tasks = [replace(task, solver=replace(task.solver, threads=threads)) for task in tasks]
+    found: list[_Answer] = []
+    with workers.executor() as executor:
+        if executor is None:
+            found = [_run_or_error(task, processes=2) for task in tasks]
+        else:
+            with progress_bars() as progress:
+                found = run_jobs(executor, tasks, lambda done: progress("shots", done, len(tasks)))
+    names = [_shot_name(shot) for shot in shots]
+    there = [one for one in found if isinstance(one, Printout)]
+    print_result(
+        {"shots answered": f"{len(there)} of {len(shots)}"},
+        {"shots": [_json_object(shot, one) for shot, one in zip(shots, found, strict=True)]}
+        if as_json
+        else None,
+        answers=[f"{one.shot}: {line}" for one in there for line in one.answers],
+        rest={"reports": ", ".join(str(one.page) for one in there), "wall time": since(started)},
+        warnings=[
+            f"{name}: {line}"
+            for name, one in zip(names, found, strict=True)
+            if isinstance(one, Printout)
+            for line in one.warnings
+        ],
+    )
+    refuse([problem for one in found if isinstance(one, InputError) for problem in one.problems])
+
+
+def run_jobs(
+    executor: Callable[[], Any], tasks: Sequence[SingleShotJob], told: Callable[[int], None]
+) -> list[_Answer]:
+    """Have an executor's workers answer.
+
+    Parameters
+    ----------
+    executor
+        Makes the executor, as in `doe.ledger.run_chunks`.
+    tasks
+        The shots; results are in their order, whoever ends first.
+    told
+        Called with the number of shots that are done.
+
+    Raises
+    ------
+    InputError
+        If a worker was lost.
+    """
+    found: dict[int, _Answer] = {}
+    told(0)
+    try:
+        with executor() as pool:
+            flying = {pool.submit(_in_worker, task): i for i, task in enumerate(tasks)}
+            for future in as_completed(flying):
+                found[flying[future]] = future.result()
+                told(len(found))
+    except _lost_worker_errors() as error:
+        raise InputError(
+            texts.COMMAND_LINE,
+            f"a worker was lost with {len(found)} of {len(tasks)} shots answered ({error})",
+            cure="take fewer workers or more memory; the shots that were answered have their results",
+        ) from error
+    return [found[i] for i in range(len(tasks))]
+
+
+def _lost_worker_errors() -> tuple[type[BaseException], ...]:
+    """What is raised where a worker died, of this machine or, once it is in use, of Dask."""
+    if "distributed" not in sys.modules:
+        return BrokenExecutor, CancelledError
+    return BrokenExecutor, CancelledError, import_module("distributed").scheduler.KilledWorker
+
+
+def _in_worker(task: SingleShotJob) -> _Answer:
+    """The answer of a worker, whose terminal belongs to others."""
+    with quietly(True):
+        return _run_or_error(task, processes=1)
+
+
+def _run_or_error(task: SingleShotJob, *, processes: int) -> _Answer:
+    """The answer, or what is wrong with the shot."""
+    try:
+        return run_job(task, processes=processes)
+    except InputError as error:
+        return error
+
+
+def _shot_name(shot: Path) -> str:
+    """Name of a shot's folder."""
+    from kolsky.schema.shot_file import folder_of
+
+    return folder_of(shot).resolve().name
+
+
+def _result_folders(shots: Sequence[Path], out: Path | None) -> list[Path | None]:
+    """Where each shot's results go; None for its own folder `results`.
+
+    Raises
+    ------
+    InputError
+        If a shot stands twice, or two have one name in `out`.
+    """
+    from kolsky.schema.shot_file import folder_of
+
+    places = [folder_of(shot).resolve() if out is None else out / _shot_name(shot) for shot in shots]
+    double = sorted({str(place) for place in places if places.count(place) > 1})
+    if double:
+        raise InputError(
+            texts.COMMAND_LINE,
+            f"two shots would write to {double[0]}",
+            cure="name each shot once; with --out their folders need names of their own",
+        )
+    return [None] * len(shots) if out is None else list(places)
+
+
+def _json_object(shot: Path, one: _Answer) -> dict[str, Any]:
+    """A shot in the object of `--json`."""
+    if isinstance(one, Printout):
+        return {"folder": str(shot), "report": str(one.page), "answer": one.said, "problem": None}
+    return {"folder": str(shot), "report": None, "answer": None, "problem": str(one)}
 
 
 def identify(
@@ -130,7 +449,7 @@ def identify(
     joint = JointOptions(slow_tests, curve_nodes, curve_roughness, gain_each, no_scatter)
     if (len(shots) > 1 or joint.asked) and not each:
         refuse_shared(processes, dask)
-        refuse(
+        refuse_single_shot_options(
             {
                 "methods": methods != "surrogate",
                 "method": method != "least-squares",
@@ -151,7 +470,7 @@ def identify(
             shots, joint, chosen, relaxation=relaxation, pull=pull, out=out, formats=formats, as_json=as_json
         )
         return
-    alone = Alone(
+    alone = SingleShotJob(
         shots[0],
         solver,
         coarse,
@@ -180,7 +499,7 @@ def identify(
     from kolsky.cli.terminal import print_result, since
     from kolsky.report.page_process import drawers
 
-    found = answered(alone, processes=drawers())
+    found = run_job(alone, processes=drawers())
     print_result(
         found.rows,
         found.said if as_json else None,

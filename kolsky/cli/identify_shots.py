@@ -13,7 +13,7 @@ from kolsky.cli import texts
 
 if TYPE_CHECKING:
     from kolsky.inverse.forward import Numerics
-    from kolsky.joint.records import JointResult, JointSettings
+    from kolsky.inverse.joint_result import JointResult, JointSettings
     from kolsky.shot.records import Shot
 
 SlowTests = Annotated[
@@ -98,7 +98,7 @@ class JointOptions:
         InputError
             If a value is not allowed.
         """
-        from kolsky.joint.records import JointSettings
+        from kolsky.inverse.joint_result import JointSettings
 
         gain = texts.physical("--gain-each", self.gain_each, "1") if self.gain_each else 0.0
         try:
@@ -145,14 +145,16 @@ def identify_shots(
     from doe.ledger import LedgerError
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import print_result, progress_bars, since
-    from kolsky.joint.identify_shots import identify_shots as together
-    from kolsky.joint.output import STEM, to_json
-    from kolsky.joint.slow_schema import read_slow_tests
+    from kolsky.inverse.slow_tests import read_slow_tests
+    from kolsky.joint_identification import identify_shots as together
     from kolsky.report.study_folder import write_joint_results
+    from kolsky.results.joint import STEM, to_json
     from kolsky.shot.curve import with_pull
 
     shots = [
-        with_pull(_relaxing(_loaded(path), relaxation), "conditioned" if pull == "conditioned" else "first")
+        with_pull(
+            _with_relaxation(_loaded(path), relaxation), "conditioned" if pull == "conditioned" else "first"
+        )
         for path in paths
     ]
     slow = () if options.slow_tests is None else read_slow_tests(options.slow_tests)
@@ -167,9 +169,9 @@ def identify_shots(
             ) from error
     write_joint_results(folder, found, formats=formats)
     print_result(
-        rows(found),
+        result_rows(found),
         to_json(found) if as_json else None,
-        answers=answers(found),
+        answers=answer_lines(found),
         rest={"report": folder / "joint.html", "wall time": since(started)},
         warnings=found.warnings,
     )
@@ -181,26 +183,29 @@ def _loaded(path: Path) -> "Shot":
     return load_shot(path)
 
 
-def _relaxing(shot: "Shot", text: str) -> "Shot":
-    from kolsky.inverse.relaxing import with_relaxation
+def _with_relaxation(shot: "Shot", text: str) -> "Shot":
+    from kolsky.inverse.parameters import with_relaxation
 
     return with_relaxation(shot, *texts.relaxation("--relaxation", text)) if text else shot
 
 
-def answers(found: "JointResult") -> list[str]:
+def answer_lines(found: "JointResult") -> list[str]:
     """The answer's first lines: shared parameters with their 95 % intervals, the scatter, what relaxes."""
+    from kolsky.inverse.joint_result import interval
     from kolsky.inverse.result import Verdict
-    from kolsky.joint.unseen import interval
-    from kolsky.report import numbers
-    from kolsky.report.nomenclature import name_of
-    from kolsky.report.plain_text import plain
+    from kolsky.results import numbers
+    from kolsky.results.nomenclature import name_of
+    from kolsky.results.numbers import plain_sentence
 
     said = []
     for name, e in found.estimates.items():
         known = name_of(name)
         value, half = numbers.measured(known.factor * e.value, known.factor * found.expanded[name])
-        unit = "" if known.unit == "1" else f" {plain(known.unit)}"
-        line = f"{_symbol(name)} = {plain(value)} +- {plain(half)}{unit} (95 %, {len(found.shots)} shots)"
+        unit = "" if known.unit == "1" else f" {plain_sentence(known.unit)}"
+        line = (
+            f"{_symbol(name)} = {plain_sentence(value)} +- "
+            f"{plain_sentence(half)}{unit} (95 %, {len(found.shots)} shots)"
+        )
         if e.outcome is Verdict.NOT_SEEN:
             low, high = (known.factor * end for end in interval(e, found.expanded[name]))
             line = f"{_symbol(name)} = {low:.2g} to {high:.2g}{unit}"
@@ -214,9 +219,9 @@ def answers(found: "JointResult") -> list[str]:
     return said
 
 
-def rows(found: "JointResult") -> dict[str, Any]:
+def result_rows(found: "JointResult") -> dict[str, Any]:
     """Names and values below the answer."""
-    from kolsky.inverse.relaxing import reference_words
+    from kolsky.inverse.parameters import reference_words
 
     said: dict[str, Any] = {"shots": len(found.shots)}
     reference = reference_words((*found.estimates, *found.fixed))
@@ -235,7 +240,7 @@ def rows(found: "JointResult") -> dict[str, Any]:
     return {**said, "simulations": found.runs}
 
 
-def refuse(given: Mapping[str, bool]) -> None:
+def refuse_single_shot_options(given: Mapping[str, bool]) -> None:
     """Refuse options that mean something for one shot alone.
 
     Raises

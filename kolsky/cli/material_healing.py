@@ -13,7 +13,7 @@ from kolsky.cli import texts
 from kolsky.cli.options import AsJson, HeaderLine, OutFolder
 
 if TYPE_CHECKING:
-    from kolsky.material.fits.healing import Healing
+    from kolsky.material.fits.properties import Healing
 
 Column = typer.Option(metavar="COLUMN", help="By name or number.", show_default=False)
 
@@ -46,10 +46,10 @@ def material_healing(
     """
     from explicit.materials import LAWS
     from kolsky.base.files import filling, usable_folder, write_table
-    from kolsky.cli.homogeneous_options import area_of, poisson_of, read_tests
+    from kolsky.cli.material_fit import area_of, poisson_of, read_tests
     from kolsky.cli.terminal import print_result
-    from kolsky.material.fits.healing import healing
-    from kolsky.material.fits.homogeneous_files import Columns
+    from kolsky.material.fits.homogeneous_test import Columns
+    from kolsky.material.fits.properties import healing
 
     texts.one_of("--law", law, tuple(LAWS))
     ratio, free = poisson_of(poisson, "")

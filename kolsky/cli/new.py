@@ -1,7 +1,12 @@
-"""`kolsky new`: a shot.toml to fill in, with what the folder's files say."""
+"""`kolsky new`: a shot.toml to fill in, with what the folder's files show.
+
+An existing file is left unchanged.
+"""
 
 import json
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,12 +14,37 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kolsky.base.errors import InputError
-from kolsky.cli.new_file import beginning
 from kolsky.cli.options import AsJson
 
 if TYPE_CHECKING:
-    from kolsky.shot.picture_survey import FoundPictures
-    from kolsky.shot.survey import Survey
+    from kolsky.survey.pictures import PictureSurvey
+    from kolsky.survey.tables import Survey
+
+
+@contextmanager
+def beginning(path: Path) -> Iterator[None]:
+    """Make the folder of a new file, and refuse what keeps either from being written.
+
+    Within it the file is to be opened with the mode "x".
+
+    Raises
+    ------
+    InputError
+        If the file exists, something else stands where its folder is to be, or either cannot be written.
+    """
+    folder = path.parent
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except FileExistsError as error:
+        at_fault = path if folder.is_dir() else Path(error.filename)
+        raise InputError(
+            at_fault, "exists already and is left as it is", cure="edit it, or choose another folder"
+        ) from None
+    except OSError as error:
+        raise InputError(
+            folder, f"cannot be written ({error.strerror})", cure="give another folder, or make it writable"
+        ) from None
 
 
 def new(
@@ -34,7 +64,7 @@ def new(
     as_json: AsJson = False,
 ) -> None:
     """Write a shot.toml: files, columns, units and clocks as found, facts blank; one that exists is kept."""
-    from kolsky.shot.survey import survey
+    from kolsky.survey.tables import survey
 
     if sum((bars, pictures, previous is not None)) > 1:
         raise InputError(folder, "--bars, --pictures and --from exclude each other", cure="give one of them")
@@ -47,7 +77,7 @@ def new(
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
     if as_json:
-        typer.echo(json.dumps(_said(path, text, found, bars=bars, pictures=series), indent=2))
+        typer.echo(json.dumps(_found_lines(path, text, found, bars=bars, pictures=series), indent=2))
         return
     if bars:
         for table in found.recordings:
@@ -66,13 +96,13 @@ def new(
     typer.echo(f"wrote {path}; fill in what is empty, then: kolsky check {folder}")
 
 
-def _pictures(folder: Path, found: "Survey") -> "FoundPictures":
-    from kolsky.shot.picture_survey import survey_pictures
+def _pictures(folder: Path, found: "Survey") -> "PictureSurvey":
+    from kolsky.survey.pictures import survey_pictures
 
     return survey_pictures(folder, found)
 
 
-def _parts(pictures: "FoundPictures | None") -> dict[str, str]:
+def _parts(pictures: "PictureSurvey | None") -> dict[str, str]:
     """Dotted key -> file or pattern of the pictures that were found."""
     if pictures is None:
         return {}
@@ -80,11 +110,11 @@ def _parts(pictures: "FoundPictures | None") -> dict[str, str]:
     return {f"{table}.camera_{i}": one.name for table, series in both for i, one in enumerate(series)}
 
 
-def _said(
-    path: Path, text: str, found: "Survey", *, bars: bool, pictures: "FoundPictures | None"
+def _found_lines(
+    path: Path, text: str, found: "Survey", *, bars: bool, pictures: "PictureSurvey | None"
 ) -> dict[str, Any]:
     """What was found and what is left to fill in, as one object."""
-    from kolsky.shot.schema.blanks import blanks
+    from kolsky.base.toml import blanks
 
     recorded = [table.path.name for table in found.recordings] if bars else []
     return {
@@ -104,29 +134,29 @@ def written(
     folder: Path,
     *,
     bars: bool = False,
-    pictures: "FoundPictures | None" = None,
+    pictures: "PictureSurvey | None" = None,
     last: str | None = None,
 ) -> str:
     """The text of the new shot file: the blank one, or the last shot's, with what the files say."""
-    from kolsky.shot.new_file import filled, next_of_series, noted, notes_of, values_of
+    from kolsky.survey.new_file import fill_in, next_of_series, notes_of, values_of, with_notes
 
     if last is not None:
-        return noted(next_of_series(last, folder, found), notes_of(found))
+        return with_notes(next_of_series(last, folder, found), notes_of(found))
     text = template(bars=bars, pictures=pictures is not None)
     if bars:
-        from kolsky.shot.new_bars import with_recordings
+        from kolsky.survey.new_file import with_recordings
 
         return with_recordings(text, found)
     values, notes = values_of(found), notes_of(found)
     if pictures is not None:
-        from kolsky.shot.picture_survey import picture_notes, picture_values
+        from kolsky.survey.pictures import picture_notes, picture_values
 
         values = {k: v for k, v in values.items() if not k.startswith(("flyer.", "centre_line."))}
         values |= picture_values(pictures)
         notes |= picture_notes(pictures)
         if pictures.target:
             text = text.replace("# [calibration.target]", "[calibration.target]", 1)
-    return noted(filled(text, values), notes)
+    return with_notes(fill_in(text, values), notes)
 
 
 def template(*, bars: bool = False, pictures: bool = False) -> str:
@@ -144,7 +174,7 @@ def _resource(name: str) -> str:
 
 def _text_of(series: Path) -> str:
     from kolsky.readers.text import decode, read_bytes
-    from kolsky.shot.schema.reading import TOML_LIMIT, find_shot_file
+    from kolsky.schema.shot_file import TOML_LIMIT, find_shot_file
 
     path = find_shot_file(series)
     return decode(path, read_bytes(path, limit=TOML_LIMIT))

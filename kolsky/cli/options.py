@@ -1,8 +1,13 @@
-"""Options that several commands share, each typed once."""
+"""Options that several commands share, and the shot that a command is about.
+
+`SolverOptions` and `--quiet` are added to the signature of a command when the program is made, see
+`kolsky.cli.commandline.program`.
+"""
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -11,9 +16,13 @@ import typer
 
 from kolsky.base.errors import InputError
 from kolsky.cli import texts
+from kolsky.cli.terminal import quietly
 
 if TYPE_CHECKING:
     from kolsky.inverse.forward import Numerics
+    from kolsky.pictures.picture_set import PictureSet
+    from kolsky.shot.records import OpticalData, Shot
+
 
 ShotPath = Annotated[Path, typer.Argument(metavar="SHOT", help="A shot's folder, or its shot.toml.")]
 Out = Annotated[
@@ -36,7 +45,7 @@ Mesh = Annotated[str, typer.Option(metavar="NRxNY", help="Elements across the ra
 Precision = Annotated[str, typer.Option(help="Arithmetic of the solver: fp64 or fp32.")]
 Device = Annotated[str, typer.Option(help='"cpu", a CUDA device such as "cuda:0", or "cuda".')]
 Threads = Annotated[int | None, typer.Option(min=1, help="CPU threads.", show_default="all cores")]
-PastData = Annotated[
+_PastData = Annotated[
     str,
     typer.Option(
         metavar="CHOICE",
@@ -49,7 +58,7 @@ Element = Annotated[
     typer.Option(help="one_point, or fbar: fully integrated, nothing to tune, three times as expensive."),
 ]
 Hourglass = Annotated[str, typer.Option(help="Hourglass control of one_point: stiffness or viscous.")]
-Corrected = Annotated[
+_Corrected = Annotated[
     bool,
     typer.Option(
         "--nearly-incompressible",
@@ -73,11 +82,11 @@ class SolverOptions:
 
     element: Element = "one_point"
     hourglass: Hourglass = "stiffness"
-    nearly_incompressible: Corrected = False
+    nearly_incompressible: _Corrected = False
     precision: Precision = "fp64"
     device: Device = "cpu"
     threads: Threads = None
-    past_data: PastData = "continue"
+    past_data: _PastData = "continue"
 
     def numerics(self, mesh: tuple[int, int]) -> "Numerics":
         """Settings of the solver on a mesh.
@@ -161,3 +170,87 @@ def with_solver_options(command: Callable[..., None]) -> Callable[..., None]:
     spread.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     del spread.__wrapped__  # type: ignore[attr-defined]
     return spread
+
+
+_Quiet = Annotated[
+    bool,
+    typer.Option("--quiet", "-q", help="No progress, no wall time: the answer and its warnings alone."),
+]
+
+
+def with_general_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the options that every command has.
+
+    Parameters
+    ----------
+    command
+        A function of typed options.
+    """
+    hints = get_type_hints(command, include_extras=True)
+    own = [
+        parameter.replace(annotation=hints.get(parameter.name, parameter.annotation))
+        for parameter in inspect.signature(command).parameters.values()
+    ]
+
+    @functools.wraps(command)
+    def spread(*, quiet: bool = False, **given: Any) -> None:
+        with quietly(quiet):
+            command(**given)
+
+    added = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=_Quiet)
+    spread.__signature__ = inspect.Signature([*own, added])  # type: ignore[attr-defined]
+    spread.__annotations__ = {parameter.name: parameter.annotation for parameter in (*own, added)}
+    del spread.__wrapped__  # type: ignore[attr-defined]
+    return spread
+
+
+def load(shot: Path, out: Path | None, *inside: str, forks: bool = True) -> "tuple[Shot, Path]":
+    """The shot, and the folder its results go to: refused now if unusable, not after the work.
+
+    Parameters
+    ----------
+    shot
+        A shot's folder, or its shot.toml.
+    out
+        Where results go; by default the folder "results" of the shot.
+    inside
+        Folders inside it.
+    forks
+        Whether pictures may be correlated by several processes.
+
+    Raises
+    ------
+    InputError
+        If the shot cannot be used, or the folder cannot be written to.
+    """
+    from kolsky.base.files import usable_folder
+    from kolsky.cli.terminal import progress_bars
+    from kolsky.schema.shot_file import folder_of
+    from kolsky.shot.load import load_shot
+
+    place = out or folder_of(shot) / "results"
+
+    def measure(pictures: "PictureSet") -> "OpticalData":
+        from dic.processes import allow_forks
+        from kolsky.base.process import keep_freed_memory
+        from kolsky.shot.optical_data import measured
+
+        keep_freed_memory()
+        with progress_bars() as progress, allow_forks() if forks else nullcontext():
+            return measured(pictures, usable_folder(place), progress=progress)
+
+    loaded = load_shot(shot, measure=measure)
+    return loaded, usable_folder(place.joinpath(*inside))
+
+
+@contextmanager
+def usable(shot: "Shot") -> Iterator[None]:
+    """Make bad input of a shot that cannot be worked with: one line, exit code 2."""
+    try:
+        yield
+    except ValueError as error:
+        raise InputError(
+            shot.folder,
+            str(error),
+            cure="correct shot.toml or the option that it names; `kolsky check` shows what was read",
+        ) from error

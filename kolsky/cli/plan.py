@@ -113,7 +113,7 @@ def plan(
             value=heights,
             cure="write them with commas, e.g. --heights 1,3,5",
         )
-    from kolsky.cli.inputs import load, usable
+    from kolsky.cli.options import load, usable
     from kolsky.cli.terminal import print_result, progress_bars, since
 
     loaded, folder = load(shot, out)
@@ -121,7 +121,7 @@ def plan(
     from kolsky.report.study_folder import write_plan_results
     from kolsky.studies.planning import output
     from kolsky.studies.planning import plan as planning
-    from kolsky.studies.planning.instruments import instruments_of
+    from kolsky.studies.planning.information import instruments_of
 
     with usable(loaded), progress_bars() as progress:
         found = planning.plan(

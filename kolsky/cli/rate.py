@@ -85,7 +85,7 @@ def _identified(progress: Any) -> "Identify":
         from kolsky.base.files import usable_folder
         from kolsky.identification import identify as identified
         from kolsky.report.result_folder import write_identify_results
-        from kolsky.studies.rates.collect import result_of
+        from kolsky.studies.rates.rate import result_of
 
         folder = usable_folder(result_of(shot).parent)
         try:
@@ -102,21 +102,22 @@ def _identified(progress: Any) -> "Identify":
 
 def _rows(group: "GroupRates", *, several: bool) -> dict[str, str]:
     """The lines that a terminal gets of one group."""
-    from kolsky.report import numbers
-    from kolsky.report.plain_text import plain
+    from kolsky.results import numbers
+    from kolsky.results.numbers import plain_sentence
 
     prefix = f"{group.name}: " if several else ""
     rows = {f"{prefix}shots": f"{len(group.counted)} of {len(group.shots)} counted"}
     for shot in group.shots:
         value, U = numbers.measured(shot.m, 2.0 * shot.sigma)
         rows[f"{prefix}{shot.name}"] = (
-            f"m = {plain(value)} ± {plain(U)} (k = 2) at {shot.history.nominal_rate:.4g} 1/s"
+            f"m = {plain_sentence(value)} ± {plain_sentence(U)} (k = 2) at "
+            f"{shot.history.nominal_rate:.4g} 1/s"
             f"{'' if shot.counted else ', not counted'}"
         )
     if group.pooled is not None:
         low, high = group.pooled.interval
         value, half = numbers.measured(group.pooled.mean, 0.5 * (high - low))
-        rows[f"{prefix}mean m"] = f"{plain(value)} ± {plain(half)} (95 %)"
+        rows[f"{prefix}mean m"] = f"{plain_sentence(value)} ± {plain_sentence(half)} (95 %)"
         rows[f"{prefix}scatter between shots"] = f"{group.pooled.fit.between:.2g}"
         rows[f"{prefix}U = 2s"] = f"{2.0 * group.pooled.scatter:.2g}"
     line = group.slope

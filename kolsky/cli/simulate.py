@@ -56,16 +56,20 @@ def simulate(
             "common deformed one",
             cure="leave one out",
         )
-    from kolsky.cli.inputs import load, usable
+    from kolsky.cli.options import load, usable
     from kolsky.cli.terminal import print_result, progress_bars, since
 
     loaded, folder = load(shot, out, "simulation")
     numerics = solver.numerics(elements)
-    from kolsky.base.files import filling
-    from kolsky.base.json_types import jsonable
+    from kolsky.base.files import filling, jsonable
     from kolsky.inverse import simulate as simulation
     from kolsky.inverse.result import worst_imbalance
-    from kolsky.uncertainty.warnings.runs import folded, hourglass, past_curve, sliding
+    from kolsky.uncertainty.warnings import (
+        folded_warning,
+        hourglass_warning,
+        past_curve_warning,
+        sliding_warning,
+    )
 
     with usable(loaded), progress_bars() as progress:
         progress("simulation", 0, 1)
@@ -81,10 +85,12 @@ def simulate(
     share, ending = float(run.response.extrapolated_share[0]), run.response.ending(0)
     warnings = [
         *([] if ending.outcome.ok else [f"the simulation ended {ending.sentence}"]),
-        *past_curve(share, float(run.response.largest_strain_measure[0]), run.prepared.checks),
-        *hourglass(run.response),
-        *folded(run.response, run.prepared.forward.mesh(numerics), loaded.interface, list(parameters)),
-        *sliding(loaded.interface, list(parameters)),
+        *past_curve_warning(share, float(run.response.largest_strain_measure[0]), run.prepared.checks),
+        *hourglass_warning(run.response),
+        *folded_warning(
+            run.response, run.prepared.forward.mesh(numerics), loaded.interface, list(parameters)
+        ),
+        *sliding_warning(loaded.interface, list(parameters)),
     ]
     summary = {
         "shot": loaded.name,
@@ -154,13 +160,12 @@ def _slow(
 ) -> None:
     """The quasi-static test of a shot's specimen."""
     started = perf_counter()
-    from kolsky.cli.inputs import load, usable
+    from kolsky.cli.options import load, usable
     from kolsky.cli.terminal import print_result, since
 
     loaded, folder = load(shot, out, "simulation")
-    from kolsky.base.files import filling
-    from kolsky.base.json_types import jsonable
-    from kolsky.inverse import slow
+    from kolsky.base.files import filling, jsonable
+    from kolsky.inverse import simulate as slow
     from kolsky.material.slow_compression import write_slow_compression
 
     with usable(loaded):
@@ -169,7 +174,7 @@ def _slow(
         )
     with filling(folder) as partial:
         write_slow_compression(partial / "slow.csv", found)
-    warnings = slow.doubts(found)
+    warnings = slow.slow_test_warnings(found)
     summary = {
         "shot": loaded.name,
         **({"parameters": dict(parameters)} if parameters else {}),

@@ -9,17 +9,36 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
 
 from dic.files import one_line
-from kolsky.cli.quiet import is_quiet
-from kolsky.report.nomenclature import STAGES
-from kolsky.report.plain_text import columns
+from kolsky.results.nomenclature import STAGES
+from kolsky.results.numbers import columns
 
 if TYPE_CHECKING:
-    from doe.executors import Pace
+    from doe.ledger import Pace
 
-EVERY = 60.0
+
+_QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
+
+
+def is_quiet() -> bool:
+    """True within a command with `--quiet`."""
+    return _QUIET.get()
+
+
+@contextmanager
+def quietly(asked: bool) -> Iterator[None]:
+    """Let everything inside be quiet, if asked for."""
+    token = _QUIET.set(asked)
+    try:
+        yield
+    finally:
+        _QUIET.reset(token)
+
+
+_EVERY = 60.0
 """Least time between two lines of a sweep that writes to no terminal [s]."""
 
 
@@ -109,7 +128,7 @@ def sweep_progress() -> Iterator[Callable[["Pace"], None]]:
     Yields
     ------
     callable
-        Called with a `doe.executors.Pace`.
+        Called with a `doe.ledger.Pace`.
     """
     if is_quiet():
         yield lambda pace: None
@@ -119,7 +138,7 @@ def sweep_progress() -> Iterator[Callable[["Pace"], None]]:
 
         def say(pace: "Pace") -> None:
             nonlocal last
-            if time.monotonic() - last >= EVERY:
+            if time.monotonic() - last >= _EVERY:
                 last = time.monotonic()
                 print(f"{pace.done} of {pace.total} runs, {_pace(pace)}", file=sys.stderr, flush=True)
 

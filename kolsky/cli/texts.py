@@ -4,8 +4,8 @@ from collections.abc import Iterable, Sequence
 from math import prod
 from pathlib import Path
 
+from kolsky.base.apparatus import RelaxationKind
 from kolsky.base.errors import InputError
-from kolsky.base.relaxation import Kind
 
 COMMAND_LINE = Path("command line")
 
@@ -21,7 +21,7 @@ def listed(text: str) -> tuple[str, ...]:
 
 def figure_formats(text: str) -> tuple[str, ...]:
     """ "pdf,svg" as formats of figures that are saved alone."""
-    from kolsky.report.formats import FIGURE_FORMATS
+    from kolsky.report import FIGURE_FORMATS
 
     return tuple(one_of("--figures", name, FIGURE_FORMATS) for name in listed(text))
 
@@ -140,7 +140,7 @@ def ranges(option: str, texts: Sequence[str]) -> dict[str, tuple[float, float] |
 
 def levels(option: str, texts: Sequence[str]) -> tuple[dict[str, tuple[float, float]], list[int]]:
     """["stiffness_factor=0.75:1.25:10"] as bounds by name and the number of levels of each."""
-    from kolsky.studies.design_file import MOST_RUNS
+    from kolsky.studies.sweep import MOST_RUNS
 
     bounds: dict[str, tuple[float, float]] = {}
     counts: list[int] = []
@@ -199,7 +199,7 @@ def one_of(option: str, text: str, choices: Sequence[str]) -> str:
     return text
 
 
-def relaxation(option: str, text: str) -> tuple[Kind, int]:
+def relaxation(option: str, text: str) -> tuple[RelaxationKind, int]:
     """A kind of relaxation and its branches: "prony", "prony:2", "bergstrom_boyce".
 
     Raises
@@ -207,7 +207,7 @@ def relaxation(option: str, text: str) -> tuple[Kind, int]:
     InputError
         If it is none of these.
     """
-    from kolsky.inverse.relaxing import parsed_kind
+    from kolsky.inverse.parameters import parsed_kind
 
     try:
         return parsed_kind(text)

@@ -1,22 +1,104 @@
-"""Least squares with one input changed: value, uncertainty, significance and evidence (no simulations here).
+"""Least squares with one input changed, weighted by what a correct model leaves (no simulations).
 
-The residual r = prediction - data, shape [k], is linear in changes of the free parameters and of the input,
-r + A z. What a right model leaves of it has the covariance C and, beyond it, tau
-(`kolsky.diagnosis.expected_residual`).
-
-Other inputs may be off within their declared uncertainty: B a with a standard normal prior on a and bounds
-at k = 2, found together with z.
+Value, uncertainty, significance and evidence of a change. The covariance of the expected residual is
+diagonal plus patterns, inverted by Woodbury's identity: the full matrix is never formed.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import lsq_linear
 from scipy.special import fdtrc
 
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
-from kolsky.diagnosis.expected_residual import ExpectedResidual
+
+
+@dataclass(frozen=True)
+class ExpectedResidual:
+    """What a right model leaves of the data vector."""
+
+    sigma: FloatArray
+    """Standard deviation of what is independent, shape [k]."""
+    patterns: FloatArray
+    """Changes of the data vector by one standard deviation of each common cause, shape [k, q]."""
+    channel: IntArray
+    """Channel of each entry, 0 for force and 1 for outline, shape [k]."""
+    block: IntArray
+    """Number of the time of each entry, the same for both channels, shape [k]."""
+    tau: FloatArray
+    """What is left beyond, of each channel, in its unit, shape [2]."""
+
+    @cached_property
+    def variance(self) -> FloatArray:
+        """Of what is independent, with tau, shape [k]."""
+        return np.asarray(self.sigma**2 + self.tau[self.channel] ** 2)
+
+    @cached_property
+    def _weights(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """1 / (sigma^2 + tau^2) [k], the patterns times that [k, q], and the patterns' own matrix [q, q]."""
+        inverse = 1.0 / self.variance
+        VN = self.patterns * inverse[:, None]
+        core = np.eye(self.patterns.shape[1]) + self.patterns.T @ VN
+        return inverse, VN, core
+
+    def weighted(self, x: FloatArray) -> FloatArray:
+        """C^-1 x, shape of x [k] or [k, n]."""
+        inverse, VN, core = self._weights
+        plain = inverse[:, None] * x.reshape(len(x), -1)
+        return np.asarray(plain - VN @ np.linalg.solve(core, self.patterns.T @ plain)).reshape(x.shape)
+
+    def independent(self, residual: FloatArray) -> FloatArray:
+        """The residual without what the patterns most probably brought, shape [k]."""
+        return np.asarray(self.variance * self.weighted(residual))
+
+    def of(self, channel: int) -> "ExpectedResidual":
+        """One channel alone."""
+        return self.among(self.channel == channel)
+
+    def among(self, use: BoolArray) -> "ExpectedResidual":
+        """Some of the entries alone, shape of `use` [k]."""
+        return replace(
+            self,
+            sigma=self.sigma[use],
+            patterns=self.patterns[use],
+            channel=self.channel[use],
+            block=self.block[use],
+        )
+
+    @cached_property
+    def _channels(self) -> tuple["ExpectedResidual", ...]:
+        """Each channel alone, without tau."""
+        return tuple(replace(self.of(channel), tau=np.zeros(2)) for channel in range(2))
+
+    def misfits(self, residual: FloatArray) -> FloatArray:
+        """Mean of r^T C^-1 r over the entries of each channel, on its own and without tau, shape [2].
+
+        1 is what a right model leaves; of a channel without entries it is 1.
+        """
+        found = np.ones(2)
+        for channel, alone in enumerate(self._channels):
+            part = residual[self.channel == channel]
+            if part.size:
+                found[channel] = part @ alone.weighted(part) / part.size
+        return found
+
+    def with_tau(self, residual: FloatArray) -> "ExpectedResidual":
+        """With the tau that explains a residual, of each channel."""
+        left = self.independent(residual)
+        excess = [
+            (left[use] ** 2 - self.sigma[use] ** 2).mean() if (use := self.channel == c).any() else 0.0
+            for c in range(2)
+        ]
+        tau = np.sqrt(np.maximum(excess, 0.0))
+        return self if (tau == self.tau).all() else replace(self, tau=tau)
+
+    @cached_property
+    def times(self) -> IntArray:
+        """Number of distinct times of each channel, shape [2]."""
+        return np.array([len(np.unique(self.block[self.channel == c])) for c in range(2)])
+
 
 BLOCKS = (2, 4, 8, 16)
 """Block lengths, in times of a channel, over which residuals may be correlated."""

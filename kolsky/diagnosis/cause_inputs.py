@@ -1,28 +1,279 @@
-"""The inputs that are tried as causes of a misfit: one record each, one entry makes a new one."""
+"""Inputs that are tried as causes of a misfit: the list, what each changes, and the shot with one corrected.
 
-from math import expm1, inf, log, log1p, nan
+A simulation does not know when its clock started: a flyer's record that is late by L makes every
+prediction late by L, and needs no other run. So do scales and offsets of what was measured
+(`Alteration`).
+"""
 
-from kolsky.diagnosis.alterations import Alteration
-from kolsky.diagnosis.candidate_input import (
-    BASELINE,
-    DAMPING,
-    DENSITY,
-    DIAMETER,
-    FLYER_CLOCK,
-    FORCE_CLOCK,
-    INTERFACE,
-    KIND,
-    LENGTH,
-    OUTLINE_CLOCK,
-    POISSON,
-    SCALE,
-    SENSITIVITY,
-    SPREAD,
-    Y_OFFSET,
-    Z_OFFSET,
-    CandidateInput,
-    Changed,
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from math import expm1, hypot, inf, isfinite, log, log1p, nan
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from explicit import Response
+from kolsky.base.apparatus import SLIDING_LAW
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import FlyerMotion
+from kolsky.inverse.observations import Observations, radius_at
+from kolsky.inverse.parameters import PARAMETERS, any_slides
+from kolsky.inverse.problem import Settings
+from kolsky.inverse.result import COVERAGE, CauseFinding
+from kolsky.shot.records import ForceChannel, Shot
+
+if TYPE_CHECKING:
+    from kolsky.inverse.staged_runs import StagedRuns
+
+
+SPREAD_NODES = 7
+"""Nodes of the mean over a contact that spreads; exact for polynomials in time of degree 13."""
+
+
+@dataclass(frozen=True)
+class Alteration:
+    """A change of the predictions of one run."""
+
+    force_factor: float = 1.0
+    """The force is so many times the simulated one [-]."""
+    force_offset: float = 0.0
+    """And so much larger [N]."""
+    force_lag: float = 0.0
+    """The force comes so much later [s]."""
+    spread: float = 0.0
+    """The force begins over times so much earlier to so much later, as over a tilted round face [s]."""
+    outline_lag: float = 0.0
+    """The outline comes so much later [s]."""
+    y_offset: float = 0.0
+    """The outline's points lie so much higher than their file says [m]."""
+    Z_offset: float = 0.0
+    """And so much further from the axis [m]."""
+
+    def then(self, other: Alteration) -> Alteration:
+        """Both alterations: factors multiply, lags and offsets add, spreads add in quadrature."""
+        return Alteration(
+            force_factor=self.force_factor * other.force_factor,
+            force_offset=self.force_offset * other.force_factor + other.force_offset,
+            force_lag=self.force_lag + other.force_lag,
+            spread=hypot(self.spread, other.spread),
+            outline_lag=self.outline_lag + other.outline_lag,
+            y_offset=self.y_offset + other.y_offset,
+            Z_offset=self.Z_offset + other.Z_offset,
+        )
+
+    @property
+    def sight(self) -> tuple[float, float]:
+        """What tells the radii of `radii` under this alteration from those under another: lag and height."""
+        return self.outline_lag, self.y_offset
+
+    def vector(
+        self,
+        response: Response,
+        observations: Observations,
+        sample: int = 0,
+        *,
+        radii: FloatArray | None = None,
+    ) -> FloatArray:
+        """Force bins [N], then the radii at all outline points [m], shape [k]; NaN where none is known.
+
+        `radii` are those of the same run under an alteration of the same `sight`, where they are known.
+        """
+        force = observations.of_forces(lambda bins, which: self._force(response, bins.edges, sample, which))
+        if not observations.has_shape:
+            return force
+        known = self.radii(response, observations, sample) if radii is None else radii
+        return np.concatenate([force, known - self.Z_offset])
+
+    def _force(self, response: Response, edges: FloatArray, sample: int, which: str) -> FloatArray:
+        """Means of a force between the edges, as altered [N]; the incident one has its own scale and zero."""
+        t = response.force_times
+        impulse, force = response.impulse_transmission[sample], response.force_transmission[sample]
+        if which == "flyer":
+            impulse, force = response.impulse_flyer[sample], response.force_flyer[sample]
+        lags, weights = contact_spread(self.spread) if self.spread > 0.0 else (np.zeros(1), np.ones(1))
+        mean = np.zeros(len(edges) - 1)
+        for lag, weight in zip(lags, weights, strict=True):
+            at = edges - self.force_lag - lag
+            known = np.interp(at, t, impulse) + np.maximum(at - t[-1], 0.0) * force[-1]
+            mean += weight * np.diff(known) / np.diff(edges)
+        return mean if which == "flyer" else np.asarray(self.force_factor * mean + self.force_offset)
+
+    def radii(self, response: Response, observations: Observations, sample: int = 0) -> FloatArray:
+        """Radii at the points without the offset from the axis [m], linear in time between the frames and
+        beyond the last; at rest before the first. None of a shot without an outline."""
+        if not observations.has_shape:
+            return np.zeros(0)
+        line, times = observations.centre_line, response.surface_times
+        r, y = response.surface_r[sample], response.surface_y[sample]
+        at = np.maximum(line.time - self.outline_lag, times[0])
+        row = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+        part = (at - times[row]) / (times[row + 1] - times[row])
+        exact = np.abs(part - np.rint(part)) < 1e-6
+        part = np.where(exact, np.rint(part), part)
+        height = line.y + self.y_offset
+        found = np.zeros(len(height))
+        for step, weight in ((0, 1.0 - part), (1, part)):
+            use = weight != 0.0
+            radius, _ = radius_at(r, y, row[use] + step, height[use])
+            found[use] += weight[use] * radius
+        return found
+
+
+UNALTERED = Alteration()
+
+
+def contact_spread(half: float) -> tuple[FloatArray, FloatArray]:
+    """Delays of the strips of a tilted round face, and their shares of its area.
+
+    The face's chord at the distance x from the middle has the length 2 sqrt(R^2 - x^2): the delays have the
+    density of a semicircle, whose Gauss quadrature is Chebyshev's of the second kind.
+
+    Parameters
+    ----------
+    half
+        Delay of the rim against the middle [s].
+    """
+    angle = np.pi * np.arange(1, SPREAD_NODES + 1) / (SPREAD_NODES + 1)
+    return half * np.cos(angle), 2.0 * np.sin(angle) ** 2 / (SPREAD_NODES + 1)
+
+
+SENSITIVITY, DENSITY, LENGTH, DIAMETER = (
+    "force.sensitivity",
+    "specimen.density",
+    "specimen.length",
+    "specimen.diameter",
 )
+POISSON, DAMPING, KIND = "model.poisson", "model.damping", "model.mass_damping"
+FORCE_CLOCK, OUTLINE_CLOCK, FLYER_CLOCK = "force.clock_offset", "centre_line.time", "flyer.time"
+BASELINE, SCALE, SPREAD = "force.baseline", "flyer.displacement", "flyer tilt"
+Y_OFFSET, Z_OFFSET, INTERFACE = "centre_line.y_offset", "centre_line.Z_offset", "interface.faces"
+
+
+@dataclass(frozen=True)
+class Changed:
+    """An input at another value: what is simulated and what is made of it."""
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    """Parameters of the simulation at other values than the shot's."""
+    specimen: Mapping[str, float] = field(default_factory=dict)
+    """Factors on fields of the specimen."""
+    motion: float = 1.0
+    """Factor on the motion of the front face."""
+    alteration: Alteration = UNALTERED
+    """Change of the predictions."""
+
+
+def combined(first: Changed, second: Changed) -> Changed:
+    """Both changes at once; of what both change, the second's value holds, factors multiply."""
+    factors = dict(first.specimen)
+    for name, factor in second.specimen.items():
+        factors[name] = factors.get(name, 1.0) * factor
+    return Changed(
+        values={**first.values, **second.values},
+        specimen=factors,
+        motion=first.motion * second.motion,
+        alteration=first.alteration.then(second.alteration),
+    )
+
+
+DECLARED = Changed()
+"""Everything as the shot declares it."""
+
+
+def _plain(u: float) -> float:
+    return u
+
+
+@dataclass(frozen=True, kw_only=True)
+class CandidateInput:
+    """One input that may be wrong, as a coordinate u in which the response is nearly linear."""
+
+    key: str
+    """Key of shot.toml, or what else is wrong."""
+    words: str
+    """What is changed, as a sentence begins: "a factor on the force"."""
+    unit: str = "1"
+    """Unit of the value."""
+    check: str
+    """What to check, as a sentence ends: "check force.sensitivity"."""
+    scan: tuple[float, ...]
+    """Values of the coordinate that are tried before the search, far from what is declared."""
+    finer: float = 0.0
+    """Distance of the values tried about the best of those, where its basin is narrow; 0 for none."""
+    step: float
+    """Step of the coordinate for differences."""
+    typical: float
+    """Standard uncertainty that is usual where none is declared, in the value's unit; orders what the data
+    cannot tell apart."""
+    changed: Callable[[float], Changed]
+    """The input at a coordinate."""
+    allowance: float = 0.0
+    """Standard uncertainty that is granted beside the declared one: what no laboratory can know better."""
+    onset: bool = False
+    """Whether what the flyer's path leaves open of its onset is granted too: where no frame shows it, a force
+    or a flyer that seems late by as much is no wrong clock."""
+    declared: str = ""
+    """Its key in [uncertainty]; empty if it has none."""
+    value: Callable[[float], float] = _plain
+    """Value at a coordinate."""
+    coordinate: Callable[[float], float] = _plain
+    """Coordinate of a value."""
+    lowest: float = -inf
+    """Least coordinate."""
+    highest: float = inf
+    """Largest coordinate."""
+    exact: float = 0.0
+    """The value that is right if the input is: 1 for a factor, 0 for an offset."""
+    parameter: str = ""
+    """The parameter of the simulation that it is; then `exact` is what is held."""
+    simulated: bool = False
+    """Whether other runs are needed."""
+    force: bool = False
+    """Whether it acts on the force alone."""
+    outline: bool = False
+    """Whether it acts on the outline alone."""
+
+    def here(self, stages: StagedRuns) -> bool:
+        """True if it can be tried on this shot: measured, held, and with an effect."""
+        shot, settings = stages.prepared.forward.shot, stages.settings
+        slides = any_slides([*stages.box.names, *settings.held]) or shot.interface.faces == SLIDING_LAW
+        if self.parameter in stages.box.names:
+            return False
+        if self.outline and not stages.observations.has_shape:
+            return False
+        if self.key == BASELINE:
+            return isinstance(shot.force, ForceChannel)
+        if self.key == INTERFACE:
+            return not slides
+        return True
+
+    def start(self, stages: StagedRuns) -> float:
+        """Coordinate of what is declared; NaN where that is no value of it."""
+        return nan if self.exact != self.exact else self.coordinate(self.held(stages))
+
+    def held(self, stages: StagedRuns) -> float:
+        """What is declared, in the value's unit."""
+        if not self.parameter:
+            return self.exact
+        shot, held = stages.prepared.forward.shot, stages.settings.held
+        return held.get(self.parameter, PARAMETERS[self.parameter].held(shot))
+
+    def sigma(self, stages: StagedRuns) -> float:
+        """Declared standard uncertainty in the value's unit, with what is granted; 0 if neither is."""
+        declared = stages.prepared.forward.shot.uncertainty.get(self.declared, 0.0)
+        return hypot(declared, self.allowance, stages.prepared.path.sigma_onset if self.onset else 0.0)
+
+    def within(self, stages: StagedRuns) -> tuple[float, float] | None:
+        """Coordinates, the smaller first, within k = 2 of what is declared; None where nothing is."""
+        middle, half = self.held(stages), COVERAGE * self.sigma(stages)
+        if not (half > 0.0 and isfinite(half) and isfinite(middle)):
+            return None
+        ends = sorted(self.value(u) for u in (self.lowest, self.highest))
+        low, high = (min(max(v, ends[0]), ends[1]) for v in (middle - half, middle + half))
+        one, other = sorted((self.coordinate(low), self.coordinate(high)))
+        return (one, other) if one < other else None
 
 
 def _one_more(u: float) -> float:
@@ -258,3 +509,101 @@ WITHOUT_TRACE = (
     "5 % too low gives an m 5 % too high, and nothing here can tell.",
 )
 """What no table of causes can show."""
+
+
+SPECIMEN_FIELDS = {LENGTH: "length", DIAMETER: "diameter", DENSITY: "density"}
+"""Fields of the specimen by their keys."""
+HELD_PARAMETERS = {
+    POISSON: "poisson",
+    DAMPING: "damping",
+    KIND: "mass_damping",
+    INTERFACE: "friction",
+}
+"""Parameters that are then held at the found value."""
+
+
+def corrected(shot: Shot, settings: Settings, finding: CauseFinding) -> tuple[Shot, Settings] | None:
+    """The shot and the settings with the found value; None where none can be given, as for a flyer's tilt."""
+    key, value = finding.key, finding.value
+    if key in SPECIMEN_FIELDS:
+        specimen, name = shot.specimen, SPECIMEN_FIELDS[key]
+        wrong = getattr(specimen, name)
+        return replace(shot, specimen=replace(specimen, **{name: value * wrong})), settings
+    if key in HELD_PARAMETERS:
+        return shot, replace(settings, held={**settings.held, HELD_PARAMETERS[key]: value})
+    if key not in CORRECTIONS:
+        return None
+    return CORRECTIONS[key](shot, value), settings
+
+
+def _corrected_gain(shot: Shot, value: float) -> Shot:
+    force = shot.force
+    if isinstance(force, ForceChannel):
+        right = replace(force.transducer, sensitivity=force.transducer.sensitivity / value)
+        return replace(shot, force=replace(force, transducer=right))
+    history = force.history()
+    right_history = replace(history, force=value * history.force, sigma=value * history.sigma)
+    return replace(shot, force=replace(force, measured=right_history))
+
+
+def _corrected_baseline(shot: Shot, value: float) -> Shot:
+    """Volts taken off after the baseline, whose own mean is the zero."""
+    force = shot.force
+    assert isinstance(force, ForceChannel)  # it is not tried on another
+    volts = force.transducer.compression_sign * force.transducer.sensitivity * value
+    later = force.time > force.baseline[1]
+    recording = replace(force.recording, value=force.recording.value - np.where(later, volts, 0.0))
+    return replace(shot, force=replace(force, recording=recording))
+
+
+def _force_clock(shot: Shot, lag: float) -> Shot:
+    force = shot.force
+    if isinstance(force, ForceChannel):
+        return replace(shot, force=replace(force, clock_offset=force.clock_offset - lag))
+    history = force.history()
+    return replace(shot, force=replace(force, measured=replace(history, time=history.time - lag)))
+
+
+def _outline_clock(shot: Shot, lag: float) -> Shot:
+    line = shot.centre_line
+    assert line is not None  # it is not tried without one
+    return replace(shot, centre_line=replace(line, time=line.time - lag))
+
+
+def _flyer_clock(shot: Shot, lag: float) -> Shot:
+    """The motion is known until its last frame, and compared no longer."""
+    motion = replace(shot.flyer, time=shot.flyer.time - lag)
+    first, last = shot.window
+    return replace(shot, flyer=motion, window=(first, min(last, float(motion.time[-1]))))
+
+
+def _corrected_motion(shot: Shot, factor: float) -> Shot:
+    motion = shot.flyer
+    if isinstance(motion, FlyerMotion):
+        return replace(shot, flyer=replace(motion, displacement=factor * motion.displacement))
+    return replace(shot, flyer=replace(motion, velocity=factor * motion.velocity))
+
+
+def _corrected_height(shot: Shot, offset: float) -> Shot:
+    line = shot.centre_line
+    assert line is not None  # as above
+    return replace(shot, centre_line=replace(line, y=line.y + offset))
+
+
+def _corrected_radius(shot: Shot, offset: float) -> Shot:
+    line = shot.centre_line
+    assert line is not None  # as above
+    return replace(shot, centre_line=replace(line, Z=line.Z + offset))
+
+
+CORRECTIONS: dict[str, Callable[[Shot, float], Shot]] = {
+    SENSITIVITY: _corrected_gain,
+    BASELINE: _corrected_baseline,
+    FORCE_CLOCK: _force_clock,
+    OUTLINE_CLOCK: _outline_clock,
+    FLYER_CLOCK: _flyer_clock,
+    SCALE: _corrected_motion,
+    Y_OFFSET: _corrected_height,
+    Z_OFFSET: _corrected_radius,
+}
+"""What puts a recording or a scale right, by the cause's key."""

@@ -1,25 +1,73 @@
-"""The search for the value of one changed input that explains the data best, the free parameters found anew.
+"""The search for the value of one changed input that explains the data best, the free parameters found
+again.
 
-First every input by one linear step from the answer. Where the data are not explained as they are, values
-far from what is declared are tried too, and the most promising inputs are followed by Gauss-Newton steps
-with runs of their own: a gain of 2 or a Poisson's ratio with another rhythm is out of reach of a tangent.
+First every input by one linear step from the answer. Where the data are not explained, values far away
+are scanned, the best are followed, and, where Poisson's ratio is free, other valleys of it are tried.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kolsky.base.arrays import BoolArray, FloatArray
-from kolsky.diagnosis.candidate_input import DECLARED, CandidateInput
-from kolsky.diagnosis.cause_fit import Allowances, LinearFit, evidence, fit_linear, solve_linear
+from kolsky.diagnosis.cause_fit import (
+    Allowances,
+    ExpectedResidual,
+    LinearFit,
+    evidence,
+    fit_linear,
+    solve_linear,
+)
+from kolsky.diagnosis.cause_inputs import DECLARED, CandidateInput
 from kolsky.diagnosis.cause_model import CauseModel, Point
-from kolsky.diagnosis.cause_trial import Trial
-from kolsky.diagnosis.expected_residual import ExpectedResidual
-from kolsky.inverse.cause_results import COVERAGE
+from kolsky.inverse.result import COVERAGE
 from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.valleys import VALLEY, local_minima, oscillation_table
+
+
+@dataclass(frozen=True)
+class Trial:
+    """An input at a value, with the free parameters that suit it."""
+
+    candidate: CandidateInput
+    """The input."""
+    x: FloatArray
+    """Free parameters in SI, shape [d]."""
+    u: float
+    """Coordinate of the input."""
+    misfits: FloatArray
+    """`ExpectedResidual.misfits` there, shape [2]."""
+    residual: FloatArray
+    """Prediction minus data there, shape [k]."""
+    fit: LinearFit | None = None
+    """The last linear fit about it."""
+    step: float = 0.0
+    """What that fit would still change the coordinate by."""
+    lost: str = ""
+    """Why it could not be tried; empty if it was."""
+
+    @property
+    def value(self) -> float:
+        """What the data prefer, in the input's unit."""
+        return self.candidate.value(self.u)
+
+    @property
+    def sigma(self) -> float:
+        """Standard uncertainty of the value, NaN if it is not known."""
+        if self.fit is None or self.lost:
+            return float("nan")
+        low, high = self.candidate.lowest, self.candidate.highest
+        one = float(np.sqrt(self.fit.covariance[-1, -1]))
+        if not np.isfinite(one):
+            return float("inf")
+        reach = max(min(one, self.u - low, high - self.u), 1e-3 * one, 1e-15)
+        up, down = min(self.u + reach, high), max(self.u - reach, low)
+        slope = abs(self.candidate.value(up) - self.candidate.value(down)) / (up - down)
+        return slope * one
+
 
 FOLLOWED = 6
 """Most starts that are followed by Gauss-Newton steps."""
@@ -269,3 +317,165 @@ class CauseSearch:
 def _inside(c: CandidateInput, u: float) -> float:
     """A coordinate inside the input's range."""
     return float(min(max(u, c.lowest), c.highest))
+
+
+FINER = 6
+"""Finer values tried to each side."""
+
+Value = tuple[CandidateInput, float]
+"""An input and a coordinate of it."""
+
+
+def scan_inputs(search: CauseSearch, candidates: Sequence[CandidateInput]) -> list[Trial]:
+    """The best far values of every candidate, the free parameters by a linear step: starts.
+
+    Those of narrow basins are run first, for finer values about the best of them follow. Where no core is
+    idle beside runs, as on a GPU, all that do not depend on others are one launch.
+    """
+    narrow = _values(search, [c for c in candidates if c.finer > 0.0])
+    others = [c for c in candidates if not c.finer > 0.0]
+    altered = _values(search, [c for c in others if not c.simulated])
+    simulated = _values(search, [c for c in others if c.simulated])
+    first = narrow if search.model.beside else [*narrow, *simulated]
+    with search.model.ahead(_points(search, first)):
+        found = _trials(search, altered)
+    with search.model.ahead(_points(search, simulated)):
+        basins = best_tried(search, _trials(search, narrow))
+    steps = range(-FINER, FINER + 1)
+    about = _within_bounds([(t.candidate, t.u + n * t.candidate.finer) for t in basins for n in steps])
+    with search.model.ahead(_points(search, about)):
+        found += _trials(search, simulated)
+    found.sort(key=lambda t: [c.key for c in others].index(t.candidate.key))
+    return best_tried(search, found) + best_tried(search, _trials(search, about))
+
+
+def _values(search: CauseSearch, candidates: Sequence[CandidateInput]) -> list[Value]:
+    return _within_bounds([(c, u) for c in candidates for u in c.scan])
+
+
+def _within_bounds(tried: Sequence[Value]) -> list[Value]:
+    return [(c, u) for c, u in tried if c.lowest <= u <= c.highest]
+
+
+def _points(search: CauseSearch, tried: Sequence[Value]) -> list[Point]:
+    return [Point(search.x, c.changed(u)) for c, u in tried]
+
+
+def _trials(search: CauseSearch, tried: Sequence[Value]) -> list[Trial]:
+    """Each value with the free parameters by a linear step; those whose runs are lost are left out."""
+    found = []
+    for (c, u), vector in zip(tried, search.model.vectors(_points(search, tried)), strict=True):
+        if not np.isfinite(vector[: search.n_force]).all():
+            continue
+        fit = solve_linear(search.residual(vector), search.slope, search.expected, search.allowed(c))
+        x = search.clipped(search.x + fit.step)
+        found.append(Trial(c, x, u, search.expected.misfits(fit.residual), fit.residual))
+    return found
+
+
+def best_tried(search: CauseSearch, tried: Sequence[Trial]) -> list[Trial]:
+    """Of each candidate the two values from which both neighbours are worse, as ringing has several."""
+    trials: dict[str, list[Trial]] = {}
+    for t in tried:
+        trials.setdefault(t.candidate.key, []).append(t)
+    found = []
+    for row in trials.values():
+        row.sort(key=lambda t: t.u)
+        losses = [search.loss(t.misfits) for t in row]
+        lowest = [i for i in range(len(row)) if losses[i] <= min(losses[max(i - 1, 0) : i + 2])]
+        found += [row[i] for i in sorted(lowest, key=lambda i: losses[i])[:2]]
+    return found
+
+
+REACH = 1.0
+"""Oscillations over the whole test to each side of a start: to the next valley of the whole force, between
+which those of its harmonics lie."""
+PHASE = 0.05
+"""Step of the scan, in oscillations: those of a harmonic of the fourth order are in step over a quarter."""
+FLOORS = 2
+"""Most floors of valleys that are followed from a start."""
+
+NO_CHANGE = CandidateInput(
+    key="",
+    words="no input changed",
+    check="",
+    scan=(),
+    step=1.0,
+    typical=1.0,
+    changed=lambda _: DECLARED,
+)
+"""The free parameters alone."""
+
+
+def valley_is_free(search: CauseSearch) -> bool:
+    """True if Poisson's ratio is free, so that a change may need another valley."""
+    return VALLEY in search.stages.box.names
+
+
+def in_valleys(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
+    """The starts, the best of each input at the floor of another valley where a run finds that lower.
+
+    Parameters
+    ----------
+    search
+        The data and the model.
+    starts
+        Inputs at values, with the free parameters that suit them.
+
+    Returns
+    -------
+    list of Trial
+        As many; those that were scanned about as a run at their point finds them.
+    """
+    best: dict[str, int] = {}
+    for n in sorted(range(len(starts)), key=lambda n: search.loss(starts[n].misfits)):
+        best.setdefault(starts[n].candidate.key, n)
+    found = list(starts)
+    scanned = [starts[n] for n in best.values()]
+    for n, start, floors in zip(best.values(), scanned, _floors(search, scanned), strict=True):
+        measured = search.measured([start, *floors])
+        if measured:
+            found[n] = min(measured, key=lambda t: search.loss(t.misfits))
+    return found
+
+
+def _floors(search: CauseSearch, starts: Sequence[Trial]) -> list[list[Trial]]:
+    """At most `FLOORS` floors about each start, the lowest first, the other parameters by a linear step."""
+    i = search.stages.box.names.index(VALLEY)
+    rows = [(n, x) for n, t in enumerate(starts) for x in _along(search, t.x, i)]
+    vectors = search.model.vectors([Point(x, starts[n].candidate.changed(starts[n].u)) for n, x in rows])
+    others = np.arange(len(search.x)) != i
+    trials: list[list[Trial]] = [[] for _ in starts]
+    for (n, x), vector in zip(rows, vectors, strict=True):
+        if not np.isfinite(vector[: search.n_force]).all():
+            continue
+        c, step = starts[n].candidate, np.zeros(len(x))
+        fit = solve_linear(
+            search.residual(vector), search.slope[:, others], search.expected, search.allowed(c)
+        )
+        step[others] = fit.step
+        misfits = search.expected.misfits(fit.residual)
+        x = search.clipped(x + step)
+        trials[n].append(replace(starts[n], x=x, misfits=misfits, residual=fit.residual))
+    return [
+        [row[j] for j in local_minima(np.array([search.loss(t.misfits) for t in row]))[:FLOORS]]
+        for row in trials
+    ]
+
+
+def _along(search: CauseSearch, x: FloatArray, i: int) -> list[FloatArray]:
+    """A point with Poisson's ratio, its entry i, at equal steps of the oscillations' number about it."""
+    names, low, high = search.stages.box.names, search.model.lower[i], search.model.upper[i]
+    factor = float(x[names.index("stiffness_factor")]) if "stiffness_factor" in names else 1.0
+    values, number = oscillation_table(search.stages, factor, (low, high))
+    steps = np.arange(-round(REACH / PHASE), round(REACH / PHASE) + 1)
+    wanted = np.interp(x[i], values, number) + PHASE * steps
+    inside = wanted[(wanted >= number[0]) & (wanted <= number[-1])]
+    return [np.where(np.arange(len(x)) == i, one, x) for one in np.interp(inside, number, values)]
+
+
+def without_change(search: CauseSearch) -> None:
+    """Let evidence count against the best valley that the free parameters reach with no input changed."""
+    start = Trial(NO_CHANGE, search.at, 0.0, search.before, search.left)
+    for found in search.followed(in_valleys(search, [start])):
+        search.against(found)

@@ -1,29 +1,202 @@
-"""Which input is wrong? Each is changed alone until the model explains the data best, and they are ranked."""
+"""Which input is wrong? Each is changed until the model explains the data best; ranking, words."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import nan
+from math import isfinite, nan
 
 import numpy as np
 
 from explicit import Response
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.process import one_blas_thread
-from kolsky.diagnosis.candidate_input import DENSITY, SENSITIVITY, CandidateInput
-from kolsky.diagnosis.cause_expected import expected_residual
-from kolsky.diagnosis.cause_inputs import CANDIDATES
-from kolsky.diagnosis.cause_model import CauseModel, Point
-from kolsky.diagnosis.cause_ranking import ranked
-from kolsky.diagnosis.cause_scan import scanned
-from kolsky.diagnosis.cause_search import FOLLOWED, CauseSearch
-from kolsky.diagnosis.cause_trial import Trial
-from kolsky.diagnosis.cause_valleys import in_valleys, valley_is_free, without_change
-from kolsky.diagnosis.thresholds import UNEXPLAINED
-from kolsky.inverse.cause_results import CauseFinding
+from kolsky.diagnosis.cause_fit import chance, evidence, explained_share, holm
+from kolsky.diagnosis.cause_inputs import CANDIDATES, DAMPING, DENSITY, POISSON, SENSITIVITY, CandidateInput
+from kolsky.diagnosis.cause_model import CauseModel, Point, expected_residual
+from kolsky.diagnosis.cause_search import (
+    FOLLOWED,
+    CauseSearch,
+    Trial,
+    in_valleys,
+    scan_inputs,
+    valley_is_free,
+    without_change,
+)
+from kolsky.diagnosis.fit_quality import UNEXPLAINED
+from kolsky.inverse.result import CauseFinding
 from kolsky.inverse.staged_runs import StagedRuns
+
+LEVEL = 0.01
+"""Probability, adjusted for all inputs tried, below which a change is significant."""
+EVIDENCE = 100.0
+"""Least evidence of a cause that is named; see docs/validation/wrong_inputs."""
+ALIKE = 10.0
+"""Inputs whose losses differ by less cannot be told apart: likelihoods within a factor of exp(5)."""
+ASSUMED = "model."
+"""Where keys of assumptions begin: values that are taken from elsewhere, not from the specimen."""
+LEAST_SHARE = 0.25
+"""Least share of the misfit that a cause explains that is named."""
+FREED_TOGETHER = (POISSON, DAMPING)
+"""Assumptions that an identification frees together by default: where one is refuted, so is the pair."""
+
+
+def ranked(search: CauseSearch, trials: Sequence[Trial], *, refuted: str = "") -> tuple[CauseFinding, ...]:
+    """The findings in order, with probabilities for all tests together and what cannot be told apart.
+
+    An input whose preferred value lies within k = 2 of its declared uncertainty is never a likely cause: it
+    is listed with what it explains alone.
+
+    Parameters
+    ----------
+    search, trials
+        The data, and the best value of every input.
+    refuted
+        Key of a likely cause that is free beside the parameters; empty if there is none.
+    """
+    adjusted = holm([_chance(search, t) for t in trials])
+    entries = np.array([(search.expected.channel == c).sum() for c in range(2)])
+    rows = []
+    for t, probability in zip(trials, adjusted, strict=True):
+        gain = search.gain(t.misfits) if not t.lost else 0.0
+        share = explained_share(search.before, t.misfits, entries)
+        strong = not t.lost and probability < LEVEL and gain >= EVIDENCE and share >= LEAST_SHARE
+        alone = None if strong or t.candidate not in search.declared else search.alone(t.candidate)
+        if alone is not None and _within(search, alone):
+            t, gain = alone, evidence(search.bare, alone.misfits, search.expected.times)
+            share = explained_share(search.bare, alone.misfits, entries)
+        rows.append((t, probability, gain, share, strong and not _within(search, t)))
+    likely = [row for row in rows if row[-1]]
+    order = in_groups(search, [row[0] for row in likely])
+    likely.sort(key=lambda row: order.index(row[0].candidate.key))
+    rest = [row for row in rows if not row[-1]]
+    rest = [rest[i] for i in by_evidence([row[0].candidate.key for row in rest], [row[2] for row in rest])]
+    if not likely and rest and _explains_all(rest[0], refuted) and not _within(search, rest[0][0]):
+        likely, rest = [(*rest[0][:-1], True)], rest[1:]
+        groups = [row[0] for row in (*likely, *rest) if not row[0].lost]
+    else:
+        groups = [row[0] for row in likely]
+    return tuple(
+        _finding(search, *row, alike=_indistinguishable(search, row[0], groups) if row[-1] else ())
+        for row in (*likely, *rest)
+    )
+
+
+def _explains_all(row: tuple[Trial, float, float, float, bool], refuted: str) -> bool:
+    """True if the leading input beside a refuted one belongs to its pair and is significant by itself.
+
+    A closed test: that both values are right has been refuted with the evidence and the share of the first,
+    which are those of the pair at least; that this one is right is refuted by its own probability, the first
+    one free, where the likelihoods can be told apart at all.
+    """
+    t, probability, gain, _, _ = row
+    pair = refuted in FREED_TOGETHER and t.candidate.key in FREED_TOGETHER
+    return pair and not t.lost and gain > ALIKE and probability < LEVEL
+
+
+def by_evidence(keys: Sequence[str], evidences: Sequence[float]) -> list[int]:
+    """Places of inputs, the most evidence first; of those that cannot be told apart assumptions first.
+
+    What `ASSUMED` has in its key nobody has measured on the specimen; a length that is off by as much as the
+    data would have it is a measurement gone wrong. Evidences that differ by less than `ALIKE` do not tell one
+    from the other.
+
+    Parameters
+    ----------
+    keys, evidences
+        Of the inputs, in any order.
+    """
+    left, order = sorted(range(len(keys)), key=lambda i: -evidences[i]), []
+    while left:
+        first = evidences[left[0]]
+        group = [i for i in left if first > ALIKE and first - evidences[i] < ALIKE] or left[:1]
+        order += sorted(group, key=lambda i: not keys[i].startswith(ASSUMED))
+        left = [i for i in left if i not in group]
+    return order
+
+
+def _within(search: CauseSearch, t: Trial) -> bool:
+    """True if the value lies within k = 2 of what is declared."""
+    span = t.candidate.within(search.stages)
+    return span is not None and span[0] <= t.u <= span[1]
+
+
+def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
+    """Keys, the least loss first; of those that cannot be told from it the most usual error first."""
+    left, order = sorted(trials, key=lambda t: search.loss(t.misfits)), []
+    while left:
+        first = search.loss(left[0].misfits)
+        group = [t for t in left if search.loss(t.misfits) - first <= ALIKE]
+        order += [t.candidate.key for t in sorted(group, key=lambda t: _unusual(search, t))]
+        left = left[len(group) :]
+    return order
+
+
+def _unusual(search: CauseSearch, t: Trial) -> float:
+    """Size of the change over its declared uncertainty, or over what is usual or granted if that is more."""
+    c, declared = t.candidate, search.stages.prepared.forward.shot.uncertainty
+    scale = c.sigma(search.stages)
+    if not declared.get(c.declared, 0.0) > 0.0:
+        scale = max(scale, c.typical)
+    start = t.candidate.held(search.stages)
+    return abs(t.value - start) / scale if isfinite(start) and isfinite(scale) else float("inf")
+
+
+def _indistinguishable(search: CauseSearch, one: Trial, likely: Sequence[Trial]) -> tuple[str, ...]:
+    return tuple(
+        t.candidate.key
+        for t in likely
+        if t is not one and abs(search.loss(t.misfits) - search.loss(one.misfits)) <= ALIKE
+    )
+
+
+def _chance(search: CauseSearch, t: Trial) -> float:
+    """Probability of such a change if the input is right within its declared uncertainty."""
+    if t.lost or t.fit is None:
+        return 1.0
+    degrees = len(t.residual) / max(t.fit.inflation, 1.0) - len(t.fit.step)
+    start = t.candidate.held(search.stages)
+    if not isfinite(start):
+        return chance(np.sqrt(max(search.gain(t.misfits), 0.0)), 1.0, degrees=degrees)
+    return chance(
+        t.value - start, float(np.hypot(t.sigma, t.candidate.sigma(search.stages))), degrees=degrees
+    )
+
+
+def _finding(
+    search: CauseSearch,
+    t: Trial,
+    probability: float,
+    gain: float,
+    share: float,
+    named: bool,
+    *,
+    alike: tuple[str, ...],
+) -> CauseFinding:
+    names, c = search.stages.box.names, t.candidate
+    sigmas = (
+        {}
+        if t.fit is None or t.lost
+        else dict(zip(names, np.sqrt(np.diag(t.fit.covariance))[: len(names)].tolist(), strict=True))
+    )
+    return CauseFinding(
+        key=c.key,
+        words=c.words,
+        unit=c.unit,
+        exact=c.held(search.stages),
+        value=nan if t.lost else t.value,
+        sigma=nan if t.lost else t.sigma,
+        explained=share,
+        evidence=gain,
+        probability=probability,
+        parameters={} if t.lost else dict(zip(names, t.x[: len(names)].tolist(), strict=True)),
+        sigmas=sigmas,
+        named=named,
+        alike=alike,
+        status=t.lost,
+        declared_sigma=c.sigma(search.stages) or None,
+    )
 
 
 @dataclass(frozen=True)
@@ -53,7 +226,7 @@ class OtherStart:
     """The run there, a batch of one."""
 
 
-Elsewhere = Callable[[], OtherStart | None]
+FindOtherStart = Callable[[], OtherStart | None]
 """Gives another point, None if there is none; asked when the search from the answer has ended."""
 
 
@@ -74,7 +247,7 @@ def find_causes(
     x: FloatArray,
     refined: Response,
     *,
-    other: Elsewhere = lambda: None,
+    other: FindOtherStart = lambda: None,
     explained: Callable[[], bool] = lambda: False,
 ) -> CauseAnalysis:
     """Try every input as the cause of the misfit.
@@ -92,7 +265,7 @@ def find_causes(
         free parameters into a valley from which no step leads back once the input is put right.
     explained
         Whether the goodness of fit leaves no misfit that is out of a tangent's reach, see
-        `kolsky.diagnosis.verdicts.near_right`; asked where the search itself would look far away.
+        `kolsky.diagnosis.fit_quality.near_right`; asked where the search itself would look far away.
     """
     started = time.perf_counter()
     try:
@@ -108,7 +281,7 @@ def _analysed(
     stages: StagedRuns,
     x: FloatArray,
     refined: Response,
-    elsewhere: Elsewhere,
+    elsewhere: FindOtherStart,
     explained: Callable[[], bool],
 ) -> CauseAnalysis:
     candidates = [c for c in CANDIDATES if c.here(stages)]
@@ -175,10 +348,10 @@ def _findings(
         return findings
     first = next(one for one in trials if one.own.candidate.key == findings[0].key)
     rest = [c for c in candidates if c is not first.own.candidate]
-    return beside(first.search, first.own, findings, rest)
+    return search_beside_leading(first.search, first.own, findings, rest)
 
 
-def beside(
+def search_beside_leading(
     search: CauseSearch, first: Trial, findings: tuple[CauseFinding, ...], rest: Sequence[CandidateInput]
 ) -> tuple[CauseFinding, ...]:
     """The findings with the first renewed on the refined mesh, and with what else is wrong beside it.
@@ -213,10 +386,10 @@ def beside(
         parameters=dict(zip(names, x[: len(names)].tolist(), strict=True)),
     )
     more = tuple(replace(f, beside=c.key) for f in ranked(second, trials, refuted=c.key))
-    return (renewed, *listed_beside(more, findings[1:]))
+    return (renewed, *list_pairs(more, findings[1:]))
 
 
-def listed_beside(more: Sequence[CauseFinding], alone: Sequence[CauseFinding]) -> tuple[CauseFinding, ...]:
+def list_pairs(more: Sequence[CauseFinding], alone: Sequence[CauseFinding]) -> tuple[CauseFinding, ...]:
     """What follows the first cause: likely ones beside it, likely ones in its place, the rest.
 
     Parameters
@@ -248,12 +421,12 @@ def best_trials(
     tangents = search.tangents(candidates)
     if not (search.before > UNEXPLAINED).any() or explained():
         return tangents
-    starts = [t for t in tangents if not t.lost] + scanned(search, candidates)
+    starts = [t for t in tangents if not t.lost] + scan_inputs(search, candidates)
     starts = sorted(starts, key=lambda t: search.loss(t.misfits))[:FOLLOWED]
     if valley_is_free(search):
         without_change(search)
         starts = in_valleys(search, starts)
-    followed = search.followed([*starts, *_same_force(search, starts)])
+    followed = search.followed([*starts, *_same_force_starts(search, starts)])
     best = {t.candidate.key: t for t in tangents}
     for t in sorted(followed, key=lambda t: -search.loss(t.misfits)):
         if search.gain(t.misfits) > 0.0:  # else the tangent tells more
@@ -261,7 +434,7 @@ def best_trials(
     return list(best.values())
 
 
-def _same_force(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
+def _same_force_starts(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
     """A density for each gain of the force: these and stress scaled alike leave the motion."""
     names = search.stages.box.names
     gains = [t for t in starts if t.candidate.key == SENSITIVITY]
@@ -272,3 +445,56 @@ def _same_force(search: CauseSearch, starts: Sequence[Trial]) -> list[Trial]:
     x[names.index("stiffness_factor")] *= gains[0].u
     x = np.clip(x, search.model.lower, search.model.upper)
     return [replace(gains[0], candidate=density, x=x, u=gains[0].u - 1.0)]
+
+
+def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Iterator[str]:
+    """Say which inputs are likely to be wrong, the most likely first, or that none explains the misfit.
+
+    Parameters
+    ----------
+    analysis
+        All inputs that were tried.
+    explained
+        Whether the model explains force and outline on the refined mesh: then there is nothing that no input
+        explains.
+    """
+    if analysis.lost:
+        yield f"which input may be wrong could not be tried: {analysis.lost}"
+    checks = {c.key: c.check for c in CANDIDATES}
+    for finding in analysis.named:
+        told = ", ".join(f"{name} = {value:.5g}" for name, value in finding.parameters.items())
+        other = f" (the data cannot tell it from {' or '.join(finding.alike)})" if finding.alike else ""
+        also, whole = ("", "the misfit")
+        if finding.beside:
+            also, whole = f"beside {finding.beside}, ", "what is left of it"
+        yield (
+            f"{also}{sentence(finding)} explains {percent(finding.explained)} of {whole}{other}: "
+            f"{checks.get(finding.key, finding.key)}; with it {told}"
+        )
+    if not explained and not analysis.named and (analysis.misfits > UNEXPLAINED).any():
+        yield (
+            "no single change of an input explains the misfit (the residual is "
+            f"{' and '.join(f'{x**0.5:.2g}' for x in analysis.misfits)} times what a right model leaves, of "
+            "force and outline): more than one input may be wrong, or the model"
+        )
+
+
+DISPLAY_UNITS = {"s": (1e6, "us"), "m": (1e6, "um")}
+"""Factor and unit in which a value is written."""
+
+
+def sentence(finding: CauseFinding) -> str:
+    """The change in words: "a force gain of 0.498 ± 0.003 (k = 2)"."""
+    factor, unit = DISPLAY_UNITS.get(finding.unit, (1.0, "" if finding.unit == "1" else finding.unit))
+    half = 2.0 * factor * finding.sigma
+    value = factor * finding.value
+    digits = max(0, 1 - int(np.floor(np.log10(half)))) if isfinite(half) and half > 0.0 else 4
+    written = f"{value:.{min(digits, 7)}f}"
+    if isfinite(half) and half > 0.0:
+        written += f" ± {half:.{min(digits, 7)}f}"
+    return f"{finding.words} of {written} {unit}".rstrip() + " (k = 2)"
+
+
+def percent(share: float) -> str:
+    """A share in percent, with as many digits as tell it from 100 %."""
+    return f"{100.0 * share:.1f} %" if share > 0.95 else f"{100.0 * share:.0f} %"

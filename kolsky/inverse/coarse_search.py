@@ -1,26 +1,169 @@
-"""The optimum on the surrogate's mesh: a design over the whole box, then more runs where they matter.
+"""The optimum on the surrogate's mesh: a design over the whole box, a surrogate, more runs where they
+matter.
 
-With one parameter a second design of seven levels about the first optimum is as good as anything, and one
-batch. With several a design fine enough everywhere would be too large, and the runs are placed one small
-batch after the other (`doe.refine`).
+With one parameter a second design of seven levels about the first optimum suffices. With several, runs
+are placed in small batches (`doe.refine`). One parameter is searched by a simplex, several by bounded
+least squares. `CorrectedSurrogate` agrees with runs on another mesh, exactly at the last one and in the
+slope between the last two (Broyden's update).
+
+Replicates of the fitted path give the patterns by which noise of the front face's motion changes the
+data; `weigh_front_noise` finds the optimum again with weights that contain them.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from doe import SURROGATES, Box, Surrogate, from_points
+from doe import nelder_mead as minimise
 from doe.refine import Refinement, refine
 from doe.surrogates import ProcessSurrogate, ResponseSurrogate, SurrogateError, SurrogateKind
 from doe.surrogates.quality import Fitness, fitness
+from doe.uncertainty import Channel, Likelihood
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.completed_runs import CompletedRuns
-from kolsky.inverse.method_comparison import AGREEMENT
-from kolsky.inverse.objective import Objective
-from kolsky.inverse.observations import Prediction
-from kolsky.inverse.optimum import CorrectedSurrogate, at_inner_face, jacobian, search
+from kolsky.inverse.objective import Objective, Part
+from kolsky.inverse.observations import Observations, Prediction
+from kolsky.inverse.path_noise import SMALLEST_MODE
+from kolsky.inverse.result import AGREEMENT
+from kolsky.inverse.run_table import CompletedRuns, Replicates
 from kolsky.inverse.staged_runs import StagedRuns
+
+Model = Callable[[FloatArray], FloatArray]
+"""Predicted data vectors, shape [n, k], of parameter points, shape [n, d] or [d]."""
+
+ON_EDGE = 1e-5
+"""A coordinate this close to a bound, as a share of the box's edge, lies on it."""
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The best point of a model and the objective it is best for."""
+
+    x: FloatArray
+    """The point, shape [d]."""
+    objective: Objective
+    """The objective with the discrepancies of that point."""
+
+
+def search(
+    box: Box,
+    objective: Objective,
+    model: Model,
+    part: Part = "joint",
+    *,
+    start: FloatArray | None = None,
+    tolerance: float = 1e-7,
+) -> Optimum:
+    """Find the optimum and the discrepancies at it (they depend on each other: three rounds).
+
+    Parameters
+    ----------
+    box
+        Where to search.
+    objective
+        What to minimise; its discrepancies are replaced.
+    model
+        Predicts data vectors.
+    part
+        The joint objective, or the force's or the outline's part of it.
+    start
+        Where to begin, shape [d]; the middle of the box if left out.
+    tolerance
+        Of the simplex, in the unit box.
+    """
+    for _ in range(3):
+        if box.dimension == 1:
+            start = _by_simplex(box, objective, model, part, start, tolerance)
+        else:
+            start = _by_least_squares(box, objective, model, part, start)
+        objective = objective.with_discrepancy(model(start)[0])
+    assert start is not None
+    return Optimum(start, objective)
+
+
+def _by_simplex(
+    box: Box, objective: Objective, model: Model, part: Part, start: FloatArray | None, tolerance: float
+) -> FloatArray:
+    def cost(x: FloatArray) -> float:
+        return float(objective.chi2(model(x)[0], part)) + objective.prior_chi2(x, part)
+
+    return minimise(cost, box, start=start, tolerance=tolerance).x
+
+
+def _by_least_squares(
+    box: Box, objective: Objective, model: Model, part: Part, start: FloatArray | None
+) -> FloatArray:
+    prior = objective.prior if part == "joint" else None
+
+    def residuals(points: FloatArray) -> FloatArray:
+        weighted = objective.whitened(model(points) - objective.data, part)
+        return weighted if prior is None else np.hstack([weighted, prior.residuals(points)])
+
+    middle = 0.5 * (np.array(box.lower) + np.array(box.upper))
+    first = middle if start is None else np.clip(start, box.lower, box.upper)
+    k = residuals(first[None]).shape[1]
+    likelihood = Likelihood(box, residuals, np.zeros(k), [Channel("data and prior", np.ones(k))])
+    return likelihood.maximise(box.unit(first)).point
+
+
+@dataclass(frozen=True)
+class CorrectedSurrogate:
+    """A surrogate made to agree with runs on another mesh.
+
+    It agrees exactly with the last of them, and in the slope between the last two (Broyden's update).
+    """
+
+    surrogate: Surrogate
+    """The surrogate of the coarser mesh."""
+    anchor: FloatArray | None = None
+    """Point of the last run, shape [d]; None before the first."""
+    shift: FloatArray | float = 0.0
+    """What the last run adds to the surrogate, shape [k]."""
+    slope: FloatArray | float = 0.0
+    """How that changes away from the last run, shape [k, d]."""
+
+    def predict(self, points: FloatArray) -> FloatArray:
+        """Data vectors at points of shape [n, d] or [d], shape [n, k]."""
+        x = np.atleast_2d(points)
+        change = 0.0 if self.anchor is None else (x - self.anchor) @ np.transpose(self.slope)
+        return self.surrogate.predict(x, extrapolate=True) + self.shift + change
+
+    def through(self, point: FloatArray, vector: FloatArray) -> "CorrectedSurrogate":
+        """The surrogate that also agrees with a run at `point` which gave `vector`."""
+        miss = vector - self.predict(point)[0]
+        if self.anchor is None:
+            return replace(self, anchor=point, shift=miss, slope=np.zeros((len(vector), len(point))))
+        step = point - self.anchor
+        if not step.any():
+            return replace(self, shift=self.shift + miss)
+        slope = self.slope + np.outer(miss, step) / (step @ step)
+        moved = replace(self, anchor=point, slope=slope)
+        return replace(moved, shift=self.shift + vector - moved.predict(point)[0])
+
+
+def jacobian(model: Model, box: Box, x: FloatArray) -> FloatArray:
+    """Central differences of a model, one-sided at a bound, shape [k, d]."""
+    columns = []
+    for i in range(box.dimension):
+        step = 1e-3 * (box.upper[i] - box.lower[i])
+        up, down = x.copy(), x.copy()
+        up[i], down[i] = min(x[i] + step, box.upper[i]), max(x[i] - step, box.lower[i])
+        columns.append((model(up)[0] - model(down)[0]) / (up[i] - down[i]))
+    return np.array(columns).T
+
+
+def on_edge(x: FloatArray, box: Box) -> NDArray[np.bool_]:
+    """Mask of the coordinates of a point that lie on a bound of the box, shape [d]."""
+    lower, upper = np.array(box.lower), np.array(box.upper)
+    return np.asarray(np.minimum(x - lower, upper - x) < ON_EDGE * (upper - lower))
+
+
+def at_inner_face(x: FloatArray, local: Box, whole: Box) -> bool:
+    """True if a point lies on a face of the local box that is none of the whole one: it would go further."""
+    return bool((on_edge(x, local) & ~on_edge(x, whole)).any())
+
 
 SMOOTH, ROUGH = "response", "process"
 """Surrogates, by their names in `doe.SURROGATES`: for one free parameter, and for several in a small box
@@ -32,7 +175,7 @@ MOST_REFINEMENTS = 3
 """Most second designs, each around the optimum of the last one."""
 MOST_ROUNDS = 10
 """Most batches of adaptive refinement."""
-ON_THE_WAY = 1e-4
+TOLERANCE_BETWEEN_BATCHES = 1e-4
 """Tolerance of the searches between two batches, in the unit box."""
 
 
@@ -72,7 +215,7 @@ def search_coarse(stages: StagedRuns) -> CoarseOptimum:
         If the runs that completed do not carry a surrogate.
     """
     wide = stages.simulate("design", stages.design(stages.box), stages.settings.numerics)
-    return second_design(stages, wide) if stages.box.dimension == 1 else adaptive(stages, wide)
+    return second_design(stages, wide) if stages.box.dimension == 1 else adaptive_design(stages, wide)
 
 
 def second_design(stages: StagedRuns, wide: CompletedRuns) -> CoarseOptimum:
@@ -93,7 +236,9 @@ def second_design(stages: StagedRuns, wide: CompletedRuns) -> CoarseOptimum:
 
 def _fit(stages: StagedRuns, box: Box, runs: CompletedRuns) -> tuple[Objective, Surrogate]:
     """The objective over the points that every run reaches, and the surrogate of its data vector."""
-    objective = Objective(stages.observations, _reached(runs.prediction.inside), prior=stages.prior)
+    objective = Objective(
+        stages.observations, _points_in_every_run(runs.prediction.inside), prior=stages.prior
+    )
     use = box.contains(runs.points)
     vectors = objective.vectors(runs.prediction)
     try:
@@ -103,14 +248,16 @@ def _fit(stages: StagedRuns, box: Box, runs: CompletedRuns) -> tuple[Objective, 
     return objective, surrogate
 
 
-def adaptive(stages: StagedRuns, wide: CompletedRuns) -> CoarseOptimum:
+def adaptive_design(stages: StagedRuns, wide: CompletedRuns) -> CoarseOptimum:
     """Batches of runs about the optimum until it stays."""
-    objective = Objective(stages.observations, _reached(wide.prediction.inside), prior=stages.prior)
+    objective = Objective(
+        stages.observations, _points_in_every_run(wide.prediction.inside), prior=stages.prior
+    )
     try:
         found = _refine(stages, objective)
     except SurrogateError as error:
         raise _no_surrogate(error, wide) from error
-    return _settled(stages, found)
+    return _refined_surrogate(stages, found)
 
 
 def _refine(stages: StagedRuns, objective: Objective) -> Refinement:
@@ -126,7 +273,7 @@ def _refine(stages: StagedRuns, objective: Objective) -> Refinement:
 
     def locate(surrogate: Surrogate, region: Box, start: FloatArray) -> tuple[FloatArray, FloatArray]:
         model = CorrectedSurrogate(surrogate).predict
-        best = search(region, objective, model, start=start, tolerance=ON_THE_WAY)
+        best = search(region, objective, model, start=start, tolerance=TOLERANCE_BETWEEN_BATCHES)
         covariance = best.objective.covariance(jacobian(model, region, best.x), model(best.x)[0])
         return best.x, np.sqrt(np.diag(covariance))
 
@@ -143,10 +290,10 @@ def _refine(stages: StagedRuns, objective: Objective) -> Refinement:
     )
 
 
-def _settled(stages: StagedRuns, found: Refinement) -> CoarseOptimum:
+def _refined_surrogate(stages: StagedRuns, found: Refinement) -> CoarseOptimum:
     """The surrogate over the outline points that its own runs reach: more than the first design's."""
-    points, prediction = _used(stages, found.surrogate)
-    objective = Objective(stages.observations, _reached(prediction.inside), prior=stages.prior)
+    points, prediction = _runs_of_surrogate(stages, found.surrogate)
+    objective = Objective(stages.observations, _points_in_every_run(prediction.inside), prior=stages.prior)
     surrogate = ProcessSurrogate.fit(
         found.surrogate.box,
         points,
@@ -168,7 +315,7 @@ def fit_for_purpose(stages: StagedRuns, coarse: CoarseOptimum, gain: FloatArray)
     gain
         Linear map from a change of the data vector to the move of the optimum over its half width, [d, k].
     """
-    points, prediction = _used(stages, coarse.surrogate)
+    points, prediction = _runs_of_surrogate(stages, coarse.surrogate)
     vectors = coarse.objective.vectors(prediction)
     scale, box = coarse.objective.noise, coarse.surrogate.box
     kind = surrogate_kind(box, smooth=isinstance(coarse.surrogate, ResponseSurrogate))
@@ -180,7 +327,7 @@ def fit_for_purpose(stages: StagedRuns, coarse: CoarseOptimum, gain: FloatArray)
     return fitness(fit, box, points, vectors, sigma=scale, allowed=AGREEMENT, gain=gain)
 
 
-def _used(stages: StagedRuns, surrogate: Surrogate) -> tuple[FloatArray, Prediction]:
+def _runs_of_surrogate(stages: StagedRuns, surrogate: Surrogate) -> tuple[FloatArray, Prediction]:
     """The runs that a surrogate was built from, each once, and what they predict."""
     points, prediction = stages.on_surrogate_mesh()
     places = {tuple(x): row for row, x in enumerate(points)}
@@ -189,10 +336,86 @@ def _used(stages: StagedRuns, surrogate: Surrogate) -> tuple[FloatArray, Predict
     return points[rows], Prediction(**parts)
 
 
-def _reached(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _points_in_every_run(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(inside.all(axis=0))
 
 
 def _no_surrogate(error: SurrogateError, runs: CompletedRuns) -> ValueError:
     lost = f": {runs.lost}" if runs.lost else ""
     return ValueError(f"the runs that completed do not carry a surrogate ({error}){lost}")
+
+
+def replicate_uncertainty(moves: FloatArray) -> FloatArray:
+    """Standard uncertainty from replicates: root mean square of the moves of the optimum.
+
+    Parameters
+    ----------
+    moves
+        Optimum of each replicate minus that of the reference, shape [n, d].
+
+    Returns
+    -------
+    ndarray
+        In the parameters' units, shape [d].
+    """
+    return np.asarray(np.sqrt((moves**2).mean(axis=0)))
+
+
+def data_change(prediction: Prediction) -> FloatArray:
+    """Bins and all points of every run less those of the first, shape [n, n_bins + Q].
+
+    A point that a run does not reach adds nothing.
+    """
+    vectors = np.concatenate([prediction.force_bins, prediction.Z], axis=1)
+    return np.nan_to_num(vectors - vectors[0])
+
+
+def front_modes(change: FloatArray, noise: FloatArray) -> FloatArray:
+    """Independent patterns of the data with the mean square of some replicates, shape [n_modes, k].
+
+    Parameters
+    ----------
+    change
+        Data of each replicate less those of the reference, shape [n, k].
+    noise
+        Standard deviations of the data, shape [k].
+    """
+    _, size, patterns = np.linalg.svd(change / (noise * np.sqrt(len(change))), full_matrices=False)
+    kept = size > SMALLEST_MODE
+    return np.asarray(size[kept, None] * patterns[kept] * noise)
+
+
+def noise_of(observations: Observations) -> FloatArray:
+    """Measured standard deviations of bins and all points, shape [n_bins + Q]."""
+    return np.concatenate([observations.force_sigma, observations.centre_line.sigma])
+
+
+def learn_front_noise(stages: StagedRuns, replicates: Replicates | None) -> bool:
+    """Give the observations of `stages` the modes of some replicates; False if there are none."""
+    if replicates is None or not replicates.lesson.any():
+        return False
+    change = data_change(replicates.prediction)[replicates.lesson]
+    stages.know_front_noise(front_modes(change, noise_of(stages.observations)))
+    return True
+
+
+def weigh_front_noise(
+    stages: StagedRuns, coarse: CoarseOptimum, replicates: Replicates | None
+) -> CoarseOptimum:
+    """The optimum on the surrogate's mesh with weights that know the front face's noise.
+
+    From here on the observations of `stages` hold its modes.
+
+    Parameters
+    ----------
+    stages, coarse
+        The simulations, and the optimum by noise and discrepancy alone.
+    replicates
+        Runs near that optimum under other motions; None leaves it as it is.
+    """
+    if not learn_front_noise(stages, replicates):
+        return coarse
+    objective = replace(coarse.objective, observations=stages.observations)
+    model = CorrectedSurrogate(coarse.surrogate).predict
+    best = search(coarse.box, objective, model, start=coarse.x)
+    return replace(coarse, objective=best.objective, x=best.x)

@@ -1,4 +1,15 @@
-"""From a shot and parameter values to a batch of simulations of that very test."""
+"""Simulation of a shot: numerical choices, batches of runs, elastic parts, force transducers.
+
+`Forward` turns parameter values into a batch of the solver. Parts behind the specimen and of the flyer
+are linear (`explicit.bars.pulse`). Specimen and parts run in turn, each under the forces or motions of
+the other's last pass, until the forces agree (waveform iteration). A transducer at the depth x of a
+uniform bar shows the force at the face later by x / c_0, plus the inertia of what lies before it.
+
+Graded meshes have small elements where the faces end: the edge of a face that holds is a singularity of
+the stress, and most of the mesh error in how a specimen rings comes from there.
+"""
+
+from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -7,10 +18,16 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
 
 import explicit
+from explicit import Response
+from explicit.bars import PulseResponse, Section, pulse_on_bars, pulse_on_mesh, section_force
 from explicit.materials import MaterialLaw, marlow_from_curve
+from explicit.platens import MovingSupport
 from kolsky.bars.flyer.path import FlyerPath
+from kolsky.base.apparatus import ElasticBody
+from kolsky.base.arrays import FloatArray
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.parameters import (
     PARAMETERS,
@@ -20,10 +37,235 @@ from kolsky.inverse.parameters import (
     checked_value,
     require_declared,
     require_effect,
+    what_relaxes,
 )
-from kolsky.inverse.relaxing import what_relaxes
-from kolsky.inverse.surroundings import as_recorded, in_surroundings
-from kolsky.shot.records import Shot
+from kolsky.shot.records import Shot, ShotBase
+
+
+def at_transducer(shot: ShotBase, response: Response) -> Response:
+    """A batch with the transmitted force and impulse at the transducer in place of the platen's face.
+
+    Parameters
+    ----------
+    shot
+        The shot; a transducer at the face, or on a rigid support, leaves the batch as it is.
+    response
+        Simulations of it from rest on, with force times as dense as the force changes.
+    """
+    bar = shot.transmission_bar
+    if shot.transducer_depth == 0.0 or bar is None:
+        return response
+    delay = shot.transducer_depth / bar.wave_speed
+
+    def seen(history: FloatArray) -> FloatArray:
+        times = response.force_times
+        return np.stack(
+            [section_force(times, row, delay=delay, round_trip=bar.round_trip) for row in history]
+        )
+
+    return replace(
+        response,
+        force_transmission=seen(response.force_transmission),
+        impulse_transmission=seen(response.impulse_transmission),
+    )
+
+
+AGREED = 1e-3
+"""Root mean square change of the forces from a pass to the next over that of the forces, at which specimen
+and parts agree [-]."""
+MOST_PASSES = 8
+"""Passes after which it is given up."""
+
+RunBatches = Callable[[Sequence[explicit.Problem]], list[explicit.Response]]
+
+
+def in_surroundings(
+    shots: Sequence[ShotBase], problems: Sequence[explicit.Problem], run: RunBatches
+) -> list[explicit.Response]:
+    """Run batches, one a shot, each in its shot's surroundings, the forces as its transducers have them.
+
+    Parameters
+    ----------
+    shots, problems
+        The shots and their batches.
+    run
+        What runs batches.
+
+    Raises
+    ------
+    ValueError
+        If a specimen and its elastic parts do not agree in `MOST_PASSES` passes.
+    """
+    found = run(problems)
+    left = [k for k, shot in enumerate(shots) if shot.behind is not None or shot.flyer_body is not None]
+    for _ in range(MOST_PASSES):
+        if not left:
+            break
+        again = run([with_moved_faces(shots[k], problems[k], found[k]) for k in left])
+        apart = [_apart(found[k], new) for k, new in zip(left, again, strict=True)]
+        for k, new in zip(left, again, strict=True):
+            found[k] = new
+        left = [k for k, change in zip(left, apart, strict=True) if change > AGREED]
+    if left:
+        raise ValueError(
+            f"specimen and elastic parts do not agree after {MOST_PASSES} passes (forces change by "
+            f'{max(apart):.2g} of their size): declare stiffer parts, or support = "bar"'
+        )
+    return [as_recorded(*each) for each in zip(shots, problems, found, strict=True)]
+
+
+def with_moved_faces(
+    shot: ShotBase, problem: explicit.Problem, response: explicit.Response
+) -> explicit.Problem:
+    """A batch whose platens move as the shot's elastic parts do under the forces of its last pass."""
+    model, samples = problem.model, problem.samples
+    times = _knots(model)
+    if shot.behind is not None:
+        parts = _pulse(shot, shot.behind, times)
+        paths = -parts.histories(_impulses_at(response.impulse_transmission, response, times), "path")
+        model = replace(model, support=MovingSupport(tuple(_tabled_motion(times, row) for row in paths)))
+    if shot.flyer_body is not None:
+        parts = _pulse(shot, shot.flyer_body, times)
+        impulse = _impulses_at(response.impulse_flyer, response, times)
+        # The face is nearer to the specimen than the measured place has gone, by what lies between gives way.
+        short = parts.histories(impulse, "path") - parts.histories(impulse, "seen")
+        short -= short[:, :1]  # the round-off of the convolution at rest
+        measured = problem.model.motions
+        motions = tuple(
+            explicit.PlatenMotion(
+                start=measured[m].start,
+                step=measured[m].step,
+                position=measured[m].position - row,
+                velocity=measured[m].velocity - CubicSpline(times, row)(times, 1),
+            )
+            for m, row in zip(samples.motion, short, strict=True)
+        )
+        model = replace(model, motions=motions)
+        samples = replace(samples, motion=np.arange(len(samples)))
+    return replace(problem, model=model, samples=samples)
+
+
+def as_recorded(shot: ShotBase, problem: explicit.Problem, response: explicit.Response) -> explicit.Response:
+    """A batch with the forces at the transducers in place of those on the platens' faces.
+
+    Parameters
+    ----------
+    shot
+        The shot. The flyer's force is left on the face where the shot has none to compare it with.
+    problem
+        The batch, its flyer moving as measured.
+    response
+        Its simulations from rest on.
+    """
+    times = _knots(problem.model)
+    if shot.behind is None:
+        response = at_transducer(shot, response)
+    elif shot.behind.transducer_depth > 0.0:
+        force = _pulse(shot, shot.behind, times).histories(
+            _impulses_at(response.impulse_transmission, response, times), "section"
+        )
+        force, impulse = _recorded(times, force, response, response.force_transmission)
+        response = replace(response, force_transmission=force, impulse_transmission=impulse)
+    if shot.incident is None:
+        return response
+    speeds = {m: CubicSpline(times, problem.model.motions[m].velocity) for m in _used(problem)}
+    since = response.force_times
+    gained = np.array([speeds[m](since) for m in problem.samples.motion.tolist()])
+    push = np.array([speeds[m](since, 1) for m in problem.samples.motion.tolist()])
+    force, impulse, mass = response.force_flyer, response.impulse_flyer, shot.incident.mass
+    body = shot.flyer_body
+    if body is not None:
+        if body.transducer_depth == 0.0:
+            return response
+        # What pushes the flyer from behind moves it as one: that part is its measured motion less the
+        # specimen's share in it.
+        mass, share = mass_before(body), 1.0 / mass_before(body, body.length)
+        push, gained = push + share * force, gained + share * impulse
+        waves = _pulse(shot, body, times).histories(_impulses_at(impulse, response, times), "section")
+        force, impulse = _recorded(times, waves, response, force)
+    # m a = F_transducer - F_specimen, of the mass before the sensing plane.
+    return replace(response, force_flyer=force + mass * push, impulse_flyer=impulse + mass * gained)
+
+
+def mass_before(body: ElasticBody, depth: float | None = None) -> float:
+    """Mass of the parts between the face and a section, that of the transducer if left out [kg]."""
+    rest, mass = body.transducer_depth if depth is None else depth, 0.0
+    for part in body.parts:
+        mass += part.density * 0.25 * np.pi * part.diameter**2 * min(part.length, max(rest, 0.0))
+        rest -= part.length
+    return mass
+
+
+def _used(problem: explicit.Problem) -> set[int]:
+    return set(problem.samples.motion.tolist())
+
+
+def _apart(before: explicit.Response, now: explicit.Response) -> float:
+    """Root mean square change of the forces over their own; of runs that were lost, until they were."""
+    pairs = (
+        (before.force_transmission, now.force_transmission),
+        (before.force_flyer, now.force_flyer),
+    )
+    changes = []
+    for a, b in pairs:
+        both = np.isfinite(a) & np.isfinite(b)
+        size = float((b[both] ** 2).sum())
+        changes.append(np.sqrt(float(((b - a)[both] ** 2).sum()) / size) if size > 0.0 else 0.0)
+    return max(changes)
+
+
+def _knots(model: explicit.Model) -> FloatArray:
+    motion = model.motions[0]
+    return motion.start + motion.step * np.arange(len(motion.position), dtype=np.float64)
+
+
+def _impulses_at(impulse: FloatArray, response: explicit.Response, times: FloatArray) -> FloatArray:
+    """Impulses at other times [N s], from rest on; NaN after a run was lost."""
+    return np.stack([np.interp(times, response.force_times, row, left=0.0) for row in impulse])
+
+
+def _recorded(
+    times: FloatArray, force: FloatArray, response: explicit.Response, known: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Force and impulse at the response's times from the force at others; NaN where a run was lost."""
+    step = np.diff(times)
+    summed = np.cumsum(0.5 * step * (force[:, 1:] + force[:, :-1]), axis=1)
+    impulse = np.concatenate([np.zeros((len(force), 1)), summed], axis=1)
+    lost = ~np.isfinite(known)
+    found = []
+    for rows in (force, impulse):
+        seen = np.stack([np.interp(response.force_times, times, row) for row in rows])
+        found.append(np.where(lost, np.nan, seen))
+    return found[0], found[1]
+
+
+def _tabled_motion(times: FloatArray, position: FloatArray) -> explicit.PlatenMotion:
+    return explicit.PlatenMotion(
+        start=float(times[0]),
+        step=float(times[1] - times[0]),
+        position=position - position[0],
+        velocity=CubicSpline(times, position)(times, 1),
+    )
+
+
+def _pulse(shot: ShotBase, body: ElasticBody, times: FloatArray) -> PulseResponse:
+    step = round(float(times[-1] - times[0]) / (len(times) - 1), 15)
+    return _pulse_response(body, shot.specimen.radius, step, len(times))
+
+
+@lru_cache(maxsize=16)
+def _pulse_response(body: ElasticBody, radius: float, step: float, n: int) -> PulseResponse:
+    """The parts' response to a pulse that presses within the specimen's radius, or on the whole face."""
+    sections = tuple(
+        Section(part.length, 0.5 * part.diameter, part.youngs_modulus, part.density, part.poisson)
+        for part in body.parts
+    )
+    places = {"sensor": body.transducer_depth, "seen": body.seen_at}
+    if body.model == "bar":
+        return pulse_on_bars(sections, step=step, n=n, **places)
+    pressed = min(radius, sections[0].radius)
+    return pulse_on_mesh(sections, step=step, n=n, size=body.element_size, radius=pressed, **places)
+
 
 MOTION_KNOTS = 2049
 """Knots of the flyer's motion in the solver: 0.7 us apart on a 1.5 ms test, far below a camera frame."""
@@ -62,15 +304,15 @@ class Numerics:
     """Poisson's ratio at which the mesh is run and corrected to the wanted one on coarser meshes, see
     `explicit.run_nearly_incompressible`; None runs it directly. Every wanted ratio must lie above."""
 
-    def with_mesh(self, mesh: tuple[int, int]) -> "Numerics":
+    def with_mesh(self, mesh: tuple[int, int]) -> Numerics:
         """The same choices on another mesh."""
         return replace(self, mesh=mesh)
 
-    def with_other_element(self) -> "Numerics":
+    def with_other_element(self) -> Numerics:
         """The same choices with the other element, by which the mesh's error is told."""
         return replace(self, element="fbar" if self.element == "one_point" else "one_point")
 
-    def coarser(self) -> tuple["Numerics", "Numerics"]:
+    def coarser(self) -> tuple[Numerics, Numerics]:
         """The meshes that correct for Poisson's ratio: half as fine, and three quarters of that.
 
         Raises
@@ -229,7 +471,7 @@ class Forward:
             mesh=self.mesh(numerics),
             density=shot.specimen.density,
             materials=self.laws,
-            motions=tuple(_motion(path) for path in self.paths),
+            motions=tuple(_path_motion(path) for path in self.paths),
             faces=faces,
             side=side,
             support=_support(shot),
@@ -270,7 +512,7 @@ def curve_replicates(curve: MaterialCurve, n: int, rng: np.random.Generator) -> 
     return [marlow_from_curve(curve.stretch, curve.stress + row) for row in noise]
 
 
-def _motion(path: FlyerPath) -> explicit.PlatenMotion:
+def _path_motion(path: FlyerPath) -> explicit.PlatenMotion:
     times, position, velocity = path.table(MOTION_KNOTS)
     step = float(times[-1] - times[0]) / (len(times) - 1)
     return explicit.PlatenMotion(start=float(times[0]), step=step, position=position, velocity=velocity)
@@ -281,3 +523,20 @@ def _support(shot: Shot) -> explicit.CharacteristicBar:
         return explicit.RIGID
     bar = shot.transmission_bar
     return explicit.CharacteristicBar(impedance=bar.impedance, round_trip=bar.round_trip)
+
+
+GRADING = 5.0
+"""Largest over smallest element."""
+SHARE = 0.625
+"""Elements across the radius of the coarser graded mesh over those of the finer one [-]."""
+
+
+def graded(numerics: Numerics, refined: tuple[int, int]) -> Numerics:
+    """As many elements as the refined mesh has, graded."""
+    return replace(numerics, mesh=refined, grading=GRADING)
+
+
+def coarser_graded(numerics: Numerics, refined: tuple[int, int]) -> Numerics:
+    """A graded mesh of a quarter of that one's cost, whose ringing is as good as the refined mesh's."""
+    across, along = refined
+    return graded(numerics, (round(SHARE * across), round(SHARE * along)))

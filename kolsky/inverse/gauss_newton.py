@@ -1,48 +1,390 @@
-"""Several parameters on the refined mesh: Gauss-Newton steps with the slopes of the surrogate's mesh.
+"""Gauss-Newton steps on the refined mesh, with the slopes of the surrogate's mesh or with its own.
 
-A coarse mesh is too soft and its waves are too slow, so that it fits the data at other parameters than the
-refined one. At its own optimum, though, its response has the measured oscillations at the measured times,
-and so have its derivatives: they are the refined mesh's at the refined mesh's optimum, up to a share that
-a few steps make good. So the slopes are taken once, from runs about the surrogate mesh's optimum, and every
-step takes one run on the refined mesh (the chord method). A rank-one update of the slopes by what two runs
-differ by was tried and makes it worse: what the steps fall short of comes from the residual times the
-response's curvature as much as from the slopes. Where the steps do not lead to rest, others with the refined
-mesh's own slopes do (`kolsky.inverse.refined_descent`). Where the response jumps, a run is no measure: then
-`kolsky.inverse.quadratic_fit` searches.
+A coarse mesh is too soft and its waves are too slow, so that it fits the data at other parameters. At its
+own optimum, though, its response oscillates at the measured times, and its derivatives are those of the
+refined mesh at the refined mesh's optimum, up to a share that a few steps correct. So slopes are taken
+once, about the surrogate mesh's optimum, and every step takes one run on the refined mesh (the chord
+method), lengthened where two steps show that the slopes fall short. Where these steps do not converge,
+`descend` takes slopes on the refined mesh itself and halves a step that makes the misfit worse.
+
+The patterns of the front face's noise are then computed again at the refined optimum, on a graded mesh;
+the path is moved to the amplitudes that the residual asks for, and the optimum searched for under it,
+until both stay.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
-from doe import from_points, latin_hypercube
+from doe import Box, from_points, latin_hypercube
 from explicit import Response
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.coarse_search import CoarseOptimum, surrogate_kind
-from kolsky.inverse.early_run import LIKELY, EarlyRun
-from kolsky.inverse.linear_step import linear_step
+from kolsky.inverse.coarse_search import (
+    CoarseOptimum,
+    CorrectedSurrogate,
+    data_change,
+    jacobian,
+    noise_of,
+    surrogate_kind,
+)
+from kolsky.inverse.forward import coarser_graded
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
-from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
 from kolsky.inverse.parameters import MOVED
-from kolsky.inverse.refined_descent import descend, differences, neighbours
-from kolsky.inverse.refined_path import follow_on_refined
-from kolsky.inverse.refined_run import RefinedRun, bounds, completed_apart, cost, judged
-from kolsky.inverse.refined_search import RefinedOptimum
-from kolsky.inverse.refined_steps import foretold, lengthening
+from kolsky.inverse.path_noise import MovedFront, PathModes, credible, likely_amplitudes, rms_amplitude
+from kolsky.inverse.refined_search import CONFIRMED, RefinedOptimum, refined_numerics
+from kolsky.inverse.run_table import CompletedRuns
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
+from kolsky.inverse.work import PROBABLY_CONFIRMED, EarlyRun
 
-WORSE = 4.0
+START_ORDER = 2.0
+"""Order of the mesh error with which the first point is foretold: a start needs no better one."""
+LONGEST = 2.5
+"""Most by which a step is lengthened."""
+
+
+def extrapolated_start(
+    optima: Mapping[tuple[int, int], MeshOptimum], mesh: tuple[int, int], refined: tuple[int, int]
+) -> FloatArray:
+    """The refined mesh's optimum from that of a mesh and of a coarser one, by Richardson, shape [d].
+
+    With errors that go as h^p, h the size of an element, the refined mesh's optimum lies beyond the finer
+    one's by a share (h^p - h_r^p) / (h_c^p - h^p) of the way from the coarser one. It is that of the finer
+    mesh where there is no coarser one, or one of them did not come to rest.
+    """
+    fine, others = optima[mesh], [one for one in optima if one[0] < mesh[0]]
+    if not others or not (fine.converged and optima[others[0]].converged):
+        return fine.x
+    coarser, here, there = (float(one[0]) ** -START_ORDER for one in (others[0], mesh, refined))
+    return np.asarray(fine.x + (fine.x - optima[others[0]].x) * (here - there) / (coarser - here))
+
+
+def lengthening(before: FloatArray, now: FloatArray, taken: FloatArray) -> float:
+    """By how much to lengthen a step of the chord method, 1 to `LONGEST` [-].
+
+    Along the last move the slopes of the coarser mesh fall short by a share that the steps asked for before
+    and after it tell: with ``now = before - s taken`` the step ``now / s`` would ask for no more along it.
+
+    Parameters
+    ----------
+    before, now
+        Steps asked for at the run before and at this one, in comparable units, shape [d].
+    taken
+        This run's point less that of the run before, shape [d].
+    """
+    share = float((before - now) @ taken) / max(float(taken @ taken), np.finfo(float).tiny)
+    return 1.0 / min(max(share, 1.0 / LONGEST), 1.0)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A Gauss-Newton step from a run on the refined mesh."""
+
+    change: FloatArray
+    """To the optimum of the linear model, inside the box, shape [d]."""
+    sigma: FloatArray
+    """Standard deviation of the optimum from the residuals and the prior, shape [d]."""
+    objective: Objective
+    """With the discrepancies of the run."""
+
+    @property
+    def moved(self) -> float:
+        """The longest of its coordinates over their standard deviations [-]."""
+        return float(np.max(np.abs(self.change) / self.sigma))
+
+
+def gauss_newton_step(
+    objective: Objective, slope: FloatArray, vector: FloatArray, x: FloatArray, box: Box
+) -> Step:
+    """Solve the linear least-squares problem of data and prior inside a box.
+
+    Parameters
+    ----------
+    objective
+        Its discrepancies are replaced by those of the run.
+    slope
+        Jacobian of the data vector, shape [k, d].
+    vector
+        The run's data vector, shape [k].
+    x
+        Where it was run, shape [d].
+    box
+        Where the optimum may lie.
+    """
+    weighed = objective.with_discrepancy(vector)
+    sigma = np.sqrt(np.diag(weighed.covariance(slope, vector)))
+    rows, right = weighed.whitened(slope.T).T, weighed.whitened(weighed.data - vector)
+    if weighed.prior is not None:
+        rows = np.vstack([rows, weighed.prior.rows()])
+        right = np.concatenate([right, -weighed.prior.residuals(x)])
+    low, high = (np.array(box.lower) - x) / sigma, (np.array(box.upper) - x) / sigma
+    # On a face there is one side; a bound of zero must not meet the other.
+    bounds = np.minimum(low, -1e-12), np.maximum(high, 1e-12)
+    found = lsq_linear(rows * sigma, right, bounds, method="bvls").x
+    return Step(np.clip(found, low, high) * sigma, sigma, weighed)
+
+
+def linear_step(objective: Objective, slope: FloatArray, vector: FloatArray, x: FloatArray) -> FloatArray:
+    """Step to the optimum of the linear model with the objective's own weights, no box, shape [d]."""
+    gain = objective.gain(slope)
+    step: FloatArray = gain @ (objective.data - vector)
+    if objective.prior is None:
+        return step
+    normal = objective.information(slope) + objective.prior.precision
+    pull = objective.prior.precision @ (objective.prior.mean - x)
+    return step + np.linalg.solve(normal, pull)
+
+
+@dataclass(frozen=True)
+class RefinedRun:
+    """A run on the refined mesh and the step it asks for."""
+
+    x: FloatArray
+    """Where, shape [d]."""
+    vector: FloatArray
+    """Its data vector, shape [k]; the measured value where the run does not reach an outline point."""
+    check: CompletedRuns
+    """The run."""
+    step: Step
+    """To where the optimum should be instead."""
+    missed: FloatArray
+    """The run minus what the slopes had foretold, shape [k]."""
+
+    @property
+    def confirmed(self) -> bool:
+        """True if the run leaves the optimum where it is."""
+        return self.step.moved <= CONFIRMED
+
+
+def run_points_refined(stages: StagedRuns, points: FloatArray) -> list[CompletedRuns]:
+    """Runs on the refined mesh with all nodes, apart; every one of them must complete."""
+    response, rows, prediction = stages.run("check", points, refined_numerics(stages), all_nodes=True)
+    if prediction is None or len(rows) < len(points):
+        first = int(np.argmin(response.completed))
+        values = ", ".join(f"{k} = {v:.4g}" for k, v in stages.box.as_dict(points[first]).items())
+        raise ValueError(
+            f"the check needs every run on the refined mesh to complete: the one at {values} ended "
+            f"{response.describe(first)}"
+        )
+    found = []
+    for row in range(len(points)):
+        parts = {name: getattr(prediction, name)[[row]] for name in Prediction.__dataclass_fields__}
+        found.append(
+            CompletedRuns(points[[row]], np.array([0]), Prediction(**parts), response.select([row]), "")
+        )
+    return found
+
+
+def judge_run(
+    stages: StagedRuns,
+    objective: Objective,
+    slope: FloatArray,
+    x: FloatArray,
+    check: CompletedRuns,
+    before: RefinedRun | None,
+) -> RefinedRun:
+    """A run, and the step that it asks for."""
+    seen = objective.vectors(check.prediction)[0]
+    vector = np.where(np.isnan(seen), objective.data, seen)
+    missed = np.zeros(len(vector))
+    if before is not None:
+        missed = vector - before.vector - slope @ (x - before.x)
+    step = gauss_newton_step(objective, slope, vector, x, stages.box)
+    return RefinedRun(x, vector, check, step, missed)
+
+
+def run_deviance(run: RefinedRun) -> float:
+    """-2 ln of likelihood and prior at a run, up to a constant."""
+    weighed = run.step.objective
+    return float(weighed.deviance(run.vector[None])[0]) + weighed.prior_chi2(run.x)
+
+
+def box_bounds(box: Box) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper bounds of a box, shape [d] each."""
+    return np.array(box.lower), np.array(box.upper)
+
+
+MOST_STEPS = 6
+"""Most points at which the slopes are taken: a search that comes to rest has need of two or three."""
+MOST_HALVINGS = 5
+"""Most halvings of a step."""
+OWN_DIFFERENCE_STEP = 0.25
+"""Half the distance of the differences for the slopes, in standard deviations of the optimum: half that of
+the surrogate mesh's, as the point is nearer to its optimum."""
+
+
+def descend(
+    stages: StagedRuns, objective: Objective, slope: FloatArray, last: RefinedRun
+) -> tuple[RefinedRun, FloatArray]:
+    """The run where steps with the refined mesh's own slopes end, and the slopes that judge it, [k, d].
+
+    Parameters
+    ----------
+    stages
+        The identification's simulations; all runs join their table.
+    objective
+        Which outline points count, and the prior.
+    slope
+        The coarser mesh's, shape [k, d]: they are kept where a run beside the point does not complete.
+    last
+        The run from which to go on.
+    """
+    for _ in range(MOST_STEPS):
+        own = refined_slopes(stages, objective, last)
+        if own is None:
+            break
+        slope = own
+        last = replace(judge_run(stages, objective, slope, last.x, last.check, last), missed=last.missed)
+        if last.confirmed:
+            break
+        better = _downhill_run(stages, objective, slope, last)
+        if better is None or better.confirmed:
+            last = last if better is None else better
+            break
+        last = better
+    return last, slope
+
+
+def refined_slopes(stages: StagedRuns, objective: Objective, run: RefinedRun) -> FloatArray | None:
+    """Jacobian of the data vector at a run on the refined mesh, shape [k, d]; None if one run is lost."""
+    up, down = difference_points(stages.box, run.x, OWN_DIFFERENCE_STEP * run.step.sigma)
+    vectors = stages.vectors("check", np.concatenate([up, down]), refined_numerics(stages), objective)
+    return differences(vectors, up, down) if np.isfinite(vectors).all() else None
+
+
+def _downhill_run(
+    stages: StagedRuns, objective: Objective, slope: FloatArray, last: RefinedRun
+) -> RefinedRun | None:
+    """A run along the step that completes and is no worse; None if there is none."""
+    share = 1.0
+    for _ in range(MOST_HALVINGS):
+        x = np.clip(last.x + share * last.step.change, *box_bounds(stages.box))
+        share *= 0.5
+        try:
+            check = run_points_refined(stages, x[None])[0]
+        except ValueError:  # it did not complete: no better point
+            continue
+        run = judge_run(stages, objective, slope, x, check, last)
+        if run_deviance(run) <= run_deviance(last):
+            return run
+    return None
+
+
+def difference_points(box: Box, x: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points above and below a point in every coordinate, inside the box, shape [d, d] each.
+
+    Parameters
+    ----------
+    box
+        Where they may lie; a step is at most a tenth of its edge.
+    x
+        The point, shape [d].
+    step
+        Their distances from it, shape [d].
+    """
+    lower, upper = box_bounds(box)
+    h = np.diag(np.minimum(step, 0.1 * (upper - lower)))
+    return np.minimum(x + h, upper), np.maximum(x - h, lower)
+
+
+def differences(vectors: FloatArray, up: FloatArray, down: FloatArray) -> FloatArray:
+    """Jacobian from data vectors at the points above, then at those below, [2 d, k] -> [k, d]."""
+    d = len(up)
+    return np.asarray(((vectors[:d] - vectors[d:]) / (up - down).sum(axis=1)[:, None]).T)
+
+
+MOST_MOVES = 2
+"""Most moves of the path: each leaves of its error the share by which the patterns are wrong."""
+AMPLITUDES_STAY = 0.2
+"""Root mean square of the amplitudes' changes, each standard normal beforehand, that are left [-]."""
+
+
+SearchUnderPath = Callable[[StagedRuns, Objective, FloatArray, FloatArray], tuple[RefinedRun, FloatArray]]
+"""From slopes, shape [k, d], and a start, shape [d], to the optimum on the refined mesh and its slopes."""
+
+
+def follow_on_refined(
+    stages: StagedRuns, objective: Objective, slope: FloatArray, last: RefinedRun, search: SearchUnderPath
+) -> tuple[RefinedRun, FloatArray]:
+    """The optimum on the refined mesh under the path that its own residual asks for, and its slopes, [k, d].
+
+    Where the surrogate's mesh has not moved the path, or the search has not come to rest, nothing changes.
+
+    Parameters
+    ----------
+    stages
+        The identification's simulations.
+    objective
+        Which outline points count, and the prior.
+    slope
+        Shape [k, d].
+    last
+        The optimum on the refined mesh under the path as the surrogate's mesh has left it.
+    search
+        How the optimum is found again under another path.
+    """
+    before = stages.front
+    if before is None or not last.confirmed:
+        return last, slope
+    front = patterns_at_refined(stages, before, last.x) or before
+    vector = last.vector + (before.offset - front.offset)[last.step.objective.kept]
+    for number in range(MOST_MOVES):
+        amplitudes = _amplitudes_of_residual(front, last.step.objective, vector)
+        if not credible(amplitudes) or (
+            number and rms_amplitude(amplitudes - front.amplitudes) <= AMPLITUDES_STAY
+        ):
+            break
+        front = replace(front, amplitudes=amplitudes)
+        stages.follow(front)
+        seen = replace(objective, observations=stages.observations)
+        last, slope = search(stages, seen, slope, last.x)
+        if not last.confirmed:
+            break
+        vector = last.vector
+    return last, slope
+
+
+def patterns_at_refined(stages: StagedRuns, front: MovedFront, point: FloatArray) -> MovedFront | None:
+    """The same path with patterns of its noise at a point; None if one of their runs does not complete.
+
+    Parameters
+    ----------
+    stages
+        The identification's simulations, which run under that path.
+    front
+        The path, and the modes that it is moved by.
+    point
+        Where the patterns are made, on the coarser graded mesh, shape [d].
+    """
+    deviations, shares, one = front.modes.as_replicates(front.amplitudes @ front.modes.shares)
+    numerics = coarser_graded(stages.settings.numerics, stages.settings.refined_mesh)
+    runs = stages.under_other_motions(point[None], one * deviations, numerics, shifted=False)[0]
+    if runs is None or len(runs.force_bins) <= len(deviations):
+        return None
+    modes = PathModes.of(data_change(runs)[1:] / one, noise_of(stages.observations), deviations)
+    return MovedFront(front.fitted, modes, modes.amplitudes(shares))
+
+
+def _amplitudes_of_residual(front: MovedFront, objective: Objective, vector: FloatArray) -> FloatArray:
+    """The most likely amplitudes of a path's modes for what a vector leaves of the data, shape [q]."""
+    seen = replace(objective.observations, front_noise=front.modes.patterns, front_offset=front.offset)
+    weighed = replace(objective, observations=seen).with_discrepancy(vector)
+    return likely_amplitudes(weighed, weighed.data - vector)
+
+
+WORSE_STEP = 4.0
 """Rise of -2 ln L by a step that makes it too long [-]: two standard deviations. The slopes of the coarser
 mesh lead to a point that is not quite the least misfit, and near it a good step may rise by less."""
 MOST_RUNS = 8
 """Most rounds on the refined mesh with the slopes of the coarser one."""
 MISLED = 2
 """Steps that made the misfit worse after which those slopes are given up."""
-NEIGHBOUR = 0.5
+DIFFERENCE_STEP = 0.5
 """Half the distance of the differences for the slopes, in standard deviations of the optimum."""
 REACH = 8.0
 """Half the edge of the box about the answer in which its surrogate holds, in standard deviations."""
@@ -51,7 +393,7 @@ RUNS_PER_PARAMETER = 12
 
 
 @dataclass(frozen=True)
-class Beside:
+class ExtraRun:
     """A run on the refined mesh at another point than those of the search."""
 
     x: FloatArray
@@ -64,7 +406,7 @@ class Beside:
 
 def search_by_gauss_newton(
     stages: StagedRuns, optima: dict[tuple[int, int], MeshOptimum], beside: FloatArray | None = None
-) -> tuple[CoarseOptimum, RefinedOptimum, Beside | None]:
+) -> tuple[CoarseOptimum, RefinedOptimum, ExtraRun | None]:
     """Move the optimum of the surrogate's mesh to the refined mesh, and build the surrogate about it.
 
     Parameters
@@ -88,30 +430,32 @@ def search_by_gauss_newton(
     if blind:
         raise ValueError(f"the data do not depend on {', '.join(blind)}: hold it (--hold {blind[0]})")
     slope, centre, objective = slopes(stages, coarse)
-    start = np.clip(foretold(optima, numerics.mesh, stages.settings.refined_mesh), *bounds(stages.box))
-    last, other = _on_refined(
+    start = np.clip(
+        extrapolated_start(optima, numerics.mesh, stages.settings.refined_mesh), *box_bounds(stages.box)
+    )
+    last, other = _chord_steps(
         stages, objective, slope, start, beside, shift=start - coarse.x, final=stages.front is None
     )
-    last, slope = _at_rest(stages, objective, slope, last)
-    last, slope = follow_on_refined(stages, objective, slope, last, _found_again)
+    last, slope = _converged(stages, objective, slope, last)
+    last, slope = follow_on_refined(stages, objective, slope, last, _search_under_path)
     for mesh, optimum in optima.items():
         stages.offset(mesh, optimum.x - last.x)
     return *_with_surrogate(stages, last, slope, centre, coarse), other
 
 
-def _at_rest(
+def _converged(
     stages: StagedRuns, objective: Objective, slope: FloatArray, last: RefinedRun
 ) -> tuple[RefinedRun, FloatArray]:
     """The run, or where steps with the refined mesh's own slopes end, and the slopes that judge it."""
     return (last, slope) if last.confirmed else descend(stages, objective, slope, last)
 
 
-def _found_again(
+def _search_under_path(
     stages: StagedRuns, objective: Objective, slope: FloatArray, start: FloatArray
 ) -> tuple[RefinedRun, FloatArray]:
     """The optimum on the refined mesh from a point near it, and the slopes that judge it."""
-    last, _ = _on_refined(stages, objective, slope, start, None, shift=np.zeros(len(start)), final=True)
-    return _at_rest(stages, objective, slope, last)
+    last, _ = _chord_steps(stages, objective, slope, start, None, shift=np.zeros(len(start)), final=True)
+    return _converged(stages, objective, slope, last)
 
 
 def slopes(stages: StagedRuns, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray, Objective]:
@@ -123,7 +467,7 @@ def slopes(stages: StagedRuns, optimum: MeshOptimum) -> tuple[FloatArray, FloatA
         If one of the runs does not complete.
     """
     box = stages.box
-    up, down = neighbours(box, optimum.x, NEIGHBOUR * optimum.sigma)
+    up, down = difference_points(box, optimum.x, DIFFERENCE_STEP * optimum.sigma)
     points = np.concatenate([optimum.x[None], up, down])
     done = stages.simulate("refinement", from_points(box, points), stages.settings.numerics)
     if len(done.points) < len(points):
@@ -134,7 +478,7 @@ def slopes(stages: StagedRuns, optimum: MeshOptimum) -> tuple[FloatArray, FloatA
     return differences(vectors[1:], up, down), vectors[0], objective
 
 
-def _on_refined(
+def _chord_steps(
     stages: StagedRuns,
     objective: Objective,
     slope: FloatArray,
@@ -143,7 +487,7 @@ def _on_refined(
     *,
     shift: FloatArray,
     final: bool = False,
-) -> tuple[RefinedRun, Beside | None]:
+) -> tuple[RefinedRun, ExtraRun | None]:
     """Steps on the refined mesh until a run leaves the optimum where it is.
 
     `shift` is by how much the start lies from the coarser mesh's optimum; where it is not known, zero. The
@@ -155,26 +499,30 @@ def _on_refined(
         if beside is not None and other is None and (number > 0 or moved.any()):
             # The meshes' difference at the optimum is as good for a point not far away.
             points = np.stack([_counterpart(stages, beside, moved), x])
-        if final and len(points) == 1 and (found.step.moved <= LIKELY if found else not shift.any()):
+        if (
+            final
+            and len(points) == 1
+            and (found.step.moved <= PROBABLY_CONFIRMED if found else not shift.any())
+        ):
             stages.early = EarlyRun.begun(stages.prepared.forward, stages.settings, stages.box.names, x)
-        check = completed_apart(stages, points)
+        check = run_points_refined(stages, points)
         if len(check) == 2:
-            other = Beside(points[0], check[0].prediction, check[0].response)
-        run = judged(stages, objective, slope, x, check[-1], found)
+            other = ExtraRun(points[0], check[0].prediction, check[0].response)
+        run = judge_run(stages, objective, slope, x, check[-1], found)
         if run.confirmed and (beside is None or other is not None):
             return run, other
-        if found is not None and cost(run) > cost(found) + WORSE:
+        if found is not None and run_deviance(run) > run_deviance(found) + WORSE_STEP:
             misled += 1
             if misled == MISLED:
                 break
             x = 0.5 * (found.x + run.x)  # the step was too long for a linear model
         else:
             factor = 1.0
-            if found is not None and cost(run) <= cost(found):  # uphill no step is lengthened
+            if found is not None and run_deviance(run) <= run_deviance(found):  # uphill no step is lengthened
                 sigma = run.step.sigma
                 steps = found.step.change / sigma, run.step.change / sigma, (run.x - found.x) / sigma
                 factor = lengthening(*steps)
-            found, x = run, np.clip(run.x + factor * run.step.change, *bounds(stages.box))
+            found, x = run, np.clip(run.x + factor * run.step.change, *box_bounds(stages.box))
     assert found is not None
     return found, other
 

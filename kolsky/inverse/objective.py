@@ -1,35 +1,288 @@
-"""The joint least-squares objective and what its curvature says about uncertainty.
+"""Weighted least squares of force and outline: covariance of residuals, prior, uncertainty.
 
-The data of a shot are one vector: the force's bin means, then the counted outline points. Its covariance is
+The data of a shot are one vector: the force's bin means, then the counted outline points. Its covariance
+is
 
     C = diag(sigma^2 + tau^2 + PATTERN_ERROR^2 M^2) + M' M + O' O + s^2 S' S,
 
-with the measured noise sigma, a discrepancy tau of each channel, estimated from the residual at the optimum,
-the patterns M in which the noise of the front face's motion moves all predictions together, the errors O that
-outline points are known to have in common (`CentreLine.modes`), and on the refined mesh slow patterns S of an
-error s that they turn out to have in common (`kolsky.inverse.common_errors`). Without tau a
-channel whose residual is dominated by what the model leaves out would be trusted as if only its noise were
-wrong. Without M tau would take the ringing that a noisy onset causes for a fault of the model, and weigh down
-the whole channel; with the patterns' variances alone, as if each entry had a draw of its own, the force would
-be weighed down as much where it rings with the front face as where it does not. The patterns themselves come
-from runs on a coarse mesh, whose ringing is that much off in height and phase; without a part of their own
-for that the answer would rest on the phase of every oscillation.
+with the measured noise sigma, a discrepancy tau of each channel, estimated from the residual at the
+optimum, the patterns M by which noise of the front face's motion changes all predictions together, the
+common errors O of outline points (`CentreLine.modes`), and, on the refined mesh, slow patterns S with the
+amplitude s.
+
+- Without tau, a channel with a large model error would be trusted as if only its noise were wrong.
+- Without M, tau would explain the ringing of a noisy onset and reduce the weight of the whole channel.
+- The patterns come from a coarse mesh and are wrong by PATTERN_ERROR: else the phase of every oscillation
+  would decide.
+
+The slow error is a polynomial of height and time with independent coefficients, e(y, t) = s sum_ij a_ij
+P_i(y) P_j(t), a_ij ~ N(0, 1), i, j < DEGREES, with Legendre polynomials scaled so that s is its root mean
+square over the points. The covariance of an optimum allows residuals that are correlated over blocks of
+time (block "sandwich").
 """
 
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from numpy.polynomial import legendre
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
-from doe.whitening import Whitening
-from kolsky.base.arrays import FloatArray
-from kolsky.inverse.block_covariance import correlated_in_blocks
-from kolsky.inverse.common_errors import slow_patterns, without_common
-from kolsky.inverse.discrepancies import most_likely_discrepancies
+from doe.least_squares import Whitening
+from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.inverse.observations import Observations, Prediction
-from kolsky.inverse.prior import Prior
+
+DEGREES = 4
+"""Polynomials in height and in time, constant to cubic: zero, scale, tilt and bend of a measured surface, and
+how they change as the specimen shortens."""
+FEW_PATTERNS = 16
+"""Patterns up to which sums are taken without BLAS."""
+LARGEST_AMPLITUDE = 1e6
+"""Largest amplitude that is looked for, over what the independent errors leave of it [-]."""
+TRIAL_AMPLITUDES = np.linspace(-5.0, float(np.log(LARGEST_AMPLITUDE)), 40)
+"""Logarithms of the amplitudes that are tried first, in the same measure."""
+
+
+def slow_patterns(height: FloatArray, time: FloatArray) -> FloatArray:
+    """Patterns of an error with a root mean square of one over the points, shape [DEGREES^2, n].
+
+    Their squares, summed over the patterns and averaged over the points, are one. Fewer patterns where
+    heights or times are too few to tell them apart; none without points.
+
+    Parameters
+    ----------
+    height, time
+        Of the points, in any unit, shape [n].
+    """
+    found = [a * b for a in _polynomials(height) for b in _polynomials(time)]
+    if not found or not len(height):
+        return np.zeros((0, len(height)))
+    patterns = np.array(found)
+    return np.asarray(patterns / np.sqrt((patterns**2).sum(axis=0).mean()))
+
+
+def _polynomials(x: FloatArray) -> list[FloatArray]:
+    """Legendre polynomials over the range of some values, as many as those tell apart."""
+    many = min(DEGREES, len(np.unique(x)))
+    if many < 2:
+        return [np.ones(len(x))][:many]
+    low, high = float(np.min(x)), float(np.max(x))
+    scaled = (2.0 * x - low - high) / (high - low)
+    return list(legendre.legvander(scaled, many - 1).T)
+
+
+def most_likely_amplitude(residual: FloatArray, patterns: FloatArray, other: Whitening) -> float:
+    """Most likely standard deviation of the patterns' amplitudes, in the residual's unit.
+
+    With C the covariance of all else, whitened patterns B = V S U' and the residual's coordinates h = U' r in
+    the same units, -2 ln L is ``sum ln(1 + s^2 S^2) + h^2 / (1 + s^2 S^2)`` up to a constant.
+
+    Parameters
+    ----------
+    residual
+        Shape [k].
+    patterns
+        Of unit amplitude, shape [q, k].
+    other
+        The covariance of all other errors.
+    """
+    if not len(patterns):
+        return 0.0
+    white = other.apply(np.vstack([patterns, residual[None]]))
+    values, vectors = np.linalg.eigh(white[:-1] @ white[:-1].T)
+    kept = values > 1e-9 * values[-1]
+    size = values[kept]
+    seen = (vectors[:, kept].T @ (white[:-1] @ white[-1])) ** 2 / size
+
+    def deviance(log_share: FloatArray | float) -> FloatArray:
+        total = 1.0 + np.exp(2.0 * log_share) * size / size[-1]
+        return np.asarray((np.log(total) + seen / total).sum(axis=-1))
+
+    first = int(np.argmin(deviance(TRIAL_AMPLITUDES[:, None])))
+    if deviance(TRIAL_AMPLITUDES[first]) >= seen.sum():
+        return 0.0
+    near = (
+        float(TRIAL_AMPLITUDES[max(first - 1, 0)]),
+        float(TRIAL_AMPLITUDES[min(first + 1, len(TRIAL_AMPLITUDES) - 1)]),
+    )
+    best = float(minimize_scalar(lambda x: float(deviance(x)), bounds=near, method="bounded").x)
+    return float(np.exp(best) / np.sqrt(size[-1]))
+
+
+def residual_without_common(
+    residual: FloatArray, common: FloatArray, own_sigma: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """A residual without its most likely part by common errors, and that part's variance, shape [k] both.
+
+    D (D + M' M)^-1 r with the variances D of what is independent and the common rows M, by Woodbury's
+    identity: the matrix that is inverted has the size of those.
+
+    Parameters
+    ----------
+    residual
+        Shape [k].
+    common
+        A standard deviation a row, shape [n, k].
+    own_sigma
+        Standard deviations of what is independent, shape [k].
+    """
+    weight: FloatArray = own_sigma**-2
+    inner = np.eye(len(common)) + _product(common * weight, common.T)
+    spread = _product(np.asarray(np.linalg.inv(inner), dtype=np.float64), common)
+    share = np.einsum("ik,k->i", common, weight * residual)
+    return residual - np.einsum("ik,i->k", spread, share), np.einsum("ik,ik->k", spread, common)
+
+
+def _product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Matrix product; of few rows without BLAS, whose threads cost more than the sums."""
+    return np.asarray(a @ b if len(a) > FEW_PATTERNS else np.einsum("ik,kj->ij", a, b))
+
+
+ROUNDS = 6
+"""Rounds in which the discrepancies and the front face's share of the residual are told apart; each leaves
+about a tenth of the error."""
+
+
+def most_likely_discrepancies(
+    residual: FloatArray, n_force: int, *, known: FloatArray, common: FloatArray, slow: FloatArray
+) -> tuple[float, float, float]:
+    """Discrepancy of the force [N] and the outline [m], and root mean square of the slow error [m].
+
+    Parameters
+    ----------
+    residual
+        Force [N], then outline [m], shape [k].
+    n_force
+        How many entries are the force's.
+    known
+        Standard deviation of each entry by what is independent and known, shape [k].
+    common
+        Patterns of known errors in common, a standard deviation each, shape [n, k].
+    slow
+        Patterns of the slow error, of unit amplitude, shape [q, k].
+    """
+    square, weight = residual**2, np.ones(len(residual))
+    force = shape = amplitude = 0.0
+    own = known
+    for turn in range(ROUNDS if len(common) + len(slow) else 1):
+        if turn:
+            every = np.concatenate([common, amplitude * slow])
+            left, variance = residual_without_common(residual, every, own)
+            square, weight = left**2 + variance, own**-4
+        excess = square - known**2
+        force = _root_of_mean(excess[:n_force], weight[:n_force])
+        shape = _root_of_mean(excess[n_force:], weight[n_force:])
+        tau = np.where(np.arange(len(residual)) < n_force, force, shape)
+        own = np.sqrt(known**2 + tau**2)
+        amplitude = most_likely_amplitude(residual, slow, Whitening(own, common))
+    return force, shape, amplitude
+
+
+def _root_of_mean(excess: FloatArray, weight: FloatArray) -> float:
+    """Root of a weighted mean; zero where that is negative, or of nothing."""
+    return float(np.sqrt(max(np.average(excess, weights=weight), 0.0))) if excess.size else 0.0
+
+
+BLOCKS = (2, 4, 8, 16)
+"""Block lengths, in force bins, over which residuals may be correlated in time."""
+
+
+def correlated_in_blocks(
+    score: FloatArray, block: IntArray, independent: FloatArray, known: FloatArray
+) -> FloatArray:
+    """Covariance with residuals of a block of time correlated in any way, or not, shape [d, d].
+
+    Of the block lengths in `BLOCKS`, and of independent residuals, the one with the largest variances counts.
+    Lengths that leave four blocks a parameter or fewer say nothing.
+
+    Parameters
+    ----------
+    score
+        Move of the optimum by each entry's residual, shape [d, k].
+    block
+        Force bin in which each entry lies, from 0, shape [k].
+    independent
+        The covariance from independent residuals, `known` included, shape [d, d].
+    known
+        What is added to every sandwich, shape [d, d].
+    """
+    best, d = independent, len(score)
+    for length in BLOCKS:
+        label = block // length
+        n_blocks = label.max() + 1
+        if n_blocks <= 4 * d:
+            continue
+        sums = np.array([np.bincount(label, row, minlength=n_blocks) for row in score])
+        sandwich = sums @ sums.T * n_blocks / (n_blocks - d) + known
+        if np.trace(sandwich / np.diag(best)) > np.trace(best / np.diag(best)):
+            best = sandwich
+    return best
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Independent Gaussian priors of the free parameters, in their order and units.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ, a mean is not finite or a standard deviation is not > 0.
+    """
+
+    mean: FloatArray
+    """Most likely values before the test, shape [d]; of no account where sigma is infinite."""
+    sigma: FloatArray
+    """Standard deviations, shape [d]; infinite where nothing is known."""
+
+    def __post_init__(self) -> None:
+        if self.mean.shape != self.sigma.shape or self.mean.ndim != 1:
+            raise ValueError(
+                f"mean and sigma must be of one shape [d], got {self.mean.shape}, {self.sigma.shape}"
+            )
+        if not (np.isfinite(self.mean).all() and (self.sigma > 0.0).all()):
+            raise ValueError(f"a prior needs finite means and sigmas > 0, got {self.mean} and {self.sigma}")
+
+    @classmethod
+    def of(cls, names: Sequence[str], declared: Mapping[str, tuple[float, float]]) -> Prior | None:
+        """From declared values with their standard uncertainties; None if no parameter has one.
+
+        Parameters
+        ----------
+        names
+            Free parameters, in their order.
+        declared
+            Value and standard uncertainty by name; names that are not free are left alone.
+        """
+        known = [declared.get(name, (0.0, np.inf)) for name in names]
+        if not any(np.isfinite(sigma) for _, sigma in known):
+            return None
+        mean, sigma = np.array(known, dtype=np.float64).T
+        return cls(mean, sigma)
+
+    @property
+    def precision(self) -> FloatArray:
+        """Inverse covariance, shape [d, d]."""
+        return np.diag(self.sigma**-2.0)
+
+    def residuals(self, points: FloatArray) -> FloatArray:
+        """(x - mean) / sigma of the parameters that have a prior, shape [..., d] -> [..., p]."""
+        known = np.isfinite(self.sigma)
+        residuals: FloatArray = ((points - self.mean) / self.sigma)[..., known]
+        return residuals
+
+    def rows(self) -> FloatArray:
+        """Derivatives of `residuals` by the parameters, shape [p, d]."""
+        return np.diag(1.0 / self.sigma)[np.isfinite(self.sigma)]
+
+    def chi2(self, points: FloatArray) -> FloatArray:
+        """Sum of squared residuals, -2 ln of the density up to a constant, shape [..., d] -> [...]."""
+        return np.asarray((self.residuals(points) ** 2).sum(axis=-1))
+
 
 Part = Literal["joint", "force", "shape"]
 
@@ -198,10 +451,10 @@ class Objective:
         """Sum of squared weighted residuals of each vector, shape [...]."""
         return np.asarray((self.whitened(vectors - self.data, part) ** 2).sum(axis=-1))
 
-    def with_discrepancy(self, vector: FloatArray) -> "Objective":
+    def with_discrepancy(self, vector: FloatArray) -> Objective:
         """The objective whose discrepancies explain this vector's residual beyond noise and front face.
 
-        See `kolsky.inverse.discrepancies`.
+        See `kolsky.inverse.objective`.
         """
         force, shape, slow = most_likely_discrepancies(
             vector - self.data,
@@ -222,7 +475,7 @@ class Objective:
         D (D + M' M)^-1 r with the variances D of noise and discrepancy and the common rows M, by Woodbury's
         identity: the matrix that is inverted has the size of those.
         """
-        return without_common(residual, self.common, self.own_sigma)[0]
+        return residual_without_common(residual, self.common, self.own_sigma)[0]
 
     def deviance(self, vectors: FloatArray, part: Part = "joint") -> FloatArray:
         """Minus twice the log-likelihood of vectors [n, k], each with its own discrepancies, shape [n].
@@ -307,7 +560,7 @@ class Objective:
         What the front face's noise explains of the residuals is not in it; the slow error of the outline is.
         It is the Gauss-Newton covariance for independent residuals, or the block "sandwich" in which the
         residuals of a block of time may be correlated in any way, whichever is larger
-        (`kolsky.inverse.block_covariance`). Nor is one preferred below that of weights by each entry's whole
+        (`kolsky.inverse.objective`). Nor is one preferred below that of weights by each entry's whole
         variance, as if the front face's noise had nothing in common: the patterns serve the answer, its
         interval does not rest on them.
         """

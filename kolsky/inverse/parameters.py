@@ -1,24 +1,192 @@
-"""The parameters that a simulation of a shot can vary: one record each, one entry makes a new one.
+"""Parameters that a simulation of a shot can vary: one record each, constants of relaxation among them.
 
-All that is asked of a parameter by name is in its record: ranges, units, symbols, the value that a shot
-declares, how it enters the solver's samples, which contact laws read it. Nothing heavy is imported here, so
-that a command line can list the names.
+A new parameter is one entry of `PARAMETERS`: its unit, range, default design, and the field of
+`explicit.Samples` that it enters. `what_relaxes` turns constants of a Prony series or of Bergström and
+Boyce's network, given by name, into what the solver takes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
-from kolsky.base.apparatus import SLIDING_LAW
-from kolsky.inverse.parameter import Fields as Fields
-from kolsky.inverse.parameter import Parameter as Parameter
-from kolsky.inverse.relaxation_parameters import RELAXING
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kolsky.base.apparatus import (
+    MOST_BRANCHES,
+    NETWORK_CONSTANTS,
+    NETWORK_DEFAULTS,
+    NETWORK_FREE,
+    SLIDING_LAW,
+    Relaxation,
+    RelaxationKind,
+    prony_names,
+)
+from kolsky.base.arrays import FloatArray
 
 if TYPE_CHECKING:
     from doe import Box
+    from explicit.relaxation.base import RateDependence
     from kolsky.shot.records import Shot
+
+
+Fields = Mapping[str, Any]
+"""Fields of `explicit.Samples` by name: numbers, or arrays of shape [n_samples]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One parameter of the simulated test."""
+
+    name: str
+    """Name at the API and the command line."""
+    words: str
+    """What it is, as tables and axes of the report write it."""
+    symbol: str
+    """Symbol in plain text of the command line."""
+    written: str
+    """Symbol in the text of pages."""
+    tex: str
+    """Symbol in figures and documentation, without dollar signs."""
+    unit: str = "1"
+    """SI unit, "1" if none."""
+    shown_unit: str = "1"
+    """Unit in which pages and figures show it."""
+    shown_factor: float = 1.0
+    """Shown number over the number in SI."""
+    lower: float
+    """Lower bound of the default design."""
+    upper: float
+    """Upper bound of the default design."""
+    allowed: tuple[float, float]
+    """Range outside which a value is refused."""
+    held: Callable[[Shot], float]
+    """The value that a shot declares for it."""
+    enters: Callable[[Fields, Any], Fields] | None = None
+    """The solver's samples with a value of it, from those without; None sets the field of its name."""
+    uncertainty: bool = False
+    """Whether [uncertainty] of shot.toml has a key of its name."""
+    slides: bool = False
+    """Whether naming it makes end faces and side surface slide by Coulomb's law, whatever is declared."""
+    read_by: str = ""
+    """Field of `explicit.contact.ContactLaw` that says whether a law reads it; empty if no contact law is
+    needed for it to have an effect."""
+    without: str = ""
+    """Why it has no effect where no contact law reads it, in words."""
+    scale: Callable[[float], float] | None = None
+    """A change from a value that counts as large, in its unit; None takes `explicit.model.scale_of`."""
+    changed: Callable[[Shot, float], Shot] | None = None
+    """The shot with another declared value; needed where naming the parameter does more than that."""
+    logarithmic: bool = False
+    """Whether a search moves its logarithm: its range spans decades."""
+    relaxes: bool = False
+    """Whether it is a constant of what relaxes, which only a shot with such a [relaxation] has."""
+
+    def entered(self, fields: Fields, value: Any) -> Fields:
+        """The solver's samples with a value of the parameter."""
+        return {**fields, self.name: value} if self.enters is None else self.enters(fields, value)
+
+    def belongs_to(self, shot: Shot) -> bool:
+        """True if a simulation of the shot has it: all have but for the constants of what relaxes."""
+        return not self.relaxes or (shot.relaxation is not None and self.name in shot.relaxation.values)
+
+
+def _declared_constant(name: str) -> Callable[[Shot], float]:
+    """The declared value of a constant of what relaxes; NaN for a shot that has no such constant."""
+    return lambda shot: (
+        float("nan") if shot.relaxation is None else shot.relaxation.values.get(name, float("nan"))
+    )
+
+
+def _branch(k: int) -> tuple[Parameter, Parameter]:
+    """Strength and relaxation time of the k-th branch of a Prony series."""
+    return (
+        Parameter(
+            name=f"prony_strength_{k}",
+            words=f"strength of the Prony branch {k}, its modulus over the long-term one",
+            symbol=f"c_{k}",
+            written=f"c_{k}",
+            tex=f"c_{k}",
+            lower=0.0,
+            upper=2.0,
+            allowed=(0.0, 1e3),
+            held=_declared_constant(f"prony_strength_{k}"),
+            scale=lambda value: max(value, 0.1),
+            relaxes=True,
+        ),
+        Parameter(
+            name=f"prony_time_{k}",
+            words=f"relaxation time of the Prony branch {k}",
+            symbol=f"tau_{k}",
+            written=f"τ_{k}",
+            tex=rf"\tau_{k}",
+            unit="s",
+            shown_unit="µs",
+            shown_factor=1e6,
+            lower=2e-5,
+            upper=5e-3,
+            allowed=(1e-7, 1e6),
+            held=_declared_constant(f"prony_time_{k}"),
+            logarithmic=True,
+            relaxes=True,
+        ),
+    )
+
+
+def _creep(name: str, words: str, symbol: str, *, least: float, most: float) -> Parameter:
+    """A constant of Bergstrom and Boyce's network that is a plain number."""
+    lower, upper, tex = _NETWORK[name]
+    return Parameter(
+        name=name,
+        words=words,
+        symbol=symbol,
+        written=symbol,
+        tex=tex,
+        lower=lower,
+        upper=upper,
+        allowed=(least, most),
+        held=_declared_constant(name),
+        relaxes=True,
+    )
+
+
+_NETWORK = {
+    "creep_ratio": (0.0, 2.0, "s"),
+    "creep_exponent": (1.0, 10.0, "n"),
+    "creep_chain_exponent": (-1.0, 0.0, "C"),
+    "creep_first": (1e-3, 0.1, r"\xi"),
+}
+"""Bounds of the default design and symbol in formulas of the network's plain numbers."""
+
+RELAXING: tuple[Parameter, ...] = (
+    *(one for k in range(1, MOST_BRANCHES + 1) for one in _branch(k)),
+    _creep(
+        "creep_ratio", "stiffness of the creeping network over the long-term law", "s", least=0.0, most=1e3
+    ),
+    Parameter(
+        name="creep_resistance",
+        words="stress at which the creeping network flows",
+        symbol="tau_hat",
+        written="τ̂",
+        tex=r"\hat\tau",
+        unit="Pa",
+        shown_unit="kPa",
+        shown_factor=1e-3,
+        lower=5e2,
+        upper=1e5,
+        allowed=(1e-3, 1e12),
+        held=_declared_constant("creep_resistance"),
+        logarithmic=True,
+        relaxes=True,
+    ),
+    _creep("creep_exponent", "exponent of the creeping network’s stress", "n", least=1.0, most=50.0),
+    _creep("creep_chain_exponent", "exponent of the creep that has been", "C", least=-1.0, most=0.0),
+    _creep("creep_first", "stretch that keeps the first creep finite", "xi", least=1e-9, most=1.0),
+)
+"""Constants of what relaxes; a shot has those of its own [relaxation]."""
+
 
 MOVED = "stiffness_factor"
 """The parameter that every search of a shot moves, alone where the others are held."""
@@ -225,3 +393,129 @@ def design_box(bounds: Mapping[str, tuple[float, float] | None]) -> Box:
         if not low < high:
             raise ValueError(f"{name}: the lower bound {low:.9g} must be below the upper bound {high:.9g}")
     return Box.of(filled)
+
+
+START_STRENGTH = 0.2
+"""Strength of a branch, or ratio of a network, that a search without a declared one starts from [-]."""
+START_SHARES = {1: (0.25,), 2: (0.08, 0.6), 3: (0.04, 0.2, 1.0)}
+"""Relaxation times that a search starts from, over the duration of the window [-], by number of branches."""
+START_STRESS = 0.5
+"""Resistance of a network that a search starts from, over the curve's largest stress [-]."""
+
+
+def what_relaxes(fields: Fields, relaxation: Relaxation | None) -> tuple[Fields, tuple[RateDependence, ...]]:
+    """Take the constants of what relaxes out of the samples' fields, and put a choice among materials in.
+
+    Parameters
+    ----------
+    fields
+        Fields of `explicit.Samples`, and a value, scalar or [n_samples], of every constant of `relaxation`.
+    relaxation
+        Of the shot; None leaves the fields as they are.
+
+    Returns
+    -------
+    fields, relaxing
+        With the field "relaxation", an index a sample, and what it chooses from: `explicit.Model.relaxation`,
+        each once.
+    """
+    if relaxation is None:
+        return fields, ()
+    from explicit.relaxation import BergstromBoyce, PronySeries
+
+    prony = relaxation.kind == "prony"
+    names = prony_names(relaxation.branches) if prony else NETWORK_CONSTANTS
+    columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(fields[name], dtype=float)) for name in names))
+    rows, index = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
+    n = relaxation.branches
+    made: list[RateDependence] = [
+        PronySeries(tuple(row[:n].tolist()), tuple(row[n:].tolist()))
+        if prony
+        else BergstromBoyce(*row.tolist())
+        for row in rows
+    ]
+    rest = {name: value for name, value in fields.items() if name not in names}
+    choice = index.ravel() if len(index) > 1 else int(index.ravel()[0])
+    return {**rest, "relaxation": choice}, tuple(made)
+
+
+def with_relaxation(shot: Shot, kind: RelaxationKind, branches: int = 1) -> Shot:
+    """The shot with what relaxes free, whatever it declares: starting values from its window and curve.
+
+    Parameters
+    ----------
+    shot
+        The shot.
+    kind
+        Prony series or network.
+    branches
+        Of a series, 1 to `kolsky.base.apparatus.MOST_BRANCHES`.
+
+    Raises
+    ------
+    ValueError
+        If there can be no such number of branches.
+    """
+    if kind == "bergstrom_boyce":
+        largest = float(np.abs(shot.curve.stress).max())
+        values = {
+            "creep_ratio": START_STRENGTH,
+            "creep_resistance": START_STRESS * largest,
+            **NETWORK_DEFAULTS,
+        }
+        return replace(shot, relaxation=Relaxation(kind, values, free=True))
+    if branches not in START_SHARES:
+        raise ValueError(f"a Prony series needs 1 to {max(START_SHARES)} branches, got {branches}")
+    span = shot.window[1] - shot.window[0]
+    times = [share * span for share in START_SHARES[branches]]
+    constants = (*[START_STRENGTH] * branches, *times)
+    values = dict(zip(prony_names(branches), constants, strict=True))
+    return replace(shot, relaxation=Relaxation(kind, values, free=True))
+
+
+def same_bulk(poisson: ArrayLike, stiffer: ArrayLike) -> FloatArray:
+    """Poisson's ratio that leaves the bulk modulus where the instantaneous stiffness is a factor larger [-].
+
+    The bulk modulus goes with m (1 + c) / (1 - 2 nu), of all strengths c, and sets the pace of the ringing: a
+    branch that moved it by a percent would be out of step within the shot, which is no effect of a branch
+    where Poisson's ratio is free to follow.
+
+    Parameters
+    ----------
+    poisson
+        Poisson's ratio [-].
+    stiffer
+        The instantaneous stiffness over what it was [-].
+    """
+    return np.asarray(0.5 - (0.5 - np.asarray(poisson)) * np.asarray(stiffer), dtype=np.float64)
+
+
+def reference_words(names: Iterable[str]) -> str:
+    """The curve that m refers to, by the names of a result's parameters; empty where nothing relaxes.
+
+    Parameters
+    ----------
+    names
+        Of all parameters of the result, free or held.
+    """
+    there = {name for name in names if name in PARAMETERS and PARAMETERS[name].relaxes}
+    if not there:
+        return ""
+    what = "Bergström and Boyce's network creeps" if there & set(NETWORK_FREE) else "a Prony series relaxes"
+    return f"the long-term curve, beside which {what}: at high rate the specimen is stiffer than m says"
+
+
+def parsed_kind(text: str) -> tuple[RelaxationKind, int]:
+    """A kind as a command line writes it: "prony", "prony:2", "bergstrom_boyce".
+
+    Raises
+    ------
+    ValueError
+        If it is none of these.
+    """
+    kind, _, number = text.partition(":")
+    if kind == "prony" and (number or "1") in ("1", "2", "3"):
+        return "prony", int(number or 1)
+    if text == "bergstrom_boyce":
+        return "bergstrom_boyce", 1
+    raise ValueError(f'must be prony, prony:2, prony:3 or bergstrom_boyce, got "{text}"')

@@ -1,30 +1,38 @@
-"""The optimum on the refined mesh, and the search for it by single runs that correct the surrogate.
+"""The optimum on the refined mesh where the response is rough: single runs or a quadratic through many.
 
-A run on the refined mesh differs from the surrogate's by the mesh's error, which changes slowly with the
-parameter. The surrogate is corrected to agree with the runs, exactly at the last one and in its slope
-between the last two (Broyden's update), until a run leaves the optimum where it is. With several parameters
-a difference along one direction says nothing of the others, and where a surface slides a single run is no
-measure: then `kolsky.inverse.quadratic_fit` searches.
+`RefinedOptimum` is the result of every search on the refined mesh. One parameter where a surface lets go:
+single runs correct the surrogate until a run leaves the optimum where it is. Where a surface slides,
+nodes stick, slip and lift by decisions that a small change of a parameter tips; a quadratic through more
+runs than it has terms averages these jumps, and what it leaves is the response's roughness, a part of the
+uncertainty. Smooth responses: `kolsky.inverse.gauss_newton`.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from doe import Box, from_points
+from doe import Box, from_points, latin_hypercube
+from doe.surrogates import QuadraticSurrogate, SurrogateError
+from doe.surrogates.quadratic import runs_wanted
 from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.coarse_search import CoarseOptimum
-from kolsky.inverse.completed_runs import CompletedRuns
+from kolsky.inverse.coarse_search import (
+    CoarseOptimum,
+    CorrectedSurrogate,
+    Model,
+    at_inner_face,
+    jacobian,
+    search,
+)
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.optimum import CorrectedSurrogate, Model, at_inner_face, jacobian, search
 from kolsky.inverse.parameters import any_slides
+from kolsky.inverse.run_table import CompletedRuns
 from kolsky.inverse.staged_runs import StagedRuns
 
 CONFIRMED = 0.2
 """An optimum is confirmed when the check run moves it by less than this share of the residuals' sigma."""
-ROUGH = 3.0
+CONFIRMED_ROUGH = 3.0
 """Or by less than so many standard deviations of the response's roughness, which is in the interval."""
 
 
@@ -85,7 +93,7 @@ def confirms(move: FloatArray, sigma: FloatArray, roughness: FloatArray | float 
     roughness
         Standard deviation of the optimum from the response's roughness, shape [d].
     """
-    little = np.fmax(CONFIRMED * sigma, ROUGH * np.asarray(roughness))
+    little = np.fmax(CONFIRMED * sigma, CONFIRMED_ROUGH * np.asarray(roughness))
     return bool((np.abs(move) <= little).all())
 
 
@@ -130,26 +138,26 @@ def search_by_single_runs(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedO
     # A scale is one number, which nothing averages: of two slopes of the model, that between two runs on the
     # refined mesh and that of the last design, the one with the larger shift counts.
     wide = jacobian(model.predict, coarse.box, optimum)
-    wave = np.stack([optimum, _beside(optimum, coarse.box, stages.box)])
+    wave = np.stack([optimum, _companion(optimum, coarse.box, stages.box)])
     for _ in range(MOST_CHECKS):
         check = run_refined(stages, wave)
         vectors = objective.vectors(check.prediction)
         missed = vectors[0] - model.predict(optimum)[0]
         for point, vector in zip(check.points[::-1], vectors[::-1], strict=True):
             model = model.through(point, vector)
-        found, best = _judged(stages, coarse, objective, model, optimum, check, missed, wide)
+        found, best = _single_run_optimum(stages, coarse, objective, model, optimum, check, missed, wide)
         objective = found.objective
         if found.confirmed:
             break
         if at_inner_face(best, coarse.box, stages.box):
             # The optimum lies beyond the second design: the next run on the refined mesh judges it there.
-            coarse = replace(coarse, box=_wider(coarse.box, stages.box))
+            coarse = replace(coarse, box=_wider_box(coarse.box, stages.box))
             best = search(coarse.box, objective, model.predict).x
         optimum, wave = best, best[None]
     return found
 
 
-def _judged(
+def _single_run_optimum(
     stages: StagedRuns,
     coarse: CoarseOptimum,
     objective: Objective,
@@ -182,7 +190,7 @@ def _judged(
     return found, best.x
 
 
-def _wider(box: Box, whole: Box) -> Box:
+def _wider_box(box: Box, whole: Box) -> Box:
     """The box with half its edges more on every side, inside the whole one."""
     low, high = np.array(box.lower), np.array(box.upper)
     more = 0.5 * (high - low)
@@ -190,7 +198,7 @@ def _wider(box: Box, whole: Box) -> Box:
     return replace(box, lower=tuple(lower.tolist()), upper=tuple(upper.tolist()))
 
 
-def _beside(x: FloatArray, box: Box, whole: Box) -> FloatArray:
+def _companion(x: FloatArray, box: Box, whole: Box) -> FloatArray:
     """A companion of the first check: their difference corrects the surrogate's slope.
 
     It lies below, because a coarse mesh is too soft and its optimum too high (verification manual).
@@ -200,3 +208,178 @@ def _beside(x: FloatArray, box: Box, whole: Box) -> FloatArray:
     beside = x.copy()
     beside[0] -= down if down > 0.0 else -step
     return beside
+
+
+EDGE = 0.2
+"""Edge of the first box in the unit box: wide, so that the jumps are small beside what it spans."""
+LEFTOVER = 0.3
+"""The box is halved while a run's deviation from the quadratic moves the optimum by more than this share of
+the residuals' sigma."""
+GAIN = 0.7
+"""A halved box is kept if the response is fitted there to less than this share of what was left over."""
+PATIENCE = 2
+"""Halvings after which it must have: where a response rings, its fit gets better only within a period."""
+SMALLEST = 0.01
+"""Smallest edge of a box to be halved. All of this is done on the surrogate's mesh, where runs are cheap."""
+MOST_MOVES = 4
+"""Most designs on the refined mesh, each about the optimum of the last one, until it lies inside."""
+REACH = 4.0
+"""A narrow box is moved further, where a Gauss-Newton step leads: by so many of its edges at most."""
+
+
+@dataclass(frozen=True)
+class QuadraticFit:
+    """A quadratic through runs on one mesh, and its optimum."""
+
+    surrogate: QuadraticSurrogate
+    """Of the data vector."""
+    objective: Objective
+    """With the discrepancies of the optimum."""
+    x: FloatArray
+    """The optimum, shape [d]."""
+    jacobian: FloatArray
+    """At the optimum, shape [k, d]."""
+    sigma: FloatArray
+    """Standard deviation of the optimum from the residuals, shape [d]."""
+    edge: float
+    """Of the quadratic's box, in the unit box [-]."""
+
+    def model(self, points: FloatArray) -> FloatArray:
+        """Data vectors at points of shape [n, d] or [d], shape [n, k]."""
+        return self.surrogate.predict(np.atleast_2d(points), extrapolate=True)
+
+    @property
+    def gain(self) -> FloatArray:
+        """Linear map from a change of the data vector to the move of the optimum, shape [d, k]."""
+        return self.objective.gain(self.jacobian)
+
+    @property
+    def leftover(self) -> float:
+        """Root mean square of run minus quadratic over the data's noise, from the degrees of freedom [-]."""
+        square = ((self.surrogate.residuals / self.objective.noise) ** 2).mean(axis=1).sum()
+        return float(np.sqrt(square / self.surrogate.degrees_of_freedom))
+
+    @property
+    def roughness(self) -> FloatArray:
+        """Standard deviation of the optimum from one run's deviation from the quadratic, shape [d]."""
+        return np.asarray(np.sqrt(np.diag(self.surrogate.roughness(self.gain))))
+
+
+def search_by_quadratic(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOptimum:
+    """Stage 3 of `kolsky.identification.identify` for several parameters, or with a sliding surface.
+
+    Parameters
+    ----------
+    stages, coarse
+        The simulations, and the optimum on the surrogate's mesh.
+
+    Raises
+    ------
+    ValueError
+        If the run at the optimum does not complete, or too few of a design do.
+    """
+    found = _moved_to_inside(stages, *_first_box(stages, coarse))
+    x = found.x
+    check = run_refined(stages, x[None])
+    missed = found.objective.vectors(check.prediction)[0] - found.model(x)[0]
+    move = np.abs(found.gain @ missed)
+    inside = not at_inner_face(x, found.surrogate.box, stages.box)
+    on_coarse = _moved_by(stages, found, stages.settings.numerics)
+    return RefinedOptimum(
+        x=x,
+        box=found.surrogate.box,
+        objective=found.objective,
+        model=found.model,
+        surrogate=found.model,
+        jacobian=found.jacobian,
+        slopes=(found.jacobian,),
+        sigma=found.sigma,
+        check=check,
+        moved=float(np.max(move / np.hypot(found.sigma, found.roughness))),
+        confirmed=inside and confirms(move, found.sigma, found.roughness),
+        missed=missed,
+        mesh_shift=x - coarse.x if on_coarse is None else -on_coarse,
+        roughness=found.roughness,
+        deviations=found.surrogate.residuals / np.sqrt(found.surrogate.degrees_of_freedom),
+        element_shift=_moved_by(stages, found, refined_numerics(stages).with_other_element()),
+    )
+
+
+def _moved_by(stages: StagedRuns, found: QuadraticFit, numerics: Numerics) -> FloatArray | None:
+    """Optimum with other numerics minus the optimum, shape [d]; None if their run is lost.
+
+    By one run at the optimum: a search of its own would follow that mesh's roughness too.
+    """
+    _, prediction = stages.evaluate("check", found.x[None], numerics)
+    if prediction is None:
+        return None
+    change = found.objective.vectors(prediction)[0] - found.model(found.x)[0]
+    return -found.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
+
+
+def _first_box(stages: StagedRuns, coarse: CoarseOptimum) -> tuple[FloatArray, float]:
+    """Middle and edge of the first box on the refined mesh.
+
+    Where a surface slides the box stays wide: in a narrow one the jumps are fewer, and the slope is theirs.
+    Otherwise it is no wider than the response is quadratic, and its middle where one run on the refined mesh
+    puts the optimum.
+    """
+    if slides(stages):
+        return coarse.x, EDGE
+    own = _halved_box(stages, coarse)
+    first = run_refined(stages, own.x[None])
+    change = own.objective.vectors(first.prediction)[0] - own.model(own.x)[0]
+    guess = own.x - own.gain @ np.nan_to_num(change)  # a point that the run does not reach adds nothing
+    return np.clip(guess, stages.box.lower, stages.box.upper), own.edge
+
+
+def _halved_box(stages: StagedRuns, coarse: CoarseOptimum) -> QuadraticFit:
+    """A quadratic on the surrogate's mesh, its box halved until it fits."""
+    numerics, edge, patience = stages.settings.numerics, EDGE, PATIENCE
+    found = last = _fit(stages, coarse.x, edge, numerics)
+    while patience and (found.roughness > LEFTOVER * found.sigma).any() and edge > SMALLEST:
+        edge *= 0.5
+        last = _fit(stages, last.x, edge, numerics)
+        if last.leftover <= GAIN * found.leftover:
+            found, patience = last, PATIENCE
+        else:
+            patience -= 1
+    return found
+
+
+def _moved_to_inside(stages: StagedRuns, middle: FloatArray, edge: float) -> QuadraticFit:
+    """A quadratic on the refined mesh, about its optimum."""
+    for _ in range(MOST_MOVES):
+        found = _fit(stages, middle, edge, refined_numerics(stages))
+        if not at_inner_face(found.x, found.surrogate.box, stages.box):
+            break
+        middle = found.x
+        if edge < EDGE:
+            further = found.gain @ (found.objective.data - found.model(found.x)[0])
+            reach = stages.box.around(found.x, min(2.0 * REACH * edge, 1.0))
+            middle = np.clip(found.x + further, reach.lower, reach.upper)
+    return found
+
+
+def _fit(stages: StagedRuns, middle: FloatArray, edge: float, numerics: Numerics) -> QuadraticFit:
+    """A design in a box about a point, its runs, and the quadratic through them."""
+    box = stages.box.around(middle, edge)
+    design = latin_hypercube(box, runs_wanted(box.dimension), rng=stages.rng, optimise=True)
+    stage = "refinement" if numerics.mesh == stages.settings.numerics.mesh else "check"
+    runs = stages.simulate(stage, design, numerics)
+    inside = np.asarray(runs.prediction.inside.all(axis=0))
+    objective = Objective(stages.observations, inside, prior=stages.prior, slowly=stage == "check")
+    try:
+        surrogate = QuadraticSurrogate.fit(box, runs.points, objective.vectors(runs.prediction))
+    except SurrogateError as error:
+        lost = f": {runs.lost}" if runs.lost else ""
+        raise ValueError(f"the runs that completed do not carry a surrogate ({error}){lost}") from error
+    start = np.clip(middle, box.lower, box.upper)
+
+    def model(points: FloatArray) -> FloatArray:
+        return surrogate.predict(np.atleast_2d(points), extrapolate=True)
+
+    best = search(box, objective, model, start=start)
+    slope = jacobian(model, box, best.x)
+    covariance = best.objective.covariance(slope, model(best.x)[0])
+    return QuadraticFit(surrogate, best.objective, best.x, slope, np.sqrt(np.diag(covariance)), edge)

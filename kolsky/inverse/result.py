@@ -1,8 +1,17 @@
-"""The answer: identified parameters with their intervals, and everything needed to defend them."""
+"""The result of an identification: estimates with intervals, and the records that support them (SI).
 
+`Identification` holds estimates, routes, the check run beside the data, goodness of fit, clocks, likely
+causes, profiles, declared inputs, other choices and other methods. `CheckRun` is the part that is known
+before the uncertainty of the answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
+from math import inf, isfinite, nan
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,19 +19,390 @@ from numpy.typing import NDArray
 from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.inverse.cause_results import CauseFinding
-from kolsky.inverse.fit_results import ClockLag, FitQuality
-from kolsky.inverse.method_comparison import Method
-from kolsky.inverse.misfit import Terms
-from kolsky.inverse.run_table import DesignTable
-from kolsky.inverse.uncertainty_results import (
-    Declaration,
-    HeldAnswer,
-    PairMap,
-    ParameterProfile,
-    PosteriorSummary,
-    Variation,
-)
+from kolsky.inverse.run_table import DesignTable, Terms
+
+SIMPLEX = "surrogate and simplex"
+LEAST_SQUARES = "least squares on the solver"
+PROFILE = "profile likelihood"
+POSTERIOR = "posterior median"
+
+AGREEMENT = 0.25
+"""Methods agree while none ends further from the answer than this share of the k = 2 half width."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """The free parameters by one method of searching, from the same data."""
+
+    name: str
+    """`SIMPLEX`, `LEAST_SQUARES`, `PROFILE` or `POSTERIOR`."""
+    values: dict[str, float]
+    """What it finds, in parameter units."""
+    distances: dict[str, float]
+    """Value minus the answer, over the half width of the answer's k = 2 interval [-]; NaN where the method
+    has no value or the answer no width."""
+    runs: int
+    """Simulations it took, those of the surrogate it rests on included."""
+    shared_runs: int
+    """How many of them another method made; a method on the answer's surrogate has no runs of its own."""
+    converged: bool
+    """Whether it ended by its own criterion."""
+    ended: str
+    """How it ended, in words."""
+
+    @classmethod
+    def compared(
+        cls,
+        name: str,
+        values: Mapping[str, float],
+        *,
+        answer: Mapping[str, float],
+        half_width: Mapping[str, float],
+        runs: int,
+        shared_runs: int = 0,
+        converged: bool = True,
+        ended: str = "",
+    ) -> Method:
+        """A method's result beside the answer.
+
+        Parameters
+        ----------
+        name, runs, shared_runs, converged, ended
+            The fields of this name.
+        values
+            What it finds, in parameter units.
+        answer, half_width
+            The answer and half the length of its k = 2 interval, in parameter units.
+
+        Raises
+        ------
+        ValueError
+            If the names differ.
+        """
+        if not set(values) == set(answer) == set(half_width):
+            raise ValueError(
+                f"{name}: values for {sorted(values)}, the answer is for {sorted(answer)} and its interval "
+                f"for {sorted(half_width)}"
+            )
+        return cls(
+            name=name,
+            values=dict(values),
+            distances={
+                p: (value - answer[p]) / half_width[p] if half_width[p] > 0.0 else nan
+                for p, value in values.items()
+            },
+            runs=runs,
+            shared_runs=shared_runs,
+            converged=converged,
+            ended=ended,
+        )
+
+
+def disagreements(methods: Iterable[Method]) -> Iterator[tuple[Method, str, float]]:
+    """Method, parameter and distance wherever it is beyond `AGREEMENT`, or not known."""
+    for method in methods:
+        for parameter, distance in method.distances.items():
+            if not isfinite(distance) or abs(distance) > AGREEMENT:
+                yield method, parameter, distance
+
+
+FORCE, OUTLINE = "force", "outline"
+"""Names of the channels."""
+NOISE, MESH = "noise", "mesh"
+"""Keys of `FitQuality.predicted`: the measured noise of the channel, the error of mesh and step."""
+FLYER, CURVE = "flyer motion", "material curve"
+"""Keys of `FitQuality.predicted`: the noise of two inputs, as it moves the model's answer."""
+
+
+@dataclass(frozen=True)
+class FitQuality:
+    """The residual of one channel at the optimum, beside what a right model would leave."""
+
+    channel: str
+    """ "force" or "outline"."""
+    unit: str
+    """Unit of the channel: "N" or "m"."""
+    values: int
+    """Number of force bins or outline points that are counted."""
+    residual: float
+    """Root mean square of measurement minus model, in `unit`."""
+    predicted: Mapping[str, float]
+    """Root mean square of what is left by a right model, by source, in `unit`: "noise", and where they are
+    known "flyer motion", "material curve" and "mesh"."""
+    peak: float
+    """Largest size of the signal, in `unit`: the largest force; the spread of the outline's radii."""
+    slow_residual: float
+    """Root mean square of the residual's means over an eighth of the window (and a third of the outline's
+    points), in `unit`: noise and ringing average out, a wrong input does not."""
+    slow_expected: float
+    """Root mean square of what a right model leaves in the same means, of all sources, in `unit`."""
+    chi2: float
+    """Mean square of the residual over the noise [-]; 1 if noise alone is left."""
+    discrepancy_share: float
+    """Share of the weights' variance that the discrepancy tau took [-]; 0 if noise alone is left."""
+    correlation: float
+    """Correlation of neighbouring residuals (in time; along the outline of one frame) [-]."""
+    whiteness: float
+    """Probability of a correlation at least so large in white noise (Ljung-Box, one lag) [-]."""
+    weight: Mapping[str, float] = field(default_factory=dict)
+    """Share of the information on each free parameter that comes from this channel [-]."""
+    limit: float = inf
+    """Largest `excess` of a shot that the model explains [-]; see `kolsky.diagnosis.fit_quality`."""
+    slow_limit: float = inf
+    """Largest `slow_excess` of a shot that the model explains [-]."""
+
+    @property
+    def expected(self) -> float:
+        """Root mean square of what a right model leaves, of all sources, in `unit`."""
+        return float(sum(part**2 for part in self.predicted.values()) ** 0.5)
+
+    @property
+    def over_noise(self) -> float:
+        """Residual over the measured noise [-]."""
+        noise = self.predicted.get(NOISE, nan)
+        return self.residual / noise if noise > 0.0 else nan
+
+    @property
+    def over_peak(self) -> float:
+        """Residual over the largest size of the signal [-]."""
+        return self.residual / self.peak if self.peak > 0.0 else nan
+
+    @property
+    def excess(self) -> float:
+        """Residual over what a right model leaves [-]."""
+        return self.residual / self.expected if self.expected > 0.0 else nan
+
+    @property
+    def slow_excess(self) -> float:
+        """Slow residual over what a right model leaves of it [-]."""
+        return self.slow_residual / self.slow_expected if self.slow_expected > 0.0 else nan
+
+    @property
+    def explained(self) -> bool:
+        """True if the residual is what a right model leaves. An unknown residual is not explained."""
+        return self.excess <= self.limit and self.slow_excess <= self.slow_limit
+
+
+@dataclass(frozen=True)
+class ClockLag:
+    """How late one recording is against the two others, from the model's own residual."""
+
+    recording: str
+    """What is late: "force", "outline" or "flyer"."""
+    lag: float
+    """By how much its declared times are too late [s]; negative if too early."""
+    sigma: float
+    """Standard uncertainty of `lag` [s]; NaN if the search for it did not come to rest."""
+    evidence: float
+    """Fall of -2 ln L with this lag alone, the free parameters refitted [-]."""
+    explains: bool
+    """True if the model explains force and outline once the recording is put right."""
+    file: str
+    """The file with its times."""
+    key: str
+    """The key of shot.toml that puts it right."""
+
+    @property
+    def significance(self) -> float:
+        """Size of the lag over its standard uncertainty [-]; 0 if that is not known."""
+        return abs(self.lag) / self.sigma if self.sigma > 0.0 else 0.0
+
+
+COVERAGE = 2.0
+"""An input within so many of its declared standard uncertainties is not wrong."""
+
+
+@dataclass(frozen=True)
+class CauseFinding:
+    """One input, changed until the model explains the data best, the free parameters found anew."""
+
+    key: str
+    """Key of shot.toml to be checked, or what else is wrong; unique."""
+    words: str
+    """What is changed, in words."""
+    unit: str
+    """Unit of `exact` and `value`; "1" for a factor or a plain number."""
+    exact: float
+    """What the shot declares: 1 for a factor, 0 for an offset; NaN where it has no number."""
+    value: float
+    """What the data prefer; NaN if it could not be tried."""
+    sigma: float
+    """Standard uncertainty of `value`; NaN where it has none."""
+    explained: float
+    """Share of the misfit beyond what a right model leaves that goes [-]."""
+    evidence: float
+    """Logarithm of the likelihood ratio, one residual a time and channel, times 2 [-]; 0 where the data are
+    explained as they are."""
+    probability: float
+    """Probability of such a change by chance, for all inputs tried together (Holm 1979) [-]."""
+    parameters: Mapping[str, float]
+    """The free parameters with the input changed so, on the surrogate's mesh corrected to the refined one."""
+    sigmas: Mapping[str, float]
+    """Their standard uncertainties from residuals and flyer motion; empty where they are not known."""
+    named: bool
+    """True if it is listed as a likely cause."""
+    alike: tuple[str, ...] = ()
+    """Keys of other inputs that the data cannot tell from this one."""
+    beside: str = ""
+    """Key of the likelier cause beside which it was found, that one free too; empty if it was tried alone."""
+    status: str = ""
+    """Why it could not be tried; empty if it was."""
+    declared_sigma: float | None = None
+    """Standard uncertainty that the shot declares of it, in its unit; None if it declares none."""
+    solved: Mapping[str, float] = field(default_factory=dict)
+    """The free parameters as a whole identification gives them with the input changed; empty if none was
+    made."""
+    solved_sigmas: Mapping[str, float] = field(default_factory=dict)
+    """Their standard uncertainties."""
+
+    @property
+    def change(self) -> float:
+        """Value minus what is declared, in its unit."""
+        return self.value - self.exact if self.exact == self.exact else nan
+
+    @property
+    def within(self) -> bool:
+        """True if what the data prefer is within k = 2 of the declared uncertainty: no error of the input."""
+        return self.declared_sigma is not None and abs(self.change) <= COVERAGE * self.declared_sigma
+
+
+Interval = tuple[float, float]
+"""Lower and upper end in the parameter's unit; NaN where it is open."""
+
+
+@dataclass(frozen=True)
+class ParameterProfile:
+    """The profile likelihood of one parameter, from the noise of force and outline alone."""
+
+    name: str
+    """The parameter."""
+    values: FloatArray
+    """Where it was held, ascending, in its unit, shape [n]."""
+    rise: FloatArray
+    """Rise of -2 ln L over its smallest value, the other parameters re-optimised [-], shape [n]."""
+    points: FloatArray
+    """The most likely points there, in SI, shape [n, d], in the order of the free parameters."""
+    level: float
+    """Rise at the ends of the 95 % interval [-]: 3.84 times `correlation`."""
+    correlation: float
+    """What correlation of the residuals in time adds to this parameter's variance, a factor >= 1 [-]."""
+    interval: Interval
+    """95 % interval from the profile."""
+    alone: Interval
+    """The same with the other parameters held at their optimum."""
+    verdict: str
+    """In one word: the value of a `doe.uncertainty.VerdictKind`."""
+    text: str
+    """The verdict in a sentence, with the direction of a ridge."""
+    error: float
+    """Largest error of the rise against runs on the surrogate's mesh along the profile [-]."""
+
+
+@dataclass(frozen=True)
+class PairMap:
+    """The rise of -2 ln L over the plane of the two free parameters."""
+
+    names: tuple[str, str]
+    """The parameters along x and y."""
+    x: FloatArray
+    """Values of the first, in SI, shape [nx]."""
+    y: FloatArray
+    """Values of the second, in SI, shape [ny]."""
+    rise: FloatArray
+    """Rise of -2 ln L over its smallest value [-], shape [ny, nx]."""
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """An input that shot.toml may declare uncertain, and what that does to the answer."""
+
+    key: str
+    """Its key in [uncertainty]."""
+    sigma: float
+    """Declared standard uncertainty, in SI or relative; NaN if none is declared."""
+    unit: str
+    """Unit of `sigma`; "1" for a share of the quantity or a plain number."""
+    shifts: Mapping[str, float]
+    """By how much each free parameter moves if the input is larger by `sigma`, in SI; empty if it was
+    not varied."""
+    status: str
+    """What was done: "varied", "not declared, counted as exact", or why it has no part here."""
+    amount: float = float("nan")
+    """A plain amount of it: 1 % of a scale, 1 us of a clock, 10 um of a place, as `unit`; NaN if it has no
+    part, or of a file that does not hold it."""
+    moves: Mapping[str, float] = field(default_factory=dict)
+    """By how much each free parameter moves if the input is larger by `amount`, in SI; empty likewise."""
+    visible: float = float("nan")
+    """Share of the change of "prediction minus data" that stays in the residual after the parameters have
+    followed, 0 to 1 [-]; near zero the data cannot show the input to be wrong. NaN likewise."""
+    alike: tuple[str, ...] = ()
+    """Keys of the inputs whose change leaves the same in the residual: the data do not tell them apart."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """A choice of the analyst, made otherwise: the same data and runs, searched again on the surrogate."""
+
+    key: str
+    """What was chosen: "window_end" or "force_bins"."""
+    value: float
+    """The other choice: end of the window, or width of the force's bins [s]."""
+    shifts: Mapping[str, float]
+    """By how much each free parameter moves on the refined mesh, the error of which is not corrected here, in
+    SI; empty if it could not be searched."""
+    status: str
+    """What was done, in words."""
+
+
+@dataclass(frozen=True)
+class PosteriorSummary:
+    """The posterior by Markov chains, from the noise of force and outline alone."""
+
+    names: tuple[str, ...]
+    """Free parameters, then the sampled discrepancies, length n."""
+    samples: FloatArray
+    """Some of the samples, for pictures, in SI, shape [m, n]."""
+    median: FloatArray
+    """Of all samples, in SI, shape [n]."""
+    lower: FloatArray
+    """2.5 % quantile of all samples, shape [n]."""
+    upper: FloatArray
+    """97.5 % quantile of all samples, shape [n]."""
+    converged: bool
+    """Whether the chains are long enough against their autocorrelation time, and that time is steady."""
+    autocorrelation: float
+    """Longest integrated autocorrelation time [steps]."""
+    steps: int
+    """Steps of each walker."""
+    acceptance: float
+    """Share of accepted moves [-]."""
+    power: float
+    """Power of the likelihood, 1 over the mean `ParameterProfile.correlation` [-]."""
+    prior: str
+    """The priors, in words."""
+
+
+@dataclass(frozen=True)
+class HeldAnswer:
+    """What one parameter would be with other free ones held at the values that the shot declares."""
+
+    name: str
+    """The parameter."""
+    held: Mapping[str, float]
+    """Value of each parameter that was held, in SI."""
+    value: float
+    """Its optimum, in SI."""
+    sigma: float
+    """Its standard uncertainty, in SI: residuals, noise of flyer and curve, mesh, and what the shot declares
+    of the held ones."""
+    chi2_force: float
+    """Mean square of the force's residual over its noise there [-]."""
+    chi2_shape: float
+    """The same of the outline [-]; NaN if none was measured."""
+    free_chi2_force: float
+    """The force's where all of them are free [-]."""
+    free_chi2_shape: float
+    """The outline's where all of them are free [-]; NaN if none was measured."""
 
 
 class Verdict(StrEnum):
@@ -222,7 +602,7 @@ class Identification:
     seconds: dict[str, float]
     """Wall time by stage [s]."""
     warnings: tuple[str, ...] = ()
-    """What a user must know before using the answer, one sentence each; see `kolsky.uncertainty.warnings`."""
+    """What a user must know before using the answer, one sentence each; see `kolsky.uncertainty`."""
     methods: tuple[Method, ...] = ()
     """What other methods find from the same data; the answer's own is the first."""
     systematic: tuple[Declaration, ...] = ()
@@ -244,7 +624,7 @@ class Identification:
     causes: tuple[CauseFinding, ...] = ()
     """Inputs that, changed, explain the misfit better, the likely causes first; empty if none was tried."""
     image_correlation: dict[str, float] = field(default_factory=dict)
-    """Numbers of the surfaces that the shot's pictures gave, see `kolsky.shot.dic_summary.numbers`."""
+    """Numbers of the surfaces that the shot's pictures gave, see `kolsky.pictures.summary.numbers`."""
     route_difference: RouteDifference | None = None
     """Force alone minus outline alone; None without an outline, or if it was not recorded."""
     provenance: dict[str, Any] = field(default_factory=dict)
@@ -266,3 +646,45 @@ def worst_imbalance(response: Response) -> float:
     if not np.isfinite(response.energy.external[0]).any():
         return float("nan")
     return float(response.energy.imbalance()[0])
+
+
+class ShowsCheckRun(Protocol):
+    """What tells of a check run: a `CheckRun`, or the `Identification` that it becomes part of."""
+
+    @property
+    def comparison(self) -> Comparison:
+        """The run beside the data."""
+        ...
+
+    @property
+    def response(self) -> Response:
+        """The run itself."""
+        ...
+
+    @property
+    def refined_mesh(self) -> tuple[int, int]:
+        """Its mesh."""
+        ...
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Input hashes, settings, versions."""
+        ...
+
+
+@dataclass(frozen=True)
+class CheckRun:
+    """The check run at the answer on the refined mesh, each field as of `Identification`."""
+
+    comparison: Comparison
+    """The run beside the data."""
+    response: Response
+    """The run itself, with all nodes."""
+    refined_mesh: tuple[int, int]
+    """Elements across the radius and along the length."""
+    provenance: dict[str, Any]
+    """Input hashes, settings, versions."""
+
+    def is_of(self, found: Identification) -> bool:
+        """Whether an identification has this very run, and not another one with the same numbers."""
+        return all(getattr(found, name) is getattr(self, name) for name in self.__dataclass_fields__)

@@ -1,4 +1,4 @@
-"""One simulation of a shot beside its data."""
+"""One simulation of a shot beside its data, and the quasi-static test of the same specimen."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -8,14 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explicit import Response
+from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.base.arrays import FloatArray
 from kolsky.base.files import write_table
 from kolsky.base.records import CentreLine
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import Terms, terms
-from kolsky.inverse.observations import Prediction, predict
-from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
-from kolsky.inverse.side_surface import LEAST_STEP, radius_at
+from kolsky.inverse.observations import LEAST_STEP, Prediction, predict, radius_at
+from kolsky.inverse.parameters import PARAMETERS, any_slides, checked_value, require_effect
+from kolsky.inverse.problem import PreparedShot, prepare_shot
+from kolsky.inverse.run_table import Terms, terms
+from kolsky.material.slow_compression import FIRST, SlowCompression, SlowNumerics, slow_compression
 from kolsky.shot.records import Shot
 
 
@@ -151,3 +153,83 @@ def _outline_so_far(response: Response, line: CentreLine) -> tuple[slice, FloatA
         here = np.flatnonzero(row == k)
         Z[here], inside[here] = radius_at(r, y, np.zeros(len(here), dtype=np.intp), line.y[here])
     return slice(count), Z, inside
+
+
+SLOW_POINTS = 60
+"""Strains of the table."""
+INERTIA = 0.01
+"""Kinetic over elastic energy, or difference of the faces over their force, from which on it is said."""
+PAST_CURVE = 0.01
+"""Share of the specimen past the curve from which on it is said."""
+
+
+def slow_test_of(
+    shot: Shot,
+    parameters: Mapping[str, float] | None = None,
+    *,
+    last: float | None = None,
+    error: float = 2e-3,
+    mesh: tuple[int, int] = (24, 32),
+    threads: int | None = None,
+) -> SlowCompression:
+    """Compress the specimen of a shot slowly.
+
+    Parameters
+    ----------
+    shot
+        A loaded shot.
+    parameters
+        "stiffness_factor", "friction" or "poisson" at another value than the shot's.
+    last
+        Last nominal compressive strain [-]; that of the window's end if left out.
+    error
+        Wanted relative error of the force, see `kolsky.material.slow_compression.slow_compression`.
+    mesh, threads
+        Elements across the radius and along the length, CPU threads.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is not allowed or has no effect, the strain is not in (0, 1), or as
+        `kolsky.material.slow_compression.slow_compression`.
+    """
+    given = {name: checked_value(name, value) for name, value in (parameters or {}).items()}
+    interface, sliding = shot.interface, any_slides(given)
+    require_effect(given, interface.faces, interface.side)
+    prepared = prepare_shot(shot)
+
+    def value(name: str) -> float:
+        return given.get(name, PARAMETERS[name].held(shot))
+
+    if last is None:
+        _, position, _ = prepared.path.table(2)
+        last = float(position[-1] - position[0]) / shot.specimen.length
+    if not 0.0 < last < 1.0:
+        raise ValueError(f"the last strain of a slow test must be in (0, 1), got {last:.4g}")
+    return slow_compression(
+        prepared.forward.laws[0],
+        shot.specimen,
+        last * np.arange(1, SLOW_POINTS + 1) / SLOW_POINTS,
+        faces=SLIDING_LAW if sliding else interface.faces,
+        side=SLIDING_LAW if sliding else interface.side,
+        friction=value("friction"),
+        stiffness_factor=value("stiffness_factor"),
+        error=error,
+        numerics=SlowNumerics(mesh=mesh, passages=FIRST, poisson=value("poisson"), threads=threads),
+    )
+
+
+def slow_test_warnings(found: SlowCompression) -> list[str]:
+    """What to know before a slow test is used."""
+    said, test = [], found.test
+    if test.kinetic_share > INERTIA or test.face_difference > INERTIA:
+        said.append(
+            f"the slow test is not at rest: its kinetic energy is {test.kinetic_share:.1%} of the elastic one"
+            f" and the faces' forces differ by {test.face_difference:.1%}; ask for a smaller --error"
+        )
+    if test.past_data > PAST_CURVE:
+        said.append(
+            f"{test.past_data:.0%} of the specimen's volume was strained past the quasi-static curve; from "
+            "there the law goes on without a test that supports it"
+        )
+    return said

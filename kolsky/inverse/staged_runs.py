@@ -1,4 +1,6 @@
-"""The simulations of an identification, stage by stage, every one of them kept in the run table."""
+"""Simulations of an identification, stage by stage, each kept in the run table; compilation before the
+first.
+"""
 
 import time
 from collections.abc import Callable
@@ -7,23 +9,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.forks import Later
+import explicit
+from dic.processes import PendingResult
 from doe import Box, Design, full_factorial, latin_hypercube
 from explicit import Response
 from kolsky.bars.flyer.path import FlyerPath
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.completed_runs import CompletedRuns, Replicates, first_lost, lost_in_words
-from kolsky.inverse.early_run import EarlyRun
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.idle_core import IdleCore, leaves_a_core
-from kolsky.inverse.objective import Objective
+from kolsky.inverse.objective import Objective, Prior
 from kolsky.inverse.observations import Observations, Prediction, predict
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.inverse.path_modes import MovedFront
-from kolsky.inverse.prepared_shot import PreparedShot
-from kolsky.inverse.prior import Prior
-from kolsky.inverse.run_table import RunTable
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.path_noise import MovedFront
+from kolsky.inverse.problem import PreparedShot, Settings
+from kolsky.inverse.run_table import CompletedRuns, Replicates, RunTable, first_lost, lost_in_words
+from kolsky.inverse.work import EarlyRun, IdleCore, leaves_a_core
 
 Progress = Callable[[str, int, int], None]
 """Called as ``progress(stage, runs done, runs in the stage)``."""
@@ -248,7 +247,7 @@ class StagedRuns:
             )
 
         idle = leaves_a_core(self.settings.numerics.device, self.settings.numerics.threads)
-        found = self.idle_core.put_off(run) if idle else Later(run)
+        found = self.idle_core.put_off(run) if idle else PendingResult(run)
         self._replicates = found
         return found
 
@@ -298,3 +297,33 @@ class StagedRuns:
 
     def _clock(self, stage: str, started: float) -> None:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - started
+
+
+RUNS_OF_A_DESIGN = 64
+"""Runs of a design: packs of lanes, where a few runs are made one by one."""
+
+
+def compile_for(stages: StagedRuns) -> None:
+    """Compile, side by side, what runs alone, a design's runs and the other element's need.
+
+    It takes some seconds once on a machine, and is the stage "compile"; otherwise nothing is done.
+    """
+    numerics = stages.settings.numerics
+    explicit.compile_time_loops(
+        [_problem(stages, numerics, 1), _problem(stages, numerics, RUNS_OF_A_DESIGN)],
+        also=[lambda: other_element(stages)],
+        device=numerics.device,
+        threads=numerics.threads,
+        told=lambda done, total: stages.progress("compile", done, total),
+    )
+
+
+def other_element(stages: StagedRuns) -> explicit.Problem:
+    """A run of the other element, which the mesh's error is told by."""
+    return _problem(stages, stages.settings.numerics.with_other_element(), 1)
+
+
+def _problem(stages: StagedRuns, numerics: Numerics, runs: int) -> explicit.Problem:
+    named = stages.box.as_dict(np.array(stages.box.lower))
+    points = {name: np.full(runs, value) for name, value in {**stages.settings.held, **named}.items()}
+    return stages.prepared.forward.problem(points, numerics)

@@ -3,7 +3,7 @@
 A scan of Poisson's ratio on the mesh of the replicates finds the valleys of the misfit
 (`kolsky.inverse.valleys`). Searches from the floors of the likeliest, side by side, are least squares on the
 solver itself (`doe.least_squares`): its steps need no surrogate. From the likeliest of their ends the summit
-of the likelihood is climbed (`kolsky.inverse.summits`), and the search on the surrogate's mesh begins there.
+of the likelihood is climbed (`kolsky.inverse.valleys`), and the search on the surrogate's mesh begins there.
 The logarithm of 1 - 2 nu is the coordinate of Poisson's ratio: a valley is a few percent of 1 - 2 nu wide,
 whatever nu is. One parameter comes from a surrogate, and its path is followed like that of several.
 """
@@ -15,21 +15,37 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from doe import from_points, latin_hypercube
-from doe.least_squares import least_squares
-from doe.whitening import Whitening
+from doe.least_squares import Whitening, least_squares
 from kolsky.base.arrays import BoolArray, FloatArray
-from kolsky.inverse.coarse_search import CoarseOptimum
+from kolsky.inverse.coarse_search import (
+    CoarseOptimum,
+    CorrectedSurrogate,
+    data_change,
+    front_modes,
+    jacobian,
+    noise_of,
+)
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.front_noise import data_change, front_modes, noise_of
-from kolsky.inverse.likely_path import FOLLOWED, credible, likely_amplitudes
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.optimum import CorrectedSurrogate, jacobian
 from kolsky.inverse.parameters import MOVED
-from kolsky.inverse.path_modes import MovedFront, PathModes, size
-from kolsky.inverse.search_coordinates import from_search, search_box, to_search
+from kolsky.inverse.path_noise import (
+    FOLLOWED,
+    MovedFront,
+    PathModes,
+    credible,
+    likely_amplitudes,
+    rms_amplitude,
+)
 from kolsky.inverse.staged_runs import StagedRuns
-from kolsky.inverse.summits import likeliest
-from kolsky.inverse.valleys import VALLEY, likely_valleys, valley_levels
+from kolsky.inverse.valleys import (
+    VALLEY,
+    from_search,
+    likeliest_summit,
+    likely_valleys,
+    search_box,
+    to_search,
+    valley_levels,
+)
 
 BEST = 3
 """Starts where Poisson's ratio is held, the best of a design."""
@@ -84,7 +100,7 @@ def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int]
     ends = least_squares_on(stages, objective, first, points, FIRST_STEPS)
     begin = ends[0].x
     if VALLEY in stages.box.names:
-        summit = likeliest(stages, np.array([end.x for end in ends]), first, objective.counted)
+        summit = likeliest_summit(stages, np.array([end.x for end in ends]), first, objective.counted)
         begin, stages.valley_margin = summit.x, summit.margin
         if stages.settings.replicates:
             # Without them least squares would go back to the floor.
@@ -186,7 +202,7 @@ def follow_front(
             stages.move_front(fitted, 0.0)
             stages.know_front_noise(modes.patterns)
             return first
-        if shares.any() or size(amplitudes) > followed:
+        if shares.any() or rms_amplitude(amplitudes) > followed:
             shares = amplitudes @ modes.shares
             stages.follow(MovedFront(fitted, modes, amplitudes))
         before, weighed = best, replace(objective, observations=stages.observations)

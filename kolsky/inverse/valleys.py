@@ -1,32 +1,34 @@
-"""Valleys of the misfit along Poisson's ratio: where to look, which to search, and which is the right one.
+"""Valleys of the misfit along Poisson's ratio: scan, floors, summit, search coordinates.
 
-The force rings at the period of the pressure waves, some ten to sixty times in a test. Poisson's ratio sets
-that period through K / G = 2 (1 + nu) / (3 (1 - 2 nu)), so that the misfit has a valley wherever the model's
-oscillations match the measured ones in step, or one whole oscillation off. Valleys are equally far apart in
-the number of oscillations, N = T c / (2 L) with the window T, the length L and the wave's speed
-c^2 = (K + 4 G / 3) / rho: the scan takes equal steps of N.
+The force rings at the period of the pressure waves, some ten to sixty times in a test. Poisson's ratio
+sets that period through K / G = 2 (1 + nu) / (3 (1 - 2 nu)), so that the misfit has a valley wherever the
+model's oscillations match the measured ones in step, or one whole oscillation off. Valleys are equally
+far apart in the number of oscillations, N = T c / (2 L) with the window T, the length L and the wave's
+speed c^2 = (K + 4 G / 3) / rho: the scan takes equal steps of N.
 
-On a coarse mesh the outline's error is a smooth field, many times its noise where there are thousands of
-points, and it bends with Poisson's ratio; by number its points would outvote the force, which alone sees the
-oscillations. So the points of a frame count once when valleys are compared. And a record of the flyer that is
-uncertain at its onset makes a right model ring too much: at each valley's floor some runs under other motions
-tell how, and what they explain does not speak against it. From the likeliest floor the summit of that
-likelihood is climbed (`kolsky.inverse.summits`).
+On a coarse mesh the outline's error is a smooth field, many times its noise; so the points of a frame
+count once when valleys are compared. Each floor is judged with some runs under other motions of the
+flyer, whose noise may explain ringing. From the likeliest floor the summit of that likelihood is climbed
+in steps of half an oscillation. The search coordinate of Poisson's ratio is log(1 - 2 nu): a valley is a
+few percent of it wide.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import ceil
 
 import numpy as np
 
+from doe import Box
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.records import MaterialCurve
-from kolsky.inverse.front_noise import data_change, front_modes, noise_of
+from kolsky.inverse.coarse_search import data_change, front_modes, noise_of
+from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
+from kolsky.inverse.parameters import MOVED, PARAMETERS
 from kolsky.inverse.staged_runs import StagedRuns
 
 VALLEY = "poisson"
@@ -150,7 +152,7 @@ def likely_valleys(objective: Objective, vectors: FloatArray, distance: FloatArr
     return list(dict.fromkeys(found))
 
 
-def judged(
+def deviance_with_path_noise(
     stages: StagedRuns, points: FloatArray, runs: Sequence[Prediction | None], inside: BoolArray
 ) -> FloatArray:
     """-2 ln of likelihood and prior at points, each with the noise of the flyer's motion there, shape [n].
@@ -183,3 +185,176 @@ def judged(
 def patterns_of(stages: StagedRuns, prediction: Prediction) -> FloatArray:
     """Patterns of the flyer's noise from runs under other motions, shape [q, n_bins + n_points]."""
     return front_modes(data_change(prediction)[1:], noise_of(stages.observations))
+
+
+STRIDE = 0.5
+"""Distance of neighbouring places, in oscillations over the whole test: minima of least squares are half an
+oscillation apart or more."""
+AHEAD = 2
+"""Places that are run at once to a side: one oscillation."""
+OTHER_VALLEY = 2.0
+"""Oscillations from a summit beyond which a floor is of another valley [-]."""
+FARTHEST = 8
+"""Most places from the floor: the next valleys that the scan has found lie about there."""
+
+
+@dataclass(frozen=True)
+class Summit:
+    """The likeliest place about a floor."""
+
+    x: FloatArray
+    """In parameter units, shape [d]."""
+    patterns: FloatArray
+    """Of the flyer's noise there, one standard deviation a mode, shape [q, n_bins + n_points]."""
+    strides: int
+    """Places from the floor, positive toward a higher Poisson's ratio."""
+    runs: Prediction
+    """Under other motions there, the fitted one's first."""
+    margin: float = np.inf
+    """-2 ln of likelihood and prior of the next valley's floor less that of the summit [-]; infinite where
+    the scan found no other valley."""
+
+
+def climb_summit(
+    stages: StagedRuns, floor: FloatArray, runs: Prediction, numerics: Numerics, inside: BoolArray
+) -> Summit:
+    """The summit that is reached from a floor, all other parameters as they are there.
+
+    Parameters
+    ----------
+    stages
+        The identification's simulations.
+    floor
+        Where to begin, in parameter units, shape [d].
+    runs
+        What `MOTIONS` other motions of the flyer do there, the fitted one's first.
+    numerics
+        Of the runs.
+    inside
+        Outline points that count, shape [n_points].
+    """
+    box = stages.box
+    i = box.names.index(VALLEY)
+    factor = float(floor[box.names.index(MOVED)]) if MOVED in box.names else 1.0
+    table, number = oscillation_table(stages, factor, (box.lower[i], box.upper[i]))
+    middle = float(np.interp(floor[i], table, number))
+    places: dict[int, tuple[FloatArray, Prediction | None]] = {0: (floor, runs)}
+    deviations = stages.front_deviations(MOTIONS)
+    best, new = 0, strides_beside(0, {0})
+    while True:
+        new = [k for k in new if number[0] <= middle + STRIDE * k <= number[-1]]
+        if not new:
+            break
+        points = np.tile(floor, (len(new), 1))
+        points[:, i] = np.interp(middle + STRIDE * np.array(new), number, table)
+        found = stages.under_other_motions(points, deviations, numerics)
+        places |= dict(zip(new, zip(points, found, strict=True), strict=True))
+        order = sorted(places)
+        at = np.array([places[k][0] for k in order])
+        best = order[
+            int(np.argmin(deviance_with_path_noise(stages, at, [places[k][1] for k in order], inside)))
+        ]
+        new = strides_beside(best, set(places))
+    x, prediction = places[best]
+    assert prediction is not None  # a lost run is infinitely unlikely, and the floor's is not lost
+    return Summit(x, patterns_of(stages, prediction), best, prediction)
+
+
+def likeliest_summit(stages: StagedRuns, floors: FloatArray, numerics: Numerics, inside: BoolArray) -> Summit:
+    """The summit from the likeliest of some valleys' floors, and what the next is short of it.
+
+    Parameters
+    ----------
+    stages, numerics, inside
+        As of `climb`.
+    floors
+        In parameter units, shape [n, d].
+
+    Raises
+    ------
+    ValueError
+        If the run at no floor completes.
+    """
+    runs = stages.under_other_motions(floors, stages.front_deviations(MOTIONS), numerics)
+    first = int(np.argmin(deviance_with_path_noise(stages, floors, runs, inside)))
+    found = runs[first]
+    if found is None:
+        raise ValueError("no run at a floor of the valleys of Poisson's ratio completed")
+    summit = climb_summit(stages, floors[first], found, numerics, inside)
+    at = np.vstack([summit.x, floors])
+    values = deviance_with_path_noise(stages, at, [summit.runs, *runs], inside)
+    apart = np.abs(oscillations_at(stages, at) - oscillations_at(stages, summit.x[None]))
+    return replace(summit, margin=margin(values, apart))
+
+
+def margin(values: FloatArray, apart: FloatArray) -> float:
+    """By how much the likeliest of other valleys is short of a summit [-].
+
+    Parameters
+    ----------
+    values
+        -2 ln of likelihood and prior, the summit's first, shape [n].
+    apart
+        Oscillations from the summit [-], shape [n]; within `OTHER` of it a floor is on its slope.
+    """
+    others = values[apart > OTHER_VALLEY]
+    return float(np.min(others, initial=np.inf) - values[0])
+
+
+def oscillations_at(stages: StagedRuns, points: FloatArray) -> FloatArray:
+    """Oscillations over the whole test at points of shape [n, d], shape [n]; all with the first one's
+    stiffness."""
+    box = stages.box
+    i = box.names.index(VALLEY)
+    factor = float(points[0, box.names.index(MOVED)]) if MOVED in box.names else 1.0
+    table, number = oscillation_table(stages, factor, (box.lower[i], box.upper[i]))
+    return np.asarray(np.interp(points[:, i], table, number))
+
+
+def strides_beside(best: int, known: set[int]) -> list[int]:
+    """Places to run next: `AHEAD` of them on each side of the best one where nothing is known next to it.
+
+    Parameters
+    ----------
+    best
+        The likeliest place so far.
+    known
+        Places that have been run.
+    """
+    found = []
+    for side in (-1, 1):
+        if best + side not in known:
+            found += [best + side * step for step in range(1, AHEAD + 1)]
+    return sorted(k for k in found if k not in known and abs(k) <= FARTHEST)
+
+
+def search_box(box: Box) -> Box:
+    """The box in the coordinates of the search: 1 - 2 nu, logarithmic, in place of Poisson's ratio.
+
+    What spans decades is logarithmic too.
+    """
+    bounds = {name: (low, high) for name, low, high in zip(box.names, box.lower, box.upper, strict=True)}
+    decades = [name for name in box.names if PARAMETERS[name].logarithmic]
+    if VALLEY in bounds:
+        low, high = bounds[VALLEY]
+        bounds[VALLEY] = 1.0 - 2.0 * high, 1.0 - 2.0 * low
+        decades.append(VALLEY)
+    return Box.of(bounds, logarithmic=decades) if decades else box
+
+
+def to_search(box: Box, points: FloatArray) -> FloatArray:
+    """Points in the coordinates of the search, shape [..., d]."""
+    x = np.array(points, dtype=np.float64)
+    if VALLEY in box.names:
+        i = box.names.index(VALLEY)
+        x[..., i] = 1.0 - 2.0 * x[..., i]
+    return x
+
+
+def from_search(box: Box, points: FloatArray) -> FloatArray:
+    """The inverse of `to_search`."""
+    x = np.array(points, dtype=np.float64)
+    if VALLEY in box.names:
+        i = box.names.index(VALLEY)
+        x[..., i] = 0.5 * (1.0 - x[..., i])
+    return x

@@ -14,15 +14,15 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.prediction.predict import Numbers, PlannedTest, predict
 from kolsky.prediction.schema import TestFile
-from kolsky.shot.schema.reading import TomlFile
+from kolsky.schema.shot_file import TomlFile
 
 NAMES = tuple(field.name for field in fields(Numbers))
 """Numbers that can be wanted."""
-CLOSE = 0.01
+AIM_TOLERANCE = 0.01
 """Largest relative distance from what is wanted at which it is reached."""
 ROUNDS = 4
 """Most runs at the point that the surfaces promise, each joined to them."""
-SAME = 1e-6
+EQUAL_POINTS = 1e-6
 """Points of the unit box closer than this are one run."""
 DIGITS = 6
 """Digits of a varied quantity."""
@@ -109,7 +109,7 @@ class Aim:
     @property
     def reached(self) -> bool:
         """True if every number is there to `CLOSE`."""
-        return self.distance <= CLOSE
+        return self.distance <= AIM_TOLERANCE
 
 
 def varied_test(test: PlannedTest, values: Mapping[str, float | str]) -> PlannedTest:
@@ -192,13 +192,13 @@ def aim(test: PlannedTest, found: Scan, wanted: Mapping[str, float]) -> Aim:
     for _ in range(ROUNDS):
         x = _promised(box, points, numbers, wanted)
         away = np.abs(box.unit(points) - box.unit(x)).max(axis=1)
-        if away.min() < SAME:
+        if away.min() < EQUAL_POINTS:
             row = int(np.argmin(away))
             tried.append((distance(numbers[row], wanted), points[row], numbers[row]))
             break
         here = predict(_at(test, found.varied, x), quick=True).numbers
         tried.append((distance(here, wanted), x, here))
-        if tried[-1][0] <= 0.1 * CLOSE:
+        if tried[-1][0] <= 0.1 * AIM_TOLERANCE:
             break
         points, numbers = np.vstack([points, x]), [*numbers, here]
     nearest, x, best = min(tried, key=lambda one: one[0])

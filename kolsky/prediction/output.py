@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.base.files import write_table
-from kolsky.base.json_types import jsonable
+from kolsky.base.files import jsonable, write_table
 from kolsky.prediction.design import Aim, Scan
 from kolsky.prediction.predict import Numbers, Prediction, doubts
 

@@ -8,14 +8,13 @@ import numpy as np
 
 import explicit
 from explicit.bars import Apparatus, Joint, Section, find_events, integrate_test, simulate_test
-from explicit.bars.events import Events
-from explicit.bars.impact import FlightHistory, SpecimenForce
+from explicit.bars.lines import Events, FlightHistory, SpecimenForce
 from explicit.response import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.prediction.schema import PartTable, TestFile
 from kolsky.prediction.shapers import shaper_of
-from kolsky.shot.schema.reading import TomlFile, parse_toml
+from kolsky.schema.shot_file import TomlFile, parse_toml
 from kolsky.virtual.material import law_of, relaxation_of, uniaxial_stress
 
 FLATTEST = 0.04

@@ -5,9 +5,9 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from kolsky.base.apparatus import LIFTING_LAW
-from kolsky.shot.schema import fields as f
-from kolsky.shot.schema.section import Section
-from kolsky.virtual import fields as v
+from kolsky.schema import fields as f
+from kolsky.schema.fields import Section
+from kolsky.virtual import schema as v
 from kolsky.virtual.schema import MaterialTable, SpecimenTable
 
 Force = Annotated[float, BeforeValidator(f.physical("N", ">= 0", "a force"))]

@@ -6,11 +6,9 @@ from pathlib import Path
 
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Contents, Layout, head_of
-from kolsky.readers.dialect import find_dialect
 from kolsky.readers.header import heading_keys, key_lines, names_by_key, uncommented
-from kolsky.readers.sheet import Sheet, first_samples, names_and_units
-from kolsky.readers.signaltable import signal_table
-from kolsky.readers.text import decode_text, lines_of, read_bytes
+from kolsky.readers.sheet import Sheet, first_samples, names_and_units, signal_table
+from kolsky.readers.text import decode_text, find_dialect, lines_of, read_bytes
 
 BINARY = False
 

@@ -1,8 +1,11 @@
-"""Points of a surface from a series of text files, one a frame."""
+"""Points of a surface from a series of text files, one a frame, as other DIC programs export them.
+
+The column names of each program are in `LAYOUTS`.
+"""
 
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from pathlib import Path
@@ -12,11 +15,82 @@ import numpy as np
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Layout
-from kolsky.readers.dialect import find_dialect
-from kolsky.readers.dic_layouts import LAYOUTS, ExportLayout
 from kolsky.readers.header import uncommented
 from kolsky.readers.sheet import Sheet, first_samples, names_and_units
-from kolsky.readers.text import LONGEST_FIELD, decode_text, lines_of, read_bytes
+from kolsky.readers.text import LONGEST_FIELD, decode_text, find_dialect, lines_of, read_bytes
+
+
+@dataclass(frozen=True)
+class ExportLayout:
+    """The columns of one program's export; a name is compared without its unit in brackets."""
+
+    program: str
+    """The program, and its version where the names changed."""
+    coordinates: tuple[str, str, str]
+    """Columns of the position: in the reference frame or in the current one, which the numbers tell."""
+    displacements: tuple[str, str, str]
+    """Columns of the displacement from the reference frame."""
+    key: tuple[str, ...] = ()
+    """Columns that say which point a row is, the same in every frame; without them rows keep their order."""
+    rejected: tuple[str, ...] = ()
+    """Columns that are negative where the program gave a point up; those that are there count."""
+
+
+LAYOUTS: Mapping[str, tuple[ExportLayout, ...]] = {
+    "vic3d": (
+        # Data export as CSV; sigma is -1 where a subset was not matched.
+        ExportLayout("VIC-3D", ("X", "Y", "Z"), ("U", "V", "W"), key=("x", "y"), rejected=("sigma",)),
+    ),
+    "aramis": (
+        # https://github.com/dlr-wf/aramis-data-exporter (nodemap.txt): lost facets are NaN.
+        ExportLayout(
+            "ARAMIS, data exporter", ("x_undef", "y_undef", "z_undef"), ("u", "v", "w"), key=("ID",)
+        ),
+        ExportLayout(
+            "GOM Inspect, ARAMIS Professional",
+            ("x", "y", "z"),
+            ("displacement_x", "displacement_y", "displacement_z"),
+            key=("id",),
+        ),
+    ),
+    "matchid": (
+        ExportLayout(
+            "MatchID 2024",
+            ("coor.X", "coor.Y", "coor.Z"),
+            ("disp.Horizontal Displacement U", "disp.Vertical Displacement V", "disp.Out-Of-Plane: W"),
+            key=("Coordinates.Image X", "Coordinates.Image Y"),
+        ),
+        ExportLayout("MatchID to 2023", ("x", "y", "z"), ("u", "v", "w"), key=("x_pic", "y_pic")),
+    ),
+    "dice": (
+        # Field names of https://github.com/dicengine/dice; GAMMA, SIGMA and MATCH are -1 for a failed subset.
+        ExportLayout(
+            "DICe",
+            ("MODEL_COORDINATES_X", "MODEL_COORDINATES_Y", "MODEL_COORDINATES_Z"),
+            ("MODEL_DISPLACEMENT_X", "MODEL_DISPLACEMENT_Y", "MODEL_DISPLACEMENT_Z"),
+            key=("SUBSET_ID",),
+            rejected=("SIGMA", "MATCH", "GAMMA"),
+        ),
+        ExportLayout(
+            "DICe without subset numbers",
+            ("MODEL_COORDINATES_X", "MODEL_COORDINATES_Y", "MODEL_COORDINATES_Z"),
+            ("MODEL_DISPLACEMENT_X", "MODEL_DISPLACEMENT_Y", "MODEL_DISPLACEMENT_Z"),
+            key=("COORDINATE_X", "COORDINATE_Y"),
+            rejected=("SIGMA", "MATCH", "GAMMA"),
+        ),
+    ),
+    "opencorr": (
+        ExportLayout(
+            "OpenCorr",
+            ("ref_x", "ref_y", "ref_z"),
+            ("u", "v", "w"),
+            key=("x", "y"),
+            rejected=("r1r2 ZNCC", "r1t1 ZNCC", "r1t2 ZNCC"),
+        ),
+    ),
+}
+"""Name in shot.toml -> layouts, the first of which that has all its columns in the header is used."""
+
 
 UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254}
 """Units of length that may be stated, in metres."""

@@ -10,11 +10,9 @@ from pathlib import Path
 
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Contents, Layout, head_of
-from kolsky.readers.dialect import Dialect
 from kolsky.readers.header import add_key
-from kolsky.readers.sheet import Sheet
-from kolsky.readers.signaltable import SignalTable
-from kolsky.readers.text import decode_text, lines_of, read_bytes
+from kolsky.readers.sheet import Sheet, SignalTable
+from kolsky.readers.text import Dialect, decode_text, lines_of, read_bytes
 
 BINARY = False
 

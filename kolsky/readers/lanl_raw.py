@@ -8,10 +8,9 @@ from pathlib import Path
 
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Channel, Clock, Contents, Layout, check_samples, head_of
-from kolsky.readers.dialect import Dialect
 from kolsky.readers.header import check_width, keys_beside
 from kolsky.readers.sheet import Sheet
-from kolsky.readers.text import read_text
+from kolsky.readers.text import Dialect, read_text
 
 BINARY = False
 

@@ -20,9 +20,8 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.readers.arrays import NamedArray, array_channels, column_of, columns_of
 from kolsky.readers.contents import Contents, Layout, file_hash, head_of
-from kolsky.readers.hdf5 import inside
+from kolsky.readers.hdf5 import NamedArray, array_channels, column_of, columns_of, inside
 
 BINARY = True
 

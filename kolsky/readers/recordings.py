@@ -1,19 +1,183 @@
-"""Channels of a recorder's file, by name: found, judged, in SI units, on an exactly uniform clock."""
+"""Channels of a recorder's file by name: format, checks, SI units, an exactly uniform clock.
 
-from collections.abc import Sequence
+A new format is one module with `BINARY`, `sniff` and `read`, and one line in `FORMATS`. Every channel is
+checked: its samples must be finite, must change, and must not be clipped.
+"""
+
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import Recording
-from kolsky.readers import judge
-from kolsky.readers.contents import LARGEST_SAMPLE, Channel, ChannelInfo, Clock, Contents, Layout
-from kolsky.readers.formats import FORMATS
-from kolsky.readers.signalunits import si_unit
+from kolsky.readers import (
+    delimited,
+    excel,
+    excel_97,
+    hdf5,
+    labview_lvm,
+    lanl_raw,
+    matlab,
+    scope_binary,
+    tdms,
+    tektronix_csv,
+)
+from kolsky.readers.contents import (
+    LARGEST_JITTER,
+    LARGEST_SAMPLE,
+    Channel,
+    ChannelInfo,
+    Clock,
+    Contents,
+    Layout,
+)
+from kolsky.readers.header import si_unit
 from kolsky.readers.table import Column, Table, read_table
-from kolsky.readers.timecolumn import LARGEST_JITTER
+
+
+class RecorderFormat(Protocol):
+    """The functions of a module that reads one format."""
+
+    BINARY: bool
+    """Whether its files are no text: they have no lines to name and no digits that were printed."""
+
+    def sniff(self, path: Path) -> bool:
+        """True if a file looks like this format, by its ending and first bytes."""
+
+    def read(self, path: Path, layout: Layout) -> Contents:
+        """Its channels; raises `InputError`."""
+
+
+FORMATS: Mapping[str, RecorderFormat] = {
+    "excel": excel,
+    "excel 97": excel_97,
+    "tdms": tdms,
+    "matlab": matlab,
+    "hdf5": hdf5,
+    "lvm": labview_lvm,
+    "tektronix": tektronix_csv,
+    "lanl": lanl_raw,
+    "scope": scope_binary,
+    "delimited": delimited,
+}
+"""Name -> module, one file and one line here for each; text of any make comes last."""
+
+
+SHORTEST_FLAT_TOP = 8
+"""Shortest run of equal samples at an extreme that counts as clipping."""
+LONGER_THAN_OTHERS = 4
+"""How many times longer it is than any run of equal samples elsewhere in the record."""
+
+
+def check_finite(path: Path, channel: Channel, values: FloatArray) -> None:
+    """Refuse NaN, infinity and what is larger than anything measured.
+
+    Raises
+    ------
+    InputError
+        With the first such sample and their number.
+    """
+    bad = np.flatnonzero(~(np.abs(values) <= LARGEST_SAMPLE))  # NaN compares false
+    if bad.size:
+        raise _channel_error(
+            path,
+            channel,
+            int(bad[0]),
+            f"is {values[bad[0]]}" + (f", the first of {bad.size}" if bad.size > 1 else ""),
+            f"a recorder gives every sample a value of at most {LARGEST_SAMPLE:g}; export again without gaps",
+        )
+
+
+def check_changing(path: Path, channel: Channel, values: FloatArray) -> None:
+    """Refuse a channel that never changes.
+
+    Raises
+    ------
+    InputError
+        With its value.
+    """
+    if np.ptp(values) == 0.0:
+        raise InputError(
+            path,
+            f"channel '{channel.name}' is {values[0]:.6g} in all {values.size} samples",
+            line=channel.place(0),
+            cure="is it the right channel, and was it connected?",
+        )
+
+
+def check_unclipped(
+    path: Path, channel: Channel, values: FloatArray, unit: str, full_scale: float | None
+) -> None:
+    """Refuse a channel that ran into the end of its range.
+
+    With a full scale no sample may reach it. Without one, a flat top gives it away: a run of at least eight
+    equal samples at the largest or smallest value, four times longer than any run of equal samples at another
+    value, of a signal that did not begin there. (A quiet baseline can be an extreme, and coarse digits make
+    short runs anywhere.)
+
+    Parameters
+    ----------
+    path
+        The file, for messages.
+    channel
+        The channel.
+    values
+        Its samples, shape [n].
+    unit
+        Their unit.
+    full_scale
+        Largest size that the recorder shows, in `unit`.
+
+    Raises
+    ------
+    InputError
+        With the first clipped sample and their number.
+    """
+    if full_scale is not None:
+        clipped = np.flatnonzero(np.abs(values) >= full_scale)
+        if clipped.size:
+            raise _channel_error(
+                path,
+                channel,
+                int(clipped[0]),
+                f"is clipped: {values[clipped[0]]:.6g} {unit} in the first of {clipped.size} samples at or"
+                f" beyond full scale ({full_scale:g} {unit})",
+                "what lies beyond is lost; repeat the test at a coarser range, or correct full_scale",
+            )
+        return
+    starts = np.flatnonzero(np.concatenate([[True], np.diff(values) != 0.0]))
+    lengths = np.diff(np.append(starts, values.size))
+    levels = values[starts]
+    low, high = float(values.min()), float(values.max())
+    inner = lengths[(levels != low) & (levels != high)]
+    longest_inner = int(inner.max()) if inner.size else 1
+    beginning = float(np.median(values[: max(1, values.size // 50)]))
+    for extreme in (high, low):
+        if abs(beginning - extreme) < 0.2 * (high - low):
+            continue
+        runs = np.flatnonzero(levels == extreme)
+        longest = int(lengths[runs].max())
+        if longest >= max(SHORTEST_FLAT_TOP, LONGER_THAN_OTHERS * longest_inner):
+            first = int(starts[runs[np.argmax(lengths[runs])]])
+            raise _channel_error(
+                path,
+                channel,
+                first,
+                f"is clipped: {longest} equal samples at its extreme {extreme:.6g} {unit}, elsewhere at most"
+                f" {longest_inner}",
+                "what lies beyond is lost; repeat the test at a coarser range, or, if the signal is truly"
+                " flat, state full_scale",
+            )
+
+
+def _channel_error(path: Path, channel: Channel, sample: int, message: str, cure: str) -> InputError:
+    line = channel.place(sample)
+    where = "" if line is not None else f", sample {sample + 1}"
+    return InputError(path, f"channel '{channel.name}'{where} {message}", line=line, cure=cure)
+
 
 _FOUND = Layout()
 
@@ -156,10 +320,10 @@ def _find(contents: Contents, wanted: str) -> Channel:
 def _recording(contents: Contents, channel: Channel, layout: Layout) -> Recording:
     unit, factor = _unit(contents, channel, layout)
     raw = channel.values()
-    judge.finite(contents.path, channel, raw)
-    judge.changing(contents.path, channel, raw)
+    check_finite(contents.path, channel, raw)
+    check_changing(contents.path, channel, raw)
     value = raw * factor
-    judge.unclipped(contents.path, channel, value, unit, layout.full_scale)
+    check_unclipped(contents.path, channel, value, unit, layout.full_scale)
     clock = _clock(contents, channel)
     time, note = clock.times(channel.samples), ""
     if clock.measured is not None:

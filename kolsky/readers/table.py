@@ -1,4 +1,9 @@
-"""Strict reading of a table of declared columns: no number is guessed or left out."""
+"""Strict reading of a table of declared columns: no number is guessed or left out.
+
+Without a declared layout, a plain table (UTF-8, commas, decimal points, one header line) is read as such. A
+table that is clearly written otherwise (other delimiter, decimal commas, lines above the header) is read as
+it is written, and `kolsky check` reports how.
+"""
 
 import csv
 import hashlib
@@ -10,12 +15,100 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
+from kolsky.base.units import UnitError, unit_factor
 from kolsky.readers.contents import Layout
-from kolsky.readers.dialect import Dialect, stated
-from kolsky.readers.found_layout import PLAIN, found_layout
 from kolsky.readers.header import uncommented
-from kolsky.readers.sheet import Sheet
-from kolsky.readers.text import SIZE_LIMIT, decode, decode_text, read_bytes
+from kolsky.readers.sheet import Sheet, first_samples, names_and_units
+from kolsky.readers.text import (
+    SIZE_LIMIT,
+    Dialect,
+    declared_character,
+    decode,
+    decode_text,
+    find_dialect,
+    lines_of,
+    read_bytes,
+)
+
+PLAIN = Layout(delimiter="comma", decimal=".", header_line=1)
+"""UTF-8, commas, decimal points, one line of column names, then data."""
+_KINDS = ("s", "m", "V", "Pa", "N", "1")
+"""SI units of what such a table holds."""
+_DELIMITER_WORDS = {"tab": "tabs", "semicolon": "semicolons", "comma": "commas", "blanks": "blanks"}
+
+
+def detect_layout(path: Path, data: bytes) -> Layout:
+    """The layout of a table; `PLAIN` if it is that, or nothing better can be told.
+
+    Parameters
+    ----------
+    path
+        The file, for messages.
+    data
+        Its bytes.
+    """
+    try:
+        text, encoding = decode_text(path, data)
+        lines = lines_of(path, text)
+        dialect = find_dialect(path, lines)
+        bare = Layout()
+        if dialect.delimiter == " ":
+            lines = [line.strip() for line in lines]
+        first = first_samples(path, lines, dialect, bare)
+        _, _, facts, _ = names_and_units(path, lines[:first], first, dialect, bare)
+    except InputError:
+        return PLAIN  # the strict reader says what is wrong, and where
+    if not facts["header"].isdecimal():
+        return PLAIN
+    header = int(facts["header"])
+    units = int(facts["units"]) if "units" in facts else None
+    if units is None and header > 1 and _all_units(dialect.split(lines[header - 1])):
+        header, units = header - 1, header
+    utf8 = encoding.startswith("utf-8")
+    if utf8 and dialect.delimiter == "," and header == 1 and units is None:
+        return PLAIN
+    return Layout(
+        encoding=None if utf8 else encoding.split()[0],
+        delimiter=dialect.facts["delimiter"],
+        decimal=dialect.decimal,
+        header_line=header,
+        units_line=units,
+        first_line=first + 1,
+    )
+
+
+def _all_units(cells: list[str]) -> bool:
+    """True if every cell is a unit of something that a table of a shot holds."""
+    return all(any(_is_unit(cell.strip("()[] "), kind) for kind in _KINDS) for cell in cells)
+
+
+def _is_unit(cell: str, kind: str) -> bool:
+    try:
+        unit_factor("1" if cell in ("", "-") else cell, kind)
+    except UnitError:
+        return False
+    return True
+
+
+def layout_in_words(path: Path) -> str:
+    """How a table is read where no layout is declared; empty if it is plain text, or no table of text.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    found = detect_layout(path, read_bytes(path))
+    if found is PLAIN:
+        return ""
+    words = [
+        _DELIMITER_WORDS[str(found.delimiter)],
+        "decimal commas" if found.decimal == "," else "decimal points",
+    ]
+    words += [found.encoding] if found.encoding is not None else []
+    words += [f"header in line {found.header_line}"] if found.header_line != 1 else []
+    words += [f"units in line {found.units_line}"] if found.units_line is not None else []
+    return ", ".join(words)
 
 
 @dataclass(frozen=True)
@@ -179,7 +272,7 @@ def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LI
     layout
         Encoding, delimiter, decimal sign, sign of commented header lines, header and first line, where they
         are others; what it leaves out is UTF-8, a comma, a point, the first line and the line after it. None:
-        what is plainly another layout is found, see `kolsky.readers.found_layout`.
+        what is plainly another layout is found, see `kolsky.readers.table`.
     limit
         Largest size that is read [bytes].
 
@@ -190,7 +283,7 @@ def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LI
         another number of fields than the header; or if the layout is impossible or does not fit.
     """
     data = read_bytes(path, limit=limit)
-    layout = layout or found_layout(path, data)
+    layout = layout or detect_layout(path, data)
     text = decode(path, data) if layout.encoding is None else decode_text(path, data, layout.encoding)[0]
     lines = _lines(path, text)
     dialect = _dialect(path, layout)
@@ -258,8 +351,8 @@ def _check_delimiter(path: Path, lines: list[str]) -> None:
 
 def _dialect(path: Path, layout: Layout) -> Dialect:
     """Delimiter and decimal sign as said, without columns yet; quotes are read only where a layout is."""
-    delimiter = stated(path, "delimiter", layout.delimiter or "comma")
-    decimal = stated(path, "decimal", layout.decimal or ".")
+    delimiter = declared_character(path, "delimiter", layout.delimiter or "comma")
+    decimal = declared_character(path, "decimal", layout.decimal or ".")
     if delimiter == decimal:
         raise InputError(
             path,

@@ -16,12 +16,12 @@ from kolsky.readers.contents import (
     Clock,
     Contents,
     Layout,
+    array_clock,
     check_samples,
     file_hash,
     head_of,
     stated_clock,
 )
-from kolsky.readers.timecolumn import array_clock
 
 BINARY = True
 

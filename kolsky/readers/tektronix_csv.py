@@ -7,11 +7,9 @@ three empty fields. Several channels of one capture come as several such blocks 
 from pathlib import Path
 
 from kolsky.readers.contents import Channel, Contents, Layout, head_of
-from kolsky.readers.dialect import Dialect
 from kolsky.readers.header import bare_key, check_width, keys_beside
-from kolsky.readers.sheet import Sheet
-from kolsky.readers.signaltable import SignalTable
-from kolsky.readers.text import read_text
+from kolsky.readers.sheet import Sheet, SignalTable
+from kolsky.readers.text import Dialect, read_text
 
 BINARY = False
 

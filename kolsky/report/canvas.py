@@ -1,27 +1,135 @@
-"""Building and saving of figures without a window or global state, alone or as SVG for a page."""
+"""Building and saving of figures without a window or global state: alone, as CSV data, or as SVG for a page.
+
+The CSV table of a figure is read from the drawn artists, so that the two cannot differ.
+"""
 
 import io
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import Collection, PathCollection, QuadMesh
+from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, StepPatch
+from matplotlib.quiver import Quiver
+from numpy.typing import NDArray
 
 from dic.files import replacing
+from kolsky.base.files import write_table
 from kolsky.inverse.result import Identification
-from kolsky.report.display_units import in_display_units
-from kolsky.report.figure_data import write_data
+from kolsky.report import FIGURE_FORMATS
 from kolsky.report.figures import FigureKind, figures_of
-from kolsky.report.formats import FIGURE_FORMATS
 from kolsky.report.free_labels import free_legends
+from kolsky.results.display import in_display_units
+
+_Points = tuple[str, NDArray[Any], NDArray[Any], NDArray[Any] | None]
+"""Kind, x, y and values of an artist."""
+DATA_COLUMNS = ("panel", "x axis", "y axis", "series", "kind", "x", "y", "value", "value axis")
+_PICTURE_ARTISTS = frozenset({"gray", "grey", "Greys_r"})
+"""Colour maps of camera pictures, which are no data of a figure."""
+
+
+def write_data(path: Path, figure: Figure) -> Path:
+    """Write the data of a figure, one row per point; an older file is replaced by the complete new one."""
+    rows = list(_data_rows(figure))
+    return write_table(path, {name: [row[i] for row in rows] for i, name in enumerate(DATA_COLUMNS)})
+
+
+def _data_rows(figure: Figure) -> Iterator[tuple[Any, ...]]:
+    for number, ax in enumerate(figure.axes, start=1):
+        panel = str(ax.get_label() or number)
+        if panel == "<colorbar>":
+            continue
+        axes = ax.get_xlabel(), ax.get_ylabel()
+        for count, artist in enumerate(_data_artists(ax), start=1):
+            label = str(artist.get_label())
+            series = f"{count}" if label.startswith("_") or not label else label
+            bar = getattr(artist, "colorbar", None)
+            third = "" if bar is None else bar.ax.get_ylabel() or bar.ax.get_xlabel()
+            for kind, x, y, value in _artist_points(artist, ax):
+                values = [""] * len(x) if value is None else _plain_number(value)
+                for row in zip(_plain_number(x), _plain_number(y), values, strict=True):
+                    yield (panel, *axes, series, kind, *row, third)
+
+
+def _data_artists(ax: Axes) -> list[Artist]:
+    drawn = [*ax.lines, *ax.collections, *ax.images, *ax.patches]
+    return [artist for artist in drawn if artist.get_visible()]
+
+
+def _artist_points(artist: Any, ax: Axes) -> Iterator[_Points]:
+    """Yield the points of an artist that is drawn in data coordinates."""
+    match artist:
+        case Line2D() if artist.get_transform() == ax.transData:
+            yield "line", np.asarray(artist.get_xdata()), np.asarray(artist.get_ydata()), None
+        case AxesImage() if (
+            np.asarray(artist.get_array()).ndim == 2 and artist.cmap.name not in _PICTURE_ARTISTS
+        ):
+            yield _image_points(artist)
+        case QuadMesh():
+            corners = np.asarray(artist.get_coordinates())
+            centres = 0.25 * (corners[1:, 1:] + corners[1:, :-1] + corners[:-1, 1:] + corners[:-1, :-1])
+            yield "map", centres[..., 0].ravel(), centres[..., 1].ravel(), _flat_values(artist.get_array())
+        case ContourSet():
+            for level, path in zip(artist.levels, artist.get_paths(), strict=False):
+                x, y = np.asarray(path.vertices).reshape(-1, 2).T
+                yield "contour", x, y, np.full(len(x), level)
+        case Quiver():
+            x, y = np.asarray(artist.get_offsets()).T
+            yield "arrow, x part", x, y, np.ravel(artist.U)
+            yield "arrow, y part", x, y, np.ravel(artist.V)
+        case PathCollection() if artist.get_offset_transform() == ax.transData:
+            x, y = np.asarray(artist.get_offsets()).T
+            values = artist.get_array()
+            yield "points", x, y, None if values is None else _flat_values(values)
+        case Collection() if artist.get_transform() == ax.transData:
+            values = artist.get_array()
+            colours = _flat_values([] if values is None else values)
+            for number, path in enumerate(artist.get_paths()):
+                x, y = np.asarray(path.vertices).reshape(-1, 2).T
+                yield "outline", x, y, np.full(len(x), colours[number]) if number < len(colours) else None
+        case StepPatch():
+            heights, edges, _ = artist.get_data()
+            yield "step", np.asarray(edges)[:-1], np.asarray(heights), None
+        case Patch() if artist.get_data_transform() == ax.transData:
+            x, y = artist.get_patch_transform().transform(artist.get_path().vertices).T
+            yield "outline", x, y, None
+
+
+def _image_points(artist: Any) -> _Points:
+    """Return an image as values at the centres of its cells."""
+    values: NDArray[Any] = np.ma.filled(np.ma.asarray(artist.get_array(), dtype=float), np.nan)
+    left, right, bottom, top = artist.get_extent()
+    if artist.origin == "upper":
+        bottom, top = top, bottom
+    rows, columns = values.shape[:2]
+    x = left + (np.arange(columns) + 0.5) * (right - left) / columns
+    y = bottom + (np.arange(rows) + 0.5) * (top - bottom) / rows
+    xx, yy = np.meshgrid(x, y)
+    return "map", xx.ravel(), yy.ravel(), values.reshape(rows * columns, -1)[:, 0]
+
+
+def _flat_values(values: Any) -> NDArray[Any]:
+    return np.ravel(np.ma.filled(np.ma.asarray(values, dtype=float), np.nan))
+
+
+def _plain_number(values: NDArray[Any]) -> list[Any]:
+    return [float(value) for value in _flat_values(values)]
+
 
 STYLE = Path(__file__).with_name("kolsky.mplstyle")
 FORMATS = FIGURE_FORMATS
-ON_PAGE = 350.0
+_ON_PAGE = 350.0
 """Resolution of pictures inside the figures of a page [dots per inch], that of the rendered stills."""
 _MM_PER_INCH = 25.4
 _SVG, _LINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}"
@@ -118,7 +226,7 @@ def inline_svg(kind: FigureKind[Any], shown: Any, name: str | None = None) -> st
     address.
     """
     buffer = io.StringIO()
-    _save(build(kind, shown), buffer, "svg", dpi=ON_PAGE)
+    _save(build(kind, shown), buffer, "svg", dpi=_ON_PAGE)
     root = ElementTree.fromstring(buffer.getvalue())
     for metadata in root.findall(f"{_SVG}metadata"):
         root.remove(metadata)
@@ -154,7 +262,7 @@ def load_drawing() -> None:
         ax.plot([1.0, 2.0], [1.0, 2.0], "o-", label="none")
         ax.set_yscale("log")
         ax.legend()
-    _save(figure, io.StringIO(), "svg", dpi=ON_PAGE)
+    _save(figure, io.StringIO(), "svg", dpi=_ON_PAGE)
 
 
 def _plain_style(element: ElementTree.Element) -> None:

@@ -17,17 +17,15 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dic.apart import Apart, apart
-from dic.forks import Later, begun, can_fork, cores
+from dic.processes import PendingResult, WorkerProcess, background_pool, can_fork, cores, worker_process
 from kolsky.base.process import infrequent_gc
 
 if TYPE_CHECKING:
     from dic.result import StereoResult
-    from kolsky.bars.flyer.flight_report import FlightOfSpecimen
-    from kolsky.inverse.check_run import CheckRun
-    from kolsky.inverse.result import Identification
-    from kolsky.report.surface_view import SurfaceView
-    from kolsky.shot.recorded import Recorded
+    from kolsky.bars.flyer.flight import FlightOfSpecimen
+    from kolsky.inverse.result import CheckRun, Identification
+    from kolsky.report.picture_views import SurfaceView
+    from kolsky.shot.recordings import ShotRecordings
 
 MOST_DRAWERS = 4
 """Most processes that draw a page: the figure that takes longest takes a quarter of what all take."""
@@ -44,7 +42,7 @@ def drawers() -> int:
 def load_identify_page() -> None:
     """Import what the page of an identification is drawn with, Matplotlib above all, and load its fonts.
 
-    Of use in a thread while simulations run, which need no interpreter, see `dic.forks.beside`.
+    Of use in a thread while simulations run, which need no interpreter, see `dic.processes.background`.
     """
     import matplotlib.backends.backend_svg  # noqa: F401
 
@@ -74,7 +72,7 @@ class PageProcess:
         The process, told of a check run, of nothing or of several, and of the page.
     """
 
-    def __init__(self, process: Apart[None]) -> None:
+    def __init__(self, process: WorkerProcess[None]) -> None:
         self._process = process
         self._ahead: CheckRun | None = None
 
@@ -84,7 +82,7 @@ class PageProcess:
             self._ahead = run
             self._process.tell(run)
 
-    def begin(self, path: Path, found: Identification, recordings: Recorded) -> Later[None]:
+    def begin(self, path: Path, found: Identification, recordings: ShotRecordings) -> PendingResult[None]:
         """Let the page of an identification be written to a file; the result waits for it.
 
         Figures drawn ahead are used if they are of the check run that the identification has.
@@ -101,7 +99,7 @@ def page_process(processes: int) -> Iterator[PageProcess | None]:
     Parameters
     ----------
     processes
-        Processes that draw, this new one among them; see `dic.forks.side_by_side`.
+        Processes that draw, this new one among them; see `dic.processes.run_parallel`.
 
     Yields
     ------
@@ -111,7 +109,7 @@ def page_process(processes: int) -> Iterator[PageProcess | None]:
     if processes < 2 or not can_fork():
         yield None
         return
-    with apart(
+    with worker_process(
         lambda take: _draw(take, processes), lambda told: _write(*told[-1][:3], processes=processes)
     ) as process:
         yield PageProcess(process)
@@ -126,7 +124,7 @@ class SurfacePageProcess:
         The process, told of a view without the flyer's flight, and of the page.
     """
 
-    def __init__(self, process: Apart[None]) -> None:
+    def __init__(self, process: WorkerProcess[None]) -> None:
         self._process = process
         self._ahead: SurfaceView | None = None
 
@@ -139,7 +137,7 @@ class SurfacePageProcess:
         """The view that is drawn ahead, if it is of this result."""
         return self._ahead if self._ahead is not None and self._ahead.result is result else None
 
-    def begin(self, path: Path, view: SurfaceView, inputs: Mapping[str, str]) -> Later[None]:
+    def begin(self, path: Path, view: SurfaceView, inputs: Mapping[str, str]) -> PendingResult[None]:
         """Let the page be written to a file; the result waits for it."""
         if self.view_of(view.result) is None:
             self.draw_ahead(view)
@@ -153,7 +151,7 @@ def surface_page_process(processes: int) -> Iterator[SurfacePageProcess | None]:
     if processes < 2 or not can_fork():
         yield None
         return
-    with apart(
+    with worker_process(
         lambda take: _draw_surfaces(take, processes),
         lambda told: _write_surfaces(told[-2], *told[-1], processes=processes),
     ) as process:
@@ -217,8 +215,8 @@ def _drawn_ahead(run: CheckRun | SurfaceView, processes: int) -> Iterator[dict[s
     kinds = [kind for kind in figures_of(run).values() if kind.applies(run)]
     draw = standing_back(lambda k: inline_svg(kinds[k], run))
     last_first = range(len(kinds))[::-1]
-    with begun([partial(draw, k) for k in last_first], processes=processes) as joined:
-        drawn = Later(joined)
+    with background_pool([partial(draw, k) for k in last_first], processes=processes) as joined:
+        drawn = PendingResult(joined)
         yield {kinds[k].name: partial(_item, drawn, place) for place, k in enumerate(last_first)}
 
 
@@ -234,5 +232,5 @@ def standing_back(work: Callable[[int], str]) -> Callable[[int], str]:
     return done
 
 
-def _item(drawn: Later[list[str]], place: int) -> str:
+def _item(drawn: PendingResult[list[str]], place: int) -> str:
     return drawn()[place]

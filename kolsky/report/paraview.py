@@ -1,14 +1,138 @@
-"""Simulated meshes (VTU) and measured surfaces (VTP) as series of files for ParaView."""
+"""Series of files for ParaView: simulated meshes (VTU) and measured surfaces (VTP), written without VTK."""
 
+import base64
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.full_field.result import FullField
-from dic.result import Body
+from dic.files import replacing
+from dic.result import Body, FullField
 from explicit import Response
-from kolsky.report.vtk_files import QUAD, TRIANGLE, write_grid, write_series, write_surface
+from kolsky.base.arrays import FloatArray
+
+QUAD, TRIANGLE = 9, 5
+"""Numbers of two cell types in VTK."""
+_TYPE_NAMES = {"f8": "Float64", "i8": "Int64", "u1": "UInt8"}
+"""Types of VTK by those of NumPy, byte order left out."""
+
+
+def write_grid(
+    path: Path, points: FloatArray, cells: np.ndarray, kind: int, fields: Mapping[str, np.ndarray]
+) -> None:
+    """Write an unstructured grid (VTU) whose cells are all of one type.
+
+    Parameters
+    ----------
+    path
+        File to write, complete or not at all.
+    points
+        Coordinates, shape [n, 3].
+    cells
+        Points of each cell in VTK's order, shape [m, k]; m may be 0.
+    kind
+        Number of the cell type in VTK.
+    fields
+        Values at the points by name, shape [n] or [n, components].
+
+    Raises
+    ------
+    ValueError
+        If a field or the points do not have one row per point, or a cell names a point that is not there.
+    """
+    _check_arrays(points, cells, fields)
+    piece = {"NumberOfPoints": str(len(points)), "NumberOfCells": str(len(cells))}
+    kinds = np.full(len(cells), kind, dtype=np.uint8)
+    _write_vtk(path, "UnstructuredGrid", piece, points, fields, {"Cells": (cells, kinds)})
+
+
+def write_surface(
+    path: Path, points: FloatArray, faces: np.ndarray, fields: Mapping[str, np.ndarray]
+) -> None:
+    """Write a surface (VTP): points, each a vertex where there are no faces, and polygons of one size.
+
+    Parameters
+    ----------
+    path, points, fields
+        As of `write_grid`.
+    faces
+        Points of each polygon, shape [m, k]; m may be 0.
+
+    Raises
+    ------
+    ValueError
+        As of `write_grid`.
+    """
+    _check_arrays(points, faces, fields)
+    vertices = np.zeros((0, 1), dtype=np.int64) if len(faces) else np.arange(len(points))[:, None]
+    piece = {
+        "NumberOfPoints": str(len(points)),
+        "NumberOfVerts": str(len(vertices)),
+        "NumberOfLines": "0",
+        "NumberOfStrips": "0",
+        "NumberOfPolys": str(len(faces)),
+    }
+    _write_vtk(path, "PolyData", piece, points, fields, {"Verts": (vertices, None), "Polys": (faces, None)})
+
+
+def write_series(path: Path, times: Sequence[float], files: Sequence[Path]) -> None:
+    """Write the listing (PVD) of files in the same folder, with the time [s] of each."""
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    series = ElementTree.SubElement(root, "Collection")
+    for time, file in zip(times, files, strict=True):
+        ElementTree.SubElement(series, "DataSet", timestep=repr(float(time)), part="0", file=file.name)
+    with replacing(path) as partial:
+        ElementTree.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
+
+
+def _check_arrays(points: FloatArray, cells: np.ndarray, fields: Mapping[str, np.ndarray]) -> None:
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f"points must have shape [n, 3], got {points.shape}")
+    if cells.size and not (cells.min() >= 0 and cells.max() < len(points)):
+        raise ValueError(f"cells must name points 0 to {len(points) - 1}, got {cells.min()} to {cells.max()}")
+    for name, values in fields.items():
+        if len(values) != len(points):
+            raise ValueError(f"field {name!r} must have one row per point, {len(points)}, got {len(values)}")
+
+
+def _write_vtk(
+    path: Path,
+    kind: str,
+    piece: dict[str, str],
+    points: FloatArray,
+    fields: Mapping[str, np.ndarray],
+    cells: Mapping[str, tuple[np.ndarray, np.ndarray | None]],
+) -> None:
+    root = ElementTree.Element(
+        "VTKFile", type=kind, version="1.0", byte_order="LittleEndian", header_type="UInt64"
+    )
+    inside = ElementTree.SubElement(ElementTree.SubElement(root, kind), "Piece", piece)
+    data = ElementTree.SubElement(inside, "PointData")
+    for name, values in fields.items():
+        _array_element(data, name, np.asarray(values))
+    _array_element(ElementTree.SubElement(inside, "Points"), "Points", points)
+    for group, (table, kinds) in cells.items():
+        parent = ElementTree.SubElement(inside, group)
+        _array_element(parent, "connectivity", table.ravel().astype(np.int64))
+        _array_element(parent, "offsets", table.shape[1] * np.arange(1, len(table) + 1, dtype=np.int64))
+        if kinds is not None:
+            _array_element(parent, "types", kinds)
+    with replacing(path) as partial:
+        ElementTree.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
+
+
+def _array_element(parent: Any, name: str, values: np.ndarray) -> None:
+    """One array: its length in bytes and its bytes, little-endian, in base64."""
+    code = "u1" if values.dtype == np.uint8 else "i8" if values.dtype.kind in "iub" else "f8"
+    content = np.ascontiguousarray(values, dtype=f"<{code}").tobytes()
+    attributes = {"type": _TYPE_NAMES[code], "Name": name, "format": "binary"}
+    if values.ndim == 2:
+        attributes["NumberOfComponents"] = str(values.shape[1])
+    array = ElementTree.SubElement(parent, "DataArray", attributes)
+    array.text = base64.b64encode(len(content).to_bytes(8, "little") + content).decode()
 
 
 def write_vtu(
@@ -96,7 +220,7 @@ def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    surface, triangles = body.surface, grid_triangles(body.cell)
+    surface, triangles = body.surface, _grid_triangles(body.cell)
     written = []
     for frame in range(surface.n_frames):
         valid = surface.valid[frame]
@@ -137,7 +261,7 @@ def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    surface, triangles = result.surface, grid_triangles(result.cell)
+    surface, triangles = result.surface, _grid_triangles(result.cell)
     if result.kind == "plane":  # y runs down there: keep the normals toward the camera
         triangles = triangles[:, ::-1]
     written = []
@@ -160,7 +284,7 @@ def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
     return [*written, listing]
 
 
-def grid_triangles(cell: NDArray[np.int64]) -> NDArray[np.int64]:
+def _grid_triangles(cell: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return two triangles for every square of four neighbouring points of a grid.
 
     Parameters

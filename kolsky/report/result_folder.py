@@ -7,19 +7,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dic.forks import beside
+from dic.processes import background
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.inverse.result import Identification
 from kolsky.report.figures_alone import save_figures_alone
 from kolsky.results.tables import write_csv
-from kolsky.shot.recorded import Recorded, recorded
+from kolsky.shot.recordings import ShotRecordings, shot_recordings
 
 if TYPE_CHECKING:
-    from dic.full_field.result import FullField
-    from kolsky.bars.result import ReducedTest
+    from dic.result import FullField
+    from kolsky.bars.records import ReducedTest
+    from kolsky.pictures.measurement import Measurement
     from kolsky.report.page_process import PageProcess, SurfacePageProcess
-    from kolsky.shot.measurement import Measurement
     from kolsky.shot.optical_data import Surfaces
     from kolsky.shot.records import PicturedShot, Shot
 
@@ -49,7 +49,7 @@ def write_identify_results(
     formats
         Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
     processes
-        Processes that draw; see `dic.forks.side_by_side`. With several the result file is written in
+        Processes that draw; see `dic.processes.run_parallel`. With several the result file is written in
         another process meanwhile.
     page : PageProcess, optional
         Draws the page instead, while this process writes the files.
@@ -59,7 +59,7 @@ def write_identify_results(
     InputError
         If the results cannot be written.
     """
-    recordings = recorded(shot, folder)
+    recordings = shot_recordings(shot, folder)
     whole = replace(found, image_correlation=recordings.numbers)
 
     def write(result: Path) -> None:
@@ -75,7 +75,7 @@ def write_identify_results(
             drawn()
             _save_figures(partial, found, recordings, formats)
         else:
-            with beside(lambda: write(partial / RESULT_FILE), fork=processes > 1) as written:
+            with background(lambda: write(partial / RESULT_FILE), fork=processes > 1) as written:
                 write_identify_page(partial, found, recordings, formats, processes=processes)
                 written()
 
@@ -106,7 +106,7 @@ def read_identify_results(folder: Path, shot: Shot) -> Identification:
 def write_identify_page(
     folder: Path,
     found: Identification,
-    recordings: Recorded,
+    recordings: ShotRecordings,
     formats: Sequence[str] = (),
     *,
     processes: int = 1,
@@ -122,9 +122,9 @@ def write_identify_page(
     recordings
         Recordings of the shot's own files.
     formats
-        Any of `kolsky.report.formats.FIGURE_FORMATS`.
+        Any of `kolsky.report.FIGURE_FORMATS`.
     processes
-        Processes that draw; see `dic.forks.side_by_side`.
+        Processes that draw; see `dic.processes.run_parallel`.
     """
     from kolsky.report.pages.identification import write_report
 
@@ -132,7 +132,9 @@ def write_identify_page(
     _save_figures(folder, found, recordings, formats)
 
 
-def _save_figures(folder: Path, found: Identification, recordings: Recorded, formats: Sequence[str]) -> None:
+def _save_figures(
+    folder: Path, found: Identification, recordings: ShotRecordings, formats: Sequence[str]
+) -> None:
     save_figures_alone(folder, recordings, formats)
     save_figures_alone(folder, found, formats)
 
@@ -163,7 +165,7 @@ def write_dic_results(
     csv, vtp
         Also write every frame's points as CSV, and as VTP for ParaView.
     processes
-        How many draw the page; see `dic.forks.side_by_side`.
+        How many draw the page; see `dic.processes.run_parallel`.
     page : SurfacePageProcess, optional
         Draws the page instead, while this process writes the other files.
 
@@ -172,7 +174,7 @@ def write_dic_results(
     InputError
         If the results cannot be written.
     """
-    from kolsky.report.surface_view import read_surface_view
+    from kolsky.report.picture_views import read_surface_view
     from kolsky.shot.dic_output import write_tables
 
     result = found.result
@@ -187,7 +189,7 @@ def write_dic_results(
         write_tables(partial, found, shot.pictures.frames.frame)
         save_figures_alone(partial, shown, formats)
         if csv:
-            from dic.output.csv import write_frames
+            from dic.output import write_frames
 
             write_frames(partial / "surface", result.specimen, strain=result.strain.value)
         if vtp:
@@ -220,7 +222,7 @@ def write_full_field_results(
     folder, formats
         As of `write_identify_results`.
     measurement
-        The measurement, as `kolsky.shot.measurement.read_measurement` gives it.
+        The measurement, as `kolsky.pictures.measurement.read_measurement` gives it.
     result
         The result.
     csv, vtu
@@ -231,12 +233,12 @@ def write_full_field_results(
     InputError
         If the results cannot be written.
     """
-    from dic.output.full_field import write_full_field_frames, write_full_field_history
+    from dic.output import write_full_field_frames, write_full_field_history
+    from kolsky.pictures.dic_file import write_full_field
     from kolsky.report.canvas import save_figures
-    from kolsky.report.full_field_view import read_full_field_view
     from kolsky.report.pages.full_field import write_page
     from kolsky.report.paraview import write_full_field_vtu
-    from kolsky.shot.measurement_file import write_full_field
+    from kolsky.report.picture_views import read_full_field_view
 
     shown = read_full_field_view(measurement.name, result, measurement.series[0])
     with filling(folder) as partial:
@@ -266,9 +268,9 @@ def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[
     InputError
         If the results cannot be written.
     """
+    from kolsky.bars.records import WavesResult
     from kolsky.bars.reduction import output as waves_output
-    from kolsky.bars.reduction.database import write_database
-    from kolsky.bars.result import WavesResult
+    from kolsky.bars.reduction.output import write_database
     from kolsky.report.pages.waves import write_page
 
     with filling(folder) as partial:

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from implicit.solution import Solution
 from kolsky.base.arrays import FloatArray
 from kolsky.base.files import filling
+from kolsky.bodies import specimen_output
+from kolsky.bodies.specimen_studies import StudyRow
+from kolsky.equilibrium.solution import Solution
+from kolsky.report.body_views import SheetView, SpecimenView
 from kolsky.report.figures_alone import save_figures_alone
-from kolsky.report.specimen_view import SheetView, SpecimenView
-from kolsky.report.vtk_files import write_grid
-from kolsky.specimen import output
-from kolsky.specimen.studies import StudyRow
+from kolsky.report.paraview import write_grid
 
 
 def write_specimen_results(
@@ -52,11 +52,11 @@ def write_specimen_results(
     from kolsky.report.pages.specimen import write_page
 
     with filling(folder) as partial:
-        output.write_fits(partial, view.fits)
-        write_json(partial / "specimen.json", output.fits_json(view.fits, inputs))
+        specimen_output.write_fits(partial, view.fits)
+        write_json(partial / "specimen.json", specimen_output.fits_json(view.fits, inputs))
         write_page(partial / "specimen.html", view, inputs)
         for name, rows in (studies or {}).items():
-            output.write_study(partial / f"{name}.csv", rows)
+            specimen_output.write_study(partial / f"{name}.csv", rows)
         if vtu:
             for name, solution in view.solutions.items():
                 write_solution_vtu(partial / f"{name}.vtu", solution)
@@ -78,12 +78,13 @@ def write_sheet_results(
     from kolsky.report.pages.specimen import write_page
 
     with filling(folder) as partial:
-        output.write_field(partial, view.fit, view.steps)
+        specimen_output.write_field(partial, view.fit, view.steps)
         write_json(
-            partial / "specimen.json", output.field_json(view.fit, view.steps) | {"inputs": dict(inputs)}
+            partial / "specimen.json",
+            specimen_output.field_json(view.fit, view.steps) | {"inputs": dict(inputs)},
         )
         if view.stiffness is not None:
-            output.write_map(partial / "map.csv", view.stiffness, view.mesh)
+            specimen_output.write_map(partial / "map.csv", view.stiffness, view.mesh)
         write_page(partial / "specimen.html", view, inputs)
         if vtu:
             fields = {
@@ -100,11 +101,11 @@ def write_sheet_results(
 
 
 def _write_stills(folder: Path, solutions: Mapping[str, Solution]) -> None:
-    from kolsky.report.specimen_stills import write_still
+    from kolsky.report.films import write_specimen_still
 
     (folder / "stills").mkdir()
     for name, solution in solutions.items():
-        write_still(folder / "stills" / f"{name}.png", solution)
+        write_specimen_still(folder / "stills" / f"{name}.png", solution)
 
 
 def write_solution_vtu(

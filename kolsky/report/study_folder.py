@@ -1,4 +1,4 @@
-"""Result folders of the commands on many runs or shots: rates, plans, budgets, sweeps."""
+"""Result folders of the commands on many runs or shots: rates, plans, budgets, sweeps, predictions."""
 
 import json
 from collections.abc import Sequence
@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kolsky.base.files import filling
-from kolsky.joint import output as joint_output
-from kolsky.joint.records import JointResult
+from kolsky.inverse.joint_result import JointResult
+from kolsky.prediction.design import Aim, Scan
+from kolsky.prediction.output import to_json, write_tables
+from kolsky.prediction.predict import Prediction
 from kolsky.report.figures_alone import save_figures_alone
-from kolsky.studies.budget.campaign import Campaign
-from kolsky.studies.budget.records import Budget
+from kolsky.results import joint as joint_output
+from kolsky.studies.budget.records import Budget, Campaign
 from kolsky.studies.planning import output as plan_output
 from kolsky.studies.planning.plan import Plan
 from kolsky.studies.rates import output as rates_output
@@ -121,7 +123,7 @@ def write_budget_results(
         If the results cannot be written.
     """
     from kolsky.report.pages.budget import write_page
-    from kolsky.studies.budget.output import write_budget
+    from kolsky.studies.budget.records import write_budget
 
     with filling(folder) as partial:
         for number, result in enumerate(results):
@@ -174,3 +176,47 @@ def write_sweep_results(
         write_sweep(partial / f"{name}.csv", result)
         write_page(partial / f"{name}.html", analysis, warnings=warnings)
         save_figures_alone(partial, analysis, formats)
+
+
+def write_prediction_results(
+    folder: Path,
+    found: Prediction,
+    scan: Scan | None = None,
+    aim: Aim | None = None,
+    *,
+    film: str = "",
+    formats: Sequence[str] = (),
+) -> None:
+    """Write prediction.html, prediction.json, tables, and a film and figures if they are asked for.
+
+    Parameters
+    ----------
+    folder, formats
+        As of `kolsky.report.result_folder.write_identify_results`.
+    found
+        The prediction.
+    scan, aim
+        A scan that was made before, and the point found in it.
+    film
+        Format of a film, "mp4" or "gif"; empty for none.
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
+    """
+    from kolsky.report.figures import SCANS
+    from kolsky.report.pages.prediction import write_page
+
+    with filling(folder) as partial:
+        write_tables(partial, found, scan)
+        text = json.dumps(to_json(found, scan, aim), indent=2, allow_nan=False)
+        (partial / "prediction.json").write_text(text, encoding="utf-8")
+        write_page(partial / "prediction.html", found, scan, aim)
+        save_figures_alone(partial, found, formats)
+        if scan is not None:
+            save_figures_alone(partial, (scan, aim), formats, registry=SCANS)
+        if film:
+            from kolsky.report.films import write_prediction_film
+
+            write_prediction_film(partial / f"prediction.{film}", found)

@@ -12,16 +12,27 @@ from kolsky.bars.reduction.analyse import analyse
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine
+from kolsky.schema import fields as f
+from kolsky.schema.apparatus import (
+    InterfaceSection,
+    ModelSection,
+    SpecimenSection,
+    UncertaintySection,
+    WindowSection,
+)
+from kolsky.schema.fields import Section
+from kolsky.schema.material import (
+    CurveSection,
+    LawSection,
+    RelaxationSection,
+    chosen_baseline,
+    declared_relaxation,
+    one_baseline,
+)
+from kolsky.schema.shot_file import Source, parsed
 from kolsky.shot.bars import load_waves
 from kolsky.shot.curve import read_curve
 from kolsky.shot.records import ModelSettings, Shot, ShotBase
-from kolsky.shot.schema import fields as f
-from kolsky.shot.schema.apparatus import InterfaceSection, ModelSection, SpecimenSection, WindowSection
-from kolsky.shot.schema.curve import CurveSection, LawSection, chosen_baseline, one_baseline
-from kolsky.shot.schema.reading import Source, parsed
-from kolsky.shot.schema.relaxation import RelaxationSection, declared_relaxation
-from kolsky.shot.schema.section import Section
-from kolsky.shot.schema.uncertainty import UncertaintySection
 
 REACH = 0.9
 """Largest approach of the faces over the specimen's length that is simulated [-]."""
@@ -96,7 +107,7 @@ def driven_by_waves(
 
 
 class BarDrivenShotFile(Section):
-    """Tables for `identify` beside bars and gauges; those are in `kolsky.shot.schema.bars`."""
+    """Tables for `identify` beside bars and gauges; those are in `kolsky.schema.bars`."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
 

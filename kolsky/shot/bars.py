@@ -1,21 +1,140 @@
-"""A shot with bars and gauges: from its shot.toml and files to what `kolsky.bars.reduction.analyse`
-reduces."""
+"""A test between bars: from its shot.toml and files to the input of the reduction, and its check."""
 
 import platform
 from collections.abc import Mapping
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from kolsky.bars.audit import Switches
-from kolsky.bars.guides.polymer_waveguide import PronyModulus
-from kolsky.bars.records import Windows
+import numpy as np
+
+from kolsky.bars.audit import CORRECTIONS, Switches
+from kolsky.bars.guides.waveguide import PronyModulus
+from kolsky.bars.records import BarSignal, Windows
+from kolsky.bars.reduction.faces import on_one_clock
 from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, StationInput, WavesInput
+from kolsky.bars.reduction.separation import overlapping_windows
+from kolsky.bars.reduction.varied_test import station_of
+from kolsky.bars.reduction.windows import PulseCheck, check_windows, find_windows, incident_arrival
+from kolsky.bars.signals.arrival import Arrival
+from kolsky.bars.signals.bridge import Bridge, Calibration, Linear, Shunt, with_shunt
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.errors import InputError, refuse
-from kolsky.shot.bar_stations import gauges_of, recording_notes, recordings_of, shot_file_table, station_of
-from kolsky.shot.schema.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
-from kolsky.shot.schema.reading import Source, TomlFile, parsed
+from kolsky.base.records import Recording
+from kolsky.readers.header import si_unit
+from kolsky.readers.recordings import read_recordings
+from kolsky.schema.apparatus import REDUCTION_KEYS
+from kolsky.schema.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
+from kolsky.schema.shot_file import Source, TomlFile, parsed
+
+
+def _gauges_of(declared: BarsShotFile) -> dict[str, GaugeSection]:
+    """The declared stations by the chain's keys."""
+    found = {side: getattr(declared.gauges, side) for side in SIDES}
+    return found if declared.gauges.incident_far is None else found | {FAR: declared.gauges.incident_far}
+
+
+def _recordings_of(
+    file: TomlFile, declared: BarsShotFile, gauges: Mapping[str, GaugeSection], folder: Path
+) -> tuple[dict[str, tuple[Recording, ...]], dict[str, str]]:
+    """The channels of all stations, and the hashes of their files.
+
+    A channel's unit is that of its file. One that the shot file states is taken instead; where both are
+    there and differ, `recording_notes` says so.
+    """
+    found, hashes = {}, {}
+    for key, gauge in gauges.items():
+        wanted = "1" if gauge.strain else "V"
+        channels = []
+        for channel, recorder_name in zip(map(str, gauge.channels), gauge.recorders, strict=True):
+            recorder = declared.recorders[recorder_name]
+            layout = recorder.as_layout(full_scale=gauge.full_scale)
+            recording = read_recordings(folder / recorder.file, [channel], layout=layout)[channel]
+            hashes[recorder.file] = recording.sha256
+            if recording.unit != wanted:
+                raise file.error(
+                    _shot_file_table(key),
+                    f"needs a signal in {wanted!r}, channel {recording.channel!r} is in {recording.unit!r}",
+                    cure="state the unit of the samples in the recorder's table, or strain = true",
+                )
+            channels.append(recording)
+        found[key] = tuple(channels)
+    return found, hashes
+
+
+def _recording_notes(
+    declared: BarsShotFile, recordings: Mapping[str, tuple[Recording, ...]]
+) -> tuple[str, ...]:
+    """Stated units that contradict their file's, and channels that were interpolated to uniform times."""
+    notes: list[str] = []
+    for key, channels in recordings.items():
+        gauge = getattr(declared.gauges, key.replace(" ", "_"))
+        for recording, name in zip(channels, gauge.recorders, strict=True):
+            stated = declared.recorders[name].unit
+            notes += [recording.note] if recording.note else []
+            if stated is None or recording.file_unit is None:
+                continue
+            taken, written = si_unit(stated), si_unit(recording.file_unit)
+            if taken == written:
+                continue
+            notes.append(
+                f"channel '{recording.channel}' of {recording.path.name} is in '{recording.file_unit}' by "
+                f"the file and in '{stated}' by recorders.{name}.unit, which was taken; cure: remove "
+                f"recorders.{name}.unit unless the file is wrong"
+            )
+    return tuple(dict.fromkeys(notes))
+
+
+def _shot_file_table(key: str) -> str:
+    """The table of a station in the shot file."""
+    return "gauges." + key.replace(" ", "_")
+
+
+def gauge_station(
+    gauge: GaugeSection, recordings: tuple[Recording, ...], bar: Bar, declared: BarsShotFile
+) -> StationInput:
+    """A station as the reduction takes it; channels of two recorders are brought to one clock.
+
+    Raises
+    ------
+    ValueError
+        If its bridge is impossible, or contradicts the shunt's step.
+    """
+    offsets = [declared.recorders[name].clock_offset for name in gauge.recorders]
+    if len(set(gauge.recorders)) > 1:
+        recordings = on_one_clock(recordings, offsets)
+    return StationInput(
+        recordings=recordings,
+        calibration=_station_calibration(gauge, bar),
+        position=gauge.distance,
+        baseline=gauge.baseline,
+        clock_offset=offsets[0],
+        compression=gauge.signs,
+        full_scale=gauge.full_scale,
+    )
+
+
+def _station_calibration(gauge: GaugeSection, bar: Bar) -> Calibration:
+    if gauge.strain:
+        return Linear(1.0, unit="1")
+    if gauge.strain_per_volt is not None:
+        return Linear(gauge.strain_per_volt)
+    assert gauge.bridge is not None  # the validator saw to it
+    across = "Poisson" in gauge.bridge.kind
+    stated = gauge.bridge.model_dump(exclude={"shunt"})
+    bridge = Bridge(**stated, poisson=bar.poisson if across else None)
+    if gauge.bridge.shunt is None:
+        return bridge
+    found, check = with_shunt(bridge, Shunt(**gauge.bridge.shunt.model_dump()))
+    if check.compression_sign not in gauge.signs:
+        raise ValueError(
+            f"the shunt's step of {gauge.bridge.shunt.step:g} V says that compression gives "
+            f"{'positive' if check.compression_sign > 0 else 'negative'} volts, declared is "
+            f"{gauge.compression!r}; correct the sign of the step or of compression"
+        )
+    return found
+
 
 NOTHING = Specimen(diameter=0.0, length=0.0, density=0.0)
 """No specimen: the bars touch."""
@@ -122,18 +241,18 @@ def _record(
 ) -> tuple[dict[str, Bar], dict[str, StationInput], dict[str, str], tuple[str, ...]]:
     """Bars, stations, the hashes of their files and notes about them."""
     folder = file.path.parent
-    gauges = gauges_of(declared)
+    gauges = _gauges_of(declared)
     _all_there(file, declared, gauges, folder)
     bars = {side: _bar(getattr(declared.bars, side)) for side in SIDES}
     _on_its_bar(file, gauges, bars)
-    recordings, hashes = recordings_of(file, declared, gauges, folder)
+    recordings, hashes = _recordings_of(file, declared, gauges, folder)
     stations = {}
     for key, gauge in gauges.items():
         try:
-            stations[key] = station_of(gauge, recordings[key], bars[key.removesuffix(" far")], declared)
+            stations[key] = gauge_station(gauge, recordings[key], bars[key.removesuffix(" far")], declared)
         except ValueError as error:
-            raise file.error(f"{shot_file_table(key)}.bridge", str(error)) from error
-    return bars, stations, hashes, recording_notes(declared, recordings)
+            raise file.error(f"{_shot_file_table(key)}.bridge", str(error)) from error
+    return bars, stations, hashes, _recording_notes(declared, recordings)
 
 
 def _bar(section: WaveBarSection) -> Bar:
@@ -153,7 +272,7 @@ def _all_there(
     """Unknown recorders and missing files, all at once."""
     problems: list[InputError] = [
         file.error(
-            f"{shot_file_table(key)}.recorder",
+            f"{_shot_file_table(key)}.recorder",
             f"names no recorder; there are {', '.join(declared.recorders)}",
             cure=f"add a table [recorders.{name}], or correct the name",
         )
@@ -178,7 +297,7 @@ def _on_its_bar(file: TomlFile, gauges: Mapping[str, GaugeSection], bars: Mappin
     refuse(
         [
             file.error(
-                f"{shot_file_table(key)}.distance",
+                f"{_shot_file_table(key)}.distance",
                 "lies beyond the bar's other end",
                 allowed=f"below the bar's length, {1e3 * bar.length:.6g} mm",
             )
@@ -230,4 +349,175 @@ def _flat(table: Mapping[str, Any], above: str = "") -> list[tuple[str, str]]:
     for key, value in table.items():
         name = f"{above}.{key}" if above else key
         rows += _flat(value, name) if isinstance(value, Mapping) else [(name, str(value))]
+    return rows
+
+
+WAVES = ("incident", "reflected", "transmitted")
+
+
+@dataclass(frozen=True)
+class CheckedBars:
+    """What was understood of a shot between bars; nothing is reduced yet."""
+
+    name: str
+    """Name of the shot."""
+    folder: Path
+    """Its folder."""
+    given: WavesInput
+    """Everything declared, and the recordings."""
+    incident: BarSignal
+    """Strain at the incident gauge."""
+    transmission: BarSignal
+    """Strain at the transmission gauge."""
+    windows: Windows
+    """Time windows of the pulses."""
+    arrival: Arrival
+    """Arrival of the incident pulse at its gauge."""
+    checks: tuple[PulseCheck, PulseCheck]
+    """Predicted and observed arrival of the reflected and the transmitted pulse."""
+
+    @property
+    def inputs(self) -> Mapping[str, str]:
+        """SHA-256 of every file, by name."""
+        return self.given.inputs
+
+    @property
+    def load(self) -> str:
+        """ "compression" or "tension"."""
+        return self.given.load
+
+
+def check_bars(source: Source) -> CheckedBars:
+    """Read a shot between bars and find its pulses.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or damaged, a declaration is impossible, or the signals hold no such test.
+    """
+    file = parsed(source)
+    given = load_waves(file)
+    tension = given.load == "tension"
+    try:
+        incident, transmission = (station_of(given, side).signal for side in SIDES)
+        arrival = incident_arrival(incident, tension=tension)
+        if given.windows is None and FAR in given.stations and given.switches["separation"]:
+            far = station_of(given, FAR).signal
+            windows = overlapping_windows(incident, far, transmission, tension=tension)
+        else:
+            windows = find_windows(incident, transmission, tension=tension, manual=given.windows)
+        checks = check_windows(incident, transmission, tension=tension)
+    except ValueError as error:
+        raise InputError(
+            file.path.parent, str(error), cure="correct the distance, gauge or bar that it names in shot.toml"
+        ) from error
+    return CheckedBars(
+        name=given.name,
+        folder=file.path.parent,
+        given=given,
+        incident=incident,
+        transmission=transmission,
+        windows=windows,
+        arrival=arrival,
+        checks=checks,
+    )
+
+
+Row = tuple[str, str, float | int | str, str]
+"""Section, name, value in SI, unit."""
+
+
+def bar_rows(shot: CheckedBars) -> list[Row]:
+    """What was understood, row by row, in the order of the shot file."""
+    given = shot.given
+    rows: list[Row] = [
+        ("specimen", "diameter", given.specimen.diameter, "m"),
+        ("specimen", "length", given.specimen.length, "m"),
+        ("specimen", "density", given.specimen.density, "kg/m^3"),
+    ]
+    for side in SIDES:
+        rows += _bar_rows(f"bars.{side}", given.bars[side])
+    for key, station in given.stations.items():
+        signal = {"incident": shot.incident, "transmission": shot.transmission}.get(key)
+        rows += _gauge_rows(f"gauges.{key.replace(' ', '_')}", station, signal)
+    rows += _wave_rows(shot)
+    rows += [("corrections", key, _switch_words(given, key), "") for key in CORRECTIONS]
+    return rows
+
+
+def _switch_words(given: WavesInput, key: str) -> str:
+    """How a correction stands, in words."""
+    if key in NO_PART or (key == "separation" and FAR not in given.stations):
+        return "no part in this test"
+    if key == "radial inertia" and key not in given.switches.stated:
+        return "on where the specimen is soft"
+    return "on" if given.switches[key] else "off"
+
+
+def undeclared(shot: CheckedBars) -> list[str]:
+    """Keys of [uncertainty] that count as exact; of modulus and wave speed one is enough."""
+    stated = {key for key, value in shot.given.uncertainty.items() if value > 0.0}
+    other = {"bar_modulus": "bar_wave_speed", "bar_wave_speed": "bar_modulus"}
+    return [key for key in REDUCTION_KEYS if key not in stated and other.get(key) not in stated]
+
+
+def _bar_rows(section: str, bar: Bar) -> list[Row]:
+    return [
+        (section, "diameter", bar.diameter, "m"),
+        (section, "length", bar.length, "m"),
+        (section, "density", bar.density, "kg/m^3"),
+        (section, "wave speed", bar.wave_speed, "m/s"),
+        (section, "modulus", bar.youngs_modulus, "Pa"),
+        (section, "poisson", bar.poisson, ""),
+    ]
+
+
+def _gauge_rows(section: str, station: StationInput, signal: BarSignal | None) -> list[Row]:
+    first = station.recordings[0]
+    files = ", ".join(dict.fromkeys(r.path.name for r in station.recordings))
+    signs = station.compression if isinstance(station.compression, tuple) else (station.compression,)
+    rows: list[Row] = [
+        (section, "file", files, ""),
+        (section, "channels", ", ".join(r.channel for r in station.recordings), ""),
+        (section, "unit, as read", first.unit, ""),
+        (section, "samples", int(first.value.size), ""),
+        (section, "sample interval", float(first.time[-1] - first.time[0]) / (first.time.size - 1), "s"),
+        (section, "record start", float(first.time[0]) + station.clock_offset, "s"),
+        (section, "record end", float(first.time[-1]) + station.clock_offset, "s"),
+        (section, "distance", station.position, "m"),
+        (section, "compression", ", ".join("positive" if s > 0 else "negative" for s in signs), ""),
+        (section, "calibration", _calibration_rows(station), ""),
+        (section, "baseline start", station.baseline[0], "s"),
+        (section, "baseline end", station.baseline[1], "s"),
+    ]
+    if signal is not None:
+        value = signal.strain.value
+        rows += [
+            (section, "largest strain", float(value[np.abs(value).argmax()]), "1"),
+            (section, "noise of the strain", signal.strain.sigma, "1"),
+        ]
+    return rows
+
+
+def _calibration_rows(station: StationInput) -> str:
+    known = station.calibration
+    if isinstance(known, Bridge):
+        return f"bridge {known.kind}, {known.gauge_factor:g} at {known.excitation:g} V, gain {known.gain:g}"
+    assert isinstance(known, Linear)  # there is no third kind
+    return "strain in the file" if known.unit == "1" else f"{known.factor:g} 1/V"
+
+
+def _wave_rows(shot: CheckedBars) -> list[Row]:
+    rows: list[Row] = [
+        ("waves", "load", shot.load, ""),
+        ("waves", "arrival at the incident gauge", shot.arrival.time, "s"),
+        ("waves", "duration of the incident pulse", shot.arrival.end - shot.arrival.time, "s"),
+    ]
+    for name, check in zip(WAVES[1:], shot.checks, strict=True):
+        rows.append(("waves", f"{name} pulse, predicted", check.predicted, "s"))
+        rows.append(("waves", f"{name} pulse", check.reason, ""))
+    rows.append(("waves", "windows by", shot.windows.source, ""))
+    for name in WAVES:
+        first, last = getattr(shot.windows, name)
+        rows.append(("waves", f"{name} window", f"{1e6 * first:.6g} to {1e6 * last:.6g} us", ""))
     return rows

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import MaterialCurve
-from kolsky.readers.shot_tables import UniaxialTable, read_uniaxial
+from kolsky.readers.measured_tables import UniaxialTable, read_uniaxial
 from kolsky.readers.table import Column
+from kolsky.schema.material import CurveSection, LawSection
 from kolsky.shot.records import Shot, ShotBase
-from kolsky.shot.schema.curve import CurveSection, LawSection
 
 AnyShot = TypeVar("AnyShot", bound=ShotBase)
 

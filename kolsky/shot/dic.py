@@ -1,8 +1,13 @@
-"""The surfaces of a shot with pictures, from its shot file."""
+"""Image correlation for a shot's file: its surfaces, and the session in which its regions are drawn."""
 
 from pathlib import Path
 
+from kolsky.base.errors import InputError
 from kolsky.base.files import usable_folder
+from kolsky.pictures.measurement import read_measurement
+from kolsky.pictures.regions import DRAWABLES_OF_SHOT, Drawn, Session, drawables_of_measurement
+from kolsky.schema.pictures import RegionSection, find_measurement_file
+from kolsky.schema.shot_file import shot_toml
 from kolsky.shot.load import load_pictures
 from kolsky.shot.optical_data import Progress, Surfaces, surfaces
 
@@ -37,3 +42,85 @@ def dic(
     pictures = load_pictures(shot).pictures
     place = usable_folder(results or pictures.toml.path.parent / "results")
     return surfaces(pictures, place, device=device, again=again, progress=progress)
+
+
+def open_region_session(source: Path) -> Session:
+    """Open the pictures of camera 0 and what the file declares of their regions.
+
+    Parameters
+    ----------
+    source
+        Folder or file of a shot with pictures, or of a dic.toml.
+
+    Raises
+    ------
+    InputError
+        If the file or its pictures cannot be used.
+    """
+    path = find_measurement_file(source)
+    if path is not None:
+        measurement = read_measurement(path)
+        dic = measurement.declared.dic
+        drawn = {
+            "region": [] if dic.region is None else [_drawn_shape(dic.region, dic.reference)],
+            "exclude": [_drawn_shape(one, dic.reference) for one in dic.exclude],
+        }
+        return Session(
+            path,
+            measurement.series[0],
+            drawables_of_measurement(dic.reference),
+            _valid_measurement,
+            _non_empty(drawn),
+        )
+    loaded = load_pictures(source)
+    section = loaded.pictures.toml.declared.dic
+    assert section is not None  # shots with pictures have it
+    drawn = {
+        "specimen": []
+        if section.specimen is None
+        else [_drawn_shape(section.specimen, section.specimen.frame)],
+        "flyer": [] if section.flyer is None else [_drawn_shape(section.flyer, section.flyer.frame)],
+        "transmission_edge": []
+        if section.transmission_edge is None
+        else [Drawn((section.transmission_edge,), 0)],
+    }
+    return Session(
+        loaded.pictures.toml.path,
+        loaded.pictures.series[0],
+        DRAWABLES_OF_SHOT,
+        _shot_toml_of,
+        _non_empty(drawn),
+    )
+
+
+def _shot_toml_of(path: Path) -> None:
+    """Refuse a shot file that is not valid; its name does not matter."""
+    shot_toml(path)
+
+
+def _valid_measurement(path: Path) -> None:
+    from kolsky.schema.pictures import MeasurementFile
+    from kolsky.schema.shot_file import parse_toml
+
+    parse_toml(path).validated(MeasurementFile)
+
+
+def _drawn_shape(section: RegionSection, frame: int) -> Drawn:
+    return Drawn(section.corners, frame)
+
+
+def _non_empty(drawn: dict[str, list[Drawn]]) -> dict[str, list[Drawn]]:
+    return {key: shapes for key, shapes in drawn.items() if shapes}
+
+
+def frames_to_show(session: Session) -> tuple[int, ...]:
+    """Frames for a grid: the first, the middle and the last that can be read."""
+    n = session.pictures.n_frames
+    found = [k for k in dict.fromkeys((0, n // 2, n - 1)) if not isinstance(session.png(k), str)]
+    if not found:
+        raise InputError(
+            session.path,
+            "has no frame of camera 0 that can be read",
+            cure="copy or export the pictures again",
+        )
+    return tuple(found)

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dic.output import reporting
-from dic.output.csv import MM, write_history
-from kolsky.bars.flyer import flight_report
+from dic import output
+from dic.output import MM, write_history
+from kolsky.bars.flyer import flight
 from kolsky.shot.optical_data import Surfaces
 
 
@@ -45,8 +45,8 @@ def write_tables(folder: Path, found: Surfaces, number: np.ndarray) -> None:
                 "sigma (mm)": MM * travel.sigma,
             },
         )
-    table = reporting.reporting_table(result)
-    (folder / "dic_reporting.csv").write_text(reporting.as_csv(table), encoding="utf-8")
-    (folder / "dic_reporting.md").write_text(reporting.as_markdown(table), encoding="utf-8")
+    table = output.reporting_table(result)
+    (folder / "dic_reporting.csv").write_text(output.as_csv(table), encoding="utf-8")
+    (folder / "dic_reporting.md").write_text(output.as_markdown(table), encoding="utf-8")
     if not isinstance(found.flight, str):
-        write_history(folder / "flight.csv", flight_report.columns(found.flight))
+        write_history(folder / "flight.csv", flight.columns(found.flight))

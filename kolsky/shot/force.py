@@ -1,4 +1,4 @@
-"""[force]: the recorder's channel with its transducer; its range, zero and sign, checked."""
+"""[force] and [incident_force]: a recorder's channel with its transducer; range, zero and sign, checked."""
 
 from dataclasses import replace
 from math import inf
@@ -12,9 +12,9 @@ from kolsky.base.errors import InputError
 from kolsky.base.records import FlyerMotion, Recording
 from kolsky.base.units import in_us
 from kolsky.readers.recordings import read_recordings, read_scope
-from kolsky.shot.records import ForceChannel
-from kolsky.shot.schema.measured import ForceSection
-from kolsky.shot.schema.reading import ShotToml
+from kolsky.schema.measured import ForceSection
+from kolsky.schema.shot_file import ShotToml
+from kolsky.shot.records import ForceChannel, IncidentForce
 
 _SECONDS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
 SMALLEST_BASELINE = 20
@@ -31,15 +31,15 @@ def force_channel(folder: Path, rest: float, toml: ShotToml) -> ForceChannel:
         the test.
     """
     section = toml.declared.force
-    recording = force_recording(folder / section.file, section)
+    recording = _force_recording(folder / section.file, section)
     check_range(recording, section)
     check_signal(recording, toml)
-    channel = channel_of(recording, section)
+    channel = _channel_of(recording, section)
     check_baseline(channel.baseline_volts(), rest, toml)
     return channel
 
 
-def channel_of(recording: Recording, section: ForceSection) -> ForceChannel:
+def _channel_of(recording: Recording, section: ForceSection) -> ForceChannel:
     """A recording with the transducer, the baseline and the clock that its section declares."""
     return ForceChannel(
         recording=recording,
@@ -54,7 +54,7 @@ def channel_of(recording: Recording, section: ForceSection) -> ForceChannel:
     )
 
 
-def force_recording(path: Path, section: ForceSection) -> Recording:
+def _force_recording(path: Path, section: ForceSection) -> Recording:
     """Read the channel that `section` names, in volts.
 
     Without a layout a file is a table as `kolsky.readers.table` reads it, and its time column is taken as it
@@ -193,3 +193,62 @@ def check_sign(
             f"contradicts the recording: with this sign the specimen pulls, by {-mean:.3g} N in the mean",
             cure="declare the other sign, or check force.voltage and force.baseline",
         )
+
+
+def incident_channel(toml: ShotToml) -> ForceChannel | None:
+    """The channel that a shot file declares; None if it declares none.
+
+    Raises
+    ------
+    InputError
+        If its file cannot be read, it is clipped, or its baseline holds too few samples.
+    """
+    declared = toml.declared.incident_force
+    if declared is None:
+        return None
+    section = declared.completed(toml.declared.force)
+    recording = _force_recording(toml.path.parent / section.file, section)
+    check_range(recording, section, "incident_force")
+    channel = _channel_of(recording, section)
+    if channel.baseline_volts().size < SMALLEST_BASELINE:
+        raise toml.error(
+            "incident_force.baseline",
+            f"holds {channel.baseline_volts().size} samples",
+            allowed=f"{SMALLEST_BASELINE} or more",
+            cure="widen it within the stretch before the test, on the shot's clock",
+        )
+    return channel
+
+
+def incident_to_compare(toml: ShotToml, span: tuple[float, float]) -> dict[str, IncidentForce]:
+    """The incident force of a shot that compares it, as a field of the shot; empty for one that does not.
+
+    What acts on the flyer before the window, the pulse that sets it in motion, ends before it flies: the
+    window begins at rest, so that such a shot's incident force is that of the specimen from its start on.
+
+    Parameters
+    ----------
+    toml
+        The shot file.
+    span
+        The window [s].
+
+    Raises
+    ------
+    InputError
+        As `incident_channel`; if the recording does not cover the window, or has another clock than [force].
+    """
+    declared = toml.declared.incident_force
+    if declared is None or not declared.compared:
+        return {}
+    channel = incident_channel(toml)
+    assert channel is not None  # it is declared
+    time = channel.time
+    if time[0] > span[0] or time[-1] < span[1]:
+        raise toml.error(
+            "incident_force.file",
+            f"spans {in_us(time[0])} to {in_us(time[-1])}, the window {in_us(span[0])} to {in_us(span[1])} "
+            "(shot's clock)",
+            cure="shorten the window with window.end, or leave incident_force.compared out",
+        )
+    return {"incident": IncidentForce(channel, declared.mass)}

@@ -1,4 +1,7 @@
-"""A shot loaded from a folder and checked: from exports, from a whole surface, from pictures or from bars."""
+"""A shot loaded from a folder and checked: from exports, from a whole surface, from pictures or from bars.
+
+The window is the part of the shot that is simulated and compared: from rest until the first recording ends.
+"""
 
 from collections.abc import Callable
 from dataclasses import fields, replace
@@ -6,25 +9,106 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kolsky.base.apparatus import Bar, Specimen
-from kolsky.base.errors import refuse
-from kolsky.base.records import MaterialCurve
-from kolsky.readers.shot_tables import FrameTimes
+from kolsky.base.arrays import FloatArray
+from kolsky.base.errors import InputError, refuse
+from kolsky.base.records import MaterialCurve, Recording
+from kolsky.base.units import in_us
+from kolsky.pictures.frames import body_moves, flyer_motion, read_frames, sound_at_rest
+from kolsky.pictures.picture_set import PictureSet, open_pictures
+from kolsky.pictures.specimen_length import RimAtRest, conditioned_length, length_notes
+from kolsky.readers.measured_tables import FrameTimes
+from kolsky.schema.apparatus import elastic_body
+from kolsky.schema.material import declared_relaxation
+from kolsky.schema.shot_file import ShotFile, ShotToml, Source, is_bar_driven, parsed, shot_toml
 from kolsky.shot.curve import read_curve
-from kolsky.shot.force import check_sign, force_channel
-from kolsky.shot.frames import body_moves, flyer_motion, read_frames, sound_at_rest
-from kolsky.shot.incident import compared_incident
-from kolsky.shot.length_by_pictures import RimAtRest, conditioned_length, length_notes
+from kolsky.shot.force import check_sign, force_channel, incident_to_compare
 from kolsky.shot.outline import check_outline, each_once, read_outline
-from kolsky.shot.picture_set import PictureSet, open_pictures
 from kolsky.shot.records import ForceChannel, ModelSettings, OpticalData, PicturedShot, Shot, ShotBase
-from kolsky.shot.schema.apparatus import elastic_body
-from kolsky.shot.schema.reading import ShotToml, Source, is_bar_driven, parsed, shot_toml
-from kolsky.shot.schema.relaxation import declared_relaxation
-from kolsky.shot.schema.schema import ShotFile
-from kolsky.shot.window import window
 
 if TYPE_CHECKING:
-    from kolsky.shot.bar_check import CheckedBars
+    from kolsky.shot.bars import CheckedBars
+
+
+UNCOVERED_SHARE = 0.05
+"""Share of the frames that the force recording may miss at its end without a declared window.end."""
+
+
+def window(
+    toml: ShotToml,
+    frame_time: FloatArray,
+    flyer_end: float,
+    scope: Recording,
+    scope_time: FloatArray,
+    *,
+    symmetry_end: float | None = None,
+) -> tuple[float, float]:
+    """The window on the shot's clock: as declared, else from the last static frame to the last covered one
+    before symmetry ends.
+
+    Parameters
+    ----------
+    toml
+        The shot file.
+    frame_time
+        Frame times on the shot's clock [s], shape [n_frames].
+    flyer_end
+        Time of the last flyer displacement [s].
+    scope
+        The force channel.
+    scope_time
+        Its sample times on the shot's clock [s], shape [n_samples].
+    symmetry_end
+        Time at which the flyer leaves its first direction [s], None if it does not or is not known.
+
+    Raises
+    ------
+    InputError
+        If the specimen already moves at the start, or the recordings do not cover the window.
+    """
+    declared = toml.declared
+    rest = float(frame_time[declared.frames.static - 1])
+    start = rest if declared.window.start is None else declared.window.start
+    span = f"{in_us(scope_time[0])} to {in_us(scope_time[-1])}"
+    if start > rest or start < frame_time[0]:
+        raise toml.error(
+            "window.start",
+            "is not allowed",
+            allowed=f"between the first and the last static frame, {in_us(frame_time[0])} to {in_us(rest)}",
+            cure="the simulation starts from rest",
+        )
+    if scope_time[0] > start:
+        raise InputError(
+            scope.path,
+            f"begins at {in_us(scope_time[0])}, after the window's start at {in_us(start)} (shot's clock)",
+            cure="check force.clock_offset and frames.clock_offset",
+        )
+    if declared.window.end is not None:
+        end = declared.window.end
+        covered = min(float(frame_time[-1]), flyer_end, float(scope_time[-1]))
+        if not start < end <= covered:
+            raise toml.error(
+                "window.end",
+                f"is not allowed (frames end at {in_us(frame_time[-1])}, flyer at {in_us(flyer_end)},"
+                f" force at {in_us(scope_time[-1])})",
+                allowed=f"after the start at {in_us(start)} and at most {in_us(covered)}",
+            )
+        return start, end
+    beyond = frame_time > scope_time[-1]
+    if beyond.sum() > UNCOVERED_SHARE * frame_time.size:
+        raise InputError(
+            scope.path,
+            f"{beyond.sum()} of {frame_time.size} camera frames are beyond the scope record, which spans"
+            f" {span} (shot's clock)",
+            cure="check force.clock_offset and frames.clock_offset, or declare window.end inside the record",
+        )
+    if symmetry_end is not None:
+        beyond |= frame_time >= symmetry_end
+    end = float(frame_time[~beyond][-1])
+    if not start < end:
+        raise toml.error(
+            "frames.static", "leaves no frame after the static ones", cure="declare fewer static frames"
+        )
+    return start, end
 
 
 def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | None = None) -> Shot:
@@ -54,7 +138,7 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
         from kolsky.shot.bar_driven import load_bar_driven
 
         return load_bar_driven(file)
-    toml, frames = _opened(file)
+    toml, frames = _open(file)
     declared, folder = toml.declared, toml.path.parent
     frame_time = frames.time + declared.frames.clock_offset
     rest = float(frame_time[declared.frames.static - 1])
@@ -72,7 +156,7 @@ def load_shot(source: Source, *, measure: Callable[[PictureSet], OpticalData] | 
     curve, curve_hashes = read_curve(folder, declared.baseline)
     exports = {declared.flyer.file: flyer_hash, declared.centre_line.file: table.sha256}
     base = _base(toml, frames, force, curve, curve_hashes, exports)
-    base |= compared_incident(toml, span)
+    base |= incident_to_compare(toml, span)
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span, notes=notes)
 
 
@@ -84,12 +168,12 @@ def load_pictures(source: Source) -> PicturedShot:
     InputError
         As `load_shot`, or if the shot has no pictures.
     """
-    toml, frames = _opened(source)
+    toml, frames = _open(source)
     if toml.declared.pictures is None:
         raise toml.error(
             "pictures", "is missing: this shot has no pictures", cure="add [pictures], [calibration], [dic]"
         )
-    return _pictured(toml, frames, open_pictures(toml, frames))
+    return _with_picture_set(toml, frames, open_pictures(toml, frames))
 
 
 def check_shot(source: Source) -> "ShotBase | CheckedBars":
@@ -104,10 +188,10 @@ def check_shot(source: Source) -> "ShotBase | CheckedBars":
     if is_bar_driven(file):
         if {"interface", "curve", "law", "model"} & set(file.content):
             return load_shot(file)
-        from kolsky.shot.bar_check import check_bars
+        from kolsky.shot.bars import check_bars
 
         return check_bars(file)
-    toml, _ = _opened(file)
+    toml, _ = _open(file)
     if toml.declared.flyer is None and toml.declared.surface is None:
         return load_pictures(toml)
     if toml.declared.pictures is not None:
@@ -135,7 +219,7 @@ def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
     check_outline(centre_line, source, rest, span, toml)
     curve, curve_hashes = read_curve(folder, declared.baseline)
     base = _base(toml, frames, force, curve, curve_hashes, inputs)
-    base |= compared_incident(toml, span)
+    base |= incident_to_compare(toml, span)
     fitted = declared.surface.frame == "cylinder"
     return Shot(**base, flyer=flyer, centre_line=centre_line, window=span, axis_by_radius=fitted)
 
@@ -144,7 +228,7 @@ def _with_pictures(
     toml: ShotToml, frames: FrameTimes, rest: float, measure: Callable[[PictureSet], OpticalData] | None
 ) -> Shot:
     """A shot whose flyer and outline come from its pictures."""
-    shot = _pictured(toml, frames, open_pictures(toml, frames))
+    shot = _with_picture_set(toml, frames, open_pictures(toml, frames))
     if measure is None:
         from kolsky.shot.optical_data import measured
 
@@ -165,7 +249,7 @@ def _with_pictures(
     check_sign(shot.force.raw_force(), shot.force.time, span, found.flyer, toml)
     check_outline(found.centre_line, found.source, rest, span, toml)
     base = {field.name: getattr(shot, field.name) for field in fields(ShotBase)}
-    base |= compared_incident(toml, span)
+    base |= incident_to_compare(toml, span)
     base["uncertainty"] = {**found.offsets, **shot.uncertainty}  # what is declared counts
     loaded = Shot(
         **base,
@@ -203,7 +287,7 @@ def _with_length(shot: Shot, rim: RimAtRest) -> Shot:
     )
 
 
-def _pictured(toml: ShotToml, frames: FrameTimes, pictures: PictureSet) -> PicturedShot:
+def _with_picture_set(toml: ShotToml, frames: FrameTimes, pictures: PictureSet) -> PicturedShot:
     folder, declared = toml.path.parent, toml.declared
     rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
     force = force_channel(folder, rest, toml)
@@ -211,7 +295,7 @@ def _pictured(toml: ShotToml, frames: FrameTimes, pictures: PictureSet) -> Pictu
     return PicturedShot(**_base(toml, frames, force, curve, curve_hashes, pictures.inputs), pictures=pictures)
 
 
-def _opened(source: Source) -> tuple[ShotToml, FrameTimes]:
+def _open(source: Source) -> tuple[ShotToml, FrameTimes]:
     """The shot file and the frame times."""
     toml = shot_toml(source)
     _all_there(toml, toml.path.parent)

@@ -6,33 +6,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dic.forks import beside
+from dic.processes import background
 from dic.result import StereoResult
-from kolsky.bars.flyer.flight_report import FlightOfSpecimen, add_to, flight_of
+from kolsky.bars.flyer.flight import FlightOfSpecimen, add_to, flight_of
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.base.process import infrequent_gc, single_threaded_libraries
 from kolsky.base.records import CentreLine, FlyerMotion
-from kolsky.shot.correlated_pictures import (
-    Progress,
-    correlated,
-    key_of,
-    length_in_pictures_of,
-    length_sigma_of,
-)
-from kolsky.shot.flyer_refusal import why_unknown
-from kolsky.shot.length_by_pictures import rim_at_rest
-from kolsky.shot.picture_set import PictureSet
-from kolsky.shot.records import OpticalData
-from kolsky.shot.rig import Calibrated
-from kolsky.shot.shared_errors import (
+from kolsky.pictures.correlation import Progress, correlate, key_of, length_in_pictures_of, length_sigma_of
+from kolsky.pictures.dic_file import read_stereo_result, stored_key, write_stereo_result
+from kolsky.pictures.picture_set import PictureSet
+from kolsky.pictures.rig import Calibrated
+from kolsky.pictures.shared_errors import (
     outline_offsets,
     picture_errors,
     with_departures,
     with_flyer_errors,
     with_outline_errors,
 )
-from kolsky.shot.surfaces_file import read_stereo_result, stored_key, write_stereo_result
+from kolsky.pictures.specimen_length import rim_at_rest
+from kolsky.pictures.summary import flyer_problem
+from kolsky.shot.records import OpticalData
 
 RESULT_FILE = "dic.h5"
 
@@ -53,25 +47,25 @@ class Surfaces:
     @property
     def warnings(self) -> list[str]:
         """Warnings about the measurement."""
-        from kolsky.shot import dic_summary
+        from kolsky.pictures import summary
 
-        return dic_summary.warnings(self.result)
+        return summary.warnings(self.result)
 
     def rows(self) -> dict[str, str]:
         """Numbers of the measurement by name, as a terminal shows them."""
-        from kolsky.bars.flyer import flight_report
-        from kolsky.shot import dic_summary
+        from kolsky.bars.flyer import flight
+        from kolsky.pictures import summary
 
-        return {**dic_summary.printed(self.result), **flight_report.printed(self.flight)}
+        return {**summary.printed(self.result), **flight.printed(self.flight)}
 
     def summary(self) -> dict[str, Any]:
         """Numbers of the measurement for JSON, SI."""
-        from kolsky.bars.flyer import flight_report
-        from kolsky.shot import dic_summary
+        from kolsky.bars.flyer import flight
+        from kolsky.pictures import summary
 
         return {
-            **dic_summary.summary(self.result),
-            **flight_report.summary(self.flight),
+            **summary.summary(self.result),
+            **flight.summary(self.flight),
             "remarks": self.warnings,
         }
 
@@ -103,7 +97,8 @@ def surfaces(
     progress
         Told of the frames done, stage by stage.
     cameras
-        The cameras that `kolsky.shot.rig.calibrated_beside` has begun to find; None: they are found here.
+        The cameras that `kolsky.pictures.rig.calibrate_in_background` has begun to find; None: they are found
+        here.
     idle
         Work of the caller's for the time in which this process waits for another one.
     known
@@ -123,11 +118,11 @@ def surfaces(
         except InputError:
             pass  # damaged since it was written: made anew
     with single_threaded_libraries(), infrequent_gc():
-        result = correlated(pictures, device, progress, cameras=cameras, idle=idle)
+        result = correlate(pictures, device, progress, cameras=cameras, idle=idle)
         known(result)
         with filling(folder) as partial:
             file = partial / RESULT_FILE
-            with beside(lambda: write_stereo_result(file, result, key=key)) as written:
+            with background(lambda: write_stereo_result(file, result, key=key)) as written:
                 flight = flight_of(result, length)
                 written()
             if not isinstance(flight, str):
@@ -168,7 +163,7 @@ def measured(
         length = pictures.toml.declared.specimen.length
         section = pictures.toml.declared.dic
         assert section is not None  # shots with pictures have it
-        problem, cure = why_unknown(result, length, length_sigma_of(pictures.toml), section.subset)
+        problem, cure = flyer_problem(result, length, length_sigma_of(pictures.toml), section.subset)
         draw = f"`kolsky dic {pictures.toml.path.parent} --regions` draws one"
         raise pictures.toml.error("dic.flyer", problem, cure=f"{cure}; {draw}")
     line = result.centre

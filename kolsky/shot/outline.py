@@ -8,12 +8,12 @@ import numpy as np
 from kolsky.base.arrays import BoolArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine
-from kolsky.readers import shot_tables
-from kolsky.readers.shot_tables import FrameTimes, OutlineTable
+from kolsky.pictures.frames import frames_agree
+from kolsky.readers import measured_tables
+from kolsky.readers.measured_tables import FrameTimes, OutlineTable
 from kolsky.readers.table import Column
-from kolsky.shot.frames import frames_agree
-from kolsky.shot.schema.measured import CentreLineSection
-from kolsky.shot.schema.reading import ShotToml
+from kolsky.schema.measured import CentreLineSection
+from kolsky.schema.shot_file import ShotToml
 
 LEAST_HEIGHT = 0.2
 """Least height that the outline at rest reaches above the transmission platen, over the declared length [-]:
@@ -35,7 +35,7 @@ def read_outline(
     InputError
         If the file cannot be read, or its frames and times are not those of [frames].
     """
-    table = shot_tables.read_outline(
+    table = measured_tables.read_outline(
         folder / section.file,
         frame=Column(section.frame),
         y=section.y.as_column(),

@@ -1,21 +1,70 @@
-"""A shot: one test, its apparatus and its measurements, in SI on one clock."""
+"""A shot: one test, its apparatus and its measurements, in SI on one clock; the smooth path of its front
+face."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
-from kolsky.bars.flyer.front_path import BarForce
-from kolsky.bars.flyer.path import FlyerPath
+import numpy as np
+
+from kolsky.bars.flyer.events import second_impact
+from kolsky.bars.flyer.front_path import BarForce, front_path
+from kolsky.bars.flyer.path import FlyerPath, fit_flyer
 from kolsky.bars.signals.transducers import force_history, noise_correlation
-from kolsky.base.apparatus import Bar, ElasticBody, Interface, Specimen, Transducer
+from kolsky.base.apparatus import Bar, ElasticBody, Interface, Relaxation, Specimen, Transducer
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, FlyerMotion, ForceHistory, FrontVelocity, MaterialCurve, Recording
-from kolsky.base.relaxation import Relaxation
-from kolsky.shot import flyer_path
-from kolsky.shot.length_by_pictures import LengthByPictures, RimAtRest
-from kolsky.shot.picture_set import PictureSet
-from kolsky.shot.schema.reading import TomlFile
+from kolsky.pictures.picture_set import PictureSet
+from kolsky.pictures.specimen_length import LengthByPictures, RimAtRest
+from kolsky.schema.shot_file import TomlFile
+
+FEWEST_MOVING_FRAMES = 24
+"""Moving frames below which no second impact is looked for."""
+
+
+def fit_front_path(motion: FlyerMotion | FrontVelocity, *, start: float) -> FlyerPath:
+    """The smooth path of a motion, its scale taken as exact.
+
+    Parameters
+    ----------
+    motion
+        Displacements at the frames, or velocities of the bar's face.
+    start
+        Last time at rest, from which a path of displacements begins [s].
+
+    Raises
+    ------
+    ValueError
+        If the record cannot be used.
+    """
+    if isinstance(motion, FlyerMotion):
+        return fit_flyer(
+            motion,
+            start=start,
+            covariance=_with_zero_start(motion, start),
+            restart=second_impact_time(motion, start),
+        )
+    return front_path(replace(motion, sigma_gain=0.0))
+
+
+def second_impact_time(motion: FlyerMotion, start: float) -> float | None:
+    """Just before the second impact, if the displacements show one: a frame and two of its sigmas [s]."""
+    moving = motion.time > start
+    if int(moving.sum()) < FEWEST_MOVING_FRAMES or int((~moving).sum()) < 1:
+        return None
+    impact = second_impact(motion, rest=start)
+    if impact.time is None:
+        return None
+    return impact.time - 2.0 * (impact.sigma or 0.0) - float(np.median(np.diff(motion.time)))
+
+
+def _with_zero_start(motion: FlyerMotion, start: float) -> FloatArray | None:
+    """Covariance of the displacements with that of their zero, which all after the rest share [m²]."""
+    if motion.zero_sigma == 0.0:
+        return None
+    moved = (motion.time > start).astype(np.float64)
+    return np.asarray(np.diag(motion.sigma**2) + motion.zero_sigma**2 * np.outer(moved, moved))
 
 
 @dataclass(frozen=True)
@@ -164,7 +213,7 @@ class Shot(ShotBase):
         ValueError
             If the record cannot be used.
         """
-        return flyer_path.fit(self.flyer, start=self.window[0])
+        return fit_front_path(self.flyer, start=self.window[0])
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

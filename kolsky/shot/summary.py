@@ -1,24 +1,185 @@
 """Summary of a loaded shot: named values with units, for a table or for JSON."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dic.files import one_line
-from kolsky.readers.found_layout import layout_in_words
-from kolsky.shot.bar_check import CheckedBars, bar_rows, undeclared
+from kolsky.bars.flyer.front_path import BarForce
+from kolsky.base.records import CentreLine, FlyerMotion
+from kolsky.pictures.picture_set import CAMERAS, readable
+from kolsky.readers.table import layout_in_words
+from kolsky.schema.apparatus import CONTACT_KEYS, IDENTIFY_KEYS, REDUCTION_KEYS, UNCERTAINTY_UNITS, keys_read
+from kolsky.shot.bars import CheckedBars, bar_rows, undeclared
 from kolsky.shot.records import PicturedShot, Shot, ShotBase
-from kolsky.shot.schema.apparatus import CONTACT_KEYS, keys_read
-from kolsky.shot.schema.uncertainty import IDENTIFIED, REDUCED, UNITS
-from kolsky.shot.summary_entry import Entry
-from kolsky.shot.summary_measured import (
-    centre_line_entries,
-    force_entries,
-    motion_entries,
-    picture_entries,
-    window_entries,
-)
+
+_WRITTEN = {"1": ("um/m", 1e6), "m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of the summary."""
+
+    section: str
+    """The table of the shot file it belongs to."""
+    name: str
+    """What it is."""
+    value: float | int | str
+    """Its value, SI."""
+    unit: str = ""
+    """SI unit; empty for counts, ratios and words."""
+
+    def written(self) -> str:
+        """The value in the units of a laboratory, e.g. "9.5 mm"."""
+        if isinstance(self.value, str):
+            return self.value
+        unit, factor = _WRITTEN.get(self.unit, (self.unit, 1.0))
+        if self.unit == "m" and 0.0 < abs(self.value) < 1e-4:
+            unit, factor = "um", 1e6
+        if self.unit == "Pa" and abs(self.value) >= 1e9:
+            unit, factor = "GPa", 1e-9
+        return f"{self.value * factor:.6g} {unit}".strip()
+
+
+def _inside(shot: Shot, time: np.ndarray) -> np.ndarray:
+    return (time >= shot.window[0]) & (time <= shot.window[1])
+
+
+def _window_entries(shot: Shot) -> list[Entry]:
+    """The window, and how many samples of the front face lie in it."""
+    (start, end), time = shot.window, shot.flyer.time
+    what = "frames" if isinstance(shot.flyer, FlyerMotion) else "samples"
+    return [
+        Entry("window", "start", start, "s"),
+        Entry("window", "end", end, "s"),
+        Entry("window", f"{what} inside", int(_inside(shot, time).sum())),
+        Entry("window", f"{what} before it", int((time < start).sum())),
+        Entry("window", f"{what} after it", int((time > end).sum())),
+    ]
+
+
+def _picture_entries(shot: PicturedShot) -> list[Entry]:
+    """The pictures of both cameras, and how they are correlated."""
+    declared = shot.pictures.toml.declared
+    assert declared.pictures is not None  # else there is no such shot
+    assert declared.calibration is not None
+    assert declared.dic is not None
+    rows = [
+        Entry("frames", "frames", shot.pictures.time.size),
+        Entry("frames", "static", declared.frames.static),
+    ]
+    for name, section, series in zip(CAMERAS, declared.pictures.cameras, shot.pictures.series, strict=True):
+        height, width = series.shape
+        x, y = series.crop_offset
+        rows += [
+            Entry("pictures", f"{name}, files", section.source[1]),
+            Entry("pictures", f"{name}, size", f"{width} x {height} px at ({x:g}, {y:g}) of the sensor"),
+            Entry("pictures", f"{name}, bits", series.bits),
+        ]
+        missing = shot.pictures.time.size - readable(series)
+        if missing:
+            rows.append(Entry("pictures", f"{name}, pictures cut off", missing))
+    calibration, dic = declared.calibration, declared.dic
+    source = calibration.file or f"pictures of a target: {calibration.camera_0}, {calibration.camera_1}"
+    return [
+        *rows,
+        Entry("calibration", "from", source),
+        Entry("dic", "subset", f"{dic.subset} px, {dic.shape}"),
+        Entry("dic", "step", f"{dic.step} px"),
+        Entry("dic", "flyer_side", dic.flyer_side),
+        Entry("dic", "strip_half_width", dic.strip_half_width, "m"),
+    ]
+
+
+def _force_entries(shot: ShotBase) -> list[Entry]:
+    """The force: its record, its noise, its largest values."""
+    channel = shot.force
+    if isinstance(channel, BarForce):
+        force = channel.raw_force()
+        return [
+            Entry("force", "from", "waves in the transmission bar"),
+            Entry("force", "samples", int(force.size)),
+            Entry("force", "record start", float(channel.time[0]), "s"),
+            Entry("force", "record end", float(channel.time[-1]), "s"),
+            Entry("force", "noise of the force", float(np.median(channel.measured.sigma)), "N"),
+            Entry("force", "sigma of its scale", channel.sigma_gain),
+            Entry("force", "largest compression", float(force.max()), "N"),
+            Entry("force", "largest tension", float(-force.min()), "N"),
+        ]
+    time, volts, zero = channel.time, channel.recording.value, channel.baseline_volts()
+    noise = float(zero.std(ddof=1))
+    return [
+        Entry("force", "channel", channel.recording.channel),
+        Entry("force", "samples", int(volts.size)),
+        Entry("force", "sample step", float(np.median(np.diff(time))), "s"),
+        Entry("force", "record start", float(time[0]), "s"),
+        Entry("force", "record end", float(time[-1]), "s"),
+        Entry("force", "sensitivity", channel.transducer.sensitivity, "V/N"),
+        Entry("force", "compression", "positive" if channel.transducer.compression_sign > 0 else "negative"),
+        Entry("force", "full_scale", channel.transducer.full_scale, "V"),
+        Entry("force", "largest voltage", float(np.abs(volts).max()), "V"),
+        Entry("force", "baseline start", channel.baseline[0], "s"),
+        Entry("force", "baseline end", channel.baseline[1], "s"),
+        Entry("force", "baseline samples", int(zero.size)),
+        Entry("force", "baseline zero", float(zero.mean()), "V"),
+        Entry("force", "baseline noise", noise, "V"),
+        Entry("force", "noise of the force", noise / channel.transducer.sensitivity, "N"),
+        Entry("force", "largest compression", float(channel.raw_force().max()), "N"),
+        Entry("force", "largest tension", float(-channel.raw_force().min()), "N"),
+    ]
+
+
+def _motion_entries(shot: Shot) -> list[Entry]:
+    """The motion of the front face, from pictures or from waves."""
+    motion = shot.flyer
+    if isinstance(motion, FlyerMotion):
+        return _flyer(motion, shot)
+    return [
+        Entry("motion", "from", "waves in the incident bar"),
+        Entry("motion", "samples", int(motion.time.size)),
+        Entry("motion", "sample step", float(np.median(np.diff(motion.time))), "s"),
+        Entry("motion", "largest velocity", float(motion.velocity.max()), "m/s"),
+        Entry("motion", "noise of the velocity", motion.noise, "m/s"),
+        Entry("motion", "sigma of its scale", motion.sigma_gain),
+        Entry("motion", "sigma of its zero", motion.sigma_zero, "m/s"),
+    ]
+
+
+def _flyer(flyer: FlyerMotion, shot: Shot) -> list[Entry]:
+    rest = flyer.displacement[flyer.time <= shot.window[0]]
+    scatter = [Entry("flyer", "scatter at rest", float(rest.std(ddof=1)), "m")] if rest.size > 1 else []
+    return [
+        Entry("flyer", "frames", int(flyer.time.size)),
+        Entry("flyer", "first frame", float(flyer.time[0]), "s"),
+        Entry("flyer", "last frame", float(flyer.time[-1]), "s"),
+        Entry(
+            "flyer", "travel in the window", float(np.ptp(flyer.displacement[_inside(shot, flyer.time)])), "m"
+        ),
+        Entry("flyer", "sigma", float(flyer.sigma.max()), "m"),
+        *scatter,
+    ]
+
+
+def _centre_line_entries(line: CentreLine, shot: Shot) -> list[Entry]:
+    """The outline: its points, and the frames that have some."""
+    inside = _inside(shot, line.time)
+    _, counts = np.unique(line.frame[inside], return_counts=True)
+    return [
+        Entry("centre_line", "points", int(line.Z.size)),
+        Entry("centre_line", "points in the window", int(inside.sum())),
+        Entry("centre_line", "frames with points in the window", int(counts.size)),
+        Entry("centre_line", "fewest points in a frame", int(counts.min())),
+        Entry("centre_line", "most points in a frame", int(counts.max())),
+        Entry("centre_line", "smallest y", float(line.y.min()), "m"),
+        Entry("centre_line", "largest y", float(line.y.max()), "m"),
+        Entry("centre_line", "smallest Z", float(line.Z.min()), "m"),
+        Entry("centre_line", "largest Z", float(line.Z.max()), "m"),
+        Entry("centre_line", "smallest sigma", float(line.sigma.min()), "m"),
+        Entry("centre_line", "largest sigma", float(line.sigma.max()), "m"),
+    ]
+
 
 EXACT = "not declared: taken as exact"
 """Value of an uncertainty that [uncertainty] does not hold."""
@@ -32,7 +193,7 @@ def summarise(shot: ShotBase | CheckedBars) -> list[Entry]:
         entries = [Entry(*row) for row in bar_rows(shot)]
         entries += [
             Entry("uncertainty", key, value)
-            for key in REDUCED
+            for key in REDUCTION_KEYS
             if (value := shot.given.uncertainty.get(key, 0.0)) > 0.0
         ]
         return entries + [Entry("uncertainty", key, EXACT) for key in undeclared(shot)]
@@ -49,16 +210,20 @@ def summarise(shot: ShotBase | CheckedBars) -> list[Entry]:
         Entry("transmission", "support", shot.support),
         *_bar(shot),
         *_bodies(shot),
-        *force_entries(shot),
-        *(motion_entries(shot) if isinstance(shot, Shot) else []),
-        *(centre_line_entries(shot.centre_line, shot) if isinstance(shot, Shot) and shot.centre_line else []),
-        *(picture_entries(shot) if isinstance(shot, PicturedShot) else []),
+        *_force_entries(shot),
+        *(_motion_entries(shot) if isinstance(shot, Shot) else []),
+        *(
+            _centre_line_entries(shot.centre_line, shot)
+            if isinstance(shot, Shot) and shot.centre_line
+            else []
+        ),
+        *(_picture_entries(shot) if isinstance(shot, PicturedShot) else []),
         *_curve(shot),
         Entry("model", "poisson", shot.model.poisson),
         Entry("model", "damping", shot.model.damping, "s"),
         Entry("model", "damping_kind", shot.model.damping_kind),
         Entry("model", "mass_damping", shot.model.mass_damping, "1/s"),
-        *(window_entries(shot) if isinstance(shot, Shot) else []),
+        *(_window_entries(shot) if isinstance(shot, Shot) else []),
         *_uncertainty(shot),
         *_layouts(shot),
     ]
@@ -77,12 +242,14 @@ def as_json(shot: ShotBase | CheckedBars) -> dict[str, Any]:
 def _layouts(shot: ShotBase) -> list[Entry]:
     """How the tables that are no plain text are read; of a series of files the first stands for all."""
     found = (
-        (name, layout_in_words(_first(shot.folder / name))) for name in shot.inputs if name.endswith(TABLES)
+        (name, layout_in_words(_first_of_table(shot.folder / name)))
+        for name in shot.inputs
+        if name.endswith(TABLES)
     )
     return [Entry("layouts", name, words) for name, words in found if words]
 
 
-def _first(place: Path) -> Path:
+def _first_of_table(place: Path) -> Path:
     """A file, or the first of those that a pattern such as `dic_*.csv` names."""
     return place if place.exists() else min(place.parent.glob(place.name), default=place)
 
@@ -120,9 +287,9 @@ def _bodies(shot: ShotBase) -> list[Entry]:
 def _uncertainty(shot: ShotBase) -> list[Entry]:
     """Declared standard uncertainties, and the keys that are not declared."""
     read = keys_read(shot.interface.faces, shot.interface.side)
-    used = [key for key in IDENTIFIED if key != "friction" or key in read]
+    used = [key for key in IDENTIFY_KEYS if key != "friction" or key in read]
     return [
-        Entry("uncertainty", key, shot.uncertainty[key], UNITS.get(key, ""))
+        Entry("uncertainty", key, shot.uncertainty[key], UNCERTAINTY_UNITS.get(key, ""))
         if key in shot.uncertainty
         else Entry("uncertainty", key, EXACT)
         for key in used

@@ -13,9 +13,9 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine, FlyerMotion
 from kolsky.readers.dic_export import DicExport, PointState, matching, read
-from kolsky.readers.shot_tables import FrameTimes
-from kolsky.shot.schema.measured import SurfaceSection
-from kolsky.shot.schema.reading import ShotToml
+from kolsky.readers.measured_tables import FrameTimes
+from kolsky.schema.measured import SurfaceSection
+from kolsky.schema.shot_file import ShotToml
 
 OUTCOMES = MappingProxyType(
     {

@@ -3,8 +3,8 @@
 Slopes are those of straight lines through runs at `LEVELS` values within a *reach* of the point, all in one
 batch: what a search sees that comes from there. The derivative at the point itself can be quite another
 number. Near incompressibility the specimen rings, and a per cent of stiffness moves the phase of that ringing
-so far that dF/dp grows ever larger as the reach is made smaller (`explicit.derivatives`); no mesh knows the
-phase so well. What the lines leave out is kept beside them.
+so far that dF/dp grows ever larger as the reach is made smaller (`explicit.adjoint.perturbed_runs`); no mesh
+knows the phase so well. What the lines leave out is kept beside them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,16 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import explicit
-from explicit.stencils import scale_of
+from explicit.model import scale_of
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Forward, Numerics
+from kolsky.inverse.observations import radius_at
 from kolsky.inverse.parameters import PARAMETERS, checked_value, has_effect, parameter
-from kolsky.inverse.side_surface import radius_at
 
 LEVELS = 10
 """Runs a parameter, beside the point itself: enough that ringing averages out of a slope."""
 REACH = 0.1
-"""Reach of each parameter over its scale (`explicit.stencils.scale_of`) unless another is asked for."""
+"""Reach of each parameter over its scale (`explicit.model.scale_of`) unless another is asked for."""
 
 
 @dataclass(frozen=True)

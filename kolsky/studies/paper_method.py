@@ -1,41 +1,164 @@
 """The method of Mates et al. (2012): factorial over friction and stiffness, surface through Phi, simplex.
 
-1. A full factorial over friction and stiffness factor, ten levels each as in the paper's Fig. 9, radial
-   basis functions through the cost Phi of Eq. (M.5), downhill simplex on them.
-2. Where friction up to the upper bound of the design costs no more than delta Phi, Eq. (M.8), the data do
-   not tell it. As in the paper it is then set to the limiting case without slip, and a factorial over the
-   stiffness factor alone (sixteen levels, Fig. 10) takes the place of the first.
-3. The same on the refined mesh, in a small box around that optimum, which follows the optimum if it leaves
-   it; runs at the optimum, each joined to the surface, until one leaves the stiffness factor where it is.
-4. The interval has all stiffness factors whose Phi lies within delta Phi of the least, Eqs. (M.6)-(M.8).
+Its cost and the surface through it, the interval where the cost cannot be told from its minimum, Eqs.
+(M.6)-(M.8), and the answer as text, JSON and a table of runs.
 """
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from doe import Box, CostSurrogate, full_factorial, nelder_mead
 from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
+from kolsky.base.files import filling, jsonable, write_table
 from kolsky.inverse import simulate as single
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import Terms
 from kolsky.inverse.parameters import MOVED, design_box
+from kolsky.inverse.run_table import SCALE_FORCE, Terms
+from kolsky.results.tables import end_columns
 from kolsky.shot.records import Shot
 from kolsky.studies import sweep as sweeping
-from kolsky.studies.paper_interval import CostInterval, cost_interval
-from kolsky.studies.paper_surface import (
-    FRICTION,
-    Surface,
-    box_around,
-    cost_of,
-    delta_of,
-    friction_told,
-    profile,
-    surface_of,
-)
+from kolsky.studies.sweep import costs
+
+FRICTION = "friction"
+GRID = 101
+"""Places along each parameter at which the surface is looked at for the interval."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Runs of one mesh and radial basis functions through their cost."""
+
+    runs: sweeping.Sweep
+    """The runs."""
+    fit: CostSurrogate
+    """Through the cost of those that completed."""
+    optimum: FloatArray
+    """Where the simplex found its least, in parameter units, shape [d]."""
+    least: float
+    """The cost there by the surface [-]."""
+
+
+def cost_of(found: Terms) -> float:
+    """Phi, Eq. (M.5) [-]; its force term where no outline was measured."""
+    return found.phi if found.has_shape else found.phi_force / SCALE_FORCE
+
+
+def delta_of(found: Terms) -> float:
+    """delta Phi, Eq. (M.8) [-]; its force term, Eq. (M.7), where no outline was measured."""
+    return found.sigma_phi if found.has_shape else found.sigma_phi_force / SCALE_FORCE
+
+
+def profile(fit: CostSurrogate, name: str = MOVED) -> tuple[FloatArray, FloatArray]:
+    """Values of a parameter and the least cost over the other at each, shape [GRID] each."""
+    box = fit.box
+    axes = [np.linspace(0.0, 1.0, GRID)] * box.dimension
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    points = box.scale(grid.reshape(-1, box.dimension))
+    cost = fit.predict(points)[:, 0].reshape(grid.shape[:-1])
+    own = box.names.index(name)
+    others = tuple(axis for axis in range(box.dimension) if axis != own)
+    low, high = box.lower[own], box.upper[own]
+    return np.linspace(low, high, GRID), cost.min(axis=others)
+
+
+def friction_constrained(fit: CostSurrogate, delta: float) -> bool:
+    """True if the largest friction of the design costs more than delta Phi over the least."""
+    _, cost = profile(fit, FRICTION)
+    return bool(cost[-1] - cost.min() > delta)
+
+
+def surface_of(runs: sweeping.Sweep) -> Surface:
+    """Radial basis functions through the costs of completed runs, and where a simplex finds their least.
+
+    Raises
+    ------
+    ValueError
+        If fewer than four runs completed.
+    """
+    table = runs.table
+    box = Box.of({n: (a, b) for n, a, b in zip(table.names, table.lower, table.upper, strict=True)})
+    cost = sweeping.costs(table)
+    done = np.flatnonzero(np.isfinite(cost))
+    if len(done) < 4:
+        first = f"; the first ended {table.ending(table.lost[0]).sentence}" if table.lost else ""
+        raise ValueError(f"{len(done)} of {len(cost)} runs of the design completed, 4 are needed{first}")
+    fit = CostSurrogate.fit(box, table.points[done], cost[done])
+    found = nelder_mead(fit.cost, box, start=table.points[done[np.argmin(cost[done])]])
+    return Surface(runs, fit, found.x, found.value)
+
+
+def box_around(whole: Box, x: FloatArray, shares: list[float]) -> Box:
+    """A box about a point with these shares of the edges, moved to lie inside the whole one."""
+    bounds = {}
+    for i, (name, share) in enumerate(zip(whole.names, shares, strict=True)):
+        edge = share * (whole.upper[i] - whole.lower[i])
+        low = float(np.clip(x[i] - 0.5 * edge, whole.lower[i], whole.upper[i] - edge))
+        bounds[name] = (low, low + edge)
+    return Box.of(bounds)
+
+
+@dataclass(frozen=True)
+class CostInterval:
+    """Range of a parameter whose cost lies within delta Phi of the least."""
+
+    low: float
+    """Lower end, in the parameter's unit."""
+    high: float
+    """Upper end."""
+    open_low: bool
+    """True if the cost is still within delta Phi at the lower bound of the design."""
+    open_high: bool
+    """True if it is at the upper bound."""
+
+    def moved(self, distance: float) -> "CostInterval":
+        """The same interval about an optimum that lies elsewhere, on another mesh for one."""
+        return CostInterval(self.low + distance, self.high + distance, self.open_low, self.open_high)
+
+
+def cost_interval(x: FloatArray, cost: FloatArray, delta: float) -> CostInterval:
+    """The outermost values of a parameter with Phi <= min Phi + delta Phi.
+
+    A cost with several valleys has one interval over all of them that are as deep: none is told from the
+    deepest.
+
+    Parameters
+    ----------
+    x
+        Values of the parameter, ascending, shape [n].
+    cost
+        Phi, Eq. (M.5), least over all other parameters, shape [n]; linear between the values.
+    delta
+        Uncertainty of Phi, Eq. (M.8), >= 0.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite, or `delta` is negative or not known.
+    """
+    if not (np.isfinite(cost).all() and np.isfinite(delta) and delta >= 0.0):
+        raise ValueError(f"the interval needs finite costs and an uncertainty >= 0, got {delta}")
+    limit = float(cost.min()) + delta
+    inside = np.flatnonzero(cost <= limit)
+    first, last = int(inside[0]), int(inside[-1])
+    low, high = float(x[first]), float(x[last])
+    if first > 0:
+        low = _crossing(x[first - 1 : first + 1], cost[first - 1 : first + 1], limit)
+    if last < len(x) - 1:
+        high = _crossing(x[last : last + 2], cost[last : last + 2], limit)
+    return CostInterval(low, high, first == 0, last == len(x) - 1)
+
+
+def _crossing(x: FloatArray, cost: FloatArray, limit: float) -> float:
+    """Where the line between two points has the limit."""
+    share = (limit - cost[0]) / (cost[1] - cost[0])
+    return float(x[0] + share * (x[1] - x[0]))
+
 
 BOUNDS = {FRICTION: (0.0, 2.0), MOVED: (0.75, 1.5)}
 """The paper's designs: its Fig. 9, and for the stiffness factor the wider range of its Fig. 10."""
@@ -146,7 +269,7 @@ def paper_method(
     surfaces, told = [surface], FRICTION in whole.names
     if FRICTION in whole.names:
         delta = search.delta(surface, numerics)
-        told = friction_told(surface.fit, delta)
+        told = friction_constrained(surface.fit, delta)
         if not told:
             if contact_law(shot.interface.faces).needs_friction:
                 search.held[FRICTION] = whole.upper[whole.names.index(FRICTION)]
@@ -249,3 +372,111 @@ class _Search:
                 break
             x = best
         return surface, tuple(checks), last, predicted, moved
+
+
+STEM = "paper_method"
+"""Name of the files, without their endings."""
+
+
+def rows(answer: PaperAnswer) -> dict[str, str]:
+    """Names and values for a table beside our own answer."""
+    span, (coarse, refined) = answer.interval, answer.meshes
+    range_ = f"{span.low:.4g} to {span.high:.4g}"
+    ends_open = [side for side, open_ in (("below", span.open_low), ("above", span.open_high)) if open_]
+    if ends_open:
+        range_ += f", open {' and '.join(ends_open)}: the design ends there"
+    confirmed = "confirmed" if answer.confirmed else "NOT CONFIRMED"
+    force_alone = "" if answer.terms.has_shape else ", of the force alone"
+    return {
+        "m, paper's method": f"{answer.factor:.4g}, {confirmed} on {refined[0]}x{refined[1]}",
+        "m, paper's, interval (M.6-M.8)": range_,
+        "m, paper's, before refinement": f"{answer.coarse[MOVED]:.4g} on {coarse[0]}x{coarse[1]}",
+        "f, paper's": _friction(answer),
+        "Phi, paper's": f"{answer.cost:.4g} +- {answer.delta:.2g}{force_alone}",
+    }
+
+
+def _friction(answer: PaperAnswer) -> str:
+    case = "no slip" if answer.friction is None else f"{answer.friction:.3g}"
+    if FRICTION not in answer.surfaces[0].fit.box.names or answer.friction_told:
+        return case
+    return f"{case}, as the data do not tell it"
+
+
+def paper_warnings(answer: PaperAnswer) -> list[str]:
+    """What to know before the paper's answer is used."""
+    said = []
+    low, high = answer.design
+    if at_bound(answer.factor, answer.design):
+        said.append(
+            f"the paper's method ends at a bound of its design, m = {answer.factor:.4g} in {low:g} to "
+            f"{high:g}: give another range with --free {MOVED}=LOW:HIGH"
+        )
+    elif not answer.confirmed:
+        said.append(
+            f"the paper's method is not confirmed: the last of {len(answer.checks)} runs on the refined mesh "
+            f"still moves m = {answer.factor:.4g} by more than {CONFIRMED:g}"
+        )
+    if answer.error > answer.delta:
+        said.append(
+            f"the surface through Phi of the paper's method is wrong by {answer.error:.2g} between its runs "
+            f"(leave-one-out), more than the uncertainty of Phi, {answer.delta:.2g}: the valley of Phi is "
+            "narrower than the distance of the runs"
+        )
+    return said
+
+
+def to_json(answer: PaperAnswer) -> dict[str, Any]:
+    """The answer as one JSON object, SI; numbers that are not finite become null."""
+    said = {
+        "shot": answer.shot,
+        "stiffness_factor": answer.factor,
+        "interval": [answer.interval.low, answer.interval.high],
+        "interval_open": [answer.interval.open_low, answer.interval.open_high],
+        "confirmed": answer.confirmed,
+        "friction": answer.friction,
+        "friction_told": answer.friction_told,
+        "before_refinement": answer.coarse,
+        "phi": answer.cost,
+        "sigma_phi": answer.delta,
+        "phi_predicted": answer.predicted,
+        "terms": vars(answer.terms),
+        "surface_error": answer.error,
+        "mesh": list(answer.meshes[0]),
+        "refined_mesh": list(answer.meshes[1]),
+        "checks": [{**at, "phi": cost} for at, cost in answer.checks],
+        "warnings": paper_warnings(answer),
+    }
+    found: dict[str, Any] = jsonable(said, STEM)
+    return found
+
+
+def write_paper_method(folder: Path, answer: PaperAnswer) -> None:
+    """Write paper_method.json and paper_method.csv, a row a run of the designs.
+
+    Raises
+    ------
+    InputError
+        If they cannot be written.
+    """
+    tables = [surface.runs.table for surface in answer.surfaces]
+    meshes = [answer.meshes[0]] * (len(tables) - 1) + [answer.meshes[1]]
+    columns: dict[str, Any] = {
+        "mesh": [f"{n}x{k}" for (n, k), t in zip(meshes, tables, strict=True) for _ in t.outcomes]
+    }
+    for name in (FRICTION, MOVED):
+        values = [
+            t.points[:, t.names.index(name)] if name in t.names else np.full(len(t.points), np.nan)
+            for t in tables
+        ]
+        columns[f"{name} (1)"] = np.concatenate(values)
+    columns["outcome"] = [outcome for t in tables for outcome in t.outcomes]
+    columns["Phi_F (N)"] = np.concatenate([t.phi_force for t in tables])
+    columns["Phi_S (1)"] = np.concatenate([t.phi_shape for t in tables])
+    columns["Phi (1)"] = np.concatenate([costs(t) for t in tables])
+    ended = [end_columns(t) for t in tables]
+    columns |= {key: [value for one in ended for value in one[key]] for key in ended[0]}
+    with filling(folder) as partial:
+        write_table(partial / f"{STEM}.csv", columns)
+        text = json.dumps(to_json(answer), indent=2, allow_nan=False)
+        (partial / f"{STEM}.json").write_text(text, encoding="utf-8")

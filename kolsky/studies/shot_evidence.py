@@ -11,7 +11,7 @@ import explicit
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.inverse.prepared_shot import PreparedShot
+from kolsky.inverse.problem import PreparedShot
 from kolsky.material.relaxation.evidence import RateModel
 
 

@@ -1,31 +1,36 @@
-"""A design of experiments over a shot's parameters: every run with its outcome and misfit, none run twice."""
+"""A design of experiments over a shot's parameters: every run with outcome and misfit, none run twice.
 
+The design is made here or read from a CSV file of parameter values with units in its header.
+"""
+
+import csv
 import hashlib
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from doe import Design
-from doe.executors import ExecutorFactory, Pace, run_chunks
-from doe.ledger import Ledger, LedgerError
-from doe.ledger_rows import Run
+from doe import Box, Design, from_points
+from doe.ledger import ExecutorFactory, Ledger, LedgerError, Pace, Run, run_chunks
 from explicit import Outcome
 from kolsky.base.arrays import FloatArray
+from kolsky.base.errors import InputError
 from kolsky.base.files import missing, remove_empty, source_hash, write_table
+from kolsky.base.units import UnitError, quantity
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import SCALE_FORCE, SCALE_SHAPE, terms
 from kolsky.inverse.observations import predict
-from kolsky.inverse.parameters import PARAMETERS, any_slides
-from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
-from kolsky.inverse.provenance import provenance
-from kolsky.inverse.run_table import DesignTable
-from kolsky.results.tables import ends
+from kolsky.inverse.parameters import PARAMETERS, any_slides, checked_value, parameter
+from kolsky.inverse.problem import PreparedShot, prepare_shot, provenance
+from kolsky.inverse.run_table import SCALE_FORCE, SCALE_SHAPE, DesignTable, terms
+from kolsky.readers.text import decode, full_match, read_bytes
+from kolsky.results.tables import end_columns
 from kolsky.shot.records import Shot
 
 KEPT = ("phi_force", "phi_shape", "chi2_force", "chi2_shape", "end time", "element", "R", "Y")
@@ -51,7 +56,7 @@ class Sweep:
 
 @dataclass(frozen=True)
 class ShotRuns:
-    """The shot as a function of points, for `doe.executors.run_chunks`; it can be pickled."""
+    """The shot as a function of points, for `doe.ledger.run_chunks`; it can be pickled."""
 
     prepared: PreparedShot
     """The shot made ready."""
@@ -142,7 +147,7 @@ def sweep(
     chunk
         Runs handed over and recorded at once; that of `CHUNK` if left out.
     executor, progress
-        As in `doe.executors.run_chunks`.
+        As in `doe.ledger.run_chunks`.
 
     Raises
     ------
@@ -234,7 +239,7 @@ def write_sweep(path: Path, result: Sweep) -> Path:
         "Phi (1)": table.phi_force / 1000.0 + table.phi_shape / 0.001,
         "chi2 force (1)": table.chi2_force,
         "chi2 shape (1)": table.chi2_shape,
-        **ends(table),
+        **end_columns(table),
     }
     return write_table(path, columns)
 
@@ -269,3 +274,100 @@ def least_misfit(result: Sweep) -> dict[str, Any]:
         **({} if seen or best is None else {"smallest_phi_force": float(table.phi_force[best])}),
         "at": None if best is None else dict(zip(table.names, table.points[best].tolist(), strict=True)),
     }
+
+
+MOST_RUNS = 1_000_000
+"""Most runs of a sweep; their histories must fit into memory."""
+HEADER = re.compile(r"\s*([a-z_]+)\s*(?:\(\s*([^()]+?)\s*\))?\s*")
+
+
+def read_design(path: Path) -> Design:
+    """Read a design from a CSV file: a header "stiffness_factor (1), damping (us)", then one point a line.
+
+    A name without a unit is in SI. The design's box spans the values of each column.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, a name or unit is unknown or stands twice, a value is not a number or
+        outside its allowed range, a column holds one value only, or there are too many points.
+    """
+    text = decode(path, read_bytes(path))
+    rows = csv.reader(StringIO(text, newline=""), strict=True)
+    points: list[list[float]] = []
+    try:
+        columns = _header(path, next(rows, []))
+        for row in rows:
+            if not row:
+                continue
+            if len(points) == MOST_RUNS:
+                raise InputError(path, "has too many points", allowed=f"at most {MOST_RUNS}")
+            points.append(_point(path, rows.line_num, row, columns))
+    except csv.Error as error:
+        raise InputError(
+            path,
+            f"cannot be read as a CSV file: {error}",
+            line=rows.line_num,
+            cure="give a text file with commas and a header",
+        ) from None
+    if len(points) < 2:
+        raise InputError(path, f"holds {len(points)} points", allowed="2 or more", cure="a point a line")
+    values = np.array(points)
+    for (name, _), column in zip(columns, values.T, strict=True):
+        if column.min() == column.max():
+            raise InputError(
+                path, f"{name} has one value only", cure=f"leave it out and hold it with -p {name}="
+            )
+    box = Box(tuple(name for name, _ in columns), tuple(values.min(axis=0)), tuple(values.max(axis=0)))
+    return from_points(box, values)
+
+
+def _header(path: Path, cells: list[str]) -> list[tuple[str, float]]:
+    """Name and SI value of the unit of each column."""
+    columns: list[tuple[str, float]] = []
+    for cell in cells:
+        match = full_match(HEADER, cell)
+        if match is None:
+            raise InputError(
+                path, f"{cell[:60]!r} is no column", line=1, cure='write NAME (UNIT), e.g. "damping (us)"'
+            )
+        name, unit = match[1], match[2]
+        try:
+            si = parameter(name).unit
+            factor = 1.0 if unit is None or unit == si else quantity(f"1 {unit}", si)
+        except (ValueError, UnitError) as error:
+            raise InputError(
+                path,
+                str(error),
+                line=1,
+                cure='write NAME (UNIT), e.g. "damping (us)"; the names are those of --vary',
+            ) from None
+        if name in dict(columns):
+            raise InputError(path, f"{name} stands twice", line=1, cure="keep one of the columns")
+        columns.append((name, factor))
+    if not columns:
+        raise InputError(path, "has no header", cure='write NAME (UNIT), e.g. "damping (us)"')
+    return columns
+
+
+def _point(path: Path, line: int, row: list[str], columns: list[tuple[str, float]]) -> list[float]:
+    if len(row) != len(columns):
+        raise InputError(
+            path,
+            f"has {len(row)} values where the header has {len(columns)}",
+            line=line,
+            cure="give every point a value of each parameter",
+        )
+    point = []
+    for cell, (name, factor) in zip(row, columns, strict=True):
+        try:
+            number = float(cell)
+        except ValueError:
+            raise InputError(
+                path, f"{cell[:60]!r} is not a number ({name})", line=line, cure="mend it"
+            ) from None
+        try:
+            point.append(checked_value(name, number * factor))  # refuses NaN too
+        except ValueError as error:
+            raise InputError(path, str(error), line=line, cure="correct the value or its unit") from None
+    return point

@@ -9,8 +9,7 @@ from doe import Box, CostSurrogate, nelder_mead
 from doe.sensitivity import SobolIndices, sobol_indices
 from doe.surrogates import SurrogateError
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.misfit import SCALE_FORCE, SCALE_SHAPE
-from kolsky.inverse.run_table import DesignTable
+from kolsky.inverse.run_table import SCALE_FORCE, SCALE_SHAPE, DesignTable
 
 OUTPUTS = {"Phi_F": "N", "Phi_S": "1", "Phi": "1"}
 """Misfits looked at, Eqs. (M.3) to (M.5), and their units."""

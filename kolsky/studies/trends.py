@@ -13,9 +13,9 @@ from doe import Box, CostSurrogate, Design, ResponseSurrogate, full_factorial
 from explicit import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import Terms, terms
 from kolsky.inverse.observations import Observations, Prediction, predict
-from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
+from kolsky.inverse.problem import PreparedShot, prepare_shot
+from kolsky.inverse.run_table import Terms, terms
 from kolsky.shot.records import Shot
 
 POISSON = (0.49, 0.492, 0.494, 0.495, 0.496, 0.497, 0.498, 0.499, 0.4995, 0.4999)

@@ -2,7 +2,7 @@
 
 An input is a number of shot.toml that the data do not hold: a scale, a zero, a clock, a length, a constant
 of the model. Its record says what it is, where it is declared, and by how much it is moved to see what it
-does; `kolsky.uncertainty.input_directions` moves them.
+does; `kolsky.uncertainty.input_changes` moves them.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from math import floor, log10
 from typing import Literal
 
-from explicit.stencils import scale_of
+from explicit.model import scale_of
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import PARAMETERS, has_effect
@@ -30,7 +30,7 @@ PERCENT = 0.01
 ROUNDING = 1e-9
 """What a logarithm may miss a whole number by."""
 SHARES = {"stiffness_factor": 0.003, "poisson": 0.01}
-"""Step of a parameter over its scale, `explicit.stencils.scale_of`: for Poisson's ratio that is its distance
+"""Step of a parameter over its scale, `explicit.model.scale_of`: for Poisson's ratio that is its distance
 from 1/2, which sets the frequency of what rings [-]."""
 SHARE = 0.05
 """The same for the other parameters [-]."""

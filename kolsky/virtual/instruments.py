@@ -1,20 +1,136 @@
-"""What the instruments of a made shot report: volts of both forces, flyer's path, outline, curve."""
+"""What the instruments of a made shot report: forces as volts, path, outline, curve, and the recorder's file.
 
+Transducer, amplifier, cable and recorder are applied one after the other. Each file format is one entry of
+`FORMATS`.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
 from kolsky.base.arrays import FloatArray, IntArray
-from kolsky.virtual import signals
+from kolsky.base.errors import InputError
 from kolsky.virtual.material import law_of, uniaxial_stress
 from kolsky.virtual.records import SurfaceHistory, Truth
 from kolsky.virtual.schema import ChannelTable, Specification
-from kolsky.virtual.streams import stream
+from kolsky.virtual.specification import stream
 
-RECORD_AFTER = 5e-6
+
+def with_inertia(force: FloatArray, mass: float, acceleration: FloatArray) -> FloatArray:
+    """Force on the sensing plane [N]: that on the specimen and what moves the platen between, Eq. (E.5).
+
+    Parameters
+    ----------
+    force
+        Force between platen and specimen, compression-positive [N], shape [n].
+    mass
+        Of the platen [kg].
+    acceleration
+        Of the platen, toward the specimen [m/s^2], shape [n].
+    """
+    return np.asarray(force + mass * acceleration)
+
+
+def low_pass(signal: FloatArray, step: float, frequency: float) -> FloatArray:
+    """The signal after a first-order low-pass, Eq. (E.6).
+
+    Parameters
+    ----------
+    signal
+        Uniform samples, shape [n]; the filter is at rest with the first one.
+    step
+        Time from sample to sample [s].
+    frequency
+        Where the filter has -3 dB [Hz].
+    """
+    x = 2.0 * np.pi * frequency * step
+    decay = np.exp(-x)
+    # Exact for a straight line between samples: y_1 = d y_0 + (g - d) u_0 + (1 - g) u_1, g = (1 - d) / x.
+    share = -np.expm1(-x) / x
+    level = signal[0]
+    filtered = lfilter([1.0 - share, share - decay], [1.0, -decay], signal - level)
+    return np.asarray(filtered + level)
+
+
+def droop(signal: FloatArray, step: float, time_constant: float) -> FloatArray:
+    """The signal of a transducer whose charge leaks: a first-order high-pass, the inverse of Eq. (U.6).
+
+    Parameters
+    ----------
+    signal
+        Uniform samples, 0 at rest, shape [n].
+    step
+        Time from sample to sample [s].
+    time_constant
+        Time in which the output of a constant force falls to 1/e [s].
+    """
+    return np.asarray(signal - low_pass(signal, step, 1.0 / (2.0 * np.pi * time_constant)))
+
+
+def sampled(
+    signal: FloatArray,
+    start: float,
+    step: float,
+    times: FloatArray,
+    *,
+    delay: float = 0.0,
+    jitter: float = 0.0,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Samples of a signal that arrives late, taken at times that scatter, of the times' shape.
+
+    Parameters
+    ----------
+    signal
+        Uniform samples, at rest before the first, shape [n].
+    start, step
+        Time of the first sample and from one to the next [s].
+    times
+        Nominal times of the recorder [s].
+    delay
+        How late the signal arrives [s].
+    jitter
+        Standard deviation of a sample's time [s].
+    rng
+        Stream of the jitter.
+
+    Raises
+    ------
+    ValueError
+        If the recorder goes on after the signal ends.
+    """
+    at = times - delay + jitter * rng.standard_normal(len(times))
+    known = start + step * np.arange(len(signal))
+    if at.max() > known[-1] + 1e-12:
+        raise ValueError(f"the recorder asks for {at.max():.9g} s, the signal ends at {known[-1]:.9g} s")
+    return np.interp(at, known, signal)
+
+
+def baseline(times: FloatArray, level: float, drift: float) -> FloatArray:
+    """The recorder's zero: a level at time 0 and its change with time [V], of the times' shape."""
+    return np.asarray(level + drift * times)
+
+
+def code_step(full_scale: float, bits: int) -> float:
+    """Volts of one code of a recorder from -full_scale to +full_scale."""
+    return 2.0 * full_scale / 2**bits
+
+
+def quantised(volts: FloatArray, full_scale: float, bits: int) -> FloatArray:
+    """Volts as the recorder's nearest codes give them, clipped to the first and last code, Eq. (E.7)."""
+    step = code_step(full_scale, bits)
+    codes = np.clip(np.rint(volts / step), -(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+    return np.asarray(codes * step)
+
+
+_RECORD_AFTER = 5e-6
 """How long the recorder goes on after the last frame [s]."""
-LANDED = 1e-7
+_LANDED = 1e-7
 """Two nodes of the surface whose heights differ by less lie on a platen [m]."""
 FINER = 8
 """Points of the curve through the surface's nodes from one node to the next."""
@@ -53,11 +169,11 @@ def record_forces(quantities: Specification, truth: Truth, *, shot: int) -> Scop
         If the recorder starts after the frames, so that there is no baseline.
     """
     scope, wrong = quantities.scope, quantities.imperfections
-    last = truth.surface.time[-1] + max(wrong.trigger, 0.0) + RECORD_AFTER
+    last = truth.surface.time[-1] + max(wrong.trigger, 0.0) + _RECORD_AFTER
     count = int(np.floor((last - scope.start) / scope.interval)) + 1
     times = scope.start + scope.interval * np.arange(count, dtype=np.float64)
-    incident = signals.with_inertia(truth.incident, quantities.incident.platen_mass, truth.flyer_acceleration)
-    transmitted = signals.with_inertia(
+    incident = with_inertia(truth.incident, quantities.incident.platen_mass, truth.flyer_acceleration)
+    transmitted = with_inertia(
         truth.transmitted, quantities.transmitted.platen_mass, -truth.support_acceleration
     )
     made = []
@@ -67,7 +183,7 @@ def record_forces(quantities: Specification, truth: Truth, *, shot: int) -> Scop
     ):
         volts = _volts(quantities, channel, (1.0 + gain) * force, truth, times, (name, shot))
         volts = volts + bias * (times >= quantities.motion.start)
-        made.append(signals.quantised(volts, scope.full_scale, scope.bits))
+        made.append(quantised(volts, scope.full_scale, scope.bits))
     return Scope(times - scope.clock_offset, *made)
 
 
@@ -84,19 +200,19 @@ def _volts(
     step = float(truth.force_time[1] - truth.force_time[0])
     signal = channel.sensitivity * (1.0 if channel.compression == "positive" else -1.0) * force
     if channel.time_constant is not None:
-        signal = signals.droop(signal, step, channel.time_constant)
+        signal = droop(signal, step, channel.time_constant)
     if channel.bandwidth is not None:
-        signal = signals.low_pass(signal, step, channel.bandwidth)
+        signal = low_pass(signal, step, channel.bandwidth)
     start = float(truth.force_time[0])
     jitter = stream(quantities.seed, shot, "jitter", name)
-    seen = signals.sampled(
+    seen = sampled(
         signal, start, step, times, delay=channel.delay, jitter=quantities.scope.jitter, rng=jitter
     )
     noise = channel.noise * stream(quantities.seed, shot, "noise", name).standard_normal(len(times))
-    return seen + signals.baseline(times, channel.baseline, channel.drift) + noise
+    return seen + baseline(times, channel.baseline, channel.drift) + noise
 
 
-def seen_displacement(truth: Truth) -> FloatArray:
+def side_displacement(truth: Truth) -> FloatArray:
     """What is seen of the flyer's side: its centre's path and the pitch over its radius, Eq. (E.3) [m]."""
     surface = truth.surface
     return np.asarray(surface.displacement + surface.tilt * truth.flyer_radius)
@@ -104,7 +220,7 @@ def seen_displacement(truth: Truth) -> FloatArray:
 
 def measure_flyer(quantities: Specification, truth: Truth, *, shot: int) -> FloatArray:
     """The flyer's displacement as a correlation program exports it [m], shape [n_frames]."""
-    clean = seen_displacement(truth)
+    clean = side_displacement(truth)
     noise = stream(quantities.seed, shot, "noise", "flyer").standard_normal(len(clean))
     return np.asarray(clean + quantities.exports.flyer_sigma * noise)
 
@@ -137,7 +253,7 @@ def free_outline(surface: SurfaceHistory, frame: int) -> tuple[FloatArray, Float
     """
     y, r = surface.y[frame], surface.r[frame]
     widest = int(np.argmax(np.diff(y)))
-    flat = np.flatnonzero(np.diff(y) < LANDED)
+    flat = np.flatnonzero(np.diff(y) < _LANDED)
     first = int(flat[flat < widest].max(initial=-1)) + 1
     last = int(flat[flat > widest].min(initial=len(y) - 1))
     nodes = np.arange(first, last + 1)
@@ -155,3 +271,100 @@ def measure_curve(quantities: Specification, *, shot: int) -> tuple[FloatArray, 
     stress = uniaxial_stress(law_of(material.law, material.parameters, material.shear_modulus), 1.0 + strain)
     noise = stream(quantities.seed, shot, "noise", "curve").standard_normal(len(strain))
     return strain, stress * (1.0 + quantities.imperfections.curve) * (1.0 + slow.sigma * noise)
+
+
+TIME, INCIDENT, TRANSMITTED = "Time (s)", "CH1 incident (V)", "CH2 transmitted (V)"
+_VOLT_DIGITS = 9
+"""Significant digits of a printed voltage: more than any recorder's bits."""
+GROUP = "scope"
+"""Group of the channels in a TDMS file."""
+
+
+@dataclass(frozen=True)
+class ScopeFormat:
+    """One format of the recorder's file."""
+
+    name: str
+    """Name of the file."""
+    write: Callable[[Path, Scope], None]
+    """Writes it."""
+    columns: tuple[str, str]
+    """Names of the incident and the transmitted channel."""
+    force: dict[str, Any]
+    """Further keys of [force] in shot.toml: its time column, its layout."""
+
+
+def _text(path: Path, scope: Scope, delimiter: str, decimal: str) -> None:
+    rows = [delimiter.join((TIME, INCIDENT, TRANSMITTED))]
+    for t, a, b in zip(scope.time, scope.incident, scope.transmitted, strict=True):
+        rows.append(delimiter.join((f"{t:.9e}", f"{a:.{_VOLT_DIGITS}g}", f"{b:.{_VOLT_DIGITS}g}")))
+    text = "\n".join(rows) + "\n"
+    if decimal != ".":
+        head, _, rest = text.partition("\n")
+        text = head + "\n" + rest.replace(".", decimal)
+    path.write_text(text, encoding="utf-8")
+
+
+def _comma(path: Path, scope: Scope) -> None:
+    _text(path, scope, ",", ".")
+
+
+def _semicolon(path: Path, scope: Scope) -> None:
+    _text(path, scope, ";", ",")
+
+
+def _workbook(path: Path, scope: Scope) -> None:
+    from openpyxl import Workbook
+
+    book = Workbook(write_only=True)
+    sheet = book.create_sheet("Data")
+    sheet.append([TIME, INCIDENT, TRANSMITTED])
+    for row in zip(scope.time.tolist(), scope.incident.tolist(), scope.transmitted.tolist(), strict=True):
+        sheet.append(row)
+    book.save(path)
+
+
+def _tdms(path: Path, scope: Scope) -> None:
+    try:
+        from nptdms import ChannelObject, TdmsWriter
+    except ImportError:
+        raise InputError(
+            path, 'scope.format = "tdms" needs npTDMS', cure="pip install 'kolsky[tdms]'"
+        ) from None
+    clock = {
+        "wf_start_offset": float(scope.time[0]),
+        "wf_increment": float(scope.time[1] - scope.time[0]),
+        "unit_string": "V",
+    }
+    names = (INCIDENT, TRANSMITTED)
+    channels = [
+        ChannelObject(GROUP, name, volts, properties=clock)
+        for name, volts in zip(names, (scope.incident, scope.transmitted), strict=True)
+    ]
+    with TdmsWriter(str(path)) as writer:
+        writer.write_segment(channels)
+
+
+_TIME = {"column": TIME, "unit": "s"}
+FORMATS = {
+    "csv": ScopeFormat("scope.csv", _comma, (INCIDENT, TRANSMITTED), {"time": _TIME}),
+    "csv semicolon": ScopeFormat(
+        "scope.csv",
+        _semicolon,
+        (INCIDENT, TRANSMITTED),
+        {"time": _TIME, "layout": {"delimiter": ";", "decimal": ",", "header_line": 1}},
+    ),
+    "xlsx": ScopeFormat(
+        "scope.xlsx",
+        _workbook,
+        (INCIDENT, TRANSMITTED),
+        {"time": _TIME, "layout": {"format": "excel", "sheet": "Data"}},
+    ),
+    "tdms": ScopeFormat(
+        "scope.tdms",
+        _tdms,
+        (f"{GROUP}/{INCIDENT}", f"{GROUP}/{TRANSMITTED}"),
+        {"layout": {"format": "tdms"}},
+    ),
+}
+"""The formats by their names in [scope]."""

@@ -1,20 +1,153 @@
-"""The shots of a specification, made: truths simulated together, folders written by several processes."""
+"""Shots of a specification: truths simulated together, complete folders written by several processes.
 
+A folder holds every file that a laboratory would have, and the truth in a subfolder.
+"""
+
+import hashlib
+import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, as_completed, wait
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from explicit.device import gpus
 from kolsky.base.errors import InputError
+from kolsky.base.files import filling, write_table
+from kolsky.readers.text import read_bytes
+from kolsky.virtual.instruments import FORMATS, measure_curve, measure_flyer, measure_outline, record_forces
 from kolsky.virtual.records import Truth, TruthError
-from kolsky.virtual.shot_folder import is_there, write_shot
+from kolsky.virtual.shot_file import shot_tables, toml_text
 from kolsky.virtual.specification import Series, ShotSpecification
-from kolsky.virtual.truth import try_truths
-from kolsky.virtual.truth_job import Job
+from kolsky.virtual.truth import Job, try_truths
 
-SIDE_BY_SIDE = 128
+TRUTH = "truth.json"
+"""The answer of a made shot; nothing but this room and studies of the package itself read it."""
+SURFACE = "truth_surface.npz"
+_ANSWER_LIMIT = 1_000_000
+"""Largest `TRUTH` that is read [bytes]."""
+_TIME_DIGITS = "{:.10e}"
+
+
+def write_shot(
+    shot: ShotSpecification,
+    truth: Truth,
+    folder: Path,
+    *,
+    device: str = "cpu",
+    threads: int | None = None,
+) -> None:
+    """Write the folder of one shot, whole or not at all; the truth last.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written.
+    ValueError
+        If the specification's instruments cannot be.
+    """
+    q, number = shot.quantities, shot.number
+    tables = shot_tables(q, truth.surface)
+    form = FORMATS[q.scope.format]
+    with filling(folder) as partial:
+        form.write(partial / form.name, record_forces(q, truth, shot=number))
+        frames = np.arange(len(truth.surface.time))
+        given = truth.surface.time + q.imperfections.trigger - q.frames.clock_offset
+        times = [_TIME_DIGITS.format(t) for t in given]
+        write_table(partial / "frames.csv", {"frame": frames, "time (s)": times})
+        if q.exports.write:
+            flyer = measure_flyer(q, truth, shot=number) * 1e3
+            named = {"flyer displacement toward the specimen (mm)": [f"{d:.6f}" for d in flyer]}
+            write_table(partial / "flyer.csv", {"frame": frames, "time (s)": times, **named})
+            outline = measure_outline(q, truth, shot=number)
+            columns: dict[str, Any] = {
+                "frame": outline.frame,
+                "time (s)": [times[k] for k in outline.frame],
+                "y (mm)": [f"{y * 1e3:.6f}" for y in outline.y],
+                "Z (mm)": [f"{Z * 1e3:.6f}" for Z in outline.Z],
+            }
+            write_table(partial / "centreline.csv", columns)
+        strain, stress = measure_curve(q, shot=number)
+        slow = {"nominal strain (-)": strain, "nominal stress (Pa)": stress}
+        write_table(partial / "quasi_static.csv", slow)
+        answer = _answer_tables(shot)
+        if q.cameras.write:
+            from kolsky.virtual.pictures import write_pictures
+
+            made = write_pictures(q, truth.surface, partial, shot=number, device=device, threads=threads)
+            tables |= made.tables
+            answer["cameras"] = made.answer
+        (partial / "shot.toml").write_text(toml_text(tables, name=shot.name), encoding="utf-8")
+        surface = truth.surface
+        np.savez_compressed(
+            partial / SURFACE,
+            t=surface.time,
+            y=surface.y.astype(np.float32),
+            r=surface.r.astype(np.float32),
+            d=surface.displacement,
+            tilt=surface.tilt,
+            t_force=truth.force_time,
+            transmitted=truth.transmitted.astype(np.float32),
+            incident=truth.incident.astype(np.float32),
+        )
+        (partial / TRUTH).write_text(json.dumps(answer, indent=1), encoding="utf-8")
+
+
+def _answer_tables(shot: ShotSpecification) -> dict[str, Any]:
+    """What truth.json holds: the answer, and the specification that was made."""
+    material = shot.quantities.material
+    return {
+        "m": material.stiffness_factor,
+        "nu": material.poisson,
+        "beta_s": material.damping,
+        "friction": shot.quantities.imperfections.slip_friction or None,
+        **_relaxation(shot),
+        "specification": shot.content,
+        "specification_sha256": _hash(shot),
+        "number": shot.number,
+    }
+
+
+def _relaxation(shot: ShotSpecification) -> dict[str, Any]:
+    """The true constants of [relaxation] by their parameters' names; nothing where there is none."""
+    declared = shot.quantities.relaxation
+    return {} if declared is None else {"relaxation": dict(declared.declared().values)}
+
+
+def _hash(shot: ShotSpecification) -> str:
+    content = shot.quantities.model_dump(mode="json")
+    if content["relaxation"] is None:  # folders made before there was such a table have none in their hash
+        del content["relaxation"]
+    text = json.dumps(content, sort_keys=True) + f" {shot.number}"
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def holds_shot(shot: ShotSpecification, folder: Path) -> bool:
+    """Whether the folder holds this very shot.
+
+    Raises
+    ------
+    InputError
+        If it holds something else.
+    """
+    if not folder.exists() or not any(folder.iterdir()):
+        return False
+    answer = folder / TRUTH
+    try:
+        found = json.loads(read_bytes(answer, limit=_ANSWER_LIMIT))
+        same = found.get("specification_sha256") == _hash(shot)
+    except (InputError, ValueError, AttributeError, RecursionError):
+        same = False
+    if not same:
+        raise InputError(
+            folder, "holds something else than this shot", cure="give another place with --out FOLDER"
+        )
+    return True
+
+
+TRUTHS_PER_GPU = 128
 """Truths that a GPU simulates at the same time: each takes a multiprocessor, of which large GPUs have more,
 and some MB."""
 
@@ -112,7 +245,7 @@ def make_places(
     """
     done, todo, refused = [], [], []
     for shot, folder in places:
-        if is_there(shot, folder):
+        if holds_shot(shot, folder):
             done.append(Made(shot.name, folder, fresh=False))
             if progress is not None:
                 progress(done[-1])
@@ -128,7 +261,7 @@ def make_places(
     if refused:
         first = min(refused, key=lambda one: one.shot.name)
         more = f"; {len(refused) - 1} more cannot be made" if len(refused) > 1 else ""
-        raise _refused(first.shot, f"{first.reason}{more}")
+        raise _shot_error(first.shot, f"{first.reason}{more}")
     return sorted(done, key=lambda made: made.name)
 
 
@@ -138,7 +271,7 @@ def _all_made(
     """Make shots one batch after the other, or over processes."""
     jobs = [_job(shot) for shot, _ in todo]
     shared = gpus(device) if workers > 1 else gpus(device)[:1]
-    batches = side_by_side(todo, jobs, len(shared)) if shared else _of_one_model(todo, jobs, workers)
+    batches = gpu_batches(todo, jobs, len(shared)) if shared else _of_one_model(todo, jobs, workers)
     if workers == 1:
         for batch in batches:
             yield from _made(batch, device, threads)
@@ -158,7 +291,7 @@ def _job(shot: ShotSpecification) -> Job:
     try:
         return Job.of(shot.quantities, shot.folder)
     except ValueError as error:
-        raise _refused(shot, error) from None
+        raise _shot_error(shot, error) from None
 
 
 def _of_one_model(todo: Sequence[Place], jobs: Sequence[Job], workers: int) -> list[list[Place]]:
@@ -170,7 +303,7 @@ def _of_one_model(todo: Sequence[Place], jobs: Sequence[Job], workers: int) -> l
     return [group[i : i + size] for group in groups.values() for i in range(0, len(group), size)]
 
 
-def side_by_side(todo: Sequence[Place], jobs: Sequence[Job], count: int) -> list[list[Place]]:
+def gpu_batches(todo: Sequence[Place], jobs: Sequence[Job], count: int) -> list[list[Place]]:
     """Shots whose truths a GPU simulates at the same time, of any models.
 
     Equally many batches for every GPU, and the shots dealt out by the time that they simulate: a GPU is
@@ -185,7 +318,7 @@ def side_by_side(todo: Sequence[Place], jobs: Sequence[Job], count: int) -> list
     count
         GPUs that share them.
     """
-    rounds = -(-len(todo) // (count * SIDE_BY_SIDE))
+    rounds = -(-len(todo) // (count * TRUTHS_PER_GPU))
     order = sorted(range(len(todo)), key=lambda k: -jobs[k].last)
     parts = [order[k :: rounds * count] for k in range(rounds * count)]
     return [[todo[k] for k in part] for part in parts if part]
@@ -225,7 +358,7 @@ def _truths(batch: Sequence[Place], device: str, threads: int | None) -> list[Tr
             [shot.quantities for shot, _ in batch], folder=batch[0][0].folder, device=device, threads=threads
         )
     except ValueError as error:
-        raise _refused(batch[0][0], error) from None
+        raise _shot_error(batch[0][0], error) from None
 
 
 def _written(place: Place, truth: Truth | TruthError, device: str, threads: int | None) -> Made | NotMade:
@@ -240,7 +373,7 @@ def _written(place: Place, truth: Truth | TruthError, device: str, threads: int 
     return Made(shot.name, folder, fresh=True)
 
 
-def _refused(shot: ShotSpecification, error: Exception | str) -> InputError:
+def _shot_error(shot: ShotSpecification, error: Exception | str) -> InputError:
     return InputError(
         shot.folder,
         f"{shot.name} cannot be made: {error}",

@@ -8,8 +8,8 @@ from explicit.materials.laws import AnyLaw, law_class
 from explicit.relaxation.base import RateDependence
 from explicit.relaxation.bergstrom_boyce import BergstromBoyce
 from explicit.relaxation.prony import PronySeries
+from kolsky.base.apparatus import Relaxation
 from kolsky.base.arrays import FloatArray
-from kolsky.base.relaxation import Relaxation
 
 
 def law_of(name: str, parameters: Mapping[str, float], shear_modulus: float) -> AnyLaw:

@@ -1,19 +1,104 @@
-"""The flyer's true motion: a smooth ramp, one that was sampled, or that of the whole test."""
+"""The flyer's true motion: a smooth ramp, a sampled one, or that of the whole apparatus (Mates et al.
+2012)."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from explicit.bars import Apparatus, Joint, PulseShaper, Section
+from explicit.bars.lines import SpecimenForce, integrate_test
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.readers.table import Column, read_table
-from kolsky.virtual.bar_motion import flyer_samples
 from kolsky.virtual.schema import MotionTable, Specification
 
-BARS_DURATION = 1.6e-3
+RADIUS = 7.5e-3
+"""Radius of striker and bars [m]."""
+YOUNG, STEEL = 190e9, 8048.0
+"""Maraging steel [Pa], [kg/m^3]."""
+_BAR_LENGTH = 1.5
+"""Of the incident and of the transmission bar [m]."""
+SHAPER = (2.75e-3, 2e-3, 40e6)
+"""Radius and height [m] and shear modulus [Pa] of the rubber disc, as in the verification of the impact."""
+JOINT = (100.0, 20e-6)
+"""Strength [N] and opening [m] of the adhesive."""
+STEP = 1e-7
+"""Time step of the bars [s]."""
+_MOVES = 1e-9
+"""Displacement at which the flyer has started [m]."""
+EVERY = 5
+"""Steps from one sample of the motion to the next."""
+
+
+@lru_cache(maxsize=64)
+def flyer_samples(
+    *,
+    speed: float,
+    striker_length: float,
+    flyer: tuple[float, float, float],
+    specimen: tuple[float, float, float],
+    duration: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Time since the flyer's start [s] and its displacement toward the specimen [m], shape [n] each.
+
+    Parameters
+    ----------
+    speed
+        Of the striker [m/s].
+    striker_length
+        [m]
+    flyer
+        Mass [kg], diameter [m] and length [m] of platen and transducer together.
+    specimen
+        Diameter [m], length [m] and dynamic shear modulus [Pa].
+    duration
+        Time after the start [s].
+    """
+    mass, diameter, length = flyer
+    area = np.pi * diameter**2 / 4.0
+    body = Section(length, 0.5 * diameter, YOUNG, mass / (area * length))
+    bar = Section(_BAR_LENGTH, RADIUS, YOUNG, STEEL)
+    apparatus = Apparatus(
+        striker=(Section(striker_length, RADIUS, YOUNG, STEEL),),
+        speed=speed,
+        shaper=_shaper(),
+        incident=(bar,),
+        joint=Joint(*JOINT),
+        flyer=(body,),
+        transmission=(bar,),
+    )
+    end = duration + 2.0 * _BAR_LENGTH / bar.wave_speed
+    n = round(end / STEP) + 1
+    resisting = SpecimenForce(*static_curve(*specimen), np.zeros(n), np.zeros(n))
+    history = integrate_test(apparatus, end=end, step=STEP, specimen=resisting)
+    started = int(np.argmax(history.flyer_path > _MOVES))
+    keep = slice(max(started - 1, 0), None, EVERY)
+    time, path = history.times[keep], history.flyer_path[keep]
+    return time - time[0], path - path[0]
+
+
+def static_curve(diameter: float, length: float, modulus: float) -> tuple[FloatArray, FloatArray]:
+    """Compression [m] and force [N] of a bonded neo-Hookean cylinder, roughly: stiffer as it gets flat."""
+    stretch = np.linspace(1.0, 0.04, 300)
+    area = np.pi * diameter**2 / 4.0
+    flat = 1.0 + 0.5 * (0.25 * diameter / length) ** 2 / stretch**3
+    return length * (1.0 - stretch), modulus * area * (stretch**-2 - stretch) * flat
+
+
+def _shaper() -> PulseShaper:
+    """A disc of rubber that slides on the steel."""
+    radius, height, modulus = SHAPER
+    stretch = np.linspace(1.0, 0.2, 161)
+    force = modulus * np.pi * radius**2 * (stretch**-2 - stretch)
+    compression = height * (1.0 - stretch)
+    return PulseShaper(compression, force, float((np.diff(force) / np.diff(compression)).max()))
+
+
+_BARS_DURATION = 1.6e-3
 """Time of the whole test that is integrated from the flyer's start on, unless [motion] says another [s]."""
 LONGEST = 0.1
 """Longest record [s]."""
@@ -131,7 +216,7 @@ def path_of(quantities: Specification, folder: Path) -> tuple[Path1D, float]:
                 length,
                 material.stiffness_factor * material.shear_modulus,
             ),
-            duration=motion.duration or BARS_DURATION,
+            duration=motion.duration or _BARS_DURATION,
         )
     else:
         time, displacement = _read_samples(folder / (motion.file or ""))

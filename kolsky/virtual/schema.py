@@ -1,21 +1,302 @@
-"""The tables of a specification: the true quantities that the virtual laboratory makes a shot of."""
+"""The tables of a specification: true quantities, cameras, and [imperfections] of the test that is made.
 
+All imperfections zero is a shot without errors of declaration.
+"""
+
+import math
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from kolsky.base.apparatus import HOLDING_LAW
-from kolsky.shot.schema import fields as f
-from kolsky.shot.schema.apparatus import TransmissionSection
-from kolsky.shot.schema.relaxation import RelaxationSection
-from kolsky.shot.schema.section import Section
-from kolsky.shot.schema.uncertainty import UncertaintySection
-from kolsky.virtual import fields as v
-from kolsky.virtual.cameras import CalibrationTable, CamerasTable, OpticsTable, SpeckleTable
-from kolsky.virtual.imperfections import Imperfections
+from kolsky.schema import fields as f
+from kolsky.schema.apparatus import TransmissionSection, UncertaintySection
+from kolsky.schema.fields import Section
+from kolsky.schema.material import RelaxationSection
 
 if TYPE_CHECKING:
     from explicit.relaxation.base import RateDependence
+
+
+Angle = Annotated[float, BeforeValidator(f.physical("rad"))]
+"""An angle of any sign [rad]."""
+Drift = Annotated[float, BeforeValidator(f.physical("V/s"))]
+"""Volts per time of any sign [V/s]."""
+Frequency = Annotated[float, BeforeValidator(f.physical("1/s", "> 0", "a frequency"))]
+"""A frequency or a rate of repetition [1/s]."""
+Relative = Annotated[float, BeforeValidator(f.physical("1"))]
+"""A relative difference of any sign [-]."""
+Noise = Annotated[float, BeforeValidator(f.physical("V", ">= 0", "a standard deviation"))]
+"""Standard deviation of a voltage [V]."""
+Width = Annotated[float, BeforeValidator(f.physical("m", ">= 0", "a length"))]
+"""A length that may be zero: of something that is not there [m]."""
+
+
+def _numbers(values: object) -> tuple[float, ...]:
+    """A list of plain numbers."""
+    if not isinstance(values, list | tuple) or len(values) > 100:
+        raise f.problem("is not a list of numbers", cure="write e.g. [0.1, 0.2]")
+    return tuple(f.number(value) for value in values)
+
+
+def _times(values: object) -> tuple[float, ...]:
+    """A list of written-out times [s]."""
+    if not isinstance(values, list | tuple) or len(values) > 100:
+        raise f.problem("is not a list of times", cure='write e.g. ["20 us", "1 ms"]')
+    return tuple(f.seconds(value) for value in values)
+
+
+def _mesh(values: object) -> tuple[int, int]:
+    """Elements across the radius and along the length."""
+    if not isinstance(values, list | tuple) or len(values) != 2:
+        raise f.problem("is not a mesh", cure="write elements across and along, e.g. [96, 129]")
+    across, along = (int(f.number(value)) for value in values)
+    if not (4 <= across <= 1000 and 4 <= along <= 1000):
+        raise f.problem("is not allowed", allowed="[across, along], each from 4 to 1000")
+    return across, along
+
+
+Numbers = Annotated[tuple[float, ...], BeforeValidator(_numbers)]
+Times = Annotated[tuple[float, ...], BeforeValidator(_times)]
+Mesh = Annotated[tuple[int, int], BeforeValidator(_mesh)]
+
+
+SMALLEST, LARGEST = 64, 1024
+"""Sides of a picture [px]."""
+
+
+def _side_lengths(values: object) -> tuple[int, int]:
+    """Columns and rows."""
+    if not isinstance(values, list | tuple) or len(values) != 2:
+        raise f.problem("is not a size", cure="write columns and rows, e.g. [128, 128]")
+    columns, rows = (int(f.number(value)) for value in values)
+    if not (SMALLEST <= columns <= 4096 and SMALLEST <= rows <= 4096):
+        raise f.problem("is not allowed", allowed=f"[columns, rows], each from {SMALLEST} to 4096")
+    return columns, rows
+
+
+Size = Annotated[tuple[int, int], BeforeValidator(_side_lengths)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Pixels = Annotated[float, Field(ge=0.0, le=100.0)]
+
+
+def _part(low: float, high: float, words: str) -> BeforeValidator:
+    """A validator of a written-out ratio within bounds."""
+
+    def validate(text: object) -> float:
+        value = f.physical("1", what=words)(text)
+        if not low <= value <= high:
+            raise f.problem("is not allowed", allowed=f'from "{low:.0%}" to "{high:.0%}"')
+        return value
+
+    return BeforeValidator(validate)
+
+
+class CamerasTable(Section):
+    """[cameras]: two cameras, their sensors, the crop and the view."""
+
+    write: bool = False
+    """Whether pictures are made."""
+    sensor: Size = (512, 512)
+    """Columns and rows of the whole sensor, which the calibration pictures show [px]."""
+    picture: Size = (128, 128)
+    """Columns and rows of the pictures of the test, a crop of it [px]."""
+    field: f.Length = 7.2e-3
+    """Length along the axis that a picture shows at the distance of the axis [m]."""
+    distance_0: f.Length = 0.305
+    distance_1: f.Length = 0.305
+    """Of the cameras from the point they look at [m]."""
+    angle: Angle = math.radians(12.5)
+    """Between their views [rad]."""
+    baseline: Literal["across", "along"] = "across"
+    """How the cameras stand to each other: on both sides of the axis, or one behind the other along it."""
+    elevation: Angle = 0.0
+    """Of both cameras above the plane across the axis, toward the flyer [rad]."""
+    flyer_side: Literal["up", "down", "left", "right"] = "up"
+    """Where in the pictures the flyer comes from."""
+    flyer_share: Annotated[float, _part(-0.4, 0.6, "a share of the picture")] = 0.03
+    """Share of a picture's length that the flyer takes at rest; below 0 it is so far out of view [-]."""
+    aside: f.Offset = 0.0
+    """Place across the axis that they look at [m]."""
+    misalignment: Angle = 3e-3
+    """Standard deviation of the roll and of the aim's error, each camera its own [rad]."""
+    distortion_0: Numbers = (-0.17, 0.0, 0.0, 0.0, 0.0)
+    distortion_1: Numbers = (-0.16, 0.0, 0.0, 0.0, 0.0)
+    """Brown's k1, k2, p1, p2, k3 [-]."""
+    format: Literal["tiff", "png", "cine", "mraw"] = "tiff"
+    """16-bit TIFF stack, series of 8-bit PNG files, Phantom cine or Photron mraw."""
+
+    @model_validator(mode="after")
+    def _fits(self) -> "CamerasTable":
+        if max(self.picture) > LARGEST:
+            raise f.problem("is not allowed", key="picture", allowed=f"sides from {SMALLEST} to {LARGEST}")
+        if self.sensor[0] < self.picture[0] or self.sensor[1] < self.picture[1]:
+            raise f.problem("is smaller than the picture", key="sensor", cure="enlarge it")
+        for key in ("distortion_0", "distortion_1"):
+            if len(getattr(self, key)) != 5:
+                raise f.problem("is not a lens", key=key, cure="write k1, k2, p1, p2, k3")
+        if not 0.02 <= self.angle <= 1.2:
+            raise f.problem("is not allowed", key="angle", allowed='from "1.2 deg" to "68 deg"')
+        if abs(self.elevation) > 0.5:
+            raise f.problem("is not allowed", key="elevation", allowed='from "-28 deg" to "28 deg"')
+        if min(self.distance_0, self.distance_1) < 0.05:
+            raise f.problem("is not allowed", key="distance_0", allowed='at least "50 mm"')
+        return self
+
+    @property
+    def along(self) -> int:
+        """Pixels of a picture along the axis."""
+        return self.picture[1] if self.flyer_side in ("up", "down") else self.picture[0]
+
+    @property
+    def pixel(self) -> float:
+        """Length that a pixel shows at the distance of the axis [m]."""
+        return self.field / self.along
+
+
+class OpticsTable(Section):
+    """[optics]: light, lens, air and sensor."""
+
+    exposure: f.PositiveTime = 2e-6
+    """How long the shutter is open [s]."""
+    spread: Annotated[float, Field(ge=0.0, le=5.0)] = 0.6
+    """Standard deviation of the point spread in focus [px]."""
+    aperture: Width = 0.0
+    """Diameter of the entrance pupil; 0: sharp at every distance [m]."""
+    defocus: f.Offset = 0.0
+    """How far the plane of focus lies behind the axis [m]."""
+    white: Share = 0.7
+    """Grey value of white paint over the largest one [-]."""
+    black: Share = 0.02
+    """Grey value without light over the largest one [-]."""
+    bits: Annotated[int, Field(ge=8, le=16)] = 12
+    full_well: Annotated[float, Field(gt=0.0, le=1e7)] = 15_000.0
+    """Electrons of the largest grey value."""
+    read_noise: Annotated[float, Field(ge=0.0, le=1e5)] = 30.0
+    """Standard deviation without light [electrons]."""
+    flicker: Annotated[float, _part(0.0, 0.5, "a standard deviation")] = 0.005
+    """Standard deviation of the lamp's brightness from frame to frame [-]."""
+    fixed_pattern: Annotated[float, _part(0.0, 0.5, "a standard deviation")] = 0.003
+    """Standard deviation of the pixels' gains [-]."""
+    lamp_gradient: Annotated[float, _part(-0.9, 0.9, "a relative difference")] = 0.06
+    """Brightness at the right edge of the picture over that at its left, less 1 [-]."""
+    ambient: Share = 0.7
+    """Share of the light that comes from all sides; the rest shades the surface [-]."""
+    highlight: Share = 0.0
+    """Height of the specular highlight over white paint [-]."""
+    gloss: Annotated[float, Field(ge=1.0, le=1e4)] = 80.0
+    """Exponent of the highlight: the larger, the smaller [-]."""
+    lamp_height: Angle = math.radians(11.0)
+    """Of the lamp above the plane across the axis, toward the flyer [rad]."""
+    lamp_side: Angle = math.radians(6.0)
+    """Of the lamp out of the plane between the cameras [rad]."""
+    haze: Pixels = 0.0
+    """Standard deviation of the displacement of the picture by warm air [px]."""
+    haze_length: Annotated[float, Field(ge=2.0, le=1000.0)] = 25.0
+    """Distance over which it is smooth [px]."""
+    haze_memory: f.PositiveTime = 100e-6
+    """Time after which 1/e of it is left [s]."""
+    rays: Annotated[int, Field(ge=2, le=16)] = 4
+    """Rays of a pixel along each axis."""
+
+    @model_validator(mode="after")
+    def _bright_enough(self) -> "OpticsTable":
+        if not self.black < self.white:
+            raise f.problem("is not allowed", key="white", allowed=f"above black = {self.black}")
+        return self
+
+
+class SpeckleTable(Section):
+    """[speckle]: paint on specimen, flyer and transmission platen."""
+
+    kind: Literal["sprayed", "printed"] = "sprayed"
+    """Drops of random places and sizes, or even dots close to a lattice."""
+    size: Annotated[float, Field(ge=0.5, le=60.0)] = 6.0
+    """Mean diameter of a drop [px]; below 3 too fine, above 10 too coarse for most subsets."""
+    size_spread: Annotated[float, Field(ge=0.0, le=1.0)] = 0.25
+    """Standard deviation of a drop's diameter over its mean; sprayed only [-]."""
+    coverage: Annotated[float, Field(gt=0.0, lt=0.95)] = 0.5
+    """Share of the surface that is dark; below 0.2 sparse [-]."""
+    jitter: Annotated[float, Field(ge=0.0, le=0.5)] = 0.2
+    """How far a printed dot may lie from its place of the lattice, over the lattice's step [-]."""
+    dark: Share = 0.16
+    bright: Share = 0.97
+    """Reflectance of drops and ground [-]."""
+    softness: Annotated[float, Field(ge=0.0, le=1.0)] = 0.3
+    """Width of a drop's rim over its diameter [-]."""
+    flyer: bool = True
+    platen: bool = False
+    """Whether flyer and transmission platen are painted."""
+    bare: Share = 0.3
+    """Reflectance of what is not painted [-]."""
+    scratch: Width = 0.0
+    """Width of a scratch down to the bare specimen; 0: none [m]."""
+    flake: Width = 0.0
+    """Radius of a patch whose paint has flaked off; 0: none [m]."""
+    loose: Width = 0.0
+    """Radius of a patch whose paint has come loose; 0: none [m]."""
+    loose_slip: f.Offset = 0.0
+    """How far its middle has slid against the axis by the last frame [m]."""
+
+
+class CalibrationTable(Section):
+    """[calibration]: a series of a target in many poses, seen by the whole sensors."""
+
+    target: Literal["fiducial_dots", "chessboard", "charuco"] = "fiducial_dots"
+    columns: Annotated[int, Field(ge=5, le=60)] = 14
+    rows: Annotated[int, Field(ge=5, le=60)] = 10
+    """Dots, inner corners or squares (charuco)."""
+    share: Annotated[float, Field(ge=0.2, le=0.9)] = 0.58
+    """Width of the target over that of the sensor's field [-]."""
+    poses: Annotated[int, Field(ge=4, le=200)] = 20
+    tilt: Angle = math.radians(20.0)
+    """Largest tilt out of the plane of the view [rad]."""
+    bits: Annotated[int, Field(ge=8, le=16)] = 8
+    noise: Annotated[float, _part(0.0, 0.2, "a standard deviation")] = 0.004
+    """Standard deviation of a grey value over the largest one [-]."""
+
+    @model_validator(mode="after")
+    def _one_way_up(self) -> "CalibrationTable":
+        if self.target == "fiducial_dots" and self.columns == self.rows:
+            raise f.problem("is as large as rows", key="columns", cure="make one of them larger")
+        if not 0.05 <= self.tilt <= 0.8:
+            raise f.problem("is not allowed", key="tilt", allowed='from "3 deg" to "45 deg"')
+        return self
+
+
+class Imperfections(Section):
+    """[imperfections]."""
+
+    length: Relative = 0.0
+    """Declared length over the true one, less 1 [-]."""
+    diameter: Relative = 0.0
+    """Declared diameter over the true one, less 1 [-]."""
+    density: Relative = 0.0
+    """Declared density over the true one, less 1 [-]."""
+    sensitivity: Relative = 0.0
+    """Declared sensitivity of the transmitted force over the nominal one, less 1 [-]."""
+    curve: Relative = 0.0
+    """Stresses in the quasi-static table over the true ones, less 1 [-]."""
+    poisson: f.Number = 0.0
+    """Declared Poisson's ratio less the true one [-]."""
+    damping: f.Time = 0.0
+    """Declared beta less the true one [s]."""
+    trigger: f.Time = 0.0
+    """How late the cameras' times are on the shot's clock: frame times as given less the true ones [s]."""
+    y_offset: f.Offset = 0.0
+    """Heights of the outline as given less the true ones [m]."""
+    Z_offset: f.Offset = 0.0
+    """Radii of the outline as given less the true ones [m]."""
+    gain: Relative = 0.0
+    """Volts of the transmitted force over what its sensitivity gives, less 1 [-]."""
+    baseline: f.SignedVoltage = 0.0
+    """Volts by which the transmitted signal is raised from the flyer's start on [V]."""
+    slip_friction: f.Friction = 0.0
+    """Coulomb coefficient of faces that the shot file calls bonded; 0: they are [-]."""
+    tilt: Angle = 0.0
+    """Pitch of the flyer in the cameras' plane that grows with its path to this, camera side ahead [rad]."""
+    off_centre: f.Offset = 0.0
+    """How far the specimen stands from the flyer's axis, toward the cameras [m]."""
 
 
 class SpecimenTable(Section):
@@ -43,9 +324,9 @@ class MaterialTable(Section):
     damping: f.Damping = 25e-6
     """beta: deviatoric stress = 2 beta m mu_0 x deviatoric rate of deformation [s]."""
     mass_damping: f.Rate = 0.0
-    prony_strengths: v.Numbers = ()
+    prony_strengths: Numbers = ()
     """Modulus of each branch over that of the long-term law [-]; empty: nothing relaxes."""
-    prony_times: v.Times = ()
+    prony_times: Times = ()
     """Relaxation time of each branch [s]."""
 
     @model_validator(mode="after")
@@ -68,7 +349,7 @@ class MaterialTable(Section):
 class QuasiStaticTable(Section):
     """[quasi_static]: the slow uniaxial test of the same material, which gives the curve."""
 
-    largest_strain: v.Relative = 0.64
+    largest_strain: Relative = 0.64
     """Nominal compressive strain of the last point [-]."""
     points: Annotated[int, Field(ge=8, le=10_000)] = 65
     sigma: f.Share = 0.002
@@ -100,9 +381,9 @@ class MotionTable(Section):
     """Time of the ramp from rest to `speed` [s]."""
     start: f.Time = 37.5e-6
     """When the flyer starts, on the shot's clock [s]."""
-    compression: v.Relative = 0.5
+    compression: Relative = 0.5
     """Nominal compression of the specimen at the end of the record [-]."""
-    slowdown: v.Relative = 0.0
+    slowdown: Relative = 0.0
     """Share of the speed that is lost from the ramp's end to the record's end [-]; ramp only."""
     file: f.FileName | None = None
     """Table of a sampled motion, beside the specification: time (s), displacement (m)."""
@@ -152,15 +433,15 @@ class ChannelTable(Section):
     """Mass between the sensing plane and the specimen, whose inertia the transducer feels [kg]."""
     time_constant: f.PositiveTime | None = None
     """Of the droop; none: a constant force stays [s]."""
-    bandwidth: v.Frequency | None = None
+    bandwidth: Frequency | None = None
     """Where a first-order low-pass has -3 dB; none: unlimited [Hz]."""
     delay: f.Time = 0.0
     """How late the signal arrives [s]; not declared."""
     baseline: f.SignedVoltage = 0.003
     """What the recorder shows at rest [V]."""
-    drift: v.Drift = 0.0
+    drift: Drift = 0.0
     """Change of the baseline with time [V/s]."""
-    noise: v.Noise = 0.0016
+    noise: Noise = 0.0016
     """Standard deviation of a sample before it is quantised [V]."""
 
 
@@ -173,10 +454,10 @@ class IncidentTable(ChannelTable):
 class FramesTable(Section):
     """[frames]: when the cameras look."""
 
-    rate: v.Frequency = 120e3
+    rate: Frequency = 120e3
     static: Annotated[int, Field(ge=3, le=1000)] = 12
     """Frames before the flyer starts."""
-    phase: v.Relative = 0.0
+    phase: Relative = 0.0
     """How far the start lies behind the frame nearest before it, in frames [-], from 0 to below 1."""
     clock_offset: f.Time = 0.0
     """Shot's clock = the cameras' + this; declared rightly [s]."""
@@ -197,9 +478,9 @@ class ExportsTable(Section):
     outline_sigma: f.Length = 4e-6
     points: Annotated[int, Field(ge=4, le=1000)] = 14
     """Points of the outline in a frame."""
-    lowest: v.Relative = 0.08
+    lowest: Relative = 0.08
     """Height of the first point over the height of the specimen at the time [-]."""
-    highest: v.Relative = 0.92
+    highest: Relative = 0.92
 
     @model_validator(mode="after")
     def _in_order(self) -> "ExportsTable":
@@ -211,7 +492,7 @@ class ExportsTable(Section):
 class TruthTable(Section):
     """[truth]: the solver's run that the instruments look at, finer than any analysis."""
 
-    mesh: v.Mesh = (96, 129)
+    mesh: Mesh = (96, 129)
     grading: f.Number = 2.0
     element: Literal["fbar", "one_point", "middle"] = "fbar"
     """An element of the solver, or the middle of both, which is nearer to the limit of fine meshes."""

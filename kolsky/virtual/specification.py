@@ -1,14 +1,162 @@
-"""A specification file: read, checked, and unfolded to its shots."""
+"""A specification file: read, checked, and expanded to its shots; [population] draws quantities from ranges.
 
-from collections.abc import Iterator
+Each shot and subject has its own random stream, so that a new subject does not change the others.
+"""
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+from zlib import crc32
+
+import numpy as np
+from pydantic import Field, model_validator
 
 from kolsky.base.errors import InputError
-from kolsky.shot.schema.reading import TomlFile, parse_toml
-from kolsky.virtual.population import Population, drawn
+from kolsky.readers.text import full_match
+from kolsky.schema import fields as f
+from kolsky.schema.fields import Section
+from kolsky.schema.shot_file import TomlFile, parse_toml
 from kolsky.virtual.schema import Specification
+
+
+def stream(seed: int, shot: int, *subject: str) -> np.random.Generator:
+    """The stream of one subject of one shot, whatever else is drawn and however many shots are made.
+
+    Parameters
+    ----------
+    seed
+        The specification's.
+    shot
+        Number of the shot in its population, from 1; 0 without one.
+    subject
+        Words that name what is drawn, e.g. "noise", "transmitted".
+    """
+    return np.random.default_rng([seed, shot, *(crc32(word.encode()) for word in subject)])
+
+
+_WRITTEN = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+DIGITS = 9
+"""Digits of a drawn number."""
+Bound = int | float | str
+_KINDS = {"even": ("low", "high"), "log": ("low", "high"), "normal": ("mean", "sigma")}
+"""Spread -> the two keys that it needs."""
+
+
+class Draw(Section):
+    """One entry of [population.draw]: a range, a normal distribution, or a list to choose from."""
+
+    low: Bound | None = None
+    high: Bound | None = None
+    mean: Bound | None = None
+    sigma: Bound | None = None
+    spread: Literal["even", "log", "normal"] = "even"
+    """Even in the number, even in its logarithm, or normal about `mean` with the deviation `sigma`."""
+    choose: list[Any] | None = None
+    """Values, or tables whose keys are set together, one of which is taken."""
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> "Draw":
+        given = {key for key in ("low", "high", "mean", "sigma", "choose") if getattr(self, key) is not None}
+        if given == {"choose"} and self.choose:
+            return self
+        if given != set(_KINDS[self.spread]):
+            raise f.problem(
+                "is no draw",
+                allowed='{ low, high }, { low, high, spread = "log" }, { mean, sigma, spread = "normal" } or '
+                "{ choose = [...] }",
+            )
+        try:
+            first, second, _, _ = self._bounds()
+        except ValueError as error:
+            raise f.problem(str(error), cure='write e.g. { low = "8 mm", high = "12 mm" }') from None
+        if self.spread == "normal" and second < 0.0:
+            raise f.problem("is not allowed", key="sigma", allowed=">= 0")
+        if self.spread != "normal" and not first <= second:
+            raise f.problem("is not allowed", key="high", allowed="not below low")
+        if self.spread == "log" and first <= 0.0:
+            raise f.problem("is not allowed", key="low", allowed="above 0")
+        return self
+
+    def _bounds(self) -> tuple[float, float, str | None, bool]:
+        """The two numbers, their unit, and whether both are whole numbers; no unit for plain numbers."""
+        first, second = (getattr(self, key) for key in _KINDS[self.spread])
+        if isinstance(first, str) and isinstance(second, str):
+            matches = [full_match(_WRITTEN, text) for text in (first, second)]
+            if None in matches:
+                raise ValueError("holds a text that is not a number with a unit")
+            (a, unit), (b, other) = (match.groups() for match in matches if match)
+            if unit != other:
+                raise ValueError(f"has the units {unit!r} and {other!r}, which must be written alike")
+            return float(a), float(b), unit, False
+        if isinstance(first, str) or isinstance(second, str):
+            raise ValueError("has a unit at one end only")
+        assert first is not None  # the keys were looked at before
+        assert second is not None
+        whole = isinstance(first, int) and isinstance(second, int)
+        return float(first), float(second), None, whole
+
+    def value(self, rng: np.random.Generator) -> Any:
+        """A drawn value as it would be written in a specification."""
+        if self.choose is not None:
+            return self.choose[int(rng.integers(len(self.choose)))]
+        first, second, unit, whole = self._bounds()
+        if whole and self.spread == "even":
+            return int(rng.integers(int(first), int(second), endpoint=True))
+        share = float(rng.standard_normal() if self.spread == "normal" else rng.random())
+        if self.spread == "log":
+            drawn = first * math.exp(share * math.log(second / first))
+        else:
+            drawn = first + share * (second if self.spread == "normal" else second - first)
+        rounded = float(f"{drawn:.{DIGITS}g}")
+        return rounded if unit is None else f"{rounded:.{DIGITS}g} {unit}"
+
+
+class Population(Section):
+    """[population]: how many shots, and what is drawn of each."""
+
+    shots: Annotated[int, Field(ge=1, le=100_000)]
+    draw: dict[str, Draw] = Field(default_factory=dict)
+    """Dotted key of the specification -> its draw."""
+
+
+def drawn(content: Mapping[str, Any], population: Population, *, seed: int, shot: int) -> dict[str, Any]:
+    """The specification of one shot as it would be written, without [population] and [budget].
+
+    Parameters
+    ----------
+    content
+        The specification as written.
+    population
+        Its [population].
+    seed
+        Its seed.
+    shot
+        Number of the shot, from 1. Each key of each shot has a stream of its own.
+
+    Raises
+    ------
+    ValueError
+        If a drawn key leads through something that is no table.
+    """
+    made = deepcopy({key: value for key, value in content.items() if key not in {"population", "budget"}})
+    for key, draw in population.draw.items():
+        value = draw.value(stream(seed, shot, "draw", key))
+        table: dict[str, Any] = made
+        *path, last = key.split(".")
+        for part in path:
+            table = table.setdefault(part, {})
+            if not isinstance(table, dict):
+                raise ValueError(f"{key}: {part} is no table")
+        if isinstance(value, dict):
+            table.setdefault(last, {}).update(deepcopy(value))
+        else:
+            table[last] = deepcopy(value)
+    return made
+
 
 NAME = "SPEC.toml"
 """The name of a specification that `kolsky virtual new` writes."""

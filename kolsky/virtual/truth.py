@@ -1,19 +1,127 @@
-"""The truth of made shots: runs of the solver, many at a time, and a flyer that tilts."""
+"""The truth of made shots: runs of the solver, many at a time, and a flyer that tilts.
+
+Two elements approach the limit of fine meshes from opposite sides; the truth may lie between them.
+"""
 
 from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 import explicit
-from kolsky.base.apparatus import Bar
+from kolsky.base.apparatus import SLIDING_LAW, Bar
 from kolsky.base.arrays import FloatArray
 from kolsky.virtual.material import law_of
-from kolsky.virtual.middle import elements_of, middle
+from kolsky.virtual.motion import Path1D, path_of
 from kolsky.virtual.records import SurfaceHistory, Truth, TruthError
 from kolsky.virtual.schema import Specification
-from kolsky.virtual.truth_job import Job
+
+MARGIN = 15e-6
+"""Time that is simulated beyond the record, and of the record beyond the last frame [s]."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One shot's simulation, timed from the flyer's start."""
+
+    quantities: Specification
+    """The specification."""
+    path: Path1D
+    """The flyer's motion."""
+    end: float
+    """Time from start to end of the record [s]."""
+    frames: FloatArray
+    """True times of the frames from the start on, static ones below or at 0 [s], shape [n_frames]."""
+
+    @property
+    def last(self) -> float:
+        """Time from the start that is simulated [s]."""
+        late = abs(self.quantities.imperfections.trigger) + abs(self.quantities.transmitted.delay)
+        return self.end + MARGIN + late
+
+    @classmethod
+    def of(cls, quantities: Specification, folder: Path = Path()) -> "Job":
+        """The simulation that a specification asks for; files that it names are in `folder`.
+
+        Raises
+        ------
+        ValueError
+            If its motion cannot be.
+        """
+        path, end = path_of(quantities, folder)
+        frames = quantities.frames
+        first = -(frames.static - 1 + frames.phase) / frames.rate
+        count = int(np.floor((end - first) * frames.rate * (1.0 + 1e-12))) + 1
+        return cls(quantities, path, end, first + np.arange(count) / frames.rate)
+
+    @property
+    def contact(self) -> tuple[str, str]:
+        """True contact laws of faces and side."""
+        slips = self.quantities.imperfections.slip_friction > 0.0
+        declared = self.quantities.interface
+        return (SLIDING_LAW, SLIDING_LAW) if slips else (declared.faces, declared.side)
+
+    @property
+    def group(self) -> Hashable:
+        """Shots of one group share a model of the solver."""
+        q = self.quantities
+        kind = "prony" if q.relaxation is None else q.relaxation.kind
+        relaxing = kind, sum(len(one) for one in q.relaxing)
+        support = q.transmission.model_dump_json()
+        return (q.specimen, q.truth, q.material.law, relaxing, self.contact, support)
+
+
+MIDDLE = ("fbar", "one_point")
+"""Elements whose mean `element = "middle"` asks for."""
+
+
+def _elements_of(quantities: Specification) -> list[Specification]:
+    """A specification for each element that its truth is simulated with."""
+    truth = quantities.truth
+    if truth.element != "middle":
+        return [quantities]
+    return [
+        quantities.model_copy(update={"truth": truth.model_copy(update={"element": element})})
+        for element in MIDDLE
+    ]
+
+
+def middle(truths: Sequence[Truth | TruthError]) -> Truth | TruthError:
+    """The mean of the truths of one shot; the first of those that did not reach their end, if any did not.
+
+    Parameters
+    ----------
+    truths
+        One an element, at the same times.
+    """
+    found = []
+    for truth in truths:
+        if isinstance(truth, TruthError):
+            return truth
+        found.append(truth)
+    first, surfaces = found[0], [truth.surface for truth in found]
+
+    def mean(each: list[FloatArray]) -> FloatArray:
+        return np.asarray(np.mean(each, axis=0))
+
+    return Truth(
+        surface=SurfaceHistory(
+            time=first.surface.time,
+            r=mean([surface.r for surface in surfaces]),
+            y=mean([surface.y for surface in surfaces]),
+            displacement=first.surface.displacement,
+            tilt=mean([surface.tilt for surface in surfaces]),
+        ),
+        force_time=first.force_time,
+        transmitted=mean([truth.transmitted for truth in found]),
+        incident=mean([truth.incident for truth in found]),
+        flyer_acceleration=first.flyer_acceleration,
+        support_acceleration=mean([truth.support_acceleration for truth in found]),
+        flyer_radius=first.flyer_radius,
+    )
+
 
 KNOT = 2.5e-7
 """Distance of the knots of the platen's motion, and of the force's samples [s]."""
@@ -74,7 +182,7 @@ def try_truths(
     ValueError
         If a specification cannot be simulated.
     """
-    elements = [elements_of(quantities) for quantities in specifications]
+    elements = [_elements_of(quantities) for quantities in specifications]
     each = iter(_try_each([one for both in elements for one in both], folder, device, threads))
     return [middle([next(each) for _ in both]) for both in elements]
 

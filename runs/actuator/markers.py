@@ -16,10 +16,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from kolsky.actuator import camera as cam
-from kolsky.actuator.marker_fit import COUNT, marker_weights_of
-from kolsky.actuator.segmentation import find_markers
 from kolsky.base.files import write_table
+from kolsky.bodies import actuator_camera as cam
+from kolsky.bodies.actuator_camera import find_markers
+from kolsky.bodies.actuator_markers import COUNT, marker_weights_of
 
 SIZE = (1280, 960)
 SQUARE, DIAMETER, VIEWS = 6e-3, 2e-3, 12

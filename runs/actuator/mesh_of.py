@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.actuator.reading import read_actuator
+from kolsky.bodies.actuator_reading import read_actuator
 
 
 def main() -> None:

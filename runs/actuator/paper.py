@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
-from implicit.laws.volumetric import bulk
-from kolsky.actuator.reading import read_actuator, volume_reading
 from kolsky.base.files import write_table
+from kolsky.bodies.actuator_reading import read_actuator, volume_reading
+from kolsky.equilibrium.solid import bulk
 
 C10, D1, POISSON = 0.109, 1.150, 0.44
 """MPa, as printed, -."""

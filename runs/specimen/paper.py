@@ -20,15 +20,14 @@ from pathlib import Path
 import numpy as np
 
 from kolsky.base.files import write_table
-from kolsky.report.specimen_view import BINS, strain_share
-from kolsky.specimen.constants import Constants
-from kolsky.specimen.equilibrium import SpecimenModel
-from kolsky.specimen.errors_in_variables import Samples
-from kolsky.specimen.fit import SlowTest, fit
-from kolsky.specimen.geometry import Shape
-from kolsky.specimen.mid_region import marker_stretch, mid_region_fit
-from kolsky.specimen.output import write_study
-from kolsky.specimen.studies import cross_table, noise_study, pulls_study, resolution_study
+from kolsky.bodies.errors_in_variables import Samples
+from kolsky.bodies.specimen_constants import Constants
+from kolsky.bodies.specimen_fit import SlowTest, fit
+from kolsky.bodies.specimen_mid_region import marker_stretch, mid_region_fit
+from kolsky.bodies.specimen_model import Shape, SpecimenModel
+from kolsky.bodies.specimen_output import write_study
+from kolsky.bodies.specimen_studies import cross_table, noise_study, pulls_study, resolution_study
+from kolsky.report.body_views import BINS, strain_share
 
 TRUE = {"C10": 9e3, "C01": 4e3, "C11": 400.0, "poisson": 0.45}
 START = {"C10": 6e3, "C01": 6e3, "C11": 1000.0, "poisson": 0.45}
@@ -206,7 +205,7 @@ def study_bonds(lab: Laboratory, path: Path) -> None:
 
     A peeled length is added to the force from the simulations of two bonds; 200 draws of noise for each.
     """
-    from kolsky.specimen.debonding import debonding
+    from kolsky.bodies.specimen_fit import debonding
 
     truth = constants(TRUE)
     shape = replace(lab.strip, elements=(20, *lab.strip.elements[1:]))

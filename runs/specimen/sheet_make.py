@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from implicit.meshes import Mesh, rectangle
 from kolsky.base.files import write_table
-from kolsky.specimen.constants import Constants
-from kolsky.specimen.projection import project
-from kolsky.specimen.sheet import Sheet
+from kolsky.bodies.sheet import Sheet, project
+from kolsky.bodies.specimen_constants import Constants
+from kolsky.equilibrium.meshes import Mesh, rectangle
 
 TRUE = {"E": 30e3, "poisson": 0.3}
 PAD = -np.array([1e-3, 2e-3, 3e-3])

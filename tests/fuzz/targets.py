@@ -95,11 +95,11 @@ def settings() -> list[Target]:
     """Files of settings of the commands that take no shot."""
     from test_reading import DATA, STRIP
 
+    from kolsky.bodies.specimen_reading import read_specification as read_specimen
+    from kolsky.pictures.measurement import read_measurement
     from kolsky.prediction.predict import read_test
-    from kolsky.shot.measurement import read_measurement
-    from kolsky.shot.schema.reading import parse_toml
-    from kolsky.specimen.reading import read_specification as read_specimen
-    from kolsky.studies.design_file import read_design
+    from kolsky.schema.shot_file import parse_toml
+    from kolsky.studies.sweep import read_design
     from kolsky.virtual.specification import read_specification as read_virtual
 
     def specimen(folder: Path) -> Path:
@@ -171,16 +171,16 @@ def settings() -> list[Target]:
 
 
 def _slow(path: Path) -> Any:
-    from kolsky.joint.slow_schema import read_slow_tests
+    from kolsky.inverse.slow_tests import read_slow_tests
 
     return read_slow_tests(path)
 
 
 def tables() -> list[Target]:
     """Tables of testing machines, of other correlation programs, meshes."""
-    from kolsky.material.reference_curve_files import read_uniaxial_test
+    from kolsky.material.reference_curve import read_uniaxial_test
     from kolsky.readers import dic_export
-    from kolsky.readers.gmsh_mesh import read_gmsh
+    from kolsky.readers.meshes import read_gmsh
 
     def curve(folder: Path) -> Path:
         return Path(shutil.copy(ROOT / "runs" / "open-01" / "quasi_static.csv", folder))
@@ -239,7 +239,8 @@ def cameras() -> list[Target]:
     """Camera files of every format that writes rigs."""
     from synthetic_dic import rig
 
-    from dic.camera_files import formats, read_rig, write_rig
+    from dic import camera_files
+    from dic.camera_files import read_rig, write_rig
 
     def target(form: Any) -> Target:
         def write(folder: Path) -> Path:
@@ -249,7 +250,7 @@ def cameras() -> list[Target]:
 
         return Target(f"camera {form.name}", "text", write, read_rig, told_length=False)
 
-    return [target(form) for form in formats.FORMATS]
+    return [target(form) for form in camera_files.FORMATS]
 
 
 def results() -> list[Target]:
@@ -257,10 +258,9 @@ def results() -> list[Target]:
     from synthetic import synthetic
     from synthetic_dic import synthetic_result
 
-    from doe.ledger import Ledger
-    from doe.ledger_rows import Run
+    from doe.ledger import Ledger, Run
+    from kolsky.pictures.dic_file import read_stereo_result, write_stereo_result
     from kolsky.results.hdf5 import read_identification, write_identification
-    from kolsky.shot.surfaces_file import read_stereo_result, write_stereo_result
 
     points = np.linspace(0.0, 1.0, 40)[:, None]
 

@@ -7,7 +7,7 @@ and offset and contrast are columns of a least-squares problem instead of being 
 import numpy as np
 from scipy import ndimage
 
-from dic.correlation import warp as warps
+from dic.correlation import subsets as warps
 
 STEP = 1e-4  # of central differences [px]: truncation 1e-8, round-off 1e-11 of a grey level
 

@@ -3,14 +3,22 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.arrays import BoolArray, FloatArray, IntArray
+from dic.basics import BoolArray, FloatArray, IntArray
 from dic.camera import Camera, StereoRig
-from dic.stereo.epipolar_search import Candidates
-from dic.stereo.facet import FacetGeometry, distance_along, facet_geometry, gradient, normals
-from dic.stereo.rays import directions
-from dic.stereo.template import ROWS, Subsets, sample, smoothed
-from dic.stereo.triangulation import midpoint
-from dic.stereo.visible import visible_piece
+from dic.stereo.epipolar_search import (
+    ROWS,
+    Candidates,
+    FacetGeometry,
+    Subsets,
+    distance_along,
+    facet_geometry,
+    gradient,
+    normals,
+    sample,
+    smoothed,
+    visible_piece,
+)
+from dic.stereo.geometry import directions, midpoint
 
 KNOTS = 65
 """Places a curve is followed through before it is divided into equal steps."""

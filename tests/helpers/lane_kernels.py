@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from explicit.arguments import SPARE
 from explicit.device import select_device
-from explicit.mesh_arguments import SPARE
+from explicit.layout.structs import Structs, grouped
 from explicit.precision import PRECISIONS, Precision
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
-from explicit.simd.team import alone
-from explicit.time_loop.grouped_tables import grouped
-from explicit.time_loop.structs import Structs
+from explicit.simd.team import single_thread_team
 
 N = 13
 """Simulations of a batch: one full pack and an incomplete one in fp64, an incomplete one in fp32."""
@@ -188,7 +187,9 @@ def lane_launch(
             continue
         count = min(width, N - first)
         arguments[2] = _arguments(numbers, given, 1, width)[2]
-        wp.launch(made, dim=1, inputs=[*arguments, first, count, alone()], device="cpu", block_dim=1)
+        wp.launch(
+            made, dim=1, inputs=[*arguments, first, count, single_thread_team()], device="cpu", block_dim=1
+        )
         state = arguments[2].u.numpy()
         u[first : first + count] = state[:, :count].T if width > 1 else state[:, :ELEMENTS]
     return _results(arguments[3], u)

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from explicit.materials import principal
+from explicit.materials import law
 
 
 def stretches(n: int, largest: float = 0.5, seed: int = 7) -> np.ndarray:
     """Isochoric principal stretches, logarithms up to `largest`, shape [n, 3]."""
     rng = np.random.default_rng(seed)
-    return principal.isochoric(np.exp(rng.uniform(-largest, largest, (n, 3))))
+    return law.isochoric(np.exp(rng.uniform(-largest, largest, (n, 3))))
 
 
 def turned(values: np.ndarray, angle: np.ndarray | float) -> np.ndarray:

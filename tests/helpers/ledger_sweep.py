@@ -14,9 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe import Box, latin_hypercube
-from doe.executors import run_chunks
-from doe.ledger import Ledger
-from doe.ledger_rows import Run
+from doe.ledger import Ledger, Run, run_chunks
 
 N, CHUNK, KEEPS = 10_000, 25, 3
 MODEL = b"\x07" * 32

@@ -7,8 +7,7 @@ from synthetic import displacement, synthetic
 
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.result import Identification, Verdict
-from kolsky.studies.rates.motion import StrainHistory
-from kolsky.studies.rates.records import QuasiStatic, RatedShot
+from kolsky.studies.rates.records import QuasiStatic, RatedShot, StrainHistory
 
 LENGTH, DIAMETER = 6.5e-3, 9.5e-3
 SHEAR = 25e3

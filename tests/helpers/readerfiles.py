@@ -13,7 +13,7 @@ import xlwt
 from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
-from kolsky.readers.formats import FORMATS
+from kolsky.readers.recordings import FORMATS
 
 START, INTERVAL, SAMPLES = -5e-6, 1e-7, 400
 TIME = START + INTERVAL * np.arange(SAMPLES)

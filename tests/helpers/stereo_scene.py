@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.camera import Camera, StereoRig
-from dic.synthetic.cylinder import RenderedCylinder, Speckles
+from dic.synthetic.speckles import RenderedCylinder, Speckles
 
 FloatArray = NDArray[np.float64]
 

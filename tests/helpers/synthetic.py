@@ -12,19 +12,19 @@ from numpy.typing import NDArray
 
 from explicit import EnergyLedger, Outcome, Response
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.inverse.fit_results import ClockLag, FitQuality
-from kolsky.inverse.misfit import Terms
 from kolsky.inverse.result import (
+    ClockLag,
     Comparison,
     Contribution,
     Estimate,
+    FitQuality,
     Identification,
     Route,
     RouteDifference,
     SurrogateCurve,
     Verdict,
 )
-from kolsky.inverse.run_table import DesignTable
+from kolsky.inverse.run_table import DesignTable, Terms
 
 FloatArray = NDArray[np.float64]
 

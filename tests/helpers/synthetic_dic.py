@@ -8,12 +8,12 @@ import numpy as np
 from synthetic import LENGTH, RADIUS, displacement, outline
 
 from dic import Camera, FrameOutcome, PointOutcome, StereoRig, SurfaceHistory, centre_line
+from dic.bodies.axial_displacement import AxialDisplacement
+from dic.bodies.body_motion import BodyMotion
 from dic.outcome import Remark
 from dic.result import Body, Placement, StereoResult, SurfaceStrain
-from dic.rigid_body.axial_displacement import AxialDisplacement
-from dic.rigid_body.body_motion import BodyMotion
-from dic.surfaces.frame import SpecimenFrame
-from dic.surfaces.noise_floor import noise_floor
+from dic.surfaces.cylinder import SpecimenFrame
+from dic.surfaces.surface_history import noise_floor
 
 FRAMES, STATIC, RATE = 40, 8, 30e3
 SIGMA_PX = 0.02

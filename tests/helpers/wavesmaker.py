@@ -4,15 +4,17 @@ import numpy as np
 
 from kolsky.bars.records import (
     BarSignal,
+    BudgetTable,
+    Contribution,
     Correction,
     FaceWaves,
     History,
     Quantity,
     Reduction,
     Signal,
+    WavesResult,
     Windows,
 )
-from kolsky.bars.result import BudgetTable, Contribution, WavesResult
 from kolsky.base.apparatus import Bar, Specimen
 
 BAR = Bar(diameter=0.02, length=2.0, youngs_modulus=210e9, density=7800.0)

@@ -9,9 +9,9 @@ RESULTS = ("tests/unit/cli/test_bar_results.py",)
 ENDS = ("tests/unit/bars/test_free_end.py",)
 HEADINGS = ("tests/unit/readers/test_workbooks_and_headings.py",)
 
-SPECIMEN = "kolsky/bars/reduction/specimen_inertia.py"
-FREE = "kolsky/bars/reduction/free_end.py"
-ALIGNMENT = "kolsky/bars/reduction/alignment.py"
+SPECIMEN = "kolsky/bars/reduction/inertia.py"
+FREE = "kolsky/bars/reduction/separation.py"
+ALIGNMENT = "kolsky/bars/reduction/windows.py"
 
 FAULTS = (
     Fault(
@@ -65,14 +65,14 @@ FAULTS = (
     ),
     Fault(
         "the second recorder's clock offset dropped",
-        "kolsky/bars/reduction/common_clock.py",
+        "kolsky/bars/reduction/faces.py",
         "offset - offsets[0]",
         "0.0 * offset",
         (f"{CLOCK[0]}::test_a_fraction_of_a_sample_between_the_recorders_is_taken_out",),
     ),
     Fault(
         "sensitivities of a pulled specimen with the sign of compression",
-        "kolsky/bars/reduction/quoted_values.py",
+        "kolsky/bars/reduction/summary.py",
         "{name: sign * slope for",
         "{name: slope for",
         (f"{RESULTS[0]}::test_sensitivities_have_the_signs_of_closed_forms",),
@@ -107,14 +107,14 @@ FAULTS = (
     ),
     Fault(
         "a channel A taken for a current",
-        "kolsky/readers/signalunits.py",
+        "kolsky/readers/header.py",
         "if of_time or _TAIL_UNITS.fullmatch(unit) is not None:",
         "if True:",
         (f"{HEADINGS[0]}::test_a_unit_is_found_in_the_last_word_of_a_heading",),
     ),
     Fault(
         "a time column of other steps taken for seconds",
-        "kolsky/readers/signaltable.py",
+        "kolsky/readers/sheet.py",
         "SAME_STEP = 1e-3",
         "SAME_STEP = 1e-2",
         (f"{HEADINGS[0]}::test_the_headers_interval_tells_the_unit_of_a_time_column",),

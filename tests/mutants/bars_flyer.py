@@ -9,15 +9,15 @@ SMOOTHNESS = ("tests/unit/bars/test_flyer_smoothness.py",)
 FLYER = "tests/unit/bars/test_flyer.py"
 FLIGHT = "tests/unit/shot/test_flight_report.py"
 CARRIED = "tests/unit/bars/test_carried_uncertainty.py"
-EVENTS = "kolsky/bars/flyer/event_signals.py"
+EVENTS = "kolsky/bars/flyer/events.py"
 CLOCKS = "kolsky/bars/flyer/synchronisation.py"
-GAP = "kolsky/bars/flyer/unseen.py"
-MANY = "kolsky/bars/flyer/evidences.py"
+GAP = "kolsky/bars/flyer/path.py"
+MANY = "kolsky/bars/flyer/jerks.py"
 
 FAULTS = (
     Fault(
         "an unseen onset as smooth as the likeliest",
-        "kolsky/bars/flyer/fit.py",
+        "kolsky/bars/flyer/path.py",
         "    if free.any():",
         "    if False:",
         SMOOTHNESS,
@@ -73,7 +73,7 @@ FAULTS = (
     ),
     Fault(
         "kinks without their misfit",
-        "kolsky/bars/flyer/kink.py",
+        "kolsky/bars/flyer/events.py",
         "growth = max(1.0, left / (y.size - J.shape[1]))",
         "growth = 1.0",
         THRESHOLDS,
@@ -108,7 +108,7 @@ FAULTS = (
     ),
     Fault(
         "the common error of frames dropped",
-        "kolsky/bars/flyer/fit.py",
+        "kolsky/bars/flyer/path.py",
         "spread = spread + gain",
         "spread = spread + 0.0 * gain",
         (f"{CARRIED}::test_a_common_error_of_all_frames_is_in_the_paths_uncertainty",),
@@ -129,21 +129,21 @@ FAULTS = (
     ),
     Fault(
         name="a flyer's path: one jerk from rest to speed across a gap",
-        file="kolsky/bars/flyer/fit.py",
+        file="kolsky/bars/flyer/path.py",
         right="LONGEST_STEP = 2.5",
         wrong="LONGEST_STEP = 250.0",
         tests=UNSEEN,
     ),
     Fault(
         name="a flyer's path: the zero's sigma taken for its variance",
-        file="kolsky/shot/flyer_path.py",
+        file="kolsky/shot/records.py",
         right="motion.zero_sigma**2 * np.outer",
         wrong="motion.zero_sigma * np.outer",
         tests=UNSEEN,
     ),
     Fault(
         name="a flyer's path: the places at rest share the zero's error",
-        file="kolsky/shot/flyer_path.py",
+        file="kolsky/shot/records.py",
         right="moved = (motion.time > start)",
         wrong="moved = (motion.time > -np.inf)",
         tests=UNSEEN,
@@ -164,21 +164,21 @@ FAULTS = (
     ),
     Fault(
         name="a flyer's path: its noise without the part that all frames have",
-        file="kolsky/bars/flyer/fit.py",
+        file="kolsky/bars/flyer/path.py",
         right="s = np.sqrt(parts @ np.exp(2.0 * log_scales))",
         wrong="s = np.full(t.size, np.exp(log_scales[0]))",
         tests=(f"{FLYER}::test_warm_air_in_well_seen_frames_is_no_fault_of_the_others",),
     ),
     Fault(
         name="symmetry ends with three frames of another direction",
-        file="kolsky/bars/flyer/flight_report.py",
+        file="kolsky/bars/flyer/flight.py",
         right="times_in_row=frames_in(over, time),",
         wrong="times_in_row=FEWEST_IN_ROW,",
         tests=(f"{FLIGHT}::test_a_short_swing_is_no_end_of_symmetry",),
     ),
     Fault(
         name="another direction lasts a step less than the first took",
-        file="kolsky/bars/flyer/flight_report.py",
+        file="kolsky/bars/flyer/flight.py",
         right="1 + int(np.ceil(span",
         wrong="int(np.ceil(span",
         tests=(f"{FLIGHT}::test_another_direction_must_last_as_long_as_the_first_took",),

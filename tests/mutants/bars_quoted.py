@@ -10,19 +10,19 @@ STATIONS = ("tests/unit/bars/test_waves_stations.py",)
 REMARKS = ("tests/unit/bars/test_remarks_and_quoted_values.py",)
 ENDS = ("tests/unit/bars/test_baseline_ends.py",)
 
-PLATEAU = "kolsky/bars/reduction/plateau.py"
-RISE = "kolsky/bars/signals/first_rise.py"
-DRIFT = "kolsky/bars/signals/drift.py"
-ZERO = "kolsky/bars/signals/signal_zero.py"
+PLATEAU = "kolsky/bars/reduction/validity.py"
+RISE = "kolsky/bars/signals/arrival.py"
+DRIFT = "kolsky/bars/signals/baseline.py"
+ZERO = "kolsky/bars/signals/baseline.py"
 STATION = "kolsky/bars/signals/stations.py"
-ELASTIC_LIMIT = "kolsky/bars/signals/elastic_limit.py"
-QUOTED = "kolsky/bars/reduction/quoted_values.py"
-SIGNALS = "kolsky/bars/reduction/signal_remarks.py"
+ELASTIC_LIMIT = "kolsky/bars/signals/stations.py"
+QUOTED = "kolsky/bars/reduction/summary.py"
+SIGNALS = "kolsky/bars/reduction/summary.py"
 SUMMARY = "kolsky/bars/reduction/summary.py"
 WINDOWS = "kolsky/bars/reduction/windows.py"
-PULSE_CHECKS = "kolsky/bars/reduction/pulse_checks.py"
+PULSE_CHECKS = "kolsky/bars/reduction/windows.py"
 SHOT = "kolsky/shot/bars.py"
-BAR_STATIONS = "kolsky/shot/bar_stations.py"
+BAR_STATIONS = "kolsky/shot/bars.py"
 
 FAULTS = (
     Fault(
@@ -50,7 +50,7 @@ FAULTS = (
     Fault("a polymer taken for metal", ELASTIC_LIMIT, "POLYMER = 20e9", "POLYMER = 2e9", UNITS),
     Fault(
         "gaps interpolated",
-        "kolsky/readers/timecolumn.py",
+        "kolsky/readers/contents.py",
         "LARGEST_VARIATION = 0.05",
         "LARGEST_VARIATION = 0.5",
         UNITS,

@@ -8,12 +8,12 @@ THRESHOLDS = ("tests/unit/bars/test_thresholds.py",)
 BUDGET = ("tests/unit/bars/test_waves_budget.py",)
 REPEATS = ("tests/unit/bars/test_waves_repeats.py",)
 CARRIED = "tests/unit/bars/test_carried_uncertainty.py"
-QUOTED = "kolsky/bars/reduction/quoted_values.py"
-SIGNALS = "kolsky/bars/reduction/signal_remarks.py"
+QUOTED = "kolsky/bars/reduction/summary.py"
+SIGNALS = "kolsky/bars/reduction/summary.py"
 SUMMARY = "kolsky/bars/reduction/summary.py"
 VARIED = "kolsky/bars/reduction/varied_test.py"
 WINDOWS = "kolsky/bars/reduction/windows.py"
-PULSE_CHECKS = "kolsky/bars/reduction/pulse_checks.py"
+PULSE_CHECKS = "kolsky/bars/reduction/windows.py"
 VALIDITY = "kolsky/bars/reduction/validity.py"
 
 FAULTS = (
@@ -88,14 +88,14 @@ FAULTS = (
     ),
     Fault(
         "contributions halved",
-        "kolsky/bars/budget/propagation.py",
+        "kolsky/bars/budget.py",
         "0.5 * (plus[name] - minus[name]))",
         "0.25 * (plus[name] - minus[name]))",
         BUDGET,
     ),
     Fault(
         "degrees of freedom not divided by",
-        "kolsky/bars/budget/budget.py",
+        "kolsky/bars/budget.py",
         "under += variance**2 / nu",
         "under += variance**2",
         BUDGET,
@@ -131,7 +131,7 @@ FAULTS = (
     ),
     Fault(
         "forces in their noise judged",
-        "kolsky/bars/reduction/equilibrium.py",
+        "kolsky/bars/reduction/validity.py",
         "LEAST_FORCE = 5.0",
         "LEAST_FORCE = 0.5",
         THRESHOLDS,
@@ -140,14 +140,14 @@ FAULTS = (
     Fault("an empty window not said", VALIDITY, "NEARLY_EMPTY = 0.2", "NEARLY_EMPTY = 0.02", THRESHOLDS),
     Fault(
         "the punching of one face only",
-        "kolsky/bars/reduction/punching.py",
+        "kolsky/bars/reduction/stress_strain.py",
         "sunk = (first * F1.value + second * F2.value) / L",
         "sunk = (first * F1.value) / L",
         THRESHOLDS,
     ),
     Fault(
         "the noise of a slope over one sample",
-        "kolsky/bars/reduction/punching.py",
+        "kolsky/bars/reduction/stress_strain.py",
         "slope_noise = noise / (width * step)",
         "slope_noise = noise / step",
         THRESHOLDS,
@@ -161,14 +161,14 @@ FAULTS = (
     ),
     Fault(
         "the stations' distance known exactly",
-        "kolsky/bars/reduction/mass.py",
+        "kolsky/bars/reduction/inertia.py",
         " + (a * sigma_distance / d) ** 2",
         "",
         THRESHOLDS,
     ),
     Fault(
         "intervals compared in their unit",
-        "kolsky/bars/budget/monte_carlo.py",
+        "kolsky/bars/monte_carlo.py",
         "np.max(off / u)",
         "np.max(off)",
         (f"{CARRIED}::test_intervals_are_compared_in_standard_uncertainties",),

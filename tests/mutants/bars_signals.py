@@ -5,7 +5,7 @@ from tests.mutants.fault import Fault
 THRESHOLDS = ("tests/unit/bars/test_thresholds.py",)
 CARRIED = "tests/unit/bars/test_carried_uncertainty.py"
 ARRIVAL = "kolsky/bars/signals/arrival.py"
-ZERO = "kolsky/bars/signals/signal_zero.py"
+ZERO = "kolsky/bars/signals/baseline.py"
 
 FAULTS = (
     Fault("pulses in the noise", ARRIVAL, "THRESHOLD = 6.0", "THRESHOLD = 5.0", THRESHOLDS),
@@ -37,21 +37,21 @@ FAULTS = (
     ),
     Fault(
         "memory of a tail dropped",
-        "kolsky/bars/signals/droop.py",
+        "kolsky/bars/signals/transducers.py",
         "covariance[1, 1] * memory",
         "covariance[1, 1]",
         (f"{CARRIED}::test_a_tail_with_correlated_noise_is_known_half_as_well",),
     ),
     Fault(
         "residuals of a wave speed taken as independent",
-        "kolsky/bars/guides/bars_together.py",
+        "kolsky/bars/guides/propagation.py",
         "max(alike * float",
         "max(float",
         (f"{CARRIED}::test_correlated_residuals_widen_a_wave_speed",),
     ),
     Fault(
         "noise of the gauges dropped from a wave speed",
-        "kolsky/bars/guides/bars_together.py",
+        "kolsky/bars/guides/propagation.py",
         ", noise / peak**2)",
         ", 0.0)",
         (f"{CARRIED}::test_a_wave_speed_is_not_better_than_the_gauges_noise",),

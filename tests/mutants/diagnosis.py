@@ -7,10 +7,10 @@ CLOCKS = ("tests/unit/diagnosis/test_clocks.py",)
 VERDICTS = ("tests/unit/diagnosis/test_fit_verdicts.py",)
 CHOICE = ("tests/unit/diagnosis/test_fit_thresholds.py",)
 QUALITY = "kolsky/diagnosis/fit_quality.py"
-VERDICT = "kolsky/diagnosis/verdicts.py"
+VERDICT = "kolsky/diagnosis/fit_quality.py"
 CLOCK = "kolsky/diagnosis/clocks.py"
-LAG = "kolsky/diagnosis/lag_fit.py"
-RECORDS = "kolsky/inverse/fit_results.py"
+LAG = "kolsky/diagnosis/clocks.py"
+RECORDS = "kolsky/inverse/result.py"
 
 FAULTS = (
     Fault(
@@ -48,14 +48,14 @@ FAULTS = (
     ),
     Fault(
         "a mesh error of first order in the data",
-        "kolsky/diagnosis/sources.py",
+        "kolsky/diagnosis/fit_quality.py",
         "ORDER = 2.0",
         "ORDER = 1.0",
         FIT,
     ),
     Fault(
         "declared inputs averaged, not added",
-        "kolsky/uncertainty/input_directions.py",
+        "kolsky/uncertainty/input_changes.py",
         "np.sqrt(len(rows)) * np.array(rows)",
         "np.array(rows)",
         FIT,
@@ -91,27 +91,31 @@ FAULTS = (
     ),
     Fault(
         "a channel three times as uncertain checks a value",
-        "kolsky/diagnosis/thresholds.py",
+        "kolsky/diagnosis/fit_quality.py",
         "CHECKS = 2.0",
         "CHECKS = 3.0",
         VERDICTS,
     ),
     Fault(
         "a share of a fifth has no say",
-        "kolsky/diagnosis/thresholds.py",
+        "kolsky/diagnosis/fit_quality.py",
         "ALONE = 0.1",
         "ALONE = 0.2",
         VERDICTS,
     ),
     Fault(
         "contradiction only beyond six sigma",
-        "kolsky/diagnosis/thresholds.py",
+        "kolsky/diagnosis/fit_quality.py",
         "CONTRADICTION = 4.0",
         "CONTRADICTION = 6.0",
         VERDICTS,
     ),
     Fault(
-        "clocks late beyond one sigma", "kolsky/diagnosis/thresholds.py", "LATE = 3.0", "LATE = 1.0", VERDICTS
+        "clocks late beyond one sigma",
+        "kolsky/diagnosis/fit_quality.py",
+        "LATE = 3.0",
+        "LATE = 1.0",
+        VERDICTS,
     ),
     Fault(
         "a negative difference contradicts nothing",

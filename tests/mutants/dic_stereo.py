@@ -8,7 +8,7 @@ LENSES = ("tests/unit/dic/test_dic_triangulate.py::test_lenses_with_some_coeffic
 FAULTS = (
     Fault(
         name="synchronisation: the upper of two middle values counted from the wrong end",
-        file="dic/stereo/synchronisation.py",
+        file="dic/stereo/diagnose.py",
         right="(np.maximum(count - 1, 0) // 2, count // 2)",
         wrong="(np.maximum(count - 1, 0) // 2, np.maximum(count - 1, 0) // 2)",
         tests=(
@@ -24,35 +24,35 @@ FAULTS = (
     ),
     Fault(
         name="curve: the slopes of the best peak count as other places",
-        file="dic/stereo/kernels/curve.py",
+        file="dic/correlation/kernels/curve.py",
         right="while (left > 0 && profile[left - 1] < profile[left]) --left;",
         wrong="left = peak;",
         tests=("tests/unit/dic/test_dic_epipolar_search.py",),
     ),
     Fault(
         name="curve: its piece in the picture shut on the nearer side",
-        file="dic/stereo/visible.py",
+        file="dic/stereo/epipolar_search.py",
         right="high = np.minimum(high, -b / a)",
         wrong="high = np.minimum(high, b / a)",
         tests=("tests/unit/dic/test_dic_visible.py",),
     ),
     Fault(
         name="curve: its piece in the picture open on the farther side",
-        file="dic/stereo/visible.py",
+        file="dic/stereo/epipolar_search.py",
         right="low = np.maximum(low, -b / a)",
         wrong="low = np.maximum(low, b / a)",
         tests=("tests/unit/dic/test_dic_visible.py",),
     ),
     Fault(
         name="curve: a place behind camera 1 counts as seen",
-        file="dic/stereo/visible.py",
+        file="dic/stereo/epipolar_search.py",
         right="sides = [(e[2], v[:, 2])]",
         wrong="sides = [(0.0, v[:, 2])]",
         tests=("tests/unit/dic/test_dic_visible.py",),
     ),
     Fault(
         name="triangulation: camera 1 has the noise of camera 0",
-        file="dic/stereo/triangulation.py",
+        file="dic/stereo/geometry.py",
         right="inverse(noise[0] + EXACT * np.eye(2)), inverse(noise[1] + EXACT * np.eye(2))",
         wrong="inverse(noise[0] + EXACT * np.eye(2)), inverse(noise[0] + EXACT * np.eye(2))",
         tests=(
@@ -68,14 +68,14 @@ FAULTS = (
     ),
     Fault(
         name="crop offset along the lines: told at a tenth of its standard deviation",
-        file="dic/stereo/offsets.py",
+        file="dic/stereo/diagnose.py",
         right="np.abs(value) >= SURE * sigma) & (np.abs(value) >= LEAST_FAINT)",
         wrong="np.abs(value) >= 0.1 * sigma)",
         tests=("tests/unit/dic/test_dic_diagnose.py",),
     ),
     Fault(
         name="crop offset along the lines: never told",
-        file="dic/stereo/offsets.py",
+        file="dic/stereo/diagnose.py",
         right="if sizes[1] > GONE * sizes[0]:",
         wrong="if sizes[1] < GONE * sizes[0]:",
         tests=("tests/unit/dic/test_dic_diagnose.py",),
@@ -96,7 +96,7 @@ FAULTS = (
     ),
     Fault(
         name="slope of a pixel: focal lengths by columns",
-        file="dic/stereo/rays.py",
+        file="dic/stereo/geometry.py",
         right="np.array([[camera.fx], [camera.fy]])",
         wrong="np.array([[camera.fx, camera.fy]])",
         tests=LENSES,

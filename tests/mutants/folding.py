@@ -3,12 +3,12 @@
 from tests.mutants.fault import Fault
 
 TESTS = ("tests/unit/uncertainty/test_folded_edge.py",)
-RUNS = "kolsky/uncertainty/warnings/runs.py"
+RUNS = "kolsky/uncertainty/warnings.py"
 
 FAULTS = (
     Fault(
         name="a corner's area without its second product",
-        file="explicit/folding.py",
+        file="explicit/mesh.py",
         right="ahead[..., 0] * behind[..., 1] - ahead[..., 1] * behind[..., 0]",
         wrong="ahead[..., 0] * behind[..., 1]",
         tests=TESTS,

@@ -3,8 +3,8 @@
 from tests.mutants.fault import Fault
 
 PARTS = ("tests/unit/dic/test_dic_full_field_parts.py",)
-EXTENSOMETERS = "dic/full_field/extensometers.py"
-CURVATURE = "dic/full_field/curvature.py"
+EXTENSOMETERS = "dic/full_field/measure.py"
+CURVATURE = "dic/full_field/stereo.py"
 
 FAULTS = (
     Fault(
@@ -37,7 +37,7 @@ FAULTS = (
     ),
     Fault(
         name="grey noise: twice the variance that two pictures explain",
-        file="dic/full_field/grey_noise.py",
+        file="dic/full_field/measure.py",
         right="np.maximum(1.0 - zncc, 0.0)",
         wrong="np.maximum(2.0 * (1.0 - zncc), 0.0)",
         tests=PARTS,

@@ -2,13 +2,13 @@
 
 from tests.mutants.fault import Fault
 
-_SCATTER = "kolsky/joint/scatter.py"
-_WEIGHTS = "kolsky/joint/weights.py"
-_NODES = "kolsky/joint/unknowns.py"
-_SLOW = "kolsky/joint/slow_schema.py"
-_UNSEEN = "kolsky/joint/unseen.py"
-_ANSWER = "kolsky/joint/answer.py"
-_STEPS = "kolsky/joint/refined_steps.py"
+_SCATTER = "kolsky/inverse/joint_search.py"
+_WEIGHTS = "kolsky/inverse/joint_problem.py"
+_NODES = "kolsky/inverse/joint_runs.py"
+_SLOW = "kolsky/inverse/slow_tests.py"
+_UNSEEN = "kolsky/inverse/joint_result.py"
+_ANSWER = "kolsky/joint_identification.py"
+_STEPS = "kolsky/inverse/joint_search.py"
 
 
 def fault(name: str, file: str, right: str, wrong: str, test: str) -> Fault:
@@ -18,7 +18,7 @@ def fault(name: str, file: str, right: str, wrong: str, test: str) -> Fault:
 FAULTS = (
     fault(
         "arithmetic that a ledger does not tell apart",
-        "kolsky/joint/runs.py",
+        "kolsky/inverse/joint_runs.py",
         'float(int.from_bytes(digest, "big"))',
         "0.0",
         "joint/test_refined_patterns.py",
@@ -172,7 +172,7 @@ FAULTS = (
     ),
     fault(
         "a branch at a bound of its times asked for",
-        "kolsky/joint/model_choice.py",
+        "kolsky/diagnosis/relaxation.py",
         "return e is None or e.outcome is not Verdict.AT_BOUND",
         "return True",
         "joint/test_model_choice_words.py",

@@ -6,7 +6,7 @@ OWN = ("tests/unit/shot/test_length_by_pictures.py",)
 INPUTS = ("tests/unit/uncertainty/test_input_directions.py",)
 PRINTED = ("tests/unit/report/test_length_line.py",)
 JOINT = ("tests/unit/joint/test_declared_length.py",)
-FILE = "kolsky/shot/length_by_pictures.py"
+FILE = "kolsky/pictures/specimen_length.py"
 
 FAULTS = (
     Fault(
@@ -123,28 +123,28 @@ FAULTS = (
     ),
     Fault(
         name="length: heights follow a relative step as if it were metres",
-        file="kolsky/uncertainty/moved_inputs.py",
+        file="kolsky/uncertainty/input_changes.py",
         right="found.y_per_length * step * shot.specimen.length",
         wrong="found.y_per_length * step",
         tests=INPUTS,
     ),
     Fault(
         name="length: heights of several shots follow the wrong way",
-        file="kolsky/joint/declared.py",
+        file="kolsky/uncertainty/budgets.py",
         right='if key == "Z_offset" else sigma * _slope(',
         wrong='if key == "Z_offset" else -sigma * _slope(',
         tests=JOINT,
     ),
     Fault(
         name="length: the heights that go with it are lower",
-        file="kolsky/uncertainty/moved_inputs.py",
+        file="kolsky/uncertainty/input_changes.py",
         right='return self.change("y_offset", heights)',
         wrong='return self.change("y_offset", -heights)',
         tests=INPUTS,
     ),
     Fault(
         name="length: one that was conditioned is printed as declared",
-        file="kolsky/report/printed.py",
+        file="kolsky/results/printed.py",
         right='LengthByPictures(**found.provenance["specimen_length"])',
         wrong='LengthByPictures(**{**found.provenance["specimen_length"], "used_sigma": 1.0})',
         tests=PRINTED,

@@ -4,8 +4,8 @@ from tests.mutants.fault import Fault
 
 TESTS = ("tests/unit/studies/test_paper_method.py",)
 METHOD = "kolsky/studies/paper_method.py"
-PAPER_SURFACE = "kolsky/studies/paper_surface.py"
-INTERVAL = "kolsky/studies/paper_interval.py"
+PAPER_SURFACE = "kolsky/studies/paper_method.py"
+INTERVAL = "kolsky/studies/paper_method.py"
 SWEEPS = ("tests/unit/report/test_sweep_report.py",)
 
 FAULTS = (

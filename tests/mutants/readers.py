@@ -17,7 +17,7 @@ INSTRUMENT = ("tests/unit/report/test_instrument.py",)
 FAULTS = (
     Fault(
         name="residual of the slider with the other sign",
-        file="kolsky/report/pages/instrument.py",
+        file="kolsky/report/pages/identification.py",
         right="UM * (c.Z_model[rows] - line.Z[rows])",
         wrong="UM * (line.Z[rows] - c.Z_model[rows])",
         tests=INSTRUMENT,
@@ -31,28 +31,28 @@ FAULTS = (
     ),
     Fault(
         name="the first row of a found table lost",
-        file="kolsky/readers/found_layout.py",
+        file="kolsky/readers/table.py",
         right="first_line=first + 1,",
         wrong="first_line=first + 2,",
         tests=FOUND,
     ),
     Fault(
         name="units below the header taken for it",
-        file="kolsky/readers/found_layout.py",
+        file="kolsky/readers/table.py",
         right="header, units = header - 1, header",
         wrong="header, units = header, header",
         tests=FOUND,
     ),
     Fault(
         name="plain text read as something else",
-        file="kolsky/readers/found_layout.py",
+        file="kolsky/readers/table.py",
         right='if utf8 and dialect.delimiter == "," and header == 1 and units is None:',
         wrong="if False:",
         tests=REFUSED,
     ),
     Fault(
         name="offsets of cells one cell late",
-        file="kolsky/report/vtk_files.py",
+        file="kolsky/report/paraview.py",
         right="np.arange(1, len(table) + 1, dtype=np.int64)",
         wrong="np.arange(0, len(table), dtype=np.int64)",
         tests=VTK,
@@ -66,7 +66,7 @@ FAULTS = (
     ),
     Fault(
         name="the specimen's other half left out of the cut",
-        file="kolsky/report/scene/geometry.py",
+        file="kolsky/report/scene/scene_data.py",
         right="np.column_stack([zero, nodes[:, 1], -nodes[:, 0]])",
         wrong="np.column_stack([zero, nodes[:, 1], 0.0 * nodes[:, 0]])",
         tests=SCENE,

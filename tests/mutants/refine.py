@@ -43,14 +43,14 @@ FAULTS = (
     ),
     Fault(
         name="refinement: taken where it does not help",
-        file="kolsky/shot/refined_rig.py",
+        file="kolsky/pictures/rig.py",
         right="used = section.refine is True or found.helps",
         wrong="used = section.refine is not False",
         tests=("tests/unit/shot/test_refined_rig.py",),
     ),
     Fault(
         name="calibration: a first picture of an odd size is let through",
-        file="kolsky/shot/calibration_pictures.py",
+        file="kolsky/pictures/calibration.py",
         right="if other > same:",
         wrong="if other < same:",
         tests=("tests/unit/dic/test_dic_unusable_pictures.py",),

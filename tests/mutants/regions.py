@@ -3,8 +3,8 @@
 from tests.mutants.fault import Fault
 
 TESTS = ("tests/unit/shot/test_regions_by_hand.py",)
-SHAPES = "kolsky/shot/regions/shapes.py"
-SERVER = "kolsky/shot/regions/server.py"
+SHAPES = "kolsky/pictures/regions.py"
+SERVER = "kolsky/pictures/region_server.py"
 
 FAULTS = (
     Fault(
@@ -30,7 +30,7 @@ FAULTS = (
     ),
     Fault(
         name="regions: an edited text is not compared with what it should say",
-        file="kolsky/shot/regions/toml_edit.py",
+        file="kolsky/base/toml.py",
         right="same = tomllib.loads(text) == wanted",
         wrong="same = tomllib.loads(text) is not None",
         tests=("tests/unit/shot/test_regions_by_hand.py::test_an_edit_that_says_something_else_is_refused",),
@@ -44,7 +44,7 @@ FAULTS = (
     ),
     Fault(
         name="regions: a file that changed meanwhile is overwritten",
-        file="kolsky/shot/regions/session.py",
+        file="kolsky/pictures/regions.py",
         right="if self._read() != self._text:",
         wrong="if self._read() is None:",
         tests=TESTS,

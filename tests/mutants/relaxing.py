@@ -2,8 +2,8 @@
 
 from tests.mutants.fault import Fault
 
-_BRANCH = "kolsky/diagnosis/branch_test.py"
-_RELAXING = "kolsky/inverse/relaxing.py"
+_BRANCH = "kolsky/diagnosis/relaxation.py"
+_RELAXING = "kolsky/inverse/parameters.py"
 
 
 def _fault(name: str, file: str, right: str, wrong: str, test: str) -> Fault:
@@ -76,28 +76,28 @@ FAULTS = (
     ),
     _fault(
         "a branch that explains a tenth of what is left advised",
-        "kolsky/diagnosis/branch_search.py",
+        "kolsky/diagnosis/relaxation.py",
         "HALF = 0.5",
         "HALF = 0.1",
         "diagnosis/test_rate_advice.py",
     ),
     _fault(
         "a search for a branch that leaves the ringing's pace",
-        "kolsky/diagnosis/branch_search.py",
+        "kolsky/diagnosis/relaxation.py",
         "stiffer = root if MOVED in box.names else root**2",
         "stiffer = root**2",
         "diagnosis/test_rate_advice.py",
     ),
     _fault(
         "what is left counted by its size and not its square",
-        "kolsky/diagnosis/branch_search.py",
+        "kolsky/diagnosis/relaxation.py",
         "((size / o.noise) ** 2).sum()",
         "(size / o.noise).sum()",
         "diagnosis/test_rate_advice.py",
     ),
     _fault(
         "a branch at a bound of its range advised",
-        "kolsky/diagnosis/branch_search.py",
+        "kolsky/diagnosis/relaxation.py",
         "return self.inside and self.aic < 0.0 and self.share >= HALF",
         "return self.aic < 0.0 and self.share >= HALF",
         "diagnosis/test_rate_advice.py",

@@ -5,8 +5,8 @@ from tests.mutants.fault import Fault
 NUMBERS = ("tests/unit/report/test_numbers.py",)
 TABLES = ("tests/unit/report/test_interval_tables.py",)
 
-ROUNDING = "kolsky/report/numbers.py"
-IDENTIFICATION = "kolsky/report/pages/identification_tables.py"
+ROUNDING = "kolsky/results/numbers.py"
+IDENTIFICATION = "kolsky/report/pages/identification.py"
 UNCERTAINTY = "kolsky/report/pages/uncertainty.py"
 SPEED = ("tests/unit/report/test_page_speed.py",)
 BESIDE = ("tests/unit/report/test_page_process.py",)
@@ -128,7 +128,7 @@ FAULTS = (
     ),
     Fault(
         "the scatter of shots has n degrees of freedom",
-        "kolsky/report/pages/rate_tables.py",
+        "kolsky/report/pages/rates.py",
         "2.0 * float(np.std(column, ddof=1))",
         "2.0 * float(np.std(column, ddof=0))",
         TABLES,
@@ -149,7 +149,7 @@ FAULTS = (
     ),
     Fault(
         "the line of the terminal has u for U",
-        "kolsky/report/printed.py",
+        "kolsky/results/printed.py",
         "numbers.measured(e.value, 2.0 * e.sigma)",
         "numbers.measured(e.value, e.sigma)",
         TABLES,

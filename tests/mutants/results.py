@@ -15,7 +15,7 @@ REDUCTION = ("tests/unit/bars/test_reduction_files.py",)
 STUDIES = ("tests/unit/studies/test_output_files.py",)
 
 HDF5 = "kolsky/base/hdf5.py"
-ITEMS = "kolsky/base/hdf5_items.py"
+ITEMS = "kolsky/base/hdf5_records.py"
 RECORDS = "kolsky/base/hdf5_records.py"
 WAVES = "kolsky/bars/reduction/output.py"
 
@@ -80,7 +80,7 @@ FAULTS = (
     ),
     Fault(
         "sigma in place of the interval",
-        "kolsky/results/summary.py",
+        "kolsky/results/tables.py",
         '"interval": e.interval,',
         '"interval": (e.value - e.sigma, e.value + e.sigma),',
         JSON,
@@ -103,14 +103,14 @@ FAULTS = (
     ),
     Fault(
         "U(m) is u(m)",
-        "kolsky/studies/rates/tables.py",
+        "kolsky/studies/rates/output.py",
         '"U(m) k=2 (1)": 2.0 * shot.sigma',
         '"U(m) k=2 (1)": shot.sigma',
         STUDIES,
     ),
     Fault(
         "U of the scatter is s",
-        "kolsky/studies/rates/tables.py",
+        "kolsky/studies/rates/output.py",
         "lambda p: 2.0 * p.scatter",
         "lambda p: p.scatter",
         STUDIES,

@@ -10,28 +10,28 @@ LAYOUTS = ("tests/unit/shot/test_layouts.py",)
 FAULTS = (
     Fault(
         name="a flat top of seven samples",
-        file="kolsky/readers/judge.py",
+        file="kolsky/readers/recordings.py",
         right="SHORTEST_FLAT_TOP = 8",
         wrong="SHORTEST_FLAT_TOP = 7",
         tests=JUDGE,
     ),
     Fault(
         name="a flat top twice as long as runs elsewhere",
-        file="kolsky/readers/judge.py",
+        file="kolsky/readers/recordings.py",
         right="LONGER_THAN_OTHERS = 4",
         wrong="LONGER_THAN_OTHERS = 2",
         tests=JUDGE,
     ),
     Fault(
         name="a quiet beginning within half of the range",
-        file="kolsky/readers/judge.py",
+        file="kolsky/readers/recordings.py",
         right="0.2 * (high - low)",
         wrong="0.5 * (high - low)",
         tests=JUDGE,
     ),
     Fault(
         name="micro is milli",
-        file="kolsky/readers/signalunits.py",
+        file="kolsky/readers/header.py",
         right='"µ": 1e-6',
         wrong='"µ": 1e-3',
         tests=JUDGE,
@@ -73,7 +73,7 @@ FAULTS = (
     ),
     Fault(
         name="a line of a table one too high",
-        file="kolsky/readers/shot_tables.py",
+        file="kolsky/readers/measured_tables.py",
         right="return self.first_line + row",
         wrong="return self.first_line + row - 1",
         tests=LAYOUTS,

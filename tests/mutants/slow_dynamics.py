@@ -3,11 +3,11 @@
 from tests.mutants.fault import Fault
 
 TEMPERATURE = "kolsky/material/relaxation/temperature.py"
-HOLDS = "kolsky/material/curves/holds.py"
-AXIS = "kolsky/joint/slow_dynamics.py"
-SCALES = "kolsky/material/relaxation/time_scales.py"
-POINTS = "kolsky/material/compression/contact_points.py"
-HEALING = "kolsky/material/fits/healing.py"
+HOLDS = "kolsky/material/uniaxial.py"
+AXIS = "kolsky/studies/rate_dependence.py"
+SCALES = "kolsky/material/relaxation/rate_fit.py"
+POINTS = "kolsky/material/end_friction/compression.py"
+HEALING = "kolsky/material/fits/properties.py"
 
 SWEPT = "tests/unit/material/test_temperature.py"
 HELD = "tests/unit/material/test_holds.py"

@@ -7,35 +7,35 @@ TESTS = ("tests/unit/inverse/test_transducer_place.py",)
 FAULTS = (
     Fault(
         name="the transducer's delay is that of the whole round trip",
-        file="kolsky/inverse/transducer_place.py",
+        file="kolsky/inverse/forward.py",
         right="delay = shot.transducer_depth / bar.wave_speed",
         wrong="delay = 2.0 * shot.transducer_depth / bar.wave_speed",
         tests=TESTS,
     ),
     Fault(
         name="the impulse stays at the face where the force is at the transducer",
-        file="kolsky/inverse/transducer_place.py",
+        file="kolsky/inverse/forward.py",
         right="impulse_transmission=seen(response.impulse_transmission),",
         wrong="impulse_transmission=response.impulse_transmission,",
         tests=TESTS,
     ),
     Fault(
         name="the pulses' impulse lost in the first half step",
-        file="explicit/bars/pulse.py",
+        file="explicit/bars/elastic.py",
         right="force[:, 1] += force[:, 0]",
         wrong="force[:, 1] += 0.0 * force[:, 0]",
         tests=("tests/unit/explicit/test_pulse.py",),
     ),
     Fault(
         name="a pulse that comes a step late",
-        file="explicit/bars/pulse.py",
+        file="explicit/bars/elastic.py",
         right="axes=1)[:, 1 : n + 1])",
         wrong="axes=1)[:, :n])",
         tests=("tests/unit/explicit/test_pulse.py",),
     ),
     Fault(
         name="the mass before the transducer counted to the far end",
-        file="kolsky/inverse/surroundings.py",
+        file="kolsky/inverse/forward.py",
         right="min(part.length, max(rest, 0.0))",
         wrong="part.length",
         tests=(
@@ -44,7 +44,7 @@ FAULTS = (
     ),
     Fault(
         name="the inertia before the transducer with the wrong sign",
-        file="kolsky/inverse/surroundings.py",
+        file="kolsky/inverse/forward.py",
         right="force_flyer=force + mass * push",
         wrong="force_flyer=force - mass * push",
         tests=(
@@ -53,7 +53,7 @@ FAULTS = (
     ),
     Fault(
         name="a flyer's face that runs ahead of the place that is seen",
-        file="kolsky/inverse/surroundings.py",
+        file="kolsky/inverse/forward.py",
         right="position=measured[m].position - row",
         wrong="position=measured[m].position + row",
         tests=("tests/unit/inverse/test_surroundings.py::test_the_face_of_an_elastic_flyer_gives_way",),

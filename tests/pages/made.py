@@ -45,9 +45,8 @@ def by_commands(folder: Path) -> None:
 
 def _budget() -> str:
     from kolsky.report.pages.budget import write_page
-    from kolsky.studies.budget.campaign import plan_campaign
     from kolsky.studies.budget.factors import Factor
-    from kolsky.studies.budget.records import Budget, Source
+    from kolsky.studies.budget.records import Budget, Source, plan_campaign
 
     sources = (
         Source(Factor("noise", 1.0), np.nan, 0.002, np.nan, ()),

@@ -31,11 +31,14 @@ from real_bars import (  # noqa: E402
     preston_tonks_wallace,
 )
 
-from kolsky.bars.guides.combine import stiffness  # noqa: E402
-from kolsky.bars.reduction.equilibrium import ALLOWANCE  # noqa: E402
-from kolsky.bars.reduction.stress_strain import cauchy_stress, hencky_strain  # noqa: E402
+from kolsky.bars.reduction.stress_strain import (  # noqa: E402
+    cauchy_stress,
+    hencky_strain,
+    stiffness,
+)
+from kolsky.bars.reduction.validity import ALLOWANCE  # noqa: E402
 from kolsky.bars.reduction.windows import travel_time  # noqa: E402
-from kolsky.bars.signals.signal_zero import quantisation_step  # noqa: E402
+from kolsky.bars.signals.baseline import quantisation_step  # noqa: E402
 
 MADE = TESTS.parent / "benchmarks" / "results" / "bar_signals.json"
 """Counts that `python -m benchmarks.bar_signals` writes."""

@@ -10,13 +10,12 @@ from kolsky.base.apparatus import Specimen
 from kolsky.base.records import MaterialCurve
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics, material_law
+from kolsky.inverse.problem import Settings
 from kolsky.inverse.result import Estimate
-from kolsky.inverse.settings import Settings
-from kolsky.material.curves.band import CurveBand
-from kolsky.material.curves.uniaxial import UniaxialTest
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction
-from kolsky.material.end_friction.slow_test import SlowNumerics, slow_tests
 from kolsky.material.reference_curve import ReferenceCurve, Treatment, reference_curve
+from kolsky.material.slow_compression import SlowNumerics, slow_tests
+from kolsky.material.uniaxial import CurveBand, UniaxialTest
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
 

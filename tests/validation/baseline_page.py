@@ -79,7 +79,7 @@ with f = 0.3 left its band further. A law is moved only in directions that the t
 
 The contact of the side in the simulation decides likewise: touching node by node its force was up to 1.9 %
 off DOLFINx's where the side lands; at Gauss points, as now, it is within 0.5 %
-(`kolsky.material.compression.contact_points`).
+(`kolsky.material.end_friction.compression`).
 
 ## Why GetFEM's forces are not in the table
 

@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dic.arrays import FloatArray
-from dic.calibration.refine import moved, refine
+from dic.basics import FloatArray
+from dic.calibration.refine import refine, turn_rig
 from dic.camera import Camera, StereoRig
-from dic.stereo.triangulation import triangulate
+from dic.stereo.geometry import triangulate
 
 RIGS, POINTS = 20, 150
 POSE = {"none": 0.0, "0.05 mrad": 5e-5, "0.2 mrad": 2e-4, "1 mrad": 1e-3}
@@ -76,7 +76,7 @@ def one(rng: np.random.Generator, pose: float, lens: float) -> tuple[bool, float
     true, X = rig(rng), specimen(rng)
     noise = rng.uniform(0.01, 0.05)
     pixels = [camera.project(X) + noise * rng.standard_normal((POINTS, 2)) for camera in true.cameras]
-    wrong = moved(true, pose * rng.standard_normal(5))
+    wrong = turn_rig(true, pose * rng.standard_normal(5))
     first, second = (wrong_lens(camera, rng, lens) for camera in wrong.cameras)
     given = StereoRig((first, second))
     found = refine(given, *pixels, np.full(POINTS, noise * np.sqrt(2.0)))

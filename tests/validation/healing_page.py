@@ -6,9 +6,8 @@ import numpy as np
 
 from explicit.materials import LAWS
 from explicit.materials.volumetric import VolumetricLaw
-from kolsky.material.fits.homogeneous import compressible_stress, free_stretch
-from kolsky.material.fits.modes import Mode
-from kolsky.material.fits.stability import Stability, drucker
+from kolsky.material.fits.compare import Stability, drucker
+from kolsky.material.fits.homogeneous import Mode, compressible_stress, free_stretch
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLE_3 = {

@@ -32,9 +32,8 @@ from softlaws import (  # noqa: E402
     sse,
 )
 
-from kolsky.material.fits.compare import Comparison, candidates, compare_laws  # noqa: E402
+from kolsky.material.fits.compare import Comparison, Stability, candidates, compare_laws, drucker  # noqa: E402
 from kolsky.material.fits.fit import Fit, FitOutcome, fit_law  # noqa: E402
-from kolsky.material.fits.stability import Stability, drucker  # noqa: E402
 from kolsky.material.fits.tables import failure  # noqa: E402
 from kolsky.report.canvas import build  # noqa: E402
 from kolsky.report.figures import MATERIALS  # noqa: E402
@@ -82,7 +81,7 @@ not the least squares of these data, in absolute or in relative stress.
 
 All three modes at once, unweighted: root mean square residual in kPa, and of residual over measured
 stress in brackets; laws in the order of their AIC. "Drucker" is the first mode, by logarithmic strain, in
-which the law is not stable ({{py:mod}}`kolsky.material.fits.stability`).
+which the law is not stable ({{py:mod}}`kolsky.material.fits.compare`).
 
 {rubbers}
 
@@ -123,7 +122,7 @@ Found when their tables were recomputed; the tests hold the arithmetic.
   have lost {lost:.0f} % of its volume. With the paper's own constants the sides would then carry
   {across:.2f} MPa (true stress, tension-positive) where they are free, and the axial true stress is
   {along:.2f} MPa instead of {right:.2f} MPa. {{py:func}}`kolsky.material.fits.homogeneous.free_stretch`
-  finds the stretch that leaves the sides free, and {{py:func}}`kolsky.material.fits.modes.side_stretch`
+  finds the stretch that leaves the sides free, and {{py:func}}`kolsky.material.fits.homogeneous.side_stretch`
   has the constant logarithmic ratio λ^−ν.
 - The second invariant is printed with a plus sign, ½ [(tr B)² + tr B²]; it is a minus.
 """

@@ -13,13 +13,11 @@ import numpy as np
 
 from kolsky.bars.guides.waveguide import ElasticWaveguide
 from kolsky.bars.records import BarSignal, Correction, FaceWaves, Reduction, Signal
-from kolsky.bars.reduction.equilibrium import Equilibrium, report_equilibrium
 from kolsky.bars.reduction.faces import face_waves
-from kolsky.bars.reduction.pulse_checks import PulseCheck, check_windows
-from kolsky.bars.reduction.punching import correct_punching
-from kolsky.bars.reduction.stress_strain import cauchy_stress, hencky_strain, reduce
+from kolsky.bars.reduction.stress_strain import cauchy_stress, correct_punching, hencky_strain, reduce
 from kolsky.bars.reduction.summary import Summary, mean_over, summarise
-from kolsky.bars.reduction.windows import find_windows, incident_arrival
+from kolsky.bars.reduction.validity import Equilibrium, report_equilibrium
+from kolsky.bars.reduction.windows import PulseCheck, check_windows, find_windows, incident_arrival
 from kolsky.bars.signals.arrival import Arrival, find_arrival
 from kolsky.bars.signals.bridge import Linear
 from kolsky.bars.signals.stations import bar_signal

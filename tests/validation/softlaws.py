@@ -11,10 +11,9 @@ from explicit.materials import LAWS, AnyLaw
 from explicit.materials.volumetric import VolumetricLaw
 from kolsky.material.fits.compare import Candidate, candidates
 from kolsky.material.fits.fit import Fit, fit_law
-from kolsky.material.fits.homogeneous import compressible_stress, free_stretch, incompressible_stress
+from kolsky.material.fits.homogeneous import Mode, compressible_stress, free_stretch, incompressible_stress
 from kolsky.material.fits.homogeneous_test import HomogeneousTest, mean_test
-from kolsky.material.fits.modes import Mode
-from kolsky.readers.columns import read_homogeneous
+from kolsky.readers.measured_tables import read_homogeneous
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "quasistatic"
 PHANTOMS = ("EF10_0T", "EF10_25T", "EF30_0T", "EF50_0T")

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.bars.flyer.fit import fit_flyer
-from kolsky.bars.flyer.path import FlyerPath
+from kolsky.bars.flyer.path import FlyerPath, fit_flyer
 from kolsky.bars.records import History, Quantity, Signal
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray

@@ -7,7 +7,7 @@ side of the interface.
 import numpy as np
 import pytest
 
-from kolsky.bars.guides.bars_together import wave_speed
+from kolsky.bars.guides.propagation import wave_speed
 from kolsky.bars.records import BarSignal, Signal
 from kolsky.base.apparatus import Bar
 

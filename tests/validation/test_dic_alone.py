@@ -7,7 +7,7 @@ import pytest
 from dic_radii import RADIUS, cylinder
 
 from dic.correlation import Shape
-from kolsky.shot.measurement import measure_file, read_measurement
+from kolsky.pictures.measurement import measure_file, read_measurement
 
 SHARED = Path(__file__).parents[3] / "shared" / "data" / "dic"
 pytestmark = pytest.mark.slow

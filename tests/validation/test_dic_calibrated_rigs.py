@@ -13,9 +13,8 @@ from scipy.stats import chi2
 
 from dic import Camera, StereoRig
 from dic.calibration import Calibration, PairOutcome, calibrate, detect
-from dic.calibration.checks import triangulated
-from dic.calibration.projection import View
-from dic.calibration.rig_state import Rig
+from dic.calibration.bundle import Rig, View
+from dic.calibration.solve import triangulate_target
 from dic.calibration.targets import Chessboard, DottedCylinder, FiducialDots
 from dic.camera_files import read_rig
 
@@ -251,7 +250,7 @@ def test_multidics_cylinder_and_boards(shared):
               g.bend[v.ids[v.used]], v.pixels[v.used], v.sigma[v.used])
         for c, v in enumerate(pair.views)
     ]  # fmt: skip
-    X, true = triangulated(Rig(found.rig.cameras, {0: (pair.rotation, pair.translation)}), sights)
+    X, true = triangulate_target(Rig(found.rig.cameras, {0: (pair.rotation, pair.translation)}), sights)
     body = (X - pair.translation) @ pair.rotation
     radius = np.hypot(body[:, 0], body[:, 1])
     assert len(radius) >= 78  # as many as the reference's

@@ -23,7 +23,7 @@ from dic.chain.follow_bodies import (
     rim_in,
     translations_of,
 )
-from dic.chain.inspect_images import inspect_images
+from dic.chain.inputs import inspect_images
 from dic.chain.test_frame import fit_test_frame
 from dic.correlation import Correlation, Shape
 from dic.images import PictureError

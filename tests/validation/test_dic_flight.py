@@ -13,16 +13,16 @@ import pytest
 
 import dic.surfaces as surfaces
 from dic import Camera, FrameOutcome, StereoRig
+from dic.bodies.axial_displacement import axial_displacement
 from dic.bodies.follow import follow_body
 from dic.bodies.region import Region
+from dic.chain.follow_bodies import flyer_poses
 from dic.correlation import Correlation, Shape
 from dic.images import frame_health, grey_noise, open_pictures
-from dic.rigid_body.axial_displacement import axial_displacement
-from dic.rigid_body.poses import flyer_poses
 from dic.tracking import Tracking
-from kolsky.bars.flyer.fit import fit_flyer
-from kolsky.bars.flyer.flight_report import FlightOfSpecimen
-from kolsky.bars.flyer.flight_report import flight_of as report
+from kolsky.bars.flyer.flight import FlightOfSpecimen
+from kolsky.bars.flyer.flight import flight_of as report
+from kolsky.bars.flyer.path import fit_flyer
 from kolsky.base.records import FlyerMotion
 
 CROP, STATIC, LENGTH, RADIUS = (192, 192), 12, 6.5e-3, 4.75e-3

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from dic.camera import Camera
 from dic.correlation import Correlation, Shape
-from dic.correlation.warp import apply
+from dic.correlation.subsets import apply
 from dic.images import open_pictures
 from dic.outcome import PointOutcome
 from dic.tracking import Tracking, track

@@ -15,7 +15,7 @@ from dic.calibration import calibrate, detect
 from dic.calibration.targets import FiducialDots
 from dic.camera_files import read_rig
 from dic.correlation import Correlation, Shape
-from dic.correlation.warp import apply
+from dic.correlation.subsets import apply
 from dic.stereo import match_stereo, triangulate
 from dic.tracking import Tracking, track
 

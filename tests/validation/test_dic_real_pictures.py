@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from dic import FrameOutcome, PointOutcome
-from dic.correlation import Correlation, Noise, PictureStack, correlate, warp
+from dic.correlation import Correlation, Noise, PictureStack, correlate, subsets
 from dic.images import PictureError, frame_health, grey_noise, open_pictures, speckle_quality
 
 N_FRAMES, STATIC = 186, 12
@@ -121,7 +121,7 @@ def test_the_predicted_floor_is_nearly_that_of_the_match(shot):
             stack,
             stack,
             points,
-            warp.identity(len(points)),
+            subsets.identity(len(points)),
             Correlation(subset=21),
             reference_picture=before,
             deformed_picture=after,

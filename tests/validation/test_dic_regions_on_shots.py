@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dic.bodies.found_regions import find_regions
+from dic.bodies.region import find_regions
 from dic.images import open_pictures
 
 TRUE = {"open-01": (5.04, 122.18, 69.39), "open-02": (1.93, 118.84, 58.33)}

@@ -12,7 +12,7 @@ from dic import Camera, StereoRig
 from dic.calibration import calibrate, detect
 from dic.calibration.targets import FiducialDots
 from dic.correlation import Correlation, Shape
-from dic.correlation.warp import apply
+from dic.correlation.subsets import apply
 from dic.stereo import calibration_sigma, calibration_slopes, match_stereo, reconstruct, triangulate
 from dic.stereo.diagnose import Fault, diagnose
 from dic.stereo.reconstruction import Reconstruction

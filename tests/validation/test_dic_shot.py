@@ -13,8 +13,8 @@ import tifffile
 from typer.testing import CliRunner
 
 from kolsky.cli import app
+from kolsky.pictures.dic_file import read_stereo_result
 from kolsky.shot.load import load_shot
-from kolsky.shot.surfaces_file import read_stereo_result
 
 ROOT = Path(__file__).parents[2]
 FRAMES = 64

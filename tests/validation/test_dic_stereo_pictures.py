@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from dic.camera import Camera, StereoRig
 from dic.camera_files import read_rig
 from dic.correlation import Correlation, Noise, Shape
-from dic.correlation.warp import apply
+from dic.correlation.subsets import apply
 from dic.outcome import PointOutcome
 from dic.stereo import StereoGates, StereoMatch, StereoSearch, match_stereo, triangulate
-from dic.stereo.rays import directions
+from dic.stereo.geometry import directions
 from dic.surfaces import Cylinder, StrainGauge, fit_cylinder, strains
 from dic.surfaces.surface_history import SurfaceHistory
 from dic.tracking import Tracking, track

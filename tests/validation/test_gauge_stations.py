@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from kolsky.bars.signals.baseline import measure_signal_zero
 from kolsky.bars.signals.bridge import Bridge, Linear
-from kolsky.bars.signals.signal_zero import measure_signal_zero
 from kolsky.bars.signals.stations import bar_signal
 from kolsky.base.apparatus import Bar
 from kolsky.readers.contents import Layout

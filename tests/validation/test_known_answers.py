@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from kolsky.identification import identify
+from kolsky.inverse.problem import Settings
 from kolsky.inverse.result import Identification
-from kolsky.inverse.settings import Settings
 from kolsky.results.hdf5 import read_identification, write_identification
-from kolsky.results.summary import to_json
+from kolsky.results.tables import to_json
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from benchmarks.answers import late_flyer
-from kolsky.diagnosis.verdicts import leading_lag
+from kolsky.diagnosis.fit_quality import leading_lag
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
+from kolsky.inverse.problem import Settings
 from kolsky.inverse.result import Verdict
-from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
 
 OPEN = Path(__file__).resolve().parents[2] / "runs" / "open-01"

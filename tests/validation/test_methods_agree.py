@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from kolsky.identification import identify
-from kolsky.inverse.method_comparison import AGREEMENT, LEAST_SQUARES, PROFILE, SIMPLEX
-from kolsky.inverse.result import Identification
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings
+from kolsky.inverse.result import AGREEMENT, LEAST_SQUARES, PROFILE, SIMPLEX, Identification
 from kolsky.shot.load import load_shot
 
 OPEN_01 = Path(__file__).resolve().parents[2] / "runs" / "open-01"

@@ -7,7 +7,7 @@ import pytest
 
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel, Shot
 

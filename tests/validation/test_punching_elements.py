@@ -5,7 +5,7 @@ import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import spsolve
 
-from kolsky.bars.reduction.punching import punching_compliance
+from kolsky.bars.reduction.stress_strain import punching_compliance
 from kolsky.base.apparatus import Bar
 
 GAUSS = 1.0 / np.sqrt(3.0)

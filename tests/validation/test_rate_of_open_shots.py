@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.prepared_shot import prepare_shot
-from kolsky.material.relaxation.prony_fit import required_branches
+from kolsky.inverse.problem import prepare_shot
+from kolsky.material.relaxation.rate_fit import required_branches
 from kolsky.shot.load import load_shot
 from kolsky.studies.shot_evidence import ShotEvidence
 

@@ -16,11 +16,11 @@ from typer.testing import CliRunner
 from kolsky.cli.commandline import app
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.settings import Settings
-from kolsky.studies.rates.collect import collected_shot
+from kolsky.inverse.problem import Settings
 from kolsky.studies.rates.comparison import compare
+from kolsky.studies.rates.rate import collected_shot
 from kolsky.studies.rates.records import GroupRates, RatedShot
-from kolsky.studies.rates.regression import SlopeVerdict
+from kolsky.studies.rates.scatter import SlopeVerdict
 
 SCRIPT = Path(__file__).resolve().parents[2] / "runs" / "rate_shots.py"
 COARSE = Settings(

@@ -10,8 +10,8 @@ import pytest
 from benchmarks.coverage_problem import SLIDING, drawn, experiment, simulate
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
+from kolsky.inverse.problem import Settings
 from kolsky.inverse.result import Verdict
-from kolsky.inverse.settings import Settings
 from kolsky.shot.load import load_shot
 
 OPEN = Path(__file__).resolve().parents[2] / "runs" / "open-01"

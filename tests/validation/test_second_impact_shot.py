@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import kolsky
 from kolsky.base.records import FlyerMotion
 from kolsky.cli import app
-from kolsky.shot import flyer_path
+from kolsky.shot import records
 
 SPEED, RAMP, ARREST, BLOW, END = 2.6, 60e-6, 600e-6, 860e-6, 1250e-6
 """Speed [m/s] and rise [s] of the ramp; times of arrest, second impact and end from the start [s]."""
@@ -85,7 +85,7 @@ def test_the_estimate_is_right_through_arrest_and_second_impact(tmp_path: Path) 
     # The window goes on past the second impact, which the path follows.
     struck = shot.window[0] + BLOW
     assert shot.window[1] > struck + 50.0 * FRAME
-    seen = flyer_path.blow(shot.flyer, shot.window[0])
+    seen = records.second_impact_time(shot.flyer, shot.window[0])
     assert seen is not None
     assert abs(seen - struck) < 3.0 * FRAME
     truth = np.load(folder / "truth_surface.npz")

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kolsky.specimen.field_reading import read_field
-from kolsky.specimen.reading import read_specification
+from kolsky.bodies.sheet_reading import read_field
+from kolsky.bodies.specimen_reading import read_specification
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT.parent / "shared" / "data" / "quasistatic" / "skin_healthy"

@@ -25,12 +25,10 @@ from softlaws import (
 from explicit.materials import LAWS
 from explicit.materials.laws.neo_hookean import NeoHookean
 from explicit.materials.laws.ogden import Ogden1
-from kolsky.material.fits.compare import candidates
+from kolsky.material.fits.compare import Stability, candidates, drucker
 from kolsky.material.fits.fit import FitOutcome, fit_law
-from kolsky.material.fits.homogeneous import incompressible_stress
+from kolsky.material.fits.homogeneous import Mode, incompressible_stress
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
-from kolsky.material.fits.modes import Mode
-from kolsky.material.fits.stability import Stability, drucker
 
 DIGITS = 5e-5
 """Half a unit of the fourth digit. The curves differ by less: the authors' last strain is not printed."""

@@ -10,8 +10,13 @@ from kolsky.bars.flyer.events import flyer_events
 from kolsky.bars.flyer.path import path_strain
 from kolsky.bars.flyer.synchronisation import Agreement, synchronise
 from kolsky.bars.records import History
-from kolsky.bars.reduction.inertia import axial_stress, correct_radial_inertia, radial_pressure
-from kolsky.bars.reduction.mass import compensate_mass, path_acceleration
+from kolsky.bars.reduction.inertia import (
+    axial_stress,
+    compensate_mass,
+    correct_radial_inertia,
+    path_acceleration,
+    radial_pressure,
+)
 from kolsky.bars.reduction.validity import Reason, validity
 from kolsky.base.records import FlyerMotion
 

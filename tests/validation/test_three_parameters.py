@@ -16,8 +16,7 @@ from scipy.stats import chi2
 from benchmarks.converged_shots import converged
 from benchmarks.open_courses import SHOTS
 from kolsky.identification import identify
-from kolsky.inverse.method_comparison import AGREEMENT
-from kolsky.inverse.result import Identification
+from kolsky.inverse.result import AGREEMENT, Identification
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
 

@@ -7,11 +7,16 @@ import numpy as np
 import pytest
 
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings
 from kolsky.shot.load import load_shot
 from kolsky.studies.budget.factors import factors_of
-from kolsky.studies.budget.realisation import Realisations
-from kolsky.studies.budget.refit import RealisationOutcome, refit, same_valley, whole_search
+from kolsky.studies.budget.realisation import (
+    RealisationOutcome,
+    Realisations,
+    refit,
+    same_valley,
+    whole_search,
+)
 from kolsky.virtual.make import make
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.specification import read_specification

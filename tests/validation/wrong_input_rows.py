@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from kolsky.base.records import FlyerMotion
-from kolsky.diagnosis.candidate_input import (
+from kolsky.diagnosis.cause_inputs import (
     DAMPING,
     DENSITY,
     FLYER_CLOCK,
@@ -35,7 +35,7 @@ class Row:
     name: str
     """What is wrong."""
     key: str
-    """The cause that is right, a key of `kolsky.diagnosis.candidate_input`; empty if none can be named."""
+    """The cause that is right, a key of `kolsky.diagnosis.cause_inputs`; empty if none can be named."""
     wrong: Wrong
     """The shot with it."""
     free: bool = False

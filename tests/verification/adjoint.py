@@ -112,7 +112,7 @@ f = {POINT["friction"]:g}; 2.6 m/s after a rise of 50 µs to {1e3 * END:g} ms (5
 Z = {BAR.impedance:g} N s/m and a round trip of {1e3 * BAR.round_trip:g} ms behind one of them. The number is
 half the sum of squares of all forces, impulses, radii and heights, each history over its largest value. A
 direction of the table changes all quotients and slopes at random. Derivatives are by the relative change of a
-parameter ({{py:func}}`explicit.stencils.scale_of`).
+parameter ({{py:func}}`explicit.model.scale_of`).
 
 The forward run in phases, largest distance from `explicit.run` over the largest value:
 

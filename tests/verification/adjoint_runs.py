@@ -12,11 +12,11 @@ from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise
 import explicit
 from explicit import RIGID, CharacteristicBar, Model, Samples, Sampling, cylinder
 from explicit.adjoint import Gradient, Objective, by_curve_stress, by_table, forward_run, gradient
-from explicit.histories import Histories
+from explicit.adjoint.perturbed_runs import Histories
 from explicit.materials import MarlowLaw, marlow_from_curve
-from explicit.stencils import scale_of
+from explicit.model import scale_of
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.prepared_shot import prepare_shot
+from kolsky.inverse.problem import prepare_shot
 from kolsky.shot.load import load_shot
 
 FloatArray = NDArray[np.float64]

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scene import DENSITY, LENGTH, RADIUS, rms, shear_modulus, smooth_stroke, speed_after_rise
 
 from explicit import Model, PlatenMotion, Response, Samples, Sampling, Stepping, cylinder, run
-from explicit.geometry import element_geometry
 from explicit.materials import neo_hookean
+from explicit.mesh import element_geometry
 
 FloatArray = NDArray[np.float64]
 

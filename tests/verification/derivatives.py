@@ -92,7 +92,8 @@ def page(result: Result) -> str:
     friction = result.rolling["coulomb"].study
     return f"""# {TITLE}
 
-**What is checked.** `explicit.derivatives.jacobian` takes central differences at a ladder of steps in one
+**What is checked.** `explicit.adjoint.perturbed_runs.jacobian` takes central differences at a ladder of steps
+in one
 batch and chooses the step at the bottom of the V: the change of a derivative from one step to the next must
 fall with the square of the step (truncation), and rise with its inverse where round-off takes over. Where
 the response is smooth the bottom must be deep; where it is not, the study must say so.

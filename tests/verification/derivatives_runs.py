@@ -21,8 +21,7 @@ from scene import (
 
 from explicit import Model, Samples, Sampling, Stepping, cylinder
 from explicit.adjoint import gradient
-from explicit.derivatives import Jacobian, jacobian
-from explicit.histories import Histories
+from explicit.adjoint.perturbed_runs import Histories, Jacobian, jacobian
 from explicit.materials import neo_hookean
 
 FloatArray = NDArray[np.float64]

@@ -8,13 +8,11 @@ from numpy.typing import NDArray
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, grid, pictures, rig, truth
 
 from dic.correlation import Correlation, PictureStack, Shape
-from dic.correlation.settings import Match
-from dic.correlation.warp import apply
+from dic.correlation.subsets import Match, apply
 from dic.outcome import PointOutcome
 from dic.stereo import Gate, StereoGates, StereoSearch, match_stereo, triangulate
-from dic.stereo.gates import failed_gates, measure_gates
-from dic.stereo.guided import guided_match
-from dic.stereo.pair import Pair
+from dic.stereo.epipolar_search import Pair
+from dic.stereo.match import failed_gates, guided_match, measure_gates
 
 FloatArray = NDArray[np.float64]
 

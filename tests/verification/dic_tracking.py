@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from dic.correlation import Correlation
-from dic.correlation.warp import apply
+from dic.correlation.subsets import apply
 from dic.outcome import PointOutcome
 from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import Tracking, track

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from explicit.bars import elastic_bar
 from kolsky.bars.guides import pochhammer
-from kolsky.bars.guides.frequency_equation import rayleigh_speed
+from kolsky.bars.guides.pochhammer import rayleigh_speed
 from kolsky.bars.guides.propagation import propagate
 from kolsky.bars.guides.waveguide import ElasticWaveguide
 from kolsky.bars.records import Signal

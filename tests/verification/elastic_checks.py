@@ -10,7 +10,7 @@ from order import FittedOrder, fitted_order
 from scipy.interpolate import CubicSpline
 
 from explicit.bars import elastic_bar
-from explicit.bars.mesh import pressed_share
+from explicit.bars.elastic import pressed_share
 
 FloatArray = NDArray[np.float64]
 

@@ -8,15 +8,12 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from explicit.materials import LAWS
-from implicit.conditions import Fixed, Prescribed, Pressure, Traction
-from implicit.integration.body import Body
-from implicit.integration.contraction import element_stiffness
-from implicit.laws.solid import Isotropic
-from implicit.laws.volumetric import bulk
-from implicit.meshes import box, rectangle
-from implicit.model import Model
-from implicit.newton import Newton
-from implicit.solve import solve
+from kolsky.equilibrium.body import Body
+from kolsky.equilibrium.meshes import box, rectangle
+from kolsky.equilibrium.model import Fixed, Model, Prescribed, Pressure, Traction
+from kolsky.equilibrium.points import element_stiffness
+from kolsky.equilibrium.solid import Isotropic, bulk
+from kolsky.equilibrium.solve import Newton, solve
 
 FloatArray = NDArray[np.float64]
 

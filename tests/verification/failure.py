@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scene import table
 
 from explicit import Outcome, Response, Sampling, run
-from explicit.time_loop.failure import MOTION_LIMIT
+from explicit.time_loop.element_sweeps import MOTION_LIMIT
 
 FloatArray = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explicit import Mesh
-from explicit.geometry import element_geometry
+from explicit.mesh import element_geometry
 
 FloatArray = NDArray[np.float64]
 
@@ -110,7 +110,7 @@ def step_bound(
 ) -> FloatArray:
     """omega^2 of every element of an undamped neo-Hookean solid [1/s^2], as docs/theory/solver.md has it.
 
-    The hourglass constants are those of `explicit.geometry`.
+    The hourglass constants are those of `explicit.mesh`.
     """
     b_r = (F.f22[:, None] * elements.gradient_r - F.h21[:, None] * elements.gradient_y) / F.plane[:, None]
     b_y = (F.f11[:, None] * elements.gradient_y - F.h12[:, None] * elements.gradient_r) / F.plane[:, None]

@@ -10,7 +10,7 @@ from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise
 
 from explicit import Model, Outcome, Response, Samples, Sampling, Stepping, cylinder, run
 from explicit.materials import MarlowLaw, bulk_modulus, neo_hookean
-from explicit.time_loop.failure import CHECK_EVERY
+from explicit.time_loop.element_sweeps import CHECK_EVERY
 
 FloatArray = NDArray[np.float64]
 

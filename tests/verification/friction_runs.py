@@ -10,8 +10,8 @@ from outline import distances, rms
 from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise
 
 from explicit import Model, Samples, Sampling, cylinder, run
-from explicit.geometry import element_geometry
 from explicit.materials import neo_hookean
+from explicit.mesh import element_geometry
 
 FloatArray = NDArray[np.float64]
 

@@ -24,8 +24,8 @@ from order import FittedOrder
 from scene import DENSITY, LENGTH, RADIUS, table
 
 from explicit.bars import find_events, simulate_test
-from explicit.bars.events import Events
-from explicit.bars.flyer_test import FlyerTest
+from explicit.bars.coupling import FlyerTest
+from explicit.bars.lines import Events
 
 FloatArray = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from order import FittedOrder, fitted_order
 
 from explicit.bars import Apparatus, Joint, PulseShaper, find_events, integrate_test
-from explicit.bars.impact import FlightHistory, SpecimenForce
+from explicit.bars.lines import FlightHistory, SpecimenForce
 
 FloatArray = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scene import LENGTH, RADIUS, shear_modulus, table
 
 from explicit import Mesh, cylinder
-from explicit.geometry import element_geometry
 from explicit.materials import neo_hookean
+from explicit.mesh import element_geometry
 
 FloatArray = NDArray[np.float64]
 

@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scene import table
 
-from kolsky.bars.guides.polymer_waveguide import PronyModulus, ViscoelasticWaveguide
 from kolsky.bars.guides.propagation import propagation
 from kolsky.bars.guides.viscoelastic import (
     FittedModulus,
@@ -18,6 +17,7 @@ from kolsky.bars.guides.viscoelastic import (
     fit_modulus,
     propagation_coefficient,
 )
+from kolsky.bars.guides.waveguide import PronyModulus, ViscoelasticWaveguide
 from kolsky.bars.records import BarSignal, Signal
 from kolsky.base.apparatus import Bar
 

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from dic.camera import Camera
 from dic.correlation import Correlation, PictureStack, Shape, correlate
-from dic.synthetic.lens import Lens
-from dic.synthetic.paint import painted, sprayed_drops
+from dic.synthetic.paint import Area, Texture, painted, sprayed_drops, waves
 from dic.synthetic.render import board_series, picture_series
-from dic.synthetic.scene import Instants, Lamp, RevolvedBody, Scene, closed
-from dic.synthetic.texture import Area, Texture, waves
+from dic.synthetic.scene import Instants, Lamp, Lens, RevolvedBody, Scene, closed
 
 FloatArray = NDArray[np.float64]
 

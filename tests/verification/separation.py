@@ -9,10 +9,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scene import table
 
-from kolsky.bars.guides.polymer_waveguide import PronyModulus, ViscoelasticWaveguide
-from kolsky.bars.guides.separation import SeparatedWaves, separate
-from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide
+from kolsky.bars.guides.waveguide import ElasticWaveguide, PronyModulus, ViscoelasticWaveguide, Waveguide
 from kolsky.bars.records import BarSignal, Signal
+from kolsky.bars.reduction.separation import SeparatedWaves, separate
 from kolsky.base.apparatus import Bar
 
 FloatArray = NDArray[np.float64]

@@ -14,8 +14,7 @@ from kolsky.bars.flyer.events import Event, FlyerEvents, flyer_events
 from kolsky.bars.flyer.path import path_strain
 from kolsky.bars.flyer.synchronisation import Synchronisation, synchronise
 from kolsky.bars.records import History, Quantity, Signal
-from kolsky.bars.reduction.inertia import axial_stress, radial_pressure
-from kolsky.bars.reduction.mass import compensate_mass, path_acceleration
+from kolsky.bars.reduction.inertia import axial_stress, compensate_mass, path_acceleration, radial_pressure
 from kolsky.bars.reduction.validity import Validity, validity
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.records import FlyerMotion

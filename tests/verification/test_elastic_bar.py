@@ -11,7 +11,7 @@ from scene import speed_after_rise
 from explicit import Model, Samples, Sampling, cylinder, run
 from explicit.bars import couple, elastic_bar
 from explicit.bars.coupling import contact_radius
-from explicit.bars.mesh import mesh_of, pressed_share
+from explicit.bars.elastic import mesh_of, pressed_share
 from explicit.materials import neo_hookean
 
 

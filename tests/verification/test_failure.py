@@ -7,7 +7,7 @@ from failure_runs import EXPECTED, SHORT, STEPPING, TIMES
 from scene import LENGTH, RADIUS
 
 from explicit import Outcome
-from explicit.time_loop.failure import MOTION_LIMIT
+from explicit.time_loop.element_sweeps import MOTION_LIMIT
 
 EVERY = pytest.mark.parametrize("row", failure.FAILED, ids=lambda i: EXPECTED[i].name)
 

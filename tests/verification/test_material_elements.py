@@ -7,9 +7,8 @@ from frictionless import FORCE_TOLERANCE, LOADING, RADIUS, RADIUS_TOLERANCE, slo
 from scipy.optimize import brentq
 
 from explicit.elements import ELEMENTS
-from explicit.materials import LAWS, AnyLaw, principal
-from explicit.materials.limits import LinearLimit
-from explicit.materials.volumetric import VolumetricLaw
+from explicit.materials import LAWS, AnyLaw
+from explicit.materials.volumetric import LinearLimit, VolumetricLaw
 
 DIFFERENCES = np.geomspace(1e-4, 1e-6, 3)
 """Steps over an element's size at which central differences are at their best [-]."""
@@ -58,7 +57,7 @@ def homogeneous(law: AnyLaw, poisson: float, compression: float) -> tuple[float,
     def stresses(across: float) -> np.ndarray:
         stretch = np.array([across, across, along])
         J = float(stretch.prod())
-        return principal.kirchhoff(law, stretch) + J * volume.pressure(J)
+        return law.kirchhoff(law, stretch) + J * volume.pressure(J)
 
     guess = along**-0.5
     across = brentq(lambda x: stresses(x)[0], 0.9 * guess, 1.1 * guess, xtol=1e-14)

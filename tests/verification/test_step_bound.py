@@ -7,9 +7,9 @@ from fbar_element import largest_frequency
 from scene import DENSITY, LENGTH, RADIUS, shear_modulus, speed_after_rise
 
 from explicit import Model, Response, Samples, Sampling, Stepping, cylinder, run
+from explicit.arguments import nodal_mass
 from explicit.elements import ELEMENTS
 from explicit.materials import neo_hookean
-from explicit.mesh_arguments import nodal_mass
 
 POISSON, BETA, FRICTION = 0.499, 2.5e-5, 0.3
 MESH = cylinder(RADIUS, LENGTH, n_radial=5, n_axial=6, grading=2.0)

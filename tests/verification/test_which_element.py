@@ -10,8 +10,8 @@ from order import assert_order
 from scene import DENSITY, LENGTH, RADIUS
 
 from explicit import Model, cylinder
-from explicit.geometry import element_geometry
 from explicit.materials import neo_hookean
+from explicit.mesh import element_geometry
 
 COARSE = runs.COARSE[-1]
 

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kolsky.bars.budget.budget import Budget
-from kolsky.bars.budget.monte_carlo import difference, monte_carlo
-from kolsky.bars.budget.propagation import propagate
+from kolsky.bars.budget import Budget, propagate
+from kolsky.bars.monte_carlo import difference, monte_carlo
 from kolsky.bars.records import Quantity
 
 

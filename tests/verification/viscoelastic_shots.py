@@ -11,7 +11,7 @@ from explicit import Model, cylinder
 from explicit.materials import neo_hookean
 from explicit.relaxation import PronySeries
 from kolsky.material.relaxation.evidence import Evidence, HistoryTest, RateModel
-from kolsky.material.relaxation.prony_fit import fit_prony, required_branches
+from kolsky.material.relaxation.rate_fit import fit_prony, required_branches
 from kolsky.studies.shot_evidence import ShotEvidence
 
 FloatArray = NDArray[np.float64]

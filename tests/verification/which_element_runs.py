@@ -14,11 +14,11 @@ from scipy.optimize import minimize_scalar
 
 from doe import Box
 from explicit import Response
+from kolsky.inverse.coarse_search import search
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction, predict
-from kolsky.inverse.optimum import search
-from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
+from kolsky.inverse.problem import PreparedShot, prepare_shot
 from kolsky.shot.load import load_shot
 
 FloatArray = NDArray[np.float64]
@@ -100,7 +100,7 @@ def identified(form: str, mesh: Mesh, grading: float = 2.0, *, weights: str = "n
     """The stiffness factor of least joint chi-square [-].
 
     `weights`: "noise" takes the measured noise alone; "identify" adds the discrepancy that
-    `kolsky.inverse.optimum.search` estimates, as `kolsky identify` does.
+    `kolsky.inverse.coarse_search.search` estimates, as `kolsky identify` does.
     """
     found = prediction(form, mesh, grading)
     assert found.inside.all()

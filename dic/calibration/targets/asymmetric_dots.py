@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration.corners import eight_bits
-from dic.calibration.dots import Dots, find_dots
+from dic.basics import cv2
+from dic.calibration.dots import Dots, eight_bits, find_dots
 from dic.calibration.targets.base import Detection, Geometry, TargetNotFound, counts, positive
-from dic.opencv import cv2
 
 
 @dataclass(frozen=True, kw_only=True)

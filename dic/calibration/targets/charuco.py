@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration.corners import corner_sigma, eight_bits, refined
+from dic.basics import cv2
+from dic.calibration.dots import corner_sigma, eight_bits, refined
 from dic.calibration.targets.base import Detection, Geometry, TargetNotFound, counts, positive
-from dic.opencv import cv2
 
 
 @dataclass(frozen=True, kw_only=True)

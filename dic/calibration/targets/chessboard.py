@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.calibration.corners import corner_sigma, eight_bits, refined
+from dic.basics import cv2
+from dic.calibration.dots import corner_sigma, eight_bits, refined
 from dic.calibration.targets.base import Detection, Geometry, TargetNotFound, counts, positive
-from dic.opencv import cv2
 
 LARGE = 1000
 """A picture with a side longer than this [px] is searched at reduced size."""

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.arrays import FloatArray
+from dic.basics import FloatArray
 from dic.calibration.dots import find_dots
-from dic.calibration.lattice import grow
-from dic.calibration.targets.base import Detection, Geometry, TargetNotFound, counts, positive
+from dic.calibration.targets.base import Detection, Geometry, TargetNotFound, counts, grow, positive
 
 Anchor = tuple[int, int, float, float]
 

@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dic.calibration.dots import Dots, find_dots
-from dic.calibration.lattice import grow, homography_outliers
 from dic.calibration.targets.base import (
     Detection,
     Geometry,
     TargetNotFound,
     counts,
+    grow,
+    homography_outliers,
     positive,
 )
 

@@ -1,4 +1,16 @@
-"""Warp's devices, without its banner, and the spline coefficients of pictures on them."""
+"""Warp's devices, and pictures on them: quintic B-spline coefficients, interpolation, interpolated noise.
+
+The recursive filter of the quintic B-spline (Unser 1999) has a symmetric response that falls by 0.43 a pixel.
+Cut off where it is below `LEAST` of its middle it is a finite one, which any pixel can be given without its
+neighbours' coefficients. Pictures are mirrored at their edges, and so are their coefficients; a Gaussian
+before the spline is part of the same filter.
+
+A spline passes white noise of the pixels on with the spectrum |c(ν)|² of the cardinal quintic spline,
+``c = sinc⁶ / (66 + 52 cos 2πν + 2 cos 4πν) · 120``, ν in cycles per pixel: all of it well below 1/2, none
+around whole numbers, where the copies of the pixels' spectrum lie. A subset that takes samples at ``x = F ξ``
+sees it at ``ν = F⁻ᵀ κ``, with a density of 1/|det F|, folded at whole κ. Steepest descents are smooth, so
+what a match takes up is the spectrum near κ = 0: Eq. (C.6) of docs/theory/correlation.md.
+"""
 
 import os
 import sys
@@ -11,8 +23,371 @@ from typing import Any
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
+from scipy import ndimage
 
-from dic.correlation.kernels.prefilter import on_device, on_host
+from dic.basics import FloatArray, cv2
+
+PAD = 8
+"""Mirrored coefficients around a picture [px]: a stencil reaches three beyond it, a pack's row five."""
+
+SPLINE = """
+    struct spline {
+        // Weights of six coefficients at a fraction 1/2 + t, from their even and odd parts in t.
+        static INLINE void weights(pack t, pack* w) {
+            const pack s = t * t;
+            const pack e0 = 1.0f / 3840.0f + s * (1.0f / 96.0f + s * (1.0f / 48.0f));
+            const pack o0 = t * (1.0f / 384.0f + s * (1.0f / 48.0f + s * (1.0f / 120.0f)));
+            const pack e1 = 79.0f / 1280.0f + s * (7.0f / 32.0f - s * (1.0f / 16.0f));
+            const pack o1 = t * (25.0f / 128.0f + s * (1.0f / 16.0f - s * (1.0f / 24.0f)));
+            const pack e2 = 841.0f / 1920.0f - s * (11.0f / 48.0f - s * (1.0f / 24.0f));
+            const pack o2 = t * (77.0f / 192.0f - s * (7.0f / 24.0f - s * (1.0f / 12.0f)));
+            w[0] = e0 - o0; w[5] = e0 + o0;
+            w[1] = e1 - o1; w[4] = e1 + o1;
+            w[2] = e2 - o2; w[3] = e2 + o2;
+        }
+        // Their derivatives by t.
+        static INLINE void slopes(pack t, pack* w) {
+            const pack s = t * t;
+            const pack e0 = t * (1.0f / 48.0f + s * (1.0f / 12.0f));
+            const pack o0 = 1.0f / 384.0f + s * (1.0f / 16.0f + s * (1.0f / 24.0f));
+            const pack e1 = t * (7.0f / 16.0f - s * (1.0f / 4.0f));
+            const pack o1 = 25.0f / 128.0f + s * (3.0f / 16.0f - s * (5.0f / 24.0f));
+            const pack e2 = t * (-11.0f / 24.0f + s * (1.0f / 6.0f));
+            const pack o2 = 77.0f / 192.0f - s * (7.0f / 8.0f - s * (5.0f / 12.0f));
+            w[0] = e0 - o0; w[5] = e0 + o0;
+            w[1] = e1 - o1; w[4] = e1 + o1;
+            w[2] = e2 - o2; w[3] = e2 + o2;
+        }
+#if defined(__CUDA_ARCH__)
+        static INLINE pack value(const float* origin, int stride, pack x, pack y) {
+            const float left = floorf(x), top = floorf(y);
+            const float* first = origin + ((int)top - 2) * stride + ((int)left - 2);
+            pack wx[6], wy[6], total = 0.0f;
+            weights(x - left - 0.5f, wx);
+            weights(y - top - 0.5f, wy);
+            #pragma unroll
+            for (int r = 0; r < 6; ++r) {
+                pack row = 0.0f;
+                #pragma unroll
+                for (int k = 0; k < 6; ++k) row += wx[k] * __ldg(first + r * stride + k);
+                total += wy[r] * row;
+            }
+            return total;
+        }
+        static INLINE pack slope(const float* origin, int stride, pack x, pack y, pack* gx, pack* gy) {
+            const float left = floorf(x), top = floorf(y);
+            const float* first = origin + ((int)top - 2) * stride + ((int)left - 2);
+            pack wx[6], wy[6], dx[6], dy[6], total = 0.0f;
+            weights(x - left - 0.5f, wx);
+            weights(y - top - 0.5f, wy);
+            slopes(x - left - 0.5f, dx);
+            slopes(y - top - 0.5f, dy);
+            *gx = 0.0f;
+            *gy = 0.0f;
+            #pragma unroll
+            for (int r = 0; r < 6; ++r) {
+                pack row = 0.0f, across = 0.0f;
+                #pragma unroll
+                for (int k = 0; k < 6; ++k) {
+                    const float here = __ldg(first + r * stride + k);
+                    row += wx[k] * here;
+                    across += dx[k] * here;
+                }
+                total += wy[r] * row;
+                *gx += wy[r] * across;
+                *gy += dy[r] * row;
+            }
+            return total;
+        }
+#else
+        static INLINE pack value(const float* origin, int stride, pack x, pack y) {
+            const pack left = __builtin_elementwise_floor(x), top = __builtin_elementwise_floor(y);
+            pack wx[6], wy[6], column[6];
+            weights(x - left - 0.5f, wx);
+            weights(y - top - 0.5f, wy);
+            const ipack first = begin(left, top, stride);
+            row8 rows[STEP];
+            #pragma unroll
+            for (int l = 0; l < STEP; ++l) {
+                const float* c = origin + first[l];
+                row8 sum = wy[0][l] * *(const row8u*)c;
+                #pragma unroll
+                for (int r = 1; r < 6; ++r) sum += wy[r][l] * *(const row8u*)(c + r * (long)stride);
+                rows[l] = sum;
+            }
+            turn(rows, column);
+            return dot(wx, column);
+        }
+        static INLINE pack slope(const float* origin, int stride, pack x, pack y, pack* gx, pack* gy) {
+            const pack left = __builtin_elementwise_floor(x), top = __builtin_elementwise_floor(y);
+            pack wx[6], wy[6], dx[6], dy[6], column[6];
+            weights(x - left - 0.5f, wx);
+            weights(y - top - 0.5f, wy);
+            slopes(x - left - 0.5f, dx);
+            slopes(y - top - 0.5f, dy);
+            const ipack first = begin(left, top, stride);
+            row8 rows[STEP], down[STEP];
+            #pragma unroll
+            for (int l = 0; l < STEP; ++l) {
+                const float* c = origin + first[l];
+                row8 row = *(const row8u*)c, sum = wy[0][l] * row, change = dy[0][l] * row;
+                #pragma unroll
+                for (int r = 1; r < 6; ++r) {
+                    row = *(const row8u*)(c + r * (long)stride);
+                    sum += wy[r][l] * row;
+                    change += dy[r][l] * row;
+                }
+                rows[l] = sum;
+                down[l] = change;
+            }
+            turn(down, column);
+            *gy = dot(wx, column);
+            turn(rows, column);
+            *gx = dot(dx, column);
+            return dot(wx, column);
+        }
+        static INLINE ipack begin(pack left, pack top, int stride) {
+            return __builtin_convertvector(top, ipack) * stride + __builtin_convertvector(left, ipack)
+                - (2 * stride + 2);
+        }
+        static INLINE pack dot(const pack* a, const pack* b) {
+            return (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]) + (a[4] * b[4] + a[5] * b[5]);
+        }
+        // Sixteen rows of six columns (and two not used) to six columns of sixteen rows.
+        static INLINE void turn(const row8* r, pack* column) {
+            pack a[4], b[4], c[4], d[4];
+            for (int k = 0; k < 4; ++k) {
+                a[k] = JOIN(r[k], r[4 + k]);
+                b[k] = JOIN(r[8 + k], r[12 + k]);
+            }
+            quarter(a, c);
+            quarter(b, d);
+            for (int k = 0; k < 4; ++k) column[k] = EVEN(c[k], d[k]);
+            for (int k = 0; k < 2; ++k) column[4 + k] = ODD(c[k], d[k]);
+        }
+        static INLINE void quarter(const pack* a, pack* b) {  // 4 x 4 blocks turned in place
+            const pack low = LOW(a[0], a[1]), high = HIGH(a[0], a[1]);
+            const pack low2 = LOW(a[2], a[3]), high2 = HIGH(a[2], a[3]);
+            b[0] = LOWER(low, low2); b[1] = UPPER(low, low2);
+            b[2] = LOWER(high, high2); b[3] = UPPER(high, high2);
+        }
+#endif
+    };
+"""
+
+
+REACH = 4.0
+"""Standard deviations at which the Gaussian prefilter ends."""
+
+GRAIN = """
+    struct grain {
+        static inline double passed(double v) {  // |c(v)|^2
+            const double angle = 3.14159265358979324 * v;
+            const double s = fabs(angle) < 1e-6 ? 1.0 : wp::sin(angle) / angle;
+            const double c = wp::cos(2.0 * angle);
+            const double r = s * s * s * s * s * s * 120.0 / (64.0 + 52.0 * c + 4.0 * c * c);
+            return r * r;
+        }
+        // Variance of interpolated noise over that of a pixel, and the mean of that noise times its gradient,
+        // half the slope of the variance; even and odd about the middle of two pixels.
+        static INLINE pack drift(
+            const float* spread, const float* slope, pack x, pack y, pack* dx, pack* dy) {
+            const pack u = x - op::down(x) - 0.5f, v = y - op::down(y) - 0.5f, uu = u * u, vv = v * v;
+            const pack across = spread[0] + uu * (spread[1] + uu * (spread[2] + uu * spread[3]));
+            const pack along = spread[0] + vv * (spread[1] + vv * (spread[2] + vv * spread[3]));
+            *dx = along * u * (slope[0] + uu * (slope[1] + uu * (slope[2] + uu * slope[3])));
+            *dy = across * v * (slope[0] + vv * (slope[1] + vv * (slope[2] + vv * slope[3])));
+            return across * along;
+        }
+        // Variance in a match over that of a pixel; smooth: variance of the Gaussian [px^2], Q: tensor of the
+        // template's gradients over its energy, by the offset in the subset.
+        static inline double gain(const double* F, double smooth, const double* Q) {
+            double A[4], total = 1.0;
+            if (!jet::inverse(F, A)) return 0.0;
+            #pragma unroll 1
+            for (int m = 0; m < 49; ++m) {
+                const int i = m / 7 - 3, j = m % 7 - 3;
+                const double x = A[0] * i + A[2] * j, y = A[1] * i + A[3] * j;
+                if (m != 24 && fabs(x) < 0.8 && fabs(y) < 0.8) total += passed(x) * passed(y);
+            }
+            const double less = 1.0 + smooth * (Q[0] * (A[0] * A[0] + A[1] * A[1])
+                + 2.0 * Q[1] * (A[0] * A[2] + A[1] * A[3]) + Q[2] * (A[2] * A[2] + A[3] * A[3]));
+            return total * (A[0] * A[3] - A[1] * A[2]) / (less * less);
+        }
+    };
+"""
+
+
+def _spectra(prefilter: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Frequencies [1/px] from -2.5 to 2.5, spectrum of the cardinal spline, power of the filtered noise."""
+    v = np.linspace(-2.5, 2.5, 10001)
+    spline = np.sinc(v) ** 6 * 120.0 / (66.0 + 52.0 * np.cos(2.0 * np.pi * v) + 2.0 * np.cos(4.0 * np.pi * v))
+    reach = np.arange(1, REACH * prefilter + 1.0)
+    if not prefilter or len(reach) == 0:
+        return v, spline, np.ones_like(v)
+    weights = np.exp(-(reach**2) / (2.0 * prefilter**2))
+    transfer = 1.0 + 2.0 * np.cos(2.0 * np.pi * v[:, None] * reach) @ weights
+    return v, spline, (transfer / (1.0 + 2.0 * weights.sum())) ** 2
+
+
+@cache
+def gradient_noise(prefilter: float) -> float:
+    """Mean square of a component of the interpolated noise's gradient, over a pixel's variance [1/px²]."""
+    v, spline, power = _spectra(prefilter)
+    passed = spline**2 * power * (v[1] - v[0])
+    return float(np.sum((2.0 * np.pi * v) ** 2 * passed) * np.sum(passed))
+
+
+@cache
+def between_pixels(prefilter: float) -> tuple[float, FloatArray, FloatArray]:
+    """Variance of interpolated noise along an axis between two pixels, over a pixel's.
+
+    Returns
+    -------
+    mean : float
+        Mean of the variance over both axes.
+    spread, slope
+        Coefficients of the variance, even in the distance u from the middle of two pixels, and of half its
+        derivative, odd in u: ``Σ spread u^2k`` and ``Σ slope u^(2k+1)``, shape [4].
+    """
+    v, spline, power = _spectra(prefilter)
+    per_pixel = round(1.0 / (v[1] - v[0]))
+    u = np.linspace(-0.5, 0.5, 101)
+    variance, half = np.zeros_like(u), np.zeros_like(u)
+    mean = 0.0
+    for h in (-2, -1, 0, 1, 2):  # copies of the spectrum h apart beat with period 1/h
+        first, last = max(0, -h * per_pixel), min(len(v), len(v) - h * per_pixel)
+        beat = (spline[first:last] * power[first:last]) @ spline[first + h * per_pixel : last + h * per_pixel]
+        beat *= v[1] - v[0]
+        turn = 2.0 * np.pi * h
+        variance += beat * np.cos(turn * (u + 0.5))
+        half -= 0.5 * beat * turn * np.sin(turn * (u + 0.5))
+        mean = float(beat) if h == 0 else mean
+    even = np.stack([u ** (2 * k) for k in range(4)], axis=1)
+    spread = np.linalg.lstsq(even, variance, rcond=None)[0]
+    slope = np.linalg.lstsq(even * u[:, None], half, rcond=None)[0]
+    return mean**2, np.asarray(spread, dtype=np.float64), np.asarray(slope, dtype=np.float64)
+
+
+LEAST = 1e-8
+"""Response, over that in its middle, from which on the filter is cut off: below the rounding of fp32."""
+LONGEST = 256
+"""Half the length in which a response is looked for [px]."""
+LINE = 16
+"""Numbers of a row of coefficients come in whole cache lines."""
+
+
+@cache
+def response(prefilter: float) -> FloatArray:
+    """Symmetric filter from grey values to coefficients, after a Gaussian of that standard deviation [px].
+
+    Returns
+    -------
+    NDArray
+        Its middle and one side, shape [n]; the sum of both sides and the middle is 1.
+    """
+    impulse = np.zeros(2 * LONGEST + 1)
+    impulse[LONGEST] = 1.0
+    if prefilter:
+        impulse = ndimage.gaussian_filter1d(impulse, prefilter, mode="mirror", truncate=REACH)
+    found = ndimage.spline_filter1d(impulse, order=5, mode="mirror")[LONGEST:]
+    last = int(np.flatnonzero(np.abs(found) > LEAST * np.abs(found).max())[-1])
+    side = found[: last + 1]
+    return np.asarray(side / (2.0 * side.sum() - side[0]))
+
+
+def room(columns: int) -> int:
+    """Columns of a row of coefficients with its margins: rows begin on a cache line."""
+    return columns + 2 * PAD + -(columns + 2 * PAD) % LINE
+
+
+def on_host(grey: NDArray[np.float32], prefilter: float) -> NDArray[np.float32]:
+    """Coefficients with mirrored margins of `PAD`, shape [rows + 2 PAD, columns + 2 PAD and more]."""
+    side = response(prefilter)
+    taps = np.concatenate([side[:0:-1], side]).astype(np.float32)
+    level = np.float32(grey.mean(dtype=np.float64))  # the rounding is that of the contrast, not of the light
+    found = cv2.sepFilter2D(
+        np.ascontiguousarray(grey - level), cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101
+    )
+    right = room(grey.shape[1]) - grey.shape[1] - PAD
+    return np.asarray(cv2.copyMakeBorder(found + level, PAD, PAD, PAD, right, cv2.BORDER_REFLECT_101))
+
+
+@wp.func
+def _mirrored(k: wp.int32, n: wp.int32):
+    """The pixel that stands for the k-th of n where the picture is mirrored at its edges."""
+    period = 2 * (n - 1)
+    inside = k % period
+    if inside < 0:
+        inside = inside + period
+    return wp.min(inside, period - inside)
+
+
+@wp.kernel(enable_backward=False)
+def _along_rows(
+    grey: wp.array3d(dtype=wp.float32), side: wp.array(dtype=wp.float32), found: wp.array3d(dtype=wp.float32)
+):
+    picture, row, column = wp.tid()
+    columns = grey.shape[2]
+    total = side[0] * grey[picture, row, column]
+    for k in range(1, side.shape[0]):
+        total = total + side[k] * (
+            grey[picture, row, _mirrored(column - k, columns)]
+            + grey[picture, row, _mirrored(column + k, columns)]
+        )
+    found[picture, row, column] = total
+
+
+@wp.kernel(enable_backward=False)
+def _along_columns(
+    half: wp.array3d(dtype=wp.float32),
+    side: wp.array(dtype=wp.float32),
+    level: wp.array(dtype=wp.float32),
+    pad: wp.int32,
+    found: wp.array3d(dtype=wp.float32),
+):
+    picture, row, column = wp.tid()
+    rows = half.shape[1]
+    r, c = _mirrored(row - pad, rows), _mirrored(column - pad, half.shape[2])
+    total = side[0] * half[picture, r, c]
+    for k in range(1, side.shape[0]):
+        total = total + side[k] * (
+            half[picture, _mirrored(r - k, rows), c] + half[picture, _mirrored(r + k, rows), c]
+        )
+    found[picture, row, column] = total + level[picture]
+
+
+@cache
+def _side(prefilter: float, device: str) -> Any:
+    return wp.array(response(prefilter), dtype=wp.float32, device=device)
+
+
+def on_device(greys: Sequence[NDArray[np.float32]], prefilter: float, device: Any) -> Any:
+    """`on_host` of several pictures by two launches on a device, shape [n, rows + 2 PAD, columns + 2 PAD and
+    more].
+
+    Parameters
+    ----------
+    greys
+        Grey values, each of shape [rows, columns].
+    prefilter
+        Standard deviation of a Gaussian before [px].
+    device
+        A device of Warp.
+    """
+    levels = np.array([grey.mean(dtype=np.float64) for grey in greys], dtype=np.float32)
+    side = _side(prefilter, device.alias)
+    contrast = np.stack([grey - level for grey, level in zip(greys, levels, strict=True)])
+    given: Any = wp.array(contrast, dtype=wp.float32, device=device)
+    level: Any = wp.array(levels, dtype=wp.float32, device=device)
+    half = wp.empty_like(given)
+    n, rows, columns = contrast.shape
+    wide = (n, rows + 2 * PAD, room(columns))
+    found = wp.empty(wide, dtype=wp.float32, device=device)
+    wp.launch(_along_rows, dim=contrast.shape, inputs=[given, side], outputs=[half], device=device)
+    wp.launch(_along_columns, dim=wide, inputs=[half, side, level, PAD], outputs=[found], device=device)
+    return found
+
 
 WORKER = "WORKER_NUMBER"
 """Variable of the environment that numbers the processes which share the GPUs of a machine, from 0."""
@@ -35,7 +410,7 @@ def select_device(name: str) -> Any:
     return wp.get_device(alias)
 
 
-def started() -> bool:
+def warp_started() -> bool:
     """Return True if Warp has begun in this process, and with it the driver of a GPU."""
     return wp._src.context.runtime is not None  # as `warp.init` looks
 
@@ -101,6 +476,6 @@ def addresses(parts: Sequence[Any]) -> Any:
     return wp.array(np.array(begin, dtype=np.uint64), dtype=wp.uint64, device=parts[0].device, copy=False)
 
 
-def uploaded(values: NDArray[np.float64], device: str) -> Any:
+def upload(values: NDArray[np.float64], device: str) -> Any:
     """Numbers on a device, shape [n]."""
     return wp.array(values, dtype=wp.float64, device=select_device(device))

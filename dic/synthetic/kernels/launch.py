@@ -1,4 +1,5 @@
-"""Launches: frame by frame on the threads of a CPU, many frames at once on a GPU."""
+"""Launches of the renderer: bodies and cameras as the kernels read them; threads on a CPU, batches on a
+GPU."""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -8,9 +9,10 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from dic.synthetic.kernels.cast import cast_board, cast_bodies
-from dic.synthetic.kernels.gather import across, down
-from dic.synthetic.scene import Instants
+from dic.basics import FloatArray
+from dic.camera import Camera
+from dic.synthetic.kernels.rays import Bodies, Painted, Placed, View, across, cast_board, cast_bodies, down
+from dic.synthetic.scene import Instants, Lamp, Lens, RevolvedBody
 
 BATCH = 2**26
 """Rays of a batch on a GPU."""
@@ -107,3 +109,105 @@ def _threads(array: Any, device: Any) -> tuple[int, int, int]:
 def _run(array: Any, device: Any) -> int:
     """Elements of a row that a worker does."""
     return 1 if device.is_cuda else int(array.shape[2])
+
+
+BINS = 64
+"""Layers of a body, each of which knows its segments."""
+
+
+def upload_view(
+    camera: Camera,
+    shape: tuple[int, int],
+    pad: int,
+    lens: Lens,
+    lamp: Lamp,
+    background: float,
+    haze: NDArray[np.float32] | None,
+    haze_pitch: float,
+    device: Any,
+) -> Any:
+    """A camera with its rays on a device.
+
+    Parameters
+    ----------
+    camera, shape
+        The camera, and rows and columns of its pictures [px].
+    pad
+        Pixels around the picture whose rays are needed.
+    lens, lamp, background
+        Of the scene.
+    haze, haze_pitch
+        Displacements of the picture [px] and the distance of their nodes [px].
+    device
+        Warp's device.
+    """
+    x, y = (np.arange(-pad - 1, n + pad + 2, dtype=np.float64) for n in (shape[1], shape[0]))
+    view = View()
+    view.rays = wp.array(
+        camera.undistort(np.stack(np.meshgrid(x, y), axis=-1)), dtype=wp.vec2d, device=device
+    )
+    view.pad, view.fine = pad, lens.rays
+    view.turn, view.centre = wp.mat33d(*camera.rotation.reshape(-1)), wp.vec3d(*camera.centre)
+    field = np.zeros((0, 2, 2, 2), dtype=np.float32) if haze is None else haze
+    view.haze, view.haze_pitch = wp.array(field, dtype=wp.vec2f, device=device), haze_pitch
+    toward = np.asarray(lamp.direction) / np.linalg.norm(lamp.direction)
+    view.lamp = wp.vec3f(*toward.astype(np.float32))
+    view.ambient, view.gloss, view.background = lamp.ambient, lamp.gloss, background
+    view.focus, view.coc = lens.focus, camera.fx * lens.aperture
+    return view
+
+
+def upload_bodies(bodies: tuple[RevolvedBody, ...], n: int, camera: Camera, device: Any) -> Any:
+    """All bodies, each at all of `n` instants, as a camera meets them."""
+
+    def every(array: FloatArray) -> FloatArray:
+        return np.broadcast_to(array, (n, *array.shape[1:]))
+
+    def put(array: Any, kind: Any) -> Any:
+        return wp.array(np.ascontiguousarray(array), dtype=kind, device=device)
+
+    nodes = [every(np.stack([body.y, body.r, body.slope], axis=-1)) for body in bodies]
+    counts = np.array([len(body.along) for body in bodies])
+    starts = np.cumsum(counts) - counts
+    textures = [body.texture for body in bodies]
+    sizes = np.array([texture.grey.size for texture in textures], dtype=np.int64)
+    placed = np.zeros((n, len(bodies)), dtype=Placed.numpy_dtype())
+    painted = np.zeros(len(bodies), dtype=Painted.numpy_dtype())
+    bins = np.zeros((n, len(bodies), BINS, 2), dtype=np.int32)
+    for b, body in enumerate(bodies):
+        turn = np.broadcast_to(body.turn, (n, 3, 3))
+        placed["turn"][:, b] = turn
+        placed["eye"][:, b] = np.einsum("nij,nj->ni", turn, camera.centre - every(body.place))
+        placed["widest"][:, b] = body.r.max(axis=1)
+        placed["low"][:, b], placed["high"][:, b] = body.y.min(axis=1), body.y.max(axis=1)
+        placed["slip"][:, b] = body.slip
+        bins[:, b] = _bins(body.y) + starts[b]
+        rows, columns = body.texture.grey.shape
+        for name, value in (
+            ("first", starts[b]), ("radius", body.radius), ("texels", (np.cumsum(sizes) - sizes)[b]),
+            ("rows", rows), ("columns", columns), ("pitch", body.texture.pitch),
+            ("origin", body.texture.origin), ("patch", body.patch), ("shine", body.shine),
+        ):  # fmt: skip
+            painted[name][b] = value
+    data = Bodies()
+    data.nodes = put(np.concatenate(nodes, axis=1), wp.vec3d)
+    data.along = put(np.concatenate([body.along for body in bodies]), wp.float64)
+    data.placed, data.painted = put(placed, Placed), put(painted, Painted)
+    data.bins = put(bins, wp.vec2i)
+    data.texels = put(np.concatenate([texture.grey.reshape(-1) for texture in textures]), wp.float32)
+    return data
+
+
+def _bins(y: FloatArray) -> NDArray[np.int64]:
+    """First and last segment that reaches into each of `BINS` even layers of a body, shape [n, BINS, 2].
+
+    Segments between the two that do not reach into the layer cost time and nothing else.
+    """
+    span = np.stack([y.min(axis=1), y.max(axis=1)], axis=1)
+    low, high = np.minimum(y[:, :-1], y[:, 1:]), np.maximum(y[:, :-1], y[:, 1:])
+    edge = span[:, :1] + (span[:, 1:] - span[:, :1]) * np.linspace(0.0, 1.0, BINS + 1)
+    slack = 1e-9 * (span[:, 1:] - span[:, :1])[..., None]
+    reaches = (low[:, None] <= edge[:, 1:, None] + slack) & (high[:, None] >= edge[:, :-1, None] - slack)
+    first = np.argmax(reaches, axis=2)
+    last = reaches.shape[2] - 1 - np.argmax(reaches[..., ::-1], axis=2)
+    return np.stack([first, last], axis=-1)

@@ -12,7 +12,7 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray
-from explicit.materials.invariants import InvariantLaw
+from explicit.materials.families import InvariantLaw
 from explicit.materials.law import ParameterSpec
 from explicit.precision import Precision
 
@@ -43,18 +43,18 @@ class ArrudaBoyce(InvariantLaw):
         return np.asarray(self.mu * SERIES / self.lambda_m ** (2.0 * np.arange(5)))
 
     def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         first = np.asarray(I1, dtype=float)
         return np.asarray(sum(a * (first**i - 3.0**i) for i, a in enumerate(self.factors, start=1)))
 
     def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         first = np.asarray(I1, dtype=float)
         slope = sum(i * a * first ** (i - 1) for i, a in enumerate(self.factors, start=1))
         return np.asarray(slope), np.zeros(first.shape)
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         first = np.asarray(I1, dtype=float)
         rise = sum(i * (i - 1) * a * first ** (i - 2.0) for i, a in enumerate(self.factors, start=1))
         nothing = np.zeros(first.shape)

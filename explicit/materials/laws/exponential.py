@@ -12,7 +12,7 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray
-from explicit.materials.invariants import InvariantLaw
+from explicit.materials.families import InvariantLaw
 from explicit.materials.law import ParameterSpec
 from explicit.precision import Precision
 
@@ -34,18 +34,18 @@ class _Exponential(InvariantLaw):
         return float(self.constants()[1])
 
     def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         x, y = np.asarray(I1) - 3.0, np.asarray(I2) - 3.0
         return np.asarray(self._C1 * (np.expm1(self._k * x) - self.SHARE * self._k * y))
 
     def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         x = np.asarray(I1) - 3.0
         scale = self._C1 * self._k
         return np.asarray(scale * np.exp(self._k * x)), np.full(np.shape(x), -self.SHARE * scale)
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         x = np.asarray(I1) - 3.0
         nothing = np.zeros(np.shape(x))
         return np.asarray(self._C1 * self._k**2 * np.exp(self._k * x)), nothing, nothing

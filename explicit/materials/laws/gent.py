@@ -8,7 +8,7 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray
-from explicit.materials.invariants import InvariantLaw
+from explicit.materials.families import InvariantLaw
 from explicit.materials.law import ParameterSpec
 from explicit.precision import Precision
 
@@ -42,16 +42,16 @@ class Gent(InvariantLaw):
         return np.where(room > 0.0, room, np.nan)
 
     def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:
-        """See `explicit.materials.invariants.InvariantLaw`; NaN past locking."""
+        """See `explicit.materials.families.InvariantLaw`; NaN past locking."""
         return np.asarray(-0.5 * self.mu * self.Jm * np.log(self._room(I1) / self.Jm))
 
     def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `explicit.materials.invariants.InvariantLaw`; NaN past locking."""
+        """See `explicit.materials.families.InvariantLaw`; NaN past locking."""
         room = self._room(I1)
         return np.asarray(0.5 * self.mu * self.Jm / room), np.zeros(room.shape)
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `explicit.materials.invariants.InvariantLaw`; NaN past locking."""
+        """See `explicit.materials.families.InvariantLaw`; NaN past locking."""
         room = self._room(I1)
         nothing = np.zeros(room.shape)
         return np.asarray(0.5 * self.mu * self.Jm / room**2), nothing, nothing

@@ -20,8 +20,8 @@ import warp as wp
 from scipy.interpolate import PchipInterpolator
 
 from explicit.arrays import FloatArray
+from explicit.layout.structs import four_function
 from explicit.precision import Precision
-from explicit.time_loop.grouped_tables import four_function
 
 ORIGIN_RANGE = 0.3
 """Data with s below this value (about 16 % strain) determine the limit at the origin."""
@@ -123,7 +123,7 @@ class MarlowLaw:
 
     @staticmethod
     def kernel_functions(precision: Precision) -> tuple[Any, Any, Any]:
-        """Warp twins of `stress` and `energy`; see `explicit.materials.base.MaterialLaw`."""
+        """Warp twins of `stress` and `energy`; see `explicit.materials.law.MaterialLaw`."""
         return _kernel_functions(precision)
 
 

@@ -12,7 +12,7 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray
-from explicit.materials.invariants import InvariantLaw
+from explicit.materials.families import InvariantLaw
 from explicit.materials.law import ParameterSpec
 from explicit.precision import Precision
 
@@ -39,17 +39,17 @@ class MooneyRivlin(InvariantLaw):
     """Factor of their product [Pa]."""
 
     def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         x, y = np.asarray(I1) - 3.0, np.asarray(I2) - 3.0
         return np.asarray(self.C10 * x + self.C01 * y + self.C11 * x * y)
 
     def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         x, y = np.asarray(I1) - 3.0, np.asarray(I2) - 3.0
         return np.asarray(self.C10 + self.C11 * y), np.asarray(self.C01 + self.C11 * x)
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         nothing = np.zeros(np.broadcast_shapes(np.shape(I1), np.shape(I2)))
         return nothing, nothing + self.C11, nothing
 

@@ -8,7 +8,7 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray
-from explicit.materials.invariants import InvariantLaw
+from explicit.materials.families import InvariantLaw
 from explicit.materials.law import ParameterSpec
 from explicit.precision import Precision
 
@@ -28,16 +28,16 @@ class NeoHookean(InvariantLaw):
     """Shear modulus [Pa]."""
 
     def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         return np.asarray(0.5 * self.mu * (np.asarray(I1) - 3.0))
 
     def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         nothing = np.zeros(np.shape(I1))
         return nothing + 0.5 * self.mu, nothing
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         nothing = np.zeros(np.shape(I1))
         return nothing, nothing, nothing
 

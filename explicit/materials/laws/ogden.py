@@ -14,9 +14,8 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray
-from explicit.materials.kernels.curvature import curvature_functions
+from explicit.materials.families import StretchLaw, curvature_functions
 from explicit.materials.law import ParameterSpec
-from explicit.materials.stretches import StretchLaw
 from explicit.precision import Precision
 
 LEAST_EXPONENT = 1e-3
@@ -74,24 +73,24 @@ class _Ogden(StretchLaw):
         return cls.of(np.column_stack([moduli * exponents / 2.0, exponents]))
 
     def w(self, lam: FloatArray) -> FloatArray:
-        """See `explicit.materials.stretches.StretchLaw`."""
+        """See `explicit.materials.families.StretchLaw`."""
         mu, alpha = self.terms
         power = np.expm1(alpha * np.log(np.asarray(lam, dtype=float))[..., None])
         return np.asarray((2.0 * mu / alpha**2 * power).sum(axis=-1))
 
     def dw(self, lam: FloatArray) -> FloatArray:
-        """See `explicit.materials.stretches.StretchLaw`."""
+        """See `explicit.materials.families.StretchLaw`."""
         mu, alpha = self.terms
         return np.asarray((2.0 * mu / alpha * np.asarray(lam)[..., None] ** (alpha - 1.0)).sum(axis=-1))
 
     def d2w(self, lam: FloatArray) -> FloatArray:
-        """See `explicit.materials.stretches.StretchLaw`."""
+        """See `explicit.materials.families.StretchLaw`."""
         mu, alpha = self.terms
         factor = 2.0 * mu * (alpha - 1.0) / alpha
         return np.asarray((factor * np.asarray(lam)[..., None] ** (alpha - 2.0)).sum(axis=-1))
 
     def quotient(self, b1: FloatArray, b2: FloatArray) -> FloatArray:
-        """See `explicit.materials.stretches.StretchLaw`: with eta = ln(b_1 / b_2) / 2 each term is
+        """See `explicit.materials.families.StretchLaw`: with eta = ln(b_1 / b_2) / 2 each term is
         (b_1 b_2)^((a - 1) / 2) sinh(a eta) / sinh(eta), a = alpha / 2."""
         mu, alpha = self.terms
         a = alpha / 2.0
@@ -107,12 +106,12 @@ class _Ogden(StretchLaw):
 
     @classmethod
     def kernel_functions(cls, precision: Precision) -> tuple[Any, Any, Any]:
-        """See `explicit.materials.base.MaterialLaw`."""
+        """See `explicit.materials.law.MaterialLaw`."""
         return _kernel_functions(cls.TERMS, precision)
 
     @classmethod
     def stretch_functions(cls, precision: Precision) -> tuple[Any, Any]:
-        """See `explicit.materials.stretches.StretchLaw`."""
+        """See `explicit.materials.families.StretchLaw`."""
         return _stretch_functions(cls.TERMS, precision)
 
 

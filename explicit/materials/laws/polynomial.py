@@ -12,7 +12,7 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray
-from explicit.materials.invariants import InvariantLaw
+from explicit.materials.families import InvariantLaw
 from explicit.materials.law import ParameterSpec
 from explicit.precision import Precision
 
@@ -45,18 +45,18 @@ class Polynomial(InvariantLaw):
     """Factor of (I2_bar - 3)^2 [Pa]."""
 
     def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         x, y = np.asarray(I1) - 3.0, np.asarray(I2) - 3.0
         return np.asarray(x * (self.C10 + self.C20 * x + self.C11 * y) + y * (self.C01 + self.C02 * y))
 
     def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         x, y = np.asarray(I1) - 3.0, np.asarray(I2) - 3.0
         first = self.C10 + 2.0 * self.C20 * x + self.C11 * y
         return np.asarray(first), np.asarray(self.C01 + self.C11 * x + 2.0 * self.C02 * y)
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         nothing = np.zeros(np.broadcast_shapes(np.shape(I1), np.shape(I2)))
         return nothing + 2.0 * self.C20, nothing + self.C11, nothing + 2.0 * self.C02
 

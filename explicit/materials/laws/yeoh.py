@@ -12,7 +12,7 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from explicit.arrays import FloatArray
-from explicit.materials.invariants import InvariantLaw
+from explicit.materials.families import InvariantLaw
 from explicit.materials.law import ParameterSpec
 from explicit.precision import Precision
 
@@ -27,17 +27,17 @@ class _Polynomial(InvariantLaw):
     C30: float
 
     def W(self, I1: ArrayLike, I2: ArrayLike) -> FloatArray:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         x = np.asarray(I1) - 3.0
         return np.asarray(x * (self.C10 + x * (self.C20 + x * self.C30)))
 
     def dW_dI(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         x = np.asarray(I1) - 3.0
         return np.asarray(self.C10 + x * (2.0 * self.C20 + x * 3.0 * self.C30)), np.zeros(np.shape(x))
 
     def d2W_dI2(self, I1: ArrayLike, I2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See `explicit.materials.invariants.InvariantLaw`."""
+        """See `explicit.materials.families.InvariantLaw`."""
         x = np.asarray(I1) - 3.0
         nothing = np.zeros(np.shape(x))
         return np.asarray(2.0 * self.C20 + x * 6.0 * self.C30), nothing, nothing

@@ -1,4 +1,7 @@
-"""Events of a flyer's test: full speed, separation, arrest, push-back, second impact, end of symmetry.
+"""Events of a flyer test: full speed, separation, arrest, push-back, second impact, end of symmetry.
+
+Events are searched in the path and in the force signals; a kink is the time at which one part of a curve
+ends.
 
 The flyer is held to the incident bar by a joint. The wave drives it to its full speed, the reflected tension
 pulls at the joint until it breaks (separation), it flies into the specimen until it stands still (arrest), is
@@ -11,26 +14,300 @@ from typing import Protocol
 
 import numpy as np
 
-from kolsky.bars.flyer.event_signals import (
-    CERTAIN,
-    RINGING,
-    Event,
-    back_face_velocity,
-    end_of_dip,
-    find_push_back,
-    first_jump,
-)
-from kolsky.bars.flyer.fit import fit_flyer
-from kolsky.bars.flyer.kink import Kink, find_kink
-from kolsky.bars.flyer.path import FlyerPath
+from kolsky.bars.flyer.path import FlyerPath, fit_flyer
 from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion
 
-JOINT_SPAN = 200e-6
+STEPS = 80
+"""Places tried over the span before the best one is refined."""
+
+
+@dataclass(frozen=True)
+class Kink:
+    """The best place of a kink, and what speaks for it."""
+
+    time: float
+    """Its time [s]."""
+    sigma: float
+    """Its standard uncertainty, enlarged where the curve does not fit within its noise [s]."""
+    change: float
+    """Factor of the part that ends or begins there, in the unit of the data over s^power."""
+    gain: float
+    """Fall of chi-square by the kink over chi-square per degree of freedom with it [-]; about 2 for none."""
+
+
+def find_kink(
+    time: FloatArray,
+    value: FloatArray,
+    sigma: FloatArray,
+    span: tuple[float, float],
+    *,
+    degree: int,
+    power: int,
+    begins: bool,
+    bends: bool = False,
+) -> Kink:
+    """Fit a polynomial plus ``|t - t_k|^power`` on one side of the kink by weighted least squares.
+
+    Parameters
+    ----------
+    time
+        Times of the data [s], shape [n].
+    value, sigma
+        Data and their standard deviations, shape [n].
+    span
+        Where the kink may be [s].
+    degree
+        Of the polynomial.
+    power
+        1 for a jump of the slope, 2 for one of the curvature.
+    begins
+        Whether the part acts after the kink; before it otherwise.
+    bends
+        Whether a part of the next higher power acts there too.
+
+    Raises
+    ------
+    ValueError
+        If there are not three data more than unknowns at least, or the span is empty.
+    """
+    if time.size < degree + 6:
+        raise ValueError(f"a kink needs at least {degree + 6} data, got {time.size}")
+    if not span[0] < span[1]:
+        raise ValueError(f"a kink needs a span to be looked for in, got {span[0]:.9g} to {span[1]:.9g} s")
+    middle, half = 0.5 * (time[0] + time[-1]), 0.5 * (time[-1] - time[0])
+    smooth = np.polynomial.polynomial.polyvander((time - middle) / half, degree) / sigma[:, None]
+    y = value / sigma
+
+    def equations(at: float) -> FloatArray:
+        since = (time - at if begins else at - time) / half
+        since = np.maximum(since, 0.0)
+        parts = [since ** (power + more) / sigma for more in range(1 + bends)]
+        return np.column_stack([smooth, *parts])
+
+    from scipy.optimize import minimize_scalar  # loaded where it is of use
+
+    def chi2(at: float) -> float:
+        G = equations(at)
+        rest = y - G @ np.linalg.lstsq(G, y, rcond=None)[0]
+        return float(rest @ rest)
+
+    grid = np.linspace(*span, STEPS + 1)
+    step = float(grid[1] - grid[0])
+    best = float(grid[np.argmin([chi2(at) for at in grid])])
+    inside = (max(best - step, span[0]), min(best + step, span[1]))
+    best = float(minimize_scalar(chi2, bounds=inside, method="bounded", options={"xatol": 1e-4 * step}).x)
+    G = equations(best)
+    solution = np.linalg.lstsq(G, y, rcond=None)[0]
+    h = 1e-2 * step
+    slope = (equations(best + h) - equations(best - h)) @ solution / (2.0 * h)
+    J = np.column_stack([G, slope])
+    size = np.linalg.norm(J, axis=0)
+    size[size == 0.0] = 1.0
+    variance = (np.linalg.pinv((J / size).T @ (J / size)) / np.outer(size, size))[-1, -1]
+    straight = y - smooth @ np.linalg.lstsq(smooth, y, rcond=None)[0]
+    left = chi2(best)
+    growth = max(1.0, left / (y.size - J.shape[1]))
+    return Kink(
+        time=best,
+        sigma=float(np.sqrt(growth * variance)),
+        change=float(solution[degree + 1] / half**power),
+        gain=(float(straight @ straight) - left) / growth,
+    )
+
+
+RINGING = 20e-6
+"""Default span over which transducer signals are averaged [s]: longer than a flyer of 25 mm rings."""
+_CERTAIN = 25.0
+"""Fall of chi-square from which on a kink is one: five standard deviations."""
+EXCURSION = 3.0
+"""A jump of the transducer's signal is an impact when it is so many times the largest of the flight."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """One event, found or not."""
+
+    name: str
+    """"full speed", "separation", "arrest", "push-back", "second impact" or "end of symmetry"."""
+    time: float | None
+    """Its time on the shot's clock [s]; None if it was not found."""
+    sigma: float | None
+    """Standard uncertainty of the time [s]; None if it was not found."""
+    how: str
+    """Method by which it was found, or the reason why it was not."""
+
+
+def end_of_dip(signal: Signal, after: float, before: float, ringing: float) -> Event | None:
+    """The kink at the end of the tensile dip of a flyer's transducer.
+
+    Parameters
+    ----------
+    signal
+        Force at the transducer, compression positive [N].
+    after, before
+        Times between which the joint may let go [s].
+    ringing
+        Span over which the signal is averaged [s].
+
+    Returns
+    -------
+    Event or None
+        Without a name; None if there is no dip below five sigmas and 5 % of the drive, or no kink behind it.
+    """
+    t, force, sigma = moving_average(signal, ringing)
+    near = np.flatnonzero((t >= after - ringing) & (t <= before))
+    driven = force[(t >= signal.start) & (t <= after)]
+    if near.size < 12 or not driven.size:
+        return None
+    bottom = int(near[np.argmin(force[near])])
+    if not force[bottom] < -max(5.0 * sigma, 0.05 * float(driven.max())):
+        return None
+    end = min(before, t[bottom] + 4.0 * max(t[bottom] - after, 2.0 * ringing))
+    use = (t >= t[bottom] + 0.5 * ringing) & (t <= end)
+    if use.sum() < 8:
+        return None
+    kink = find_kink(
+        t[use],
+        force[use],
+        np.full(int(use.sum()), sigma),
+        (t[use][2], t[use][-3]),
+        degree=0,
+        power=1,
+        begins=False,
+    )
+    if kink.gain < _CERTAIN or kink.change > 0.0:
+        return None
+    # The average rounds a corner over its span: known to that span's standard deviation at best.
+    spread = float(np.hypot(kink.sigma, ringing / np.sqrt(12.0)))
+    return Event("", kink.time, spread, "the tensile dip of the flyer's transducer ends")
+
+
+def first_jump(signal: Signal, after: float, rest: float, ringing: float) -> Event | None:
+    """First jump of a signal against its own past average, far beyond those of the flight.
+
+    Parameters
+    ----------
+    signal
+        Force at the transducer [N].
+    after
+        When the flyer turned back [s]; the last four tenths of its way there tell what it does in flight.
+    rest
+        A time before it moved [s].
+    ringing
+        Span of the past average [s].
+
+    Returns
+    -------
+    Event or None
+        Without a name; None if nothing jumps.
+    """
+    n = max(2, round(ringing / signal.interval))
+    total = np.cumsum(np.concatenate([[0.0], signal.value]))
+    past = (total[n:-1] - total[: -n - 1]) / n  # the mean of the n samples before each
+    t, step = signal.time[n:], signal.value[n:] - past
+    calm = (t > after - 0.4 * (after - rest)) & (t < after)
+    if not calm.any():
+        return None
+    limit = max(EXCURSION * float(np.abs(step[calm]).max()), 8.0 * signal.sigma)
+    beyond = np.flatnonzero((t > after) & (np.abs(step) > limit))
+    if not beyond.size:
+        return None
+    i = int(beyond[0])
+    # It began between the last sample within the flight's own excursions and this one.
+    calm_before = np.flatnonzero(np.abs(step[:i]) <= limit / EXCURSION)
+    start = float(t[calm_before[-1]]) if calm_before.size else float(t[i])
+    width = max(float(t[i]) - start, signal.interval)
+    time = float(t[i]) - 0.5 * width
+    return Event(
+        "", time, width / np.sqrt(12.0), "the flyer's transducer jumps beyond three times its flight"
+    )
+
+
+def find_push_back(arrest: Event, impact: Event, transmitted: Signal | None, ringing: float) -> Event:
+    """The transmitted force falls to half its peak after the arrest.
+
+    Parameters
+    ----------
+    arrest, impact
+        The events on either side, found or not.
+    transmitted
+        Transmitted force, compression positive [N].
+    ringing
+        Span over which it is averaged [s].
+    """
+    name = "push-back"
+    if arrest.time is None:
+        return Event(name, None, None, "no arrest of the flyer was found")
+    if transmitted is None:
+        return Event(name, None, None, "needs the transmitted force")
+    t, force, sigma = moving_average(transmitted, ringing)
+    use = t <= (t[-1] if impact.time is None else impact.time - 0.5 * ringing)
+    t, force = t[use], force[use]
+    half = 0.5 * float(force.max())
+    below = np.flatnonzero((t > arrest.time) & (force <= half))
+    if not below.size or below[0] == 0:
+        return Event(name, None, None, "the transmitted force does not fall to half its peak in the record")
+    i = int(below[0])
+    around = (t >= t[i] - 2.0 * ringing) & (t <= t[i] + 2.0 * ringing)
+    slope, level = np.polyfit(t[around] - t[i], force[around], 1)
+    scatter = max(sigma, float(np.std(force[around] - np.polyval([slope, level], t[around] - t[i]))))
+    time = float(t[i] + (half - level) / slope)
+    return Event(
+        name, time, float(scatter / abs(slope)), "transmitted force falls to half its peak after the arrest"
+    )
+
+
+def _back_face_velocity(time: FloatArray, force: Signal, bar: Bar, ringing: float) -> FloatArray:
+    """Velocity of the bar's face under a force: what it sends, and twice what comes back from a free end.
+
+    Parameters
+    ----------
+    time
+        Times [s], shape [n].
+    force
+        Force on the face, compression positive [N]; nothing before its record.
+    bar
+        The bar.
+    ringing
+        Span over which the force is averaged [s].
+
+    Returns
+    -------
+    NDArray
+        Into the bar [m/s], shape [n].
+    """
+    at, F, _ = moving_average(force, ringing)
+    returns = range(1, int((time[-1] - at[0]) / bar.round_trip) + 1)
+    echoes = [np.interp(time - k * bar.round_trip, at, F, left=0.0) for k in returns]
+    return np.asarray(
+        (np.interp(time, at, F, left=0.0) + 2.0 * sum(echoes, np.zeros(time.size))) / bar.impedance
+    )
+
+
+def moving_average(signal: Signal, span: float) -> tuple[FloatArray, FloatArray, float]:
+    """Times and centred moving averages of a signal over a span, and the noise of one.
+
+    Raises
+    ------
+    ValueError
+        If the signal is shorter than the span.
+    """
+    n = 2 * round(0.5 * span / signal.interval) + 1
+    if n >= signal.value.size:
+        raise ValueError(
+            f"{signal.name or 'the signal'} has {signal.value.size} samples, an average over {span:.3g} s {n}"
+        )
+    value = np.convolve(signal.value, np.full(n, 1.0 / n), mode="valid")
+    noise = signal.sigma * min(1.0, float(np.sqrt(signal.memory / n)))
+    return signal.time[n // 2 : n // 2 + value.size], value, noise
+
+
+_JOINT_SPAN = 200e-6
 """Longest time from full speed to separation that is looked for [s]."""
-AFTER_IMPACT = 8
+_AFTER_IMPACT = 8
 """Frames after a second impact from which its time is taken, where only the displacement shows it."""
 
 
@@ -115,7 +392,7 @@ def flyer_events(
     Raises
     ------
     ValueError
-        As `kolsky.bars.flyer.fit.fit_flyer`; if `ringing` is negative, or a bar is given without a force.
+        As `kolsky.bars.flyer.path.fit_flyer`; if `ringing` is negative, or a bar is given without a force.
     """
     if not ringing >= 0.0:
         raise ValueError(f"ringing is {ringing:g} s, must be >= 0 s")
@@ -187,12 +464,12 @@ def _separation(
     name = "separation"
     if speed.time is None:
         return Event(name, None, None, speed.how)
-    last = speed.time + JOINT_SPAN if arrest.time is None else min(speed.time + JOINT_SPAN, arrest.time)
+    last = speed.time + _JOINT_SPAN if arrest.time is None else min(speed.time + _JOINT_SPAN, arrest.time)
     if incident is not None:
         found = end_of_dip(incident, speed.time, last, ringing)
         if found is not None:
             return replace(found, name=name)
-    near = (motion.time >= speed.time) & (motion.time <= last + JOINT_SPAN)
+    near = (motion.time >= speed.time) & (motion.time <= last + _JOINT_SPAN)
     t = motion.time[near]
     if t.size < 9:
         return Event(name, None, None, "fewer than 9 frames follow full speed")
@@ -200,7 +477,7 @@ def _separation(
         t, motion.displacement[near], motion.sigma[near], (t[2], last), degree=2, power=2, begins=False
     )
     # The part that ends at the kink bends the path down: the joint slowed the flyer until then.
-    if kink.gain > CERTAIN and kink.change < 0.0:
+    if kink.gain > _CERTAIN and kink.change < 0.0:
         return Event(name, kink.time, kink.sigma, "the flyer's deceleration by the joint ends (displacement)")
     seen = "neither transducer nor displacement show" if incident is not None else "the displacement shows no"
     return Event(name, None, None, f"{seen} pull of a joint after full speed; take full speed for it")
@@ -214,7 +491,7 @@ def _arrest(path: FlyerPath, speed: Event, force: Signal | None, bar: Bar | None
     t = np.linspace(speed.time, path.end, 8 * path.knots.size)
     v, seen = path.velocity(t), "the velocity of the flyer's path falls through zero"
     if force is not None and bar is not None:
-        v = v - back_face_velocity(t, force, bar, ringing)
+        v = v - _back_face_velocity(t, force, bar, ringing)
         seen = "the velocity of the flyer's path falls to that of the back face"
     below = np.flatnonzero(v <= 0.0)
     if not below.size or below[0] == 0:
@@ -245,7 +522,7 @@ def _second_impact(
     if kink is not None:
         # The contact goes on: only the frames next to it tell when it began.
         for _ in range(3):
-            last = int(np.searchsorted(motion.time, kink.time)) + AFTER_IMPACT
+            last = int(np.searchsorted(motion.time, kink.time)) + _AFTER_IMPACT
             kink = _slope_jump(motion, turn, last) or kink
         # The speed changes within a frame, which no frame shows.
         frame = float(np.median(np.diff(motion.time)))
@@ -260,7 +537,7 @@ def _slope_jump(motion: FlyerMotion, turn: int, last: int) -> Kink | None:
     if t.size < 12:
         return None
     kink = find_kink(t, x, sigma, (t[3], t[-3]), degree=4, power=1, begins=True, bends=True)
-    return kink if kink.gain > CERTAIN and kink.change > 0.0 else None
+    return kink if kink.gain > _CERTAIN and kink.change > 0.0 else None
 
 
 def _symmetry(symmetry: tuple[FloatArray, Ending] | None) -> Event:

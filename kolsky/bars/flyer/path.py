@@ -1,17 +1,43 @@
-"""The flyer's path: a motion from rest as a cubic spline with its posterior uncertainty; strain under it."""
+"""The flyer's path: a cubic spline that starts at rest, fitted to the noisy displacement at the frames.
 
+`fit_flyer` returns the path with its posterior uncertainty. Where no frame shows the flyer,
+the uncertainty of the smoothness is added.
+
+Elsewhere the frames tell how smooth the motion is, and the likeliest smoothness tau serves
+(`fit_flyer`). Where frames are missing, before the flyer comes into view for one, tau is known to
+a factor of two or three: the path of the likeliest one is off by more than its posterior covariance says. The
+log tau of the spans that no frame shows are drawn about the likeliest, the draws weighted by their likelihood
+(importance sampling), and the covariance is that of the mixture about the path:
+
+    sum of w_k (C_k + (j_k - j)(j_k - j)')
+
+with the jerks j_k and covariances C_k of each draw. The path itself stays the likeliest one's.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import block_diag, cholesky, solve_triangular
 
+from kolsky.bars.flyer.jerks import (
+    ZERO_PRIOR,
+    Evidences,
+    hat_functions,
+    maximum_likelihood,
+    noise_parts,
+    posterior,
+)
 from kolsky.bars.records import History
-from kolsky.base.arrays import FloatArray
+from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.base.records import FlyerMotion
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
+
 
 ONSET = (0.5, 0.99)
 """Shares of the largest velocity between which a motion sets in."""
@@ -235,3 +261,289 @@ def path_strain(path: FlyerPath, time: ArrayLike, *, length: float) -> tuple[His
         history(path.velocity(at), path.sigma_velocity(at), "1/s"),
         history(path.acceleration(at), path.sigma_acceleration(at), "1/s^2"),
     )
+
+
+DRAWS = 128
+"""Draws: some 60 of them count, which tells a standard deviation to a tenth."""
+_WIDER = 1.5
+"""Width of what is drawn from over that of the likelihood, whose tails are heavier than normal ones."""
+STEP = 0.05
+"""Half the distance of central differences of the slope, in log tau."""
+_LEAST_CURVATURE = 0.1
+"""Least curvature of -ln L in log tau: a factor of e^3 either way."""
+LEAST_WEIGHT = 1e-5
+"""A draw with less weight is left out."""
+
+
+class Deviances(Protocol):
+    """-2 ln L for several rows of unknowns."""
+
+    @property
+    def values(self) -> FloatArray:
+        """The values, shape [n_rows]."""
+
+    @property
+    def gradients(self) -> FloatArray:
+        """Their gradients, shape [n_rows, n]."""
+
+
+Solution = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+"""Mean and covariance of the jerks with some smoothness and noise."""
+
+
+def controls_in_gaps(hats: FloatArray, t: FloatArray, seen: BoolArray, knots: FloatArray) -> BoolArray:
+    """Control points of log tau that act on a span with an end that no frame shows, shape [n_controls].
+
+    Parameters
+    ----------
+    hats
+        `kolsky.bars.flyer.jerks.hat_functions` at the spans, shape [n_spans, n_controls].
+    t, seen
+        Times [s], and which of them are data, shape [n].
+    knots
+        Ends of the spans [s], shape [n_spans + 1].
+    """
+    hidden = np.isin(knots, t[~seen])
+    return np.asarray((hats[hidden[:-1] | hidden[1:]] > 0.0).any(axis=0))
+
+
+def importance_draws(
+    theta: FloatArray, free: BoolArray, deviances: Callable[[FloatArray], Deviances]
+) -> tuple[FloatArray, FloatArray]:
+    """Draws about the likeliest values of some unknowns, and their weights, which add up to one.
+
+    Pairs of draws lie opposite to each other; the same call gives the same draws.
+
+    Parameters
+    ----------
+    theta
+        The likeliest values, shape [n].
+    free
+        Those that are drawn; the others stay, shape [n].
+    deviances
+        -2 ln L of rows of values of all, shape [n_rows, n].
+
+    Returns
+    -------
+    tuple of NDArray
+        Values [n_draws, n], weights [n_draws].
+    """
+    rows = np.flatnonzero(free)
+    steps = STEP * np.eye(theta.size)[rows]
+    ahead, behind = np.split(deviances(np.concatenate([theta + steps, theta - steps])).gradients[:, rows], 2)
+    curvature = 0.5 * (ahead - behind) / (2.0 * STEP)
+    values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
+    widths = _WIDER / np.sqrt(np.maximum(values, _LEAST_CURVATURE))
+    half = np.random.default_rng(0).standard_normal((DRAWS // 2, rows.size))
+    normal = np.concatenate([half, -half])
+    drawn = np.tile(theta, (DRAWS, 1))
+    drawn[:, rows] += normal * widths @ vectors.T
+    log = -0.5 * deviances(drawn).values + 0.5 * (normal**2).sum(axis=1)
+    weight = np.exp(log - log.max())
+    return drawn, weight / weight.sum()
+
+
+def mixed_covariance(
+    drawn: FloatArray, weights: FloatArray, jerk: FloatArray, solution: Solution
+) -> FloatArray:
+    """Covariance of the jerks about those of the path, over draws of their smoothness, shape [n, n].
+
+    Parameters
+    ----------
+    drawn, weights
+        As of `weighted_draws`.
+    jerk
+        Of the path, shape [n].
+    solution
+        Jerks and their covariance for one draw.
+    """
+    total = np.zeros((jerk.size, jerk.size))
+    kept = weights > LEAST_WEIGHT * weights.max()
+    for one, weight in zip(drawn[kept], weights[kept] / weights[kept].sum(), strict=True):
+        mean, covariance = solution(one)
+        total += weight * (covariance + np.outer(mean - jerk, mean - jerk))
+    return total
+
+
+FEWEST_STATIC = 3
+_FEWEST_MOVING = 8
+LONGEST_STEP = 2.5
+"""Longest step from one displacement to the next without knots of the path between them, in frames."""
+
+
+def fit_flyer(
+    motion: FlyerMotion,
+    *,
+    start: float,
+    covariance: FloatArray | None = None,
+    restart: float | None = None,
+) -> FlyerPath:
+    """Fit the path of a flyer that is at rest until `start`.
+
+    Parameters
+    ----------
+    motion : FlyerMotion
+        The displacement at the frames; its zero is arbitrary. The frames may be unevenly spaced.
+    start : float
+        A time in the static frames [s]: there the motion starts with x = v = a = 0. Later than the
+        beginning of the true motion it would distort the ramp; earlier does no harm.
+    covariance
+        Of the displacements between the frames [m²], shape [n_frames, n_frames], if they have a common part
+        beside `FlyerMotion.sigma`, the noise that is each frame's own. The path is the same; what the fit
+        makes of the common part is added to its covariance.
+    restart
+        Just before a blow that changes the flyer's velocity within few frames, the second impact [s]: from
+        here on the smoothness is one of its own, with as large jerks at first as at the start. None if there
+        is none.
+
+    Returns
+    -------
+    FlyerPath
+        From `start` to the last frame.
+
+    Raises
+    ------
+    ValueError
+        If times are not increasing, a value is not finite, a sigma is not positive, fewer than 3 frames
+        are at or before `start`, or fewer than 8 after it, or the covariance is of another shape.
+    """
+    _check(motion, start)
+    if covariance is not None and covariance.shape != 2 * motion.time.shape:
+        raise ValueError(f"covariance has shape {covariance.shape}, must be {2 * motion.time.shape}")
+    frame = float(np.median(np.diff(motion.time)))
+    t, seen = _without_gaps(motion.time, frame)
+    sigma, displacement = np.full(t.size, np.inf), np.zeros(t.size)
+    sigma[seen], displacement[seen] = motion.sigma, motion.displacement
+    unit = float(np.median(motion.sigma))
+    static = t <= start
+    knots = np.concatenate([[start], t[~static]])
+    about = np.average(displacement[static], weights=sigma[static] ** -2)
+    y = (displacement - about) / sigma
+    # Unknowns in units of sigma: the zero, then the jerks per frame^3.
+    weight = unit / sigma
+    G = np.column_stack([np.ones(t.size), responses(t, knots, 0) / frame**3]) * weight[:, None]
+    hats = _smoothness((0.5 * (knots[1:] + knots[:-1]) - start) / frame, restart, start, frame)
+    parts, shared = noise_parts(weight), _shared_noise(motion, t, sigma, seen)
+    log_scales, log_tau = maximum_likelihood(y, weight, np.diff(knots) / frame, hats, parts, shared)
+    s = np.sqrt(parts @ np.exp(2.0 * log_scales))  # noise over declared sigma, frame by frame
+    prior = np.concatenate([[ZERO_PRIOR], np.exp(hats @ log_tau)])
+    whitened = whitening(t, s, motion.shared_memory, shared)
+    seen_by = whitened(G * prior)
+    z, V, rest = posterior(whitened(y), seen_by)
+    effective = prior.size - float(np.trace(V))
+    dof = motion.time.size - effective
+    u = prior[1:] * unit / frame**3
+    spread = u[:, None] * V[1:, 1:] * u
+    free = np.append(np.zeros(log_scales.size, dtype=bool), controls_in_gaps(hats, t, seen, knots))
+    if free.any():
+
+        def solution(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+            tau = np.exp(hats @ theta[log_scales.size :])
+            mean, own, _ = posterior(whitened(y), whitened(G * np.append(ZERO_PRIOR, tau)))
+            size = tau * unit / frame**3
+            return size * mean[1:], size[:, None] * own[1:, 1:] * size
+
+        data = (y, weight, np.diff(knots) / frame, hats, parts, shared)
+        likeliest = np.concatenate([log_scales, log_tau])
+        draws = importance_draws(likeliest, free, lambda rows: Evidences(rows, *data))
+        spread = mixed_covariance(*draws, u * z[1:], solution)
+    if covariance is not None:
+        # Of the jerks by the displacements.
+        gain = u[:, None] * whitened((V @ seen_by.T)[1:].T, back=True).T / sigma
+        gain = gain[:, seen]
+        spread = spread + gain @ (covariance - np.diag(motion.sigma**2)) @ gain.T
+    return FlyerPath(
+        knots=knots,
+        jerk=u * z[1:],
+        covariance=spread,
+        zero=float(about + ZERO_PRIOR * unit * z[0]),
+        noise_scale=float(np.median(s[seen])),
+        chi2_per_dof=float(np.sum(rest**2) * np.median(s[seen]) ** 2 / dof)
+        if shared is not None
+        else float(np.sum((s * rest) ** 2) / dof),
+        dof=dof,
+        static_scatter=float(np.sqrt(np.sum(y[static] ** 2) / ((static & seen).sum() - 1))),
+    )
+
+
+def _smoothness(frames: FloatArray, restart: float | None, start: float, frame: float) -> FloatArray:
+    """Hat functions of log tau over the spans, from the start and anew from a restart."""
+    if restart is None:
+        return hat_functions(frames)
+    since = (restart - start) / frame
+    before = frames < since
+    if before.all() or not before.any():
+        return hat_functions(frames)
+    blocks = hat_functions(frames[before]), hat_functions(frames[~before] - since)
+    return np.asarray(block_diag(*blocks))
+
+
+def _shared_noise(
+    motion: FlyerMotion, t: FloatArray, sigma: FloatArray, seen: BoolArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """`evidence`'s `shared`: size over sigma and what is left from frame to frame; None if there is none.
+
+    Parameters
+    ----------
+    motion
+        The displacements.
+    t, sigma, seen
+        Times [s], standard deviations [m], and which are data, with frames put in gaps, shape [n].
+    """
+    if motion.shared_sigma is None or not motion.shared_sigma.any():
+        return None
+    size = np.zeros(t.size)
+    size[seen] = motion.shared_sigma / sigma[seen]
+    return size, np.exp(-np.diff(t, prepend=t[0]) / motion.shared_memory)
+
+
+def whitening(
+    t: FloatArray, s: FloatArray, memory: float, shared: tuple[FloatArray, FloatArray] | None
+) -> Callable[..., FloatArray]:
+    """The map that makes the displacements' errors independent, of variance 1; for columns [n_frames, ...].
+
+    Without a shared error it divides by `s`. With one it is L^-1 of the covariance ``s^2 + q q' exp(-|dt| /
+    memory)`` = L L', q the shared error's size over sigma; `back` asks for the transposed map.
+    """
+    if shared is None:
+        return lambda columns, back=False: np.asarray((columns.T / s).T)
+    covariance = np.outer(shared[0], shared[0]) * np.exp(-np.abs(t[:, None] - t) / memory)
+    lower = cholesky(covariance + np.diag(s**2), lower=True)
+    return lambda columns, back=False: solve_triangular(
+        lower, columns, lower=True, trans="T" if back else "N"
+    )
+
+
+def _without_gaps(time: FloatArray, frame: float) -> tuple[FloatArray, BoolArray]:
+    """Times with those of frames put in where more than one is missing, and which of them are data.
+
+    Without knots there, one constant jerk would have to carry a flyer from rest to its speed.
+    """
+    steps = np.diff(time)
+    added = [
+        before + np.arange(1, count) * (step / count)
+        for before, step, count in zip(time[:-1], steps, np.round(steps / frame).astype(int), strict=True)
+        if step > LONGEST_STEP * frame
+    ]
+    times = np.sort(np.concatenate([time, *added]))
+    return times, np.isin(times, time)
+
+
+def _check(motion: FlyerMotion, start: float) -> None:
+    t = motion.time
+    if not (np.diff(t) > 0.0).all():
+        row = int(np.flatnonzero(~(np.diff(t) > 0.0))[0]) + 1
+        raise ValueError(f"frame times must increase; row {row} has {t[row]:.9g} s after {t[row - 1]:.9g} s")
+    if not (np.isfinite(motion.displacement).all() and np.isfinite(t).all()):
+        raise ValueError("every time and displacement of the flyer must be finite; drop the failed frames")
+    if not (motion.sigma > 0.0).all():
+        raise ValueError(f"the flyer's sigma must be > 0 m everywhere, got {motion.sigma.min():.3g} m")
+    for count, least, where in (
+        (int((t <= start).sum()), FEWEST_STATIC, "at or before"),
+        (int((t > start).sum()), _FEWEST_MOVING, "after"),
+    ):
+        if count < least:
+            raise ValueError(
+                f"{count} flyer frames are {where} the start {start:.9g} s, at least {least} are needed;"
+                f" choose a start inside the static frames (the record spans {t[0]:.9g} to {t[-1]:.9g} s)"
+            )

@@ -1,19 +1,231 @@
 """First longitudinal mode of a solid round bar with a free surface, after Pochhammer (1876) and Chree (1889).
 
-Everything is dimensionless: lengths in bar radii a, speeds in bar wave speeds c0 = sqrt(E / rho). With the
-wavenumber K = k a and the frequency W = omega a / c0, the phase velocity is c / c0 = W / K and the ratio of
-radius to wavelength a / Lambda = K / (2 pi).
+The frequency equation is solved once for each Poisson's ratio, tabulated, and polished by Newton steps.
 """
 
+from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicHermiteSpline
+from scipy.special import i0e, i1e, j0, j1, jve
 
-from kolsky.bars.guides.frequency_equation import dispersion_table, frequency_equation, onoe, slownesses
 from kolsky.base.arrays import FloatArray
 
 Array = NDArray[Any]
+
+_SERIES = 1e-3
+"""Below this |s| the Onoe function is its series: the next term is s^4 / 23040, below round-off."""
+
+
+def frequency_equation(k: Array, w: Array, poisson: float) -> tuple[Array, Array, Array]:
+    """Residual of the frequency equation and its derivatives by K and W.
+
+    With p = alpha^2 a^2 = W^2 (c0/c_L)^2 - K^2, q = beta^2 a^2 = W^2 (c0/c_T)^2 - K^2 and the Onoe function
+    O(s) = z J0(z) / J1(z), z^2 = s, which is real for real s of either sign (Graff 1975, Eq. 8.2.34, times
+    p / (J1 J1)):
+
+    f = 2 p (q + K^2) - (q - K^2)^2 O(p) - 4 K^2 p O(q).
+    """
+    shear, longitudinal = _slownesses(poisson)
+    square = k**2
+    p, q = w**2 * longitudinal - square, w**2 * shear - square
+    op, oq = onoe(p), onoe(q)
+    dop, doq = _onoe_slope(p, op), _onoe_slope(q, oq)
+    d = q - square
+    f = 2.0 * p * (q + square) - d**2 * op - 4.0 * square * p * oq
+    by_p = 2.0 * (q + square) - d**2 * dop - 4.0 * square * oq
+    by_q = 2.0 * p - 2.0 * d * op - 4.0 * square * p * doq
+    by_square = 2.0 * p + 2.0 * d * op - 4.0 * p * oq
+    return f, 2.0 * k * (by_square - by_p - by_q), 2.0 * w * (longitudinal * by_p + shear * by_q)
+
+
+def rayleigh_speed(poisson: float) -> float:
+    """Speed of surface waves over c0, the limit of the first mode at high frequency [-].
+
+    With x = (c / c_T)^2: x^3 - 8 x^2 + (24 - 16 g) x - 16 (1 - g) = 0, g = (c_T / c_L)^2 (Graff 1975,
+    Eq. 6.1.86).
+    """
+    shear, longitudinal = _slownesses(poisson)
+    g = longitudinal / shear
+    roots = np.roots([1.0, -8.0, 24.0 - 16.0 * g, -16.0 * (1.0 - g)])
+    real = roots[np.abs(roots.imag) < 1e-9].real
+    return float(np.sqrt(real[(real > 0.0) & (real < 1.0)][0] / shear))
+
+
+def _slownesses(poisson: float) -> tuple[float, float]:
+    """(c0 / c_T)^2 and (c0 / c_L)^2 [-]."""
+    return 2.0 * (1.0 + poisson), (1.0 + poisson) * (1.0 - 2.0 * poisson) / (1.0 - poisson)
+
+
+def onoe(s: Array) -> Array:
+    """z J0(z) / J1(z) with z^2 = s (Onoe, McNiven and Mindlin 1962); scaled functions where s < 0."""
+    s = np.asarray(s)
+    small = np.abs(s) < _SERIES
+    if np.iscomplexobj(s):
+        z = np.sqrt(np.where(small, 1.0, s))
+        value = z * jve(0, z) / jve(1, z)
+    else:
+        z = np.sqrt(np.where(small, 1.0, np.abs(s)))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = np.where(s < 0.0, z * i0e(z) / i1e(z), z * j0(z) / j1(z))
+    return np.asarray(np.where(small, 2.0 - s / 4.0 - s**2 / 96.0 - s**3 / 1536.0, value))
+
+
+def _onoe_slope(s: Array, value: Array) -> Array:
+    """dO/ds from the Riccati equation that O obeys, 2 s O' = 2 O - O^2 - s."""
+    small = np.abs(s) < _SERIES
+    slope = (2.0 * value - value**2 - s) / (2.0 * np.where(small, 1.0, s))
+    return np.asarray(np.where(small, -0.25 - s / 48.0 - s**2 / 512.0, slope))
+
+
+def _check_poisson(poisson: float) -> None:
+    if not 0.0 <= poisson < 0.5:
+        raise ValueError(f"Poisson's ratio of a bar must be in [0, 0.5), got {poisson}")
+
+
+TABLE_ERROR = 1e-9
+"""Largest relative error of a table's wavenumber [-], measured between its knots."""
+FIRST_TABLE = 8.0
+"""omega a / c0 up to which a table reaches at first; it is doubled until it holds what is asked for."""
+_SCAN = 400
+"""Phase velocities at which a bracket of the slowest root is sought."""
+
+
+def dispersion_table(poisson: float, largest: float = FIRST_TABLE) -> CubicHermiteSpline:
+    """Slowness c0 / c of the first mode against omega a / c0, cached by Poisson's ratio.
+
+    Knots lie on the frequency equation, with exact slopes. Intervals are halved until the cubic between the
+    knots is within `TABLE_ERROR` of the root in their middle.
+
+    Parameters
+    ----------
+    poisson : float
+        Poisson's ratio, in [0, 0.5).
+    largest : float
+        omega a / c0 up to which the table must reach [-].
+
+    Raises
+    ------
+    ValueError
+        If Poisson's ratio is outside its range.
+    """
+    _check_poisson(poisson)
+    doublings = max(0, int(np.ceil(np.log2(max(largest, FIRST_TABLE) / FIRST_TABLE))))
+    return _table(float(poisson), FIRST_TABLE * 2.0**doublings)
+
+
+@lru_cache(maxsize=32)
+def _table(poisson: float, end: float) -> CubicHermiteSpline:
+    if poisson == 0.0:
+        return _table_without_poisson(end)
+
+    def solve(w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        k = _slowest_root(w, poisson)
+        _, by_k, by_w = frequency_equation(k, w, poisson)
+        return k / w, (-by_w / by_k - k / w) / w
+
+    return _refined(solve, np.array([0.0]), np.ones(1), np.zeros(1), end)
+
+
+def _table_without_poisson(end: float) -> CubicHermiteSpline:
+    """Without Poisson's ratio the bar does not disperse up to J1'(W) = 0, where two branches cross."""
+    crossing = 1.8411837813406593
+
+    def solve(w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        low, high = w.copy(), w / (0.8 * rayleigh_speed(0.0))
+        for _ in range(80):  # W^2 - p O(p) - K^2 O(q) = 0: f over 2 p
+            k = 0.5 * (low + high)
+            p, q = w**2 - k**2, 2.0 * w**2 - k**2
+            beyond = w**2 - p * onoe(p) - k**2 * onoe(q) < 0.0
+            low, high = np.where(beyond, low, k), np.where(beyond, k, high)
+        p, q = w**2 - k**2, 2.0 * w**2 - k**2
+        op, oq = onoe(p), onoe(q)
+        kept, turned = op + p * _onoe_slope(p, op), k**2 * _onoe_slope(q, oq)
+        by_k = 2.0 * k * (kept - oq + turned)
+        by_w = 2.0 * w * (1.0 - kept - 2.0 * turned)
+        return k / w, (-by_w / by_k - k / w) / w
+
+    above = _refined(solve, np.array([]), np.array([]), np.array([]), end, start=crossing * (1.0 + 1e-9))
+    knots = np.concatenate([[0.0, crossing], above.x])
+    values = np.concatenate([[1.0, 1.0], above(above.x)])
+    return CubicHermiteSpline(knots, values, np.concatenate([[0.0, 0.0], above(above.x, 1)]))
+
+
+def _refined(
+    solve: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+    knots: FloatArray,
+    values: FloatArray,
+    slopes: FloatArray,
+    end: float,
+    *,
+    start: float = 0.0,
+) -> CubicHermiteSpline:
+    """Slowness table whose intervals were halved until the cubics hold in their middles."""
+    first = np.linspace(start, end, 33)[1 if start == 0.0 else 0 :]
+    new_values, new_slopes = solve(first)
+    knots, values, slopes = (
+        np.concatenate(pair) for pair in ((knots, first), (values, new_values), (slopes, new_slopes))
+    )
+    open_ = np.ones(knots.size - 1, dtype=bool)
+    while open_.any():
+        middles = 0.5 * (knots[1:] + knots[:-1])[open_]
+        found, slope = solve(middles)
+        error = np.abs(CubicHermiteSpline(knots, values, slopes)(middles) / found - 1.0)
+        places = np.flatnonzero(open_) + 1
+        # The error falls with the fourth power: halves of what is already good need no look.
+        again = (error > TABLE_ERROR) & (middles - knots[places - 1] > 1e-7)
+        knots, values = np.insert(knots, places, middles), np.insert(values, places, found)
+        slopes = np.insert(slopes, places, slope)
+        open_ = np.zeros(knots.size - 1, dtype=bool)
+        left = places + np.arange(places.size) - 1
+        open_[left[again]] = open_[left[again] + 1] = True
+    return CubicHermiteSpline(knots, values, slopes)
+
+
+def _slowest_root(w: FloatArray, poisson: float) -> FloatArray:
+    """Largest wavenumber at each frequency: the first mode, bracketed by a scan and closed in on."""
+    slowest = 0.9 * rayleigh_speed(poisson)
+    k = np.empty_like(w)
+    pending = np.arange(w.size)
+    n = _SCAN
+    while pending.size:
+        speeds = np.linspace(slowest, 1.0 + 1e-12, n)
+        ascending = w[pending, None] / speeds
+        sign = np.sign(frequency_equation(ascending, w[pending, None], poisson)[0])
+        changes = sign[:, 1:] * sign[:, :-1] <= 0.0
+        found = changes.any(axis=1)
+        cell = changes.argmax(axis=1)[found]
+        rows = pending[found]
+        k[rows] = _closed_in(ascending[found, cell + 1], ascending[found, cell], w[rows], poisson)
+        pending = pending[~found]
+        n *= (
+            10  # next to the crossing of two branches, at a very small Poisson's ratio, both hide in one cell
+        )
+        if n > 1_000_000:
+            raise RuntimeError(f"no root of the frequency equation at omega a / c0 = {w[pending[0]]:g}")
+    return k
+
+
+def _closed_in(low: FloatArray, high: FloatArray, w: FloatArray, poisson: float) -> FloatArray:
+    """Newton's method kept inside a bracket, by bisection where it leaves."""
+    sign = np.sign(frequency_equation(low, w, poisson)[0])
+    k = 0.5 * (low + high)
+    for _ in range(80):
+        f, slope, _ = frequency_equation(k, w, poisson)
+        same = np.sign(f) == sign
+        low, high = np.where(same, k, low), np.where(same, high, k)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = k - f / slope
+        inside = np.isfinite(step) & (step > low) & (step < high)
+        following = np.where(inside, step, 0.5 * (low + high))
+        done = np.abs(following - k) <= 4e-16 * k
+        k = following
+        if done.all():
+            break
+    return k
 
 
 def wavenumber(frequency: ArrayLike, poisson: float) -> Array:
@@ -140,7 +352,7 @@ def mean_over_surface(frequency: ArrayLike, poisson: float) -> Array:
         raise ValueError("without Poisson's ratio the mean strain is that of the surface")
     w = np.asarray(frequency)
     k = wavenumber(w, poisson)
-    shear, longitudinal = slownesses(poisson)
+    shear, longitudinal = _slownesses(poisson)
     p, q = w**2 * longitudinal - k**2, w**2 * shear - k**2
     mean = 2.0 * w**2 * (shear - 2.0 * longitudinal)  # = 2 (q - K^2) - 4 p without its cancellation
     surface = onoe(p) * (q - k**2) - 2.0 * p * onoe(q)

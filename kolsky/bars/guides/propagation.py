@@ -1,17 +1,93 @@
-"""A signal carried along a bar: forward or back, dispersed or shifted, without wrap-around."""
+"""Propagation of a signal along a bar, and the bar's wave speed from a pulse that passes two stations.
+
+Signals are padded and tapered (no wrap-around) and move forward or back, with or without dispersion.
+"""
 
 from dataclasses import dataclass, replace
-from math import isfinite, pi
+from math import isfinite, pi, sqrt
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+from scipy.optimize import least_squares
 
-from kolsky.bars.guides.spectra import edge_filter, faded, mean_square, windowed
-from kolsky.bars.guides.waveguide import Waveguide
-from kolsky.bars.records import Signal
-from kolsky.base.arrays import FloatArray
+from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide, check_bar
+from kolsky.bars.records import BarSignal, Signal
+from kolsky.base.apparatus import Bar
+from kolsky.base.arrays import ComplexArray, FloatArray
 
-LARGEST_GAIN = 10.0
+_ROLL_OFF = 0.2
+"""Width of a band's half-cosine edge, as a share of its limit; it ends at the limit."""
+
+
+def windowed(signal: Signal, window: tuple[float, float], *, taper: float | None = None) -> Signal:
+    """The signal within a window, faded to zero by half-cosines outside.
+
+    Parameters
+    ----------
+    signal : Signal
+        The signal; samples inside the window stay what they are.
+    window : tuple of float
+        First and last time on the shot's clock [s].
+    taper : float, optional
+        Length of each fade [s]; without it a fiftieth of the window.
+
+    Raises
+    ------
+    ValueError
+        If the window is empty or outside the signal.
+    """
+    first, last = window
+    if not (signal.start - signal.interval <= first < last <= signal.end + signal.interval):
+        raise ValueError(
+            f"a window must be ascending and within [{signal.start:.6g}, {signal.end:.6g}] s, "
+            f"got [{first:.6g}, {last:.6g}] s"
+        )
+    length = 0.02 * (last - first) if taper is None else taper
+    outside = np.maximum(np.maximum(first - signal.time, signal.time - last), 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(outside > 0.0, np.minimum(outside / length, 1.0), 0.0)
+    value = signal.value * 0.5 * (1.0 + np.cos(pi * share))
+    return replace(signal, value=value)
+
+
+def fade_ends(value: FloatArray, before: int, length: int, *, fade: int, rising: bool = True) -> FloatArray:
+    """Samples after `before` zeros, with half-cosines of `fade` samples from both ends' values to zero.
+
+    Shape [length]; a record that does not end at zero leaves no jump. Without `rising` only the end fades.
+    """
+    padded = np.zeros(length)
+    n = value.size
+    padded[before : before + n] = value
+    falling = 0.5 * (1.0 + np.cos(pi * np.arange(1, fade + 1) / (fade + 1)))
+    padded[before + n : before + n + fade] = value[-1] * falling
+    if rising:
+        padded[before - fade : before] = value[0] * falling[::-1]
+    return padded
+
+
+def edge_filter(frequency: FloatArray, limit: float) -> FloatArray:
+    """Low-pass [-] at frequencies [Hz]: 1, then a half-cosine to 0 at the limit, `ROLL_OFF` of it wide."""
+    if not isfinite(limit):
+        return np.ones(frequency.size)
+    share = np.clip((frequency / limit - 1.0 + _ROLL_OFF) / _ROLL_OFF, 0.0, 1.0)
+    return 0.5 * (1.0 + np.cos(pi * share))
+
+
+def mean_square(factor: ComplexArray, length: int, memory: float = 1.0) -> float:
+    """Mean square of a filter's response [-]: variance of noise after over before.
+
+    Noise of which `memory` samples carry the information of one is even up to that part of the band, and
+    nothing above.
+    """
+    weight = np.full(factor.size, 2.0)
+    weight[0] = 1.0
+    if length % 2 == 0:
+        weight[-1] = 1.0
+    weight[max(8, round(factor.size / max(memory, 1.0))) :] = 0.0
+    return float((weight * np.abs(factor) ** 2).sum() / weight.sum())
+
+
+_LARGEST_GAIN = 10.0
 """Amplification of a spectral component that propagation allows before it ends the band [-]."""
 _SLOPES = 1024
 """Frequencies at which the delay of the slowest component is sought."""
@@ -49,7 +125,7 @@ def propagate(
     band: float | None = None,
     start: float | None = None,
     samples: int | None = None,
-    largest_gain: float = LARGEST_GAIN,
+    largest_gain: float = _LARGEST_GAIN,
 ) -> Signal:
     """The signal of one wave at a distance along its way; see `propagation` for the parameters."""
     return propagation(
@@ -73,7 +149,7 @@ def propagation(
     band: float | None = None,
     start: float | None = None,
     samples: int | None = None,
-    largest_gain: float = LARGEST_GAIN,
+    largest_gain: float = _LARGEST_GAIN,
 ) -> Propagation:
     """Carry a wave's signal along a bar, Eq. (B.9).
 
@@ -143,7 +219,7 @@ def propagation(
     if not edge[1:].any():
         raise ValueError(f"nothing is left below {limit:g} Hz. Cure: a wider band or a longer record")
 
-    padded = faded(value, before, length, fade=fade)
+    padded = fade_ends(value, before, length, fade=fade)
     carried = irfft(rfft(padded) * turn, length)
     result = carried[before + whole : before + whole + count]
     shifted = padded[before + whole : before + whole + count]
@@ -174,7 +250,7 @@ def velocity_of(strain: Signal, waveguide: Waveguide, *, band: float | None = No
 
 
 def _multiplied(strain: Signal, waveguide: Waveguide, unit: str, band: float | None) -> Signal:
-    _check(strain, 0.0, None, band, LARGEST_GAIN)
+    _check(strain, 0.0, None, band, _LARGEST_GAIN)
     n = strain.value.size
     fade = max(64, n // 4)
     length = next_fast_len(n + 2 * fade, real=True)
@@ -186,7 +262,7 @@ def _multiplied(strain: Signal, waveguide: Waveguide, unit: str, band: float | N
     factor[kept] = waveguide.stiffness(omega) * edge_filter(frequency[kept], limit)
     if unit == "m/s":
         factor[kept] /= waveguide.impedance(omega)
-    value = irfft(rfft(faded(strain.value, fade, length, fade=fade)) * factor, length)[fade : fade + n]
+    value = irfft(rfft(fade_ends(strain.value, fade, length, fade=fade)) * factor, length)[fade : fade + n]
     noise = float(np.sqrt(mean_square(factor, length, strain.memory)))
     return _with_noise(strain, strain.start, value, noise, abs(factor[0]), unit)
 
@@ -235,3 +311,268 @@ def _check(
         raise ValueError(f"a band limit must be > 0 Hz, got {band}")
     if not largest_gain > 1.0:
         raise ValueError(f"the largest gain must be > 1, got {largest_gain}")
+
+
+_SEARCH = 0.1
+"""The wave speed is sought within this share of the one that the bar is stated to have [-]."""
+_POISSON_STEP = 0.01
+"""Difference of Poisson's ratio over which sensitivities are taken [-]."""
+
+
+@dataclass(frozen=True)
+class BarsTogether:
+    """Wave speed and relative gain from a pulse between two stations, Eq. (B.11)."""
+
+    bar: Bar
+    """The bar with Young's modulus from the fitted speed and its stated density."""
+    wave_speed: float
+    """Fitted c0 [m/s]."""
+    gain: float
+    """Fitted ratio of the later to the earlier pulse, as it should be 1 (-1 after one free end) [-]."""
+    covariance: FloatArray
+    """Covariance of `wave_speed` and `gain`, shape [2, 2], from the residual's variance times the number of
+    samples over which it is alike, or from the noise of both gauges if that is more. Distance and Poisson's
+    ratio are not in it."""
+    distance: float
+    """Way between the stations [m]; d(c0) / c0 = d(distance) / distance."""
+    time: FloatArray
+    """Times of the residual on the shot's clock [s], shape [n]."""
+    measured: FloatArray
+    """The later pulse [-], shape [n]."""
+    residual: FloatArray
+    """Fitted less measured later pulse [-], shape [n]."""
+    rms: float
+    """Root mean square of the residual over the peak of the later pulse [-]."""
+    largest: float
+    """Largest residual over that peak [-]."""
+    plain_rms: float
+    """The same rms for a plain shift with its own best speed and gain [-]."""
+    plain_wave_speed: float
+    """Speed of that plain shift [m/s]."""
+    band: float
+    """Frequency up to which the earlier pulse stands above its noise and is used [Hz]; inf without noise."""
+    alike: float
+    """Samples over which residuals are alike: their integrated correlation [-], >= 1."""
+    by_poisson: float
+    """Change of the fitted c0 per unit of Poisson's ratio [m/s]."""
+    rms_by_poisson: tuple[float, float]
+    """`rms` with Poisson's ratio `POISSON_STEP` lower and higher [-]."""
+
+    @property
+    def wave_speed_sigma(self) -> float:
+        """Standard uncertainty of `wave_speed` from the fit [m/s]."""
+        return sqrt(self.covariance[0, 0])
+
+    @property
+    def gain_sigma(self) -> float:
+        """Standard uncertainty of `gain` from the fit [-]."""
+        return sqrt(self.covariance[1, 1])
+
+
+def wave_speed(
+    incident: BarSignal,
+    transmission: BarSignal,
+    *,
+    incident_window: tuple[float, float],
+    transmitted_window: tuple[float, float],
+) -> BarsTogether:
+    """Fit c0 and the relative gain to a shot of the two bars without a specimen.
+
+    The pulse at the transmission gauge is the pulse at the incident gauge, dispersed over the way between
+    them, times the ratio of what the two channels show of the same strain.
+
+    Parameters
+    ----------
+    incident, transmission : BarSignal
+        The stations; bars of the same diameter, density, modulus and Poisson's ratio.
+    incident_window : tuple of float
+        First and last time of the pulse at the incident gauge [s]: as long as no other wave is there.
+    transmitted_window : tuple of float
+        Times at the transmission gauge over which the pulses are compared [s].
+
+    Raises
+    ------
+    ValueError
+        If the bars or sampling intervals differ, a window is outside its signal, or the speed found is at the
+        edge of the search.
+    """
+    for name in ("diameter", "density", "youngs_modulus", "poisson"):
+        first, second = getattr(incident.bar, name), getattr(transmission.bar, name)
+        if first != second:
+            raise ValueError(
+                f"bars together must be alike, {name} is {first:g} and {second:g}. Cure: calibrate each bar "
+                "by its own echo"
+            )
+    distance = incident.position + transmission.position
+    return _fit(
+        incident.strain, transmission.strain, incident.bar, distance, incident_window, transmitted_window, 1.0
+    )
+
+
+def round_trip(
+    gauge: BarSignal, *, first_window: tuple[float, float], echo_window: tuple[float, float], end: str
+) -> BarsTogether:
+    """Fit c0 to a pulse and its echo from a free end at the same gauge.
+
+    Parameters
+    ----------
+    gauge : BarSignal
+        The station.
+    first_window, echo_window : tuple of float
+        Times of the pulse and of its echo [s]; other waves lie in neither.
+    end : str
+        Where it was reflected: "specimen" or "far" for that end of the bar, free; "both" after a whole round
+        trip, c0 = 2 L / T.
+
+    Raises
+    ------
+    ValueError
+        As `wave_speed`; or if `end` is not one of the three.
+    """
+    ways = {
+        "specimen": 2.0 * gauge.position,
+        "far": 2.0 * (gauge.bar.length - gauge.position),
+        "both": 2.0 * gauge.bar.length,
+    }
+    if end not in ways:
+        raise ValueError(f'end must be "specimen", "far" or "both", got {end!r}')
+    sign = 1.0 if end == "both" else -1.0
+    return _fit(gauge.strain, gauge.strain, gauge.bar, ways[end], first_window, echo_window, sign)
+
+
+def _fit(
+    first: Signal,
+    later: Signal,
+    bar: Bar,
+    distance: float,
+    first_window: tuple[float, float],
+    later_window: tuple[float, float],
+    sign: float,
+) -> BarsTogether:
+    check_bar(bar)
+    if abs(first.interval / later.interval - 1.0) > 1e-9:
+        raise ValueError(f"sampling intervals must be equal, got {first.interval:g} and {later.interval:g} s")
+    if not distance > 0.0:
+        raise ValueError(f"the way between the stations must be > 0 m, got {distance}")
+    a, b = later_window
+    if not (later.start <= a < b <= later.end + later.interval):
+        raise ValueError(
+            f"the later window must be ascending and within [{later.start:.6g}, {later.end:.6g}] s, "
+            f"got [{a:.6g}, {b:.6g}] s"
+        )
+    kept = (later.time >= a) & (later.time <= b)
+    time, measured = later.time[kept], later.value[kept]
+    if measured.size < 20:
+        raise ValueError(f"the later window holds {measured.size} samples, needs 20 or more")
+    stated = bar.wave_speed
+    peak = float(np.abs(measured).max())
+    # Noise of the first pulse above that would steepen the model's slopes and feign a better known speed.
+    band = _above_noise(windowed(first, first_window))
+
+    def model(speed: float, poisson: float | None) -> FloatArray:
+        """The later pulse with gain `sign`; a plain shift without Poisson's ratio."""
+        trial = replace(
+            bar,
+            youngs_modulus=bar.density * speed**2,
+            poisson=bar.poisson if poisson is None else poisson,
+        )
+        guide = ElasticWaveguide(trial, dispersive=poisson is not None)
+        carried = propagation(
+            first,
+            guide,
+            distance,
+            window=first_window,
+            band=band,
+            start=float(time[0]),
+            samples=time.size,
+        )
+        return sign * carried.signal.value
+
+    def solve(poisson: float | None, start: float) -> tuple[float, float, FloatArray, FloatArray]:
+        """Speed, gain, residual over the peak, and its Jacobian by c0 / stated and gain."""
+        found = least_squares(
+            lambda x: (x[1] * model(x[0] * stated, poisson) - measured) / peak,
+            [start / stated, 1.0],
+            bounds=([1.0 - 1.5 * _SEARCH, -np.inf], [1.0 + 1.5 * _SEARCH, np.inf]),
+            x_scale=[1e-3, 1e-2],
+            xtol=1e-12,
+            ftol=1e-12,
+            diff_step=1e-5,
+        )
+        return float(found.x[0] * stated), float(found.x[1]), found.fun, found.jac
+
+    # The squares of a shifted pulse have one minimum only near it: the best of many shifts is the start.
+    trials = stated * np.linspace(1.0 - _SEARCH, 1.0 + _SEARCH, 81)
+    overlap = [_cosine(model(float(speed), None), measured) for speed in trials]
+    best = int(np.argmax(overlap))
+    if best in (0, trials.size - 1):
+        raise ValueError(
+            f"no wave speed within {100 * _SEARCH:g} % of {stated:.0f} m/s fits. Cure: check the "
+            f"distances of "
+            "the gauges, the modulus and density of the bar, and both windows"
+        )
+    plain = solve(None, float(trials[best]))
+    speed, gain, residual, jacobian = solve(bar.poisson, plain[0])
+    low, high = (
+        solve(nu, speed)
+        for nu in (max(bar.poisson - _POISSON_STEP, 0.0), min(bar.poisson + _POISSON_STEP, 0.499))
+    )
+    width = min(bar.poisson + _POISSON_STEP, 0.499) - max(bar.poisson - _POISSON_STEP, 0.0)
+    alike = _correlated_samples(residual)
+    # Slow noise alone moves speed and gain, and all of the first pulse's is in the band.
+    noise = (gain * first.sigma) ** 2 * first.memory + later.sigma**2 * later.memory
+    variance = max(alike * float(residual @ residual) / (residual.size - 2), noise / peak**2)
+    scale = np.array([stated, 1.0])
+    covariance = np.asarray(variance * np.linalg.inv(jacobian.T @ jacobian) * np.outer(scale, scale))
+    return BarsTogether(
+        bar=replace(bar, youngs_modulus=bar.density * speed**2),
+        wave_speed=speed,
+        gain=sign * gain,
+        covariance=covariance,
+        distance=distance,
+        time=time,
+        measured=measured,
+        residual=residual * peak,
+        rms=_rms(residual),
+        largest=float(np.abs(residual).max()),
+        plain_rms=_rms(plain[2]),
+        plain_wave_speed=plain[0],
+        band=np.inf if band is None else band,
+        alike=alike,
+        by_poisson=(high[0] - low[0]) / width,
+        rms_by_poisson=(_rms(low[2]), _rms(high[2])),
+    )
+
+
+def _above_noise(pulse: Signal) -> float | None:
+    """Frequency above which no component of a pulse is five times its noise, with room for an edge."""
+    if not pulse.sigma > 0.0:
+        return None
+    spectrum = np.abs(rfft(pulse.value))
+    noise = pulse.sigma * np.sqrt(pulse.memory * np.count_nonzero(pulse.value))
+    above = np.flatnonzero(spectrum > 5.0 * noise)
+    if above.size == 0:
+        raise ValueError("the first window holds nothing above the noise. Cure: another window")
+    return float(rfftfreq(pulse.value.size, pulse.interval)[above[-1]] / (1.0 - _ROLL_OFF))
+
+
+def _cosine(a: FloatArray, b: FloatArray) -> float:
+    """Cosine of the angle between two pulses [-]."""
+    norm = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / norm if norm > 0.0 else 0.0
+
+
+def _correlated_samples(residual: FloatArray) -> float:
+    """Integrated correlation of a residual [samples], up to where it first passes zero."""
+    n = residual.size
+    lagged = np.correlate(residual, residual, mode="full")[n - 1 :]
+    if lagged[0] == 0.0:
+        return 1.0
+    correlation = lagged / lagged[0]
+    negative = np.flatnonzero(correlation <= 0.0)
+    end = int(negative[0]) if negative.size else n
+    return max(1.0, 1.0 + 2.0 * float(correlation[1:end].sum()))
+
+
+def _rms(residual: FloatArray) -> float:
+    return float(np.sqrt(np.mean(residual**2)))

@@ -14,18 +14,17 @@ from scipy.fft import next_fast_len, rfft, rfftfreq
 from scipy.optimize import nnls
 
 from kolsky.bars.guides import pochhammer
-from kolsky.bars.guides.polymer_waveguide import PronyModulus, TabulatedWaveguide
-from kolsky.bars.guides.spectra import windowed
-from kolsky.bars.guides.waveguide import check_bar
+from kolsky.bars.guides.propagation import windowed
+from kolsky.bars.guides.waveguide import PronyModulus, TabulatedWaveguide, check_bar
 from kolsky.bars.records import BarSignal
 from kolsky.base.apparatus import Bar
 from kolsky.base.arrays import ComplexArray, FloatArray
 
-ABOVE_NOISE = 10.0
+_ABOVE_NOISE = 10.0
 """Spectra enter where every pass stands above its noise by this factor: log amplitude and phase to 0.1."""
-LEAKAGE = 3e-3
+_LEAKAGE = 3e-3
 """Share of a pass's largest spectral component [-] below which the edges of windows speak, not the wave."""
-FADE = 8
+_FADE = 8
 """Samples over which a passage fades to zero outside its window."""
 PADDING = 8
 """The transform is this many times as long as the record, so that phases can be followed."""
@@ -97,7 +96,7 @@ class PropagationCoefficient:
 
 
 def propagation_coefficient(
-    gauge: BarSignal, passes: Sequence[Pass], *, above_noise: float = ABOVE_NOISE
+    gauge: BarSignal, passes: Sequence[Pass], *, above_noise: float = _ABOVE_NOISE
 ) -> PropagationCoefficient:
     """Identify the propagation coefficient from two or more passages of one pulse, Eq. (B.16).
 
@@ -136,7 +135,7 @@ def propagation_coefficient(
     omega = 2.0 * pi * frequency
     spectra, noise, tail = [], [], 0.0
     for item in passes:
-        part = windowed(signal, item.window, taper=FADE * signal.interval)
+        part = windowed(signal, item.window, taper=_FADE * signal.interval)
         first = item.window[0] - signal.start  # phases from the window's first time turn slowly
         turned = rfft(part.value, length) * np.exp(1j * omega * first)
         spectra.append(turned * (-1.0) ** item.reflections)
@@ -148,7 +147,7 @@ def propagation_coefficient(
     amplitude = np.abs(spectra)
     weight = (amplitude / np.array(noise)[:, None]) ** 2 if signal.sigma > 0.0 else amplitude**2
     shortest = min(item.window[1] - item.window[0] for item in passes)
-    clear = (amplitude > LEAKAGE * amplitude.max(axis=1, keepdims=True)).all(axis=0)
+    clear = (amplitude > _LEAKAGE * amplitude.max(axis=1, keepdims=True)).all(axis=0)
     if signal.sigma > 0.0:
         clear &= (weight > above_noise**2).all(axis=0)
     used = _band(frequency, clear, shortest)

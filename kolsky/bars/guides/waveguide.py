@@ -1,7 +1,7 @@
 """Bars as guides of one longitudinal wave: wavenumber, attenuation, stiffness, impedance.
 
-A wave that travels toward +x varies as exp(i (omega t - k x)): the real part of k turns its phase, and a
-negative imaginary part makes it fade. Numbers of equations are those of docs/theory/bar_waves.md.
+Elastic bars follow Pochhammer and Chree. Polymer bars have a complex modulus or a measured propagation
+coefficient.
 """
 
 from dataclasses import dataclass
@@ -10,12 +10,13 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PchipInterpolator
 
 from kolsky.bars.guides import pochhammer
 from kolsky.base.apparatus import Bar
-from kolsky.base.arrays import ComplexArray
+from kolsky.base.arrays import ComplexArray, FloatArray
 
-SURFACE_BAND = 2.0
+_SURFACE_BAND = 2.0
 """omega a / c0 up to which a gauge on the surface can stand for the section."""
 
 
@@ -82,7 +83,7 @@ class ElasticWaveguide:
     @property
     def largest_frequency(self) -> float:
         """Everywhere, unless a surface gauge ends the band [Hz]."""
-        return SURFACE_BAND * self.wave_speed / (pi * self.bar.diameter) if self.surface else inf
+        return _SURFACE_BAND * self.wave_speed / (pi * self.bar.diameter) if self.surface else inf
 
     def wavenumber(self, omega: ArrayLike) -> ComplexArray:
         """Eq. (B.3): k a is the first mode's at omega a / c0 [rad/m]."""
@@ -96,7 +97,7 @@ class ElasticWaveguide:
     def stiffness(self, omega: ArrayLike) -> ComplexArray:
         """Eq. (B.6): rho A (omega / k)^2, times M1 if strains are those of the surface [N]."""
         w = np.asarray(omega)
-        stiffness = self.impedance(w) * speed_of(w, self.wavenumber(w), self.wave_speed)
+        stiffness = self.impedance(w) * _speed_of(w, self.wavenumber(w), self.wave_speed)
         if self.surface:
             reduced = 0.5 * w * self.bar.diameter / self.wave_speed
             stiffness = stiffness * pochhammer.mean_over_surface(reduced, self.bar.poisson)
@@ -105,7 +106,7 @@ class ElasticWaveguide:
     def impedance(self, omega: ArrayLike) -> ComplexArray:
         """Eq. (B.5): rho A omega / k [N s/m]."""
         w = np.asarray(omega)
-        return impedance_of(self.bar, speed_of(w, self.wavenumber(w), self.wave_speed))
+        return _impedance_of(self.bar, _speed_of(w, self.wavenumber(w), self.wave_speed))
 
 
 def area(bar: Bar) -> float:
@@ -129,17 +130,191 @@ def check_bar(bar: Bar) -> None:
         raise ValueError(f"poisson of a bar must be in [0, 0.5), got {bar.poisson}")
 
 
-def stiffness_of(bar: Bar, speed: ComplexArray) -> ComplexArray:
+def _stiffness_of(bar: Bar, speed: ComplexArray) -> ComplexArray:
     """Eq. (B.6): rho A (omega / k)^2 [N] of a bar whose waves have the speed omega / k [m/s]."""
     return bar.density * area(bar) * speed**2
 
 
-def impedance_of(bar: Bar, speed: ComplexArray) -> ComplexArray:
+def _impedance_of(bar: Bar, speed: ComplexArray) -> ComplexArray:
     """Eq. (B.5): rho A omega / k [N s/m] of such a bar."""
     return bar.density * area(bar) * speed
 
 
-def speed_of(omega: NDArray[Any], wavenumber: ComplexArray, at_rest: float) -> ComplexArray:
+def _speed_of(omega: NDArray[Any], wavenumber: ComplexArray, at_rest: float) -> ComplexArray:
     """omega / k [m/s], with its limit at omega = 0."""
     still = wavenumber == 0.0
     return np.asarray(np.where(still, at_rest, omega / np.where(still, 1.0, wavenumber)), dtype=complex)
+
+
+@dataclass(frozen=True)
+class PronyModulus:
+    """Complex modulus of springs and dashpots, E + sum of E_j i omega tau_j / (1 + i omega tau_j).
+
+    One pair is the standard linear solid (Zener).
+    """
+
+    long_term: float
+    """Modulus at rest E [Pa], > 0."""
+    moduli: tuple[float, ...]
+    """Moduli E_j of the Maxwell elements [Pa], > 0."""
+    times: tuple[float, ...]
+    """Their relaxation times tau_j [s], > 0."""
+
+    def __post_init__(self) -> None:
+        if len(self.moduli) != len(self.times):
+            raise ValueError(f"a modulus for each time, got {len(self.moduli)} and {len(self.times)}")
+        for value in (self.long_term, *self.moduli, *self.times):
+            if not (isfinite(value) and value > 0.0):
+                raise ValueError(f"moduli and times of a Prony series must be > 0 and finite, got {value}")
+
+    def __call__(self, omega: ArrayLike) -> ComplexArray:
+        """Complex modulus E* [Pa] at angular frequencies [rad/s]."""
+        w = np.asarray(omega, dtype=complex)
+        modulus = np.full(w.shape, self.long_term, dtype=complex)
+        for part, time in zip(self.moduli, self.times, strict=True):
+            modulus += part * 1j * w * time / (1.0 + 1j * w * time)
+        return modulus
+
+    def scaled(self, factor: float) -> "PronyModulus":
+        """The same with all moduli times `factor`."""
+        if factor == 1.0:
+            return self
+        return PronyModulus(self.long_term * factor, tuple(factor * part for part in self.moduli), self.times)
+
+    @property
+    def instantaneous(self) -> float:
+        """Modulus at infinite frequency [Pa]: what the fastest wave feels."""
+        return self.long_term + sum(self.moduli)
+
+
+@dataclass(frozen=True)
+class ViscoelasticWaveguide:
+    """A polymer bar with a complex modulus and, by the correspondence principle, geometric dispersion.
+
+    Poisson's ratio is real and constant. The bar's own Young's modulus is not used.
+    """
+
+    bar: Bar
+    """The bar: diameter, density, Poisson's ratio."""
+    modulus: PronyModulus
+    """Its complex modulus."""
+    dispersive: bool = True
+    """True if waves also disperse by the bar's finite radius."""
+
+    def __post_init__(self) -> None:
+        check_bar(self.bar)
+
+    @property
+    def wave_speed(self) -> float:
+        """Speed of the first arrival, with the instantaneous modulus [m/s]."""
+        return float(np.sqrt(self.modulus.instantaneous / self.bar.density))
+
+    @property
+    def largest_frequency(self) -> float:
+        """Everywhere [Hz]."""
+        return inf
+
+    def wavenumber(self, omega: ArrayLike) -> ComplexArray:
+        """Eq. (B.8): the first mode at the complex omega a (rho / E*)^(1/2) [rad/m]."""
+        w = np.asarray(omega)
+        plain = w * np.sqrt(self.bar.density / self.modulus(w))
+        if not self.dispersive:
+            return plain
+        radius = 0.5 * self.bar.diameter
+        return np.asarray(pochhammer.wavenumber(plain * radius, self.bar.poisson) / radius)
+
+    def stiffness(self, omega: ArrayLike) -> ComplexArray:
+        """Eq. (B.6): rho A (omega / k)^2, which is E* A in a thin bar [N]."""
+        return _stiffness_of(self.bar, self._speed(np.asarray(omega)))
+
+    def impedance(self, omega: ArrayLike) -> ComplexArray:
+        """Eq. (B.5): rho A omega / k [N s/m]."""
+        return _impedance_of(self.bar, self._speed(np.asarray(omega)))
+
+    def _speed(self, omega: NDArray[Any]) -> ComplexArray:
+        return _speed_of(
+            omega, self.wavenumber(omega), float(np.sqrt(self.modulus.long_term / self.bar.density))
+        )
+
+
+@dataclass(frozen=True)
+class TabulatedWaveguide:
+    """A bar whose propagation coefficient was measured; `kolsky.bars.guides.viscoelastic` measures it.
+
+    Slowness and attenuation are interpolated monotonically; below the first frequency the slowness keeps its
+    first value and the attenuation falls to zero linearly.
+    """
+
+    bar: Bar
+    """The bar: diameter and density."""
+    frequency: FloatArray
+    """Frequencies [Hz], ascending, > 0, shape [n], n >= 2."""
+    phase_velocity: FloatArray
+    """Phase velocity at each [m/s], shape [n]."""
+    attenuation: FloatArray
+    """Attenuation at each [1/m], >= 0, shape [n]."""
+
+    def __post_init__(self) -> None:
+        check_bar(self.bar)
+        f = self.frequency
+        if f.size < 2 or not (f[0] > 0.0 and (np.diff(f) > 0.0).all() and isfinite(f[-1])):
+            raise ValueError(
+                "frequencies of a propagation coefficient must ascend from above 0, two at least"
+            )
+        if not (np.isfinite(self.phase_velocity).all() and (self.phase_velocity > 0.0).all()):
+            raise ValueError(
+                f"phase velocities must be > 0 and finite, got {self.phase_velocity.min():g} m/s"
+            )
+        if not (np.isfinite(self.attenuation).all() and (self.attenuation >= 0.0).all()):
+            raise ValueError(
+                f"attenuations must be >= 0 and finite, got {self.attenuation.min():g} 1/m; a bar does not "
+                "amplify. Cure: tabulate where the signal stands above its noise"
+            )
+
+    @property
+    def wave_speed(self) -> float:
+        """Largest of the phase velocities [m/s]."""
+        return float(self.phase_velocity.max())
+
+    @property
+    def largest_frequency(self) -> float:
+        """Last frequency of the table [Hz]."""
+        return float(self.frequency[-1])
+
+    def wavenumber(self, omega: ArrayLike) -> ComplexArray:
+        """Interpolated wavenumber [rad/m]; small imaginary parts of omega by the first derivative.
+
+        Raises
+        ------
+        ValueError
+            If a frequency lies beyond the table.
+        """
+        w = np.asarray(omega)
+        f = np.abs(w.real) / (2.0 * pi)
+        if f.max(initial=0.0) > self.largest_frequency * (1.0 + 1e-12):
+            raise ValueError(
+                f"the propagation coefficient is known up to {self.largest_frequency:g} Hz, asked for "
+                f"{f.max():g} Hz. Cure: limit the band"
+            )
+        knots = np.concatenate([[0.0], self.frequency])
+        phase = PchipInterpolator(
+            knots, 2.0 * pi * knots / np.concatenate([self.phase_velocity[:1], self.phase_velocity])
+        )
+        fading = PchipInterpolator(knots, np.concatenate([[0.0], self.attenuation]))
+        f = np.minimum(f, self.largest_frequency)
+        sign = np.where(w.real < 0.0, -1.0, 1.0)
+        k = sign * phase(f) - 1j * fading(f)
+        if np.iscomplexobj(w):
+            k = k + 1j * w.imag * (phase(f, 1) - 1j * sign * fading(f, 1)) / (2.0 * pi)
+        return np.asarray(k, dtype=complex)
+
+    def stiffness(self, omega: ArrayLike) -> ComplexArray:
+        """Eq. (B.6): rho A (omega / k)^2 [N]."""
+        return _stiffness_of(self.bar, self._speed(np.asarray(omega)))
+
+    def impedance(self, omega: ArrayLike) -> ComplexArray:
+        """Eq. (B.5): rho A omega / k [N s/m]."""
+        return _impedance_of(self.bar, self._speed(np.asarray(omega)))
+
+    def _speed(self, omega: NDArray[Any]) -> ComplexArray:
+        return _speed_of(omega, self.wavenumber(omega), float(self.phase_velocity[0]))

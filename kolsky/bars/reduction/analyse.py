@@ -6,32 +6,34 @@ from dataclasses import replace
 from numpy.typing import ArrayLike
 
 from kolsky.bars.audit import AuditLog
-from kolsky.bars.budget.budget import Budget
-from kolsky.bars.budget.propagation import propagate
+from kolsky.bars.budget import Budget, propagate
 from kolsky.bars.records import (
     BarSignal,
     FaceWaves,
     Reduction,
+    WavesResult,
     Windows,
     histories,
     map_histories,
     with_opposite_sign,
 )
-from kolsky.bars.reduction import quoted_values
-from kolsky.bars.reduction.alignment import KEYS as ALIGNMENT_KEYS
-from kolsky.bars.reduction.alignment import Alignment, alignments
-from kolsky.bars.reduction.free_end import KEY as FREE_END
-from kolsky.bars.reduction.free_end import check_length, free_end_limits, free_ends
+from kolsky.bars.reduction.inertia import corrections_that_act, valid_span
 from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, WavesInput
-from kolsky.bars.reduction.overlap import overlapping_windows
-from kolsky.bars.reduction.pulse_checks import check_windows
-from kolsky.bars.reduction.specimen_inertia import corrections_that_act, valid_span
+from kolsky.bars.reduction.separation import KEY as FREE_END
+from kolsky.bars.reduction.separation import check_length, free_end_limits, free_ends, overlapping_windows
 from kolsky.bars.reduction.stress_strain import TRUE, true_curve
 from kolsky.bars.reduction.summary import Summary, summarise
 from kolsky.bars.reduction.validity import Validity
 from kolsky.bars.reduction.varied_test import VariedTest, bar_correlations, budget_quantities, station_of
-from kolsky.bars.reduction.windows import check_baselines, find_windows, incident_arrival
-from kolsky.bars.result import WavesResult
+from kolsky.bars.reduction.windows import KEYS as ALIGNMENT_KEYS
+from kolsky.bars.reduction.windows import (
+    Alignment,
+    alignments,
+    check_baselines,
+    check_windows,
+    find_windows,
+    incident_arrival,
+)
 from kolsky.bars.signals.stations import Station
 from kolsky.base.arrays import FloatArray
 
@@ -109,11 +111,11 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         faces=faces,
         reduction=with_opposite_sign(reduction) if tension else reduction,
         corrections=log.corrections,
-        budget=quoted_values.table(budget, sign),
-        facts=quoted_values.facts(best, arrival, checks, windows, reduction, summary, given.specimen),
+        budget=summary.table(budget, sign),
+        facts=summary.facts(best, arrival, checks, windows, reduction, summary, given.specimen),
         remarks=(
             *given.notes,
-            *quoted_values.remarks(reduction, budget, checks, given, summary.plateau),
+            *summary.remarks(reduction, budget, checks, given, summary.plateau),
             *_soft(acts, valid),
         ),
         analysis=given.analysis,
@@ -235,11 +237,11 @@ def _budget(
     """Uncertainties of all histories and quoted numbers."""
     quantities = budget_quantities(varied.given, best)
     quantities += [alignment.quantity for alignment in varied.aligned.values()]
-    quantities += quoted_values.span_quantities(summary)
+    quantities += summary.span_quantities(summary)
     noise: dict[str, ArrayLike] = {
         **{name: history.sigma for name, history in histories(reduction).items()},
         **{name: history.sigma for name, history in true_curve(reduction, summary.analysis).items()},
-        **quoted_values.noise(reduction, summary),
+        **summary.noise(reduction, summary),
     }
     found = propagate(
         lambda values: varied.outputs(values, summary),
@@ -248,7 +250,7 @@ def _budget(
         correlations=bar_correlations(varied.given, quantities),
         tolerance=LARGEST_BEND,
     )
-    return quoted_values.with_both_sides(found)
+    return summary.with_both_sides(found)
 
 
 def _true_histories(budget: Budget, sign: float) -> dict[str, FloatArray]:

@@ -1,5 +1,9 @@
-"""Waves at the specimen: each pulse windowed, propagated to the bar's face, on one clock."""
+"""Waves at the specimen: each pulse is windowed and propagated to the bar's face, on one clock.
 
+Opposed gauges that were recorded in separate files are resampled to one clock first.
+"""
+
+from collections.abc import Sequence
 from dataclasses import replace
 from math import inf, pi, sqrt
 
@@ -7,13 +11,14 @@ import numpy as np
 
 from kolsky.bars.guides.propagation import propagate
 from kolsky.bars.guides.waveguide import Waveguide
-from kolsky.bars.records import BarSignal, FaceWaves, Signal, Windows
+from kolsky.bars.records import LARGEST_JITTER, BarSignal, FaceWaves, Signal, Windows, uniform_clock
 from kolsky.bars.reduction.windows import travel_time, usable_limits
 from kolsky.base.arrays import FloatArray
+from kolsky.base.records import Recording
 
 BAND = 2.0
 """omega a / c0 up to which waves are kept under dispersion: a second mode travels above 2.3 or so."""
-GUARD = 256
+_GUARD = 256
 """Samples on either side of a window that take part in an interpolation."""
 
 
@@ -201,10 +206,69 @@ def sampled_from(signal: Signal, start: float, count: int) -> FloatArray:
         )
     if fraction == 0.0:
         return signal.value[whole : whole + count].copy()
-    low, high = max(0, whole - GUARD), min(signal.value.size, whole + count + GUARD)
+    low, high = max(0, whole - _GUARD), min(signal.value.size, whole + count + _GUARD)
     part = signal.value[low:high]
     line = np.linspace(part[0], part[-1], part.size)
     turn = np.exp(2j * np.pi * np.fft.rfftfreq(part.size) * fraction)
     slope = (part[-1] - part[0]) / (part.size - 1)
     moved = np.fft.irfft(np.fft.rfft(part - line) * turn, part.size) + line + fraction * slope
     return moved[whole - low : whole - low + count]
+
+
+LEAST = 50
+"""Fewest samples that two recordings must have in common."""
+
+
+def on_one_clock(recordings: Sequence[Recording], offsets: Sequence[float]) -> tuple[Recording, ...]:
+    """Recordings of one station over the time that all of them cover, at the times of the first.
+
+    Recordings of one time base stay as they are. Another recorder's samples are taken between its own where
+    they fall between them, as of a band-limited signal, which changes neither its energy nor its noise.
+
+    Parameters
+    ----------
+    recordings
+        One for each channel, each on its recorder's clock.
+    offsets
+        Shot's clock minus recorder's clock of each [s].
+
+    Returns
+    -------
+    tuple of Recording
+        All on the first one's recorder's clock.
+
+    Raises
+    ------
+    ValueError
+        If the intervals differ, or the recordings have hardly a sample in common.
+    """
+    first = recordings[0]
+    start, interval = uniform_clock(first)
+    signals = [_shifted(r, offset - offsets[0]) for r, offset in zip(recordings, offsets, strict=True)]
+    for other, signal in zip(recordings[1:], signals[1:], strict=True):
+        if abs(signal.interval / interval - 1.0) * first.time.size > LARGEST_JITTER:
+            raise ValueError(
+                f"opposed gauges {first.channel} ({first.path.name}) and {other.channel} ({other.path.name}) "
+                f"are sampled every {interval:.9g} s and every {signal.interval:.9g} s. Cure: record them "
+                "with one rate, or state the interval of the file whose clock is off"
+            )
+    low = max(int(np.ceil((s.start - start) / interval - 1e-6)) for s in signals)
+    high = min(int(np.floor((s.end - start) / interval + 1e-6)) for s in signals)
+    count = high - low + 1
+    if count < LEAST:
+        spans = ", ".join(f"{s.start:.6g} to {s.end:.6g} s" for s in signals)
+        raise ValueError(
+            f"the opposed gauges' records have {max(count, 0)} samples in common ({spans}), need {LEAST}. "
+            "Cure: correct the recorders' clock_offset"
+        )
+    time: FloatArray = start + interval * np.arange(low, high + 1, dtype=np.float64)
+    begin = start + low * interval
+    return tuple(
+        replace(recording, time=time, value=sampled_from(signal, begin, count))
+        for recording, signal in zip(recordings, signals, strict=True)
+    )
+
+
+def _shifted(recording: Recording, shift: float) -> Signal:
+    start, interval = uniform_clock(recording)
+    return Signal(start + shift, interval, recording.value, 0.0, recording.unit, recording.channel)

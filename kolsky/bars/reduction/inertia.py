@@ -1,16 +1,17 @@
-"""Inertia of the specimen: its contribution to the stress, radially and along the axis.
+"""Inertia corrections: the specimen's, radial and axial, and that of a mass between gauge and specimen."""
 
-Compression is positive. A function returns the corrected history and a `Correction`; a correction that is
-switched off is measured all the same.
-"""
-
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kolsky.bars.records import Correction, History
-from kolsky.base.apparatus import Specimen
+from kolsky.bars.audit import Switches, correction_key
+from kolsky.bars.flyer.path import FlyerPath
+from kolsky.bars.records import BarSignal, Correction, History, Quantity, Reduction
+from kolsky.bars.reduction.validity import Validity, validity
+from kolsky.bars.signals.arrival import moving_mean
+from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.arrays import FloatArray
 
 
@@ -83,7 +84,7 @@ def correct_radial_inertia(
     ValueError
         As `radial_pressure`, and if shapes differ.
     """
-    one_shape(stress.value, (strain, rate, second))
+    _one_shape(stress.value, (strain, rate, second))
     rho, a0 = specimen.density, specimen.radius
     left = 1.0 - strain.value
     p = radial_pressure(strain.value, rate.value, second.value, density=rho, radius=a0)
@@ -184,7 +185,7 @@ def correct_axial_inertia(
     """
     rest = History(np.zeros_like(second.value), np.zeros_like(second.value), "m/s^2")
     a = rest if back_acceleration is None else back_acceleration
-    one_shape(back_stress.value, (second, a))
+    _one_shape(back_stress.value, (second, a))
     rho, length = specimen.density, specimen.length
     change = axial_stress(second.value, density=rho, length=length, back_acceleration=a.value)
     sigma = np.sqrt(
@@ -213,7 +214,7 @@ def audited(name: str, key: str, change: FloatArray, unit: str, apply: bool, rea
     )
 
 
-def one_shape(like: FloatArray, histories: Sequence[History]) -> None:
+def _one_shape(like: FloatArray, histories: Sequence[History]) -> None:
     """Refuse histories that have not one value at each of the times of an array.
 
     Raises
@@ -227,3 +228,338 @@ def one_shape(like: FloatArray, histories: Sequence[History]) -> None:
                 f"every history needs one value at each of {like.size} times, got {history.value.size}"
                 f" in {history.unit}"
             )
+
+
+WAY = "three waves"
+"""The analysis whose motion is taken."""
+KEYS = ("radial inertia", "axial inertia")
+"""Switches of the corrections."""
+
+
+@dataclass(frozen=True)
+class SpecimenMotion:
+    """Motion of a specimen between two bars, compression positive."""
+
+    rate: History
+    """Averaged nominal strain rate [1/s], shape [n]."""
+    second: History
+    """Its derivative [1/s^2], shape [n]."""
+    back: History
+    """Acceleration of the back face in the direction of the incident wave [m/s^2], shape [n]."""
+
+
+def _averaged_samples(reduction: Reduction, bars: Mapping[str, Bar]) -> int:
+    """Samples in the time that a wave needs to cross the thicker bar's diameter, odd: centred means."""
+    step = float(reduction.time[1] - reduction.time[0])
+    return max(3, round(max(bar.diameter / bar.wave_speed for bar in bars.values()) / step) | 1)
+
+
+def specimen_motion(reduction: Reduction, bars: Mapping[str, Bar]) -> SpecimenMotion:
+    """Averaged rate, its derivative, and the back face's acceleration.
+
+    Parameters
+    ----------
+    reduction
+        The reduction.
+    bars
+        The bars by side.
+    """
+    step = float(reduction.time[1] - reduction.time[0])
+    width = _averaged_samples(reduction, bars)
+
+    def averaged(history: History) -> FloatArray:
+        return moving_mean(history.value, width)
+
+    def slope(history: History, unit: str) -> History:
+        # A central difference of means of `width` white samples keeps the two at either end.
+        return History(np.gradient(averaged(history), step), history.sigma / (width * step), unit)
+
+    rate = reduction.rate[WAY]
+    return SpecimenMotion(
+        rate=History(averaged(rate), rate.sigma / np.sqrt(width), rate.unit),
+        second=slope(rate, "1/s^2"),
+        back=slope(reduction.back_velocity, "m/s^2"),
+    )
+
+
+def inertial_share(reduction: Reduction, specimen: Specimen, bars: Mapping[str, Bar]) -> float:
+    """Largest stress of radial and axial inertia over the largest stress, by three waves [-]."""
+    added = inertial_stress(reduction, specimen, specimen_motion(reduction, bars))
+    largest = float(
+        np.abs(moving_mean(reduction.stress[WAY].value, _averaged_samples(reduction, bars))).max()
+    )
+    return float(np.abs(added).max()) / largest if largest > 0.0 else np.inf
+
+
+def inertial_stress(reduction: Reduction, specimen: Specimen, motion: SpecimenMotion) -> FloatArray:
+    """What radial and axial inertia add to the nominal stress by three waves [Pa], shape [n]."""
+    stress = reduction.stress[WAY]
+    plain, _ = correct_radial_inertia(stress, reduction.strain[WAY], motion.rate, motion.second, specimen)
+    axial = axial_by_analysis(motion.second.value, specimen, motion.back.value)[WAY]
+    return np.asarray(stress.value - plain.value - axial)
+
+
+def corrections_that_act(
+    reduction: Reduction, specimen: Specimen, bars: Mapping[str, Bar], switches: Switches, *, share: float
+) -> dict[str, str]:
+    """Which of `KEYS` are applied: key -> why. What is not stated is on for a soft specimen.
+
+    Parameters
+    ----------
+    reduction
+        The reduction before these corrections.
+    specimen
+        The specimen before the test.
+    bars
+        The bars by side.
+    switches
+        What the shot states.
+    share
+        Share of the stress from which on inertia counts [-]; a specimen that reaches it is soft.
+
+    Returns
+    -------
+    dict
+        An entry for each key of `KEYS`; the reason begins with "on" or "off".
+    """
+    part = inertial_share(reduction, specimen, bars)
+    size = f"inertia reaches {100.0 * part:.2g} % of the largest stress, the limit is {100.0 * share:g} %"
+    found = {}
+    for key in KEYS:
+        if correction_key(key) in switches.stated:
+            found[key] = f"{'on' if switches[key] else 'off'}, as the shot states; {size}"
+        elif key == "radial inertia" and part > share:
+            found[key] = f"on: the specimen is soft, {size}"
+        else:
+            found[key] = f"off by default; {size}"
+    return found
+
+
+def correct_inertia(
+    reduction: Reduction, specimen: Specimen, bars: Mapping[str, Bar], acts: Mapping[str, str]
+) -> tuple[Reduction, tuple[Correction, ...]]:
+    """The stresses without the inertia of the specimen, where that is asked for.
+
+    Parameters
+    ----------
+    reduction
+        The reduction.
+    specimen
+        The specimen before the test; its density counts here.
+    bars
+        The bars by side.
+    acts
+        As `corrections_that_act` gave it for the test as declared.
+
+    Returns
+    -------
+    tuple of Reduction and Correction
+        Both entries of the log, applied or not; their sizes are those of the stress by three waves.
+    """
+    motion = specimen_motion(reduction, bars)
+    strain = reduction.strain[WAY]
+    on = {key: acts.get(key, "off").startswith("on") for key in KEYS}
+    stress, radial = dict(reduction.stress), []
+    for way, history in reduction.stress.items():
+        stress[way], entry = correct_radial_inertia(
+            history, strain, motion.rate, motion.second, specimen, apply=on["radial inertia"]
+        )
+        radial.append(entry)
+    change = axial_by_analysis(motion.second.value, specimen, motion.back.value)
+    noise = axial_by_analysis(motion.second.sigma, specimen, motion.back.sigma)
+    reason = (
+        f"{1e3 * specimen.length:.4g} mm of {specimen.density:.4g} kg/m^3, second derivative of the strain "
+        f"up to {np.abs(motion.second.value).max():.3g} 1/s^2"
+    )
+    axial = audited("axial inertia", "axial inertia", change[WAY], "Pa", on["axial inertia"], reason)
+    if on["axial inertia"]:
+        stress = {
+            way: History(h.value + change[way], np.hypot(h.sigma, noise[way]), h.unit)
+            for way, h in stress.items()
+        }
+    entries = (radial[list(reduction.stress).index(WAY)], axial)
+    said = tuple(replace(e, reason=f"{e.reason}; {acts.get(e.key, 'off')}") for e in entries)
+    return (replace(reduction, stress=stress) if any(on.values()) else reduction), said
+
+
+def valid_span(
+    reduction: Reduction, specimen: Specimen, bars: Mapping[str, Bar], *, share: float, tension: bool
+) -> Validity:
+    """The span in which imbalance and inertia, before its correction, stay within a share of the stress.
+
+    Parameters
+    ----------
+    reduction
+        The reduction before corrections of inertia, compression positive.
+    specimen
+        The specimen before the test.
+    bars
+        The bars by side.
+    share
+        The share [-].
+    tension
+        Whether the specimen is pulled.
+    """
+    sign = -1.0 if tension else 1.0
+    added = sign * inertial_stress(reduction, specimen, specimen_motion(reduction, bars))
+    step = float(reduction.time[1] - reduction.time[0])
+    width = min(_averaged_samples(reduction, bars), reduction.time.size // 3)
+    front, back, strain = (
+        replace(h, value=sign * h.value)
+        for h in (reduction.front_force, reduction.back_force, reduction.strain[WAY])
+    )
+    return validity(
+        reduction.time, front, back, strain,
+        inertial_stress=added, area=specimen.area, share=share, average=width * step,
+    )  # fmt: skip
+
+
+SIDES = ("incident", "transmission")
+
+
+def path_acceleration(path: FlyerPath, time: ArrayLike) -> History:
+    """Acceleration of a face whose path is known, by image correlation or from bar waves.
+
+    Parameters
+    ----------
+    path
+        Smooth path from rest: `kolsky.bars.flyer.path.fit_flyer`, or
+        `kolsky.bars.flyer.front_path.front_path` for the interface velocity of bar waves.
+    time
+        Times, not after the path's end; before its start the face rests [s], shape [n].
+
+    Returns
+    -------
+    History
+        Acceleration and its standard uncertainty [m/s^2].
+
+    Raises
+    ------
+    ValueError
+        If a time is after the path's end.
+    """
+    t = np.asarray(time, dtype=np.float64)
+    moving = t >= path.start
+    value, sigma = np.zeros(t.shape), np.zeros(t.shape)
+    value[moving], sigma[moving] = path.acceleration(t[moving]), path.sigma_acceleration(t[moving])
+    return History(value, sigma, "m/s^2")
+
+
+def gradient_acceleration(
+    near: BarSignal, far: BarSignal, time: ArrayLike, *, sigma_gain: float, sigma_distance: float = 0.0
+) -> History:
+    """Acceleration of a bar midway between two gauges, from the gradient of its strain.
+
+    Newton's second law for the piece of bar between them: ``rho A d dv/dt = E A (eps_up - eps_down)``, so
+    ``a = c0^2 (eps_up - eps_down) / d``, upstream minus downstream. The difference stands for the gradient
+    up to ``(omega d / c0)^2 / 24`` of it.
+
+    Parameters
+    ----------
+    near, far
+        Strains at two stations of one bar, `near` closer to the specimen.
+    time
+        Times that both signals cover [s], shape [n].
+    sigma_gain
+        Standard uncertainty of the ratio of the two gauges' gains [-].
+    sigma_distance
+        Standard uncertainty of the distance between the stations [m].
+
+    Raises
+    ------
+    ValueError
+        If the stations are not on one bar with `near` nearer, a time is not covered, or a sigma is negative.
+    """
+    t = np.asarray(time, dtype=np.float64)
+    d = far.position - near.position
+    if near.side != far.side or near.bar != far.bar or not d > 0.0:
+        raise ValueError(
+            f"the two gauges must be on one bar, `near` nearer to the specimen; got {near.side} bar at"
+            f" {near.position:g} m and {far.side} bar at {far.position:g} m"
+        )
+    _not_negative(sigma_gain=sigma_gain, sigma_distance=sigma_distance)
+    values = []
+    for signal in (near, far):
+        s = signal.strain
+        if t.size and not (s.start <= t.min() and t.max() <= s.end):
+            raise ValueError(
+                f"{s.name or 'a gauge'} spans {s.start:.9g} to {s.end:.9g} s, asked for {t.min():.9g} to"
+                f" {t.max():.9g} s; keep the times inside both records"
+            )
+        values.append(np.interp(t, s.time, s.value))
+    speed2 = near.bar.wave_speed**2
+    sign = 1.0 if near.side == "incident" else -1.0
+    a = sign * speed2 * (values[1] - values[0]) / d
+    noise = speed2 / d * np.hypot(near.strain.sigma, far.strain.sigma)
+    gain = speed2 / d * sigma_gain * 0.5 * np.abs(values[0] + values[1])
+    return History(a, np.sqrt(noise**2 + gain**2 + (a * sigma_distance / d) ** 2), "m/s^2")
+
+
+def compensate_mass(
+    time: ArrayLike,
+    force: History,
+    acceleration: History,
+    mass: Quantity,
+    *,
+    side: str = "incident",
+    sigma_time: float = 0.0,
+    apply: bool = True,
+    source: str = "the face's motion",
+) -> tuple[History, Correction]:
+    """Force on the specimen from that at a gauge, with a moving mass between the two.
+
+    ``F = F_gauge - m a`` before the specimen and ``F = F_gauge + m a`` behind it, where the mass is pushed
+    by the specimen.
+
+    Parameters
+    ----------
+    time
+        Times of the histories on one clock [s], shape [n], increasing.
+    force
+        Force at the gauge [N].
+    acceleration
+        Acceleration of the mass in the direction of the incident wave [m/s^2].
+    mass
+        Mass between the sensing plane and the specimen [kg].
+    side
+        Where the gauge is: "incident" or "transmission".
+    sigma_time
+        Standard uncertainty of the acceleration's clock against the force's [s].
+    apply
+        False leaves the force as it is; the correction is measured all the same.
+    source
+        Where the acceleration is from, for the audit log.
+
+    Raises
+    ------
+    ValueError
+        If shapes differ, the mass is not positive, a sigma is negative, or the side is unknown.
+    """
+    t = np.asarray(time, dtype=np.float64)
+    _one_shape(t, (force, acceleration))
+    _not_negative(sigma_time=sigma_time, sigma_mass=mass.sigma)
+    if not mass.value > 0.0:
+        raise ValueError(f"{mass.name} is {mass.value:g} kg, must be > 0 kg")
+    if side not in SIDES:
+        raise ValueError(f"side is {side!r}, must be one of {', '.join(SIDES)}")
+    a = acceleration.value
+    change = -mass.value * a if side == "incident" else mass.value * a
+    jerk = np.gradient(a, t)
+    sigma = np.sqrt(
+        force.sigma**2
+        + (mass.value * acceleration.sigma) ** 2
+        + (mass.sigma * a) ** 2
+        + (mass.value * jerk * sigma_time) ** 2
+    )
+    reason = (
+        f"{1e3 * mass.value:.4g} g between the {side} gauge and the specimen, acceleration from {source} up"
+        f" to {np.abs(a).max():.3g} m/s^2, clocks known to {1e6 * sigma_time:.2g} us"
+    )
+    log = audited(f"mass compensation, {side}", "mass", change, force.unit, apply, reason)
+    return (History(force.value + change, sigma, force.unit) if apply else force), log
+
+
+def _not_negative(**values: float) -> None:
+    for name, value in values.items():
+        if not (np.isfinite(value) and value >= 0.0):
+            raise ValueError(f"{name} is {value:g}, must be finite and >= 0")

@@ -5,11 +5,10 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from kolsky.bars.audit import Switches
-from kolsky.bars.guides.polymer_waveguide import PronyModulus
+from kolsky.bars.guides.waveguide import PronyModulus
 from kolsky.bars.records import Windows
-from kolsky.bars.reduction.equilibrium import ALLOWANCE
-from kolsky.bars.reduction.plateau import SHARE as PLATEAU
-from kolsky.bars.reduction.validity import SHARE
+from kolsky.bars.reduction.validity import ALLOWANCE, VALIDITY_SHARE
+from kolsky.bars.reduction.validity import PLATEAU_SHARE as PLATEAU
 from kolsky.bars.signals.bridge import Calibration
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.records import Recording
@@ -71,7 +70,7 @@ class WavesInput:
     """|R| up to which the forces count as balanced [-]."""
     plateau: float = PLATEAU
     """Least balanced length of a plateau as a share of the incident pulse's [-]."""
-    share: float = SHARE
+    share: float = VALIDITY_SHARE
     """Share of the stress that inertia, or the forces' difference, may have where a curve is valid [-]."""
     switches: Switches = field(default_factory=Switches)
     """Switches of the corrections."""

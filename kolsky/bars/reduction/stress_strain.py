@@ -1,13 +1,127 @@
-"""Strain, rate and stress by one, two and three waves, from the waves at the specimen's faces."""
+"""Strain, rate and stress by one, two and three waves: linear combinations of the waves at the specimen's
+faces.
+
+The weights are constants or functions of frequency. Punching, the indentation of the bars' faces by a
+narrower specimen, is subtracted from the strain.
+"""
+
+from dataclasses import replace
+from math import pi
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+from scipy.interpolate import PchipInterpolator
 
-from kolsky.bars.guides.combine import BarWaves
+from kolsky.bars.guides.propagation import edge_filter, fade_ends, mean_square
 from kolsky.bars.guides.waveguide import Waveguide
-from kolsky.bars.records import ANALYSES, FaceWaves, History, Reduction
-from kolsky.bars.reduction.equilibrium import ALLOWANCE, balanced_span, imbalance
-from kolsky.base.apparatus import Specimen
+from kolsky.bars.records import ANALYSES, Correction, FaceWaves, History, Reduction
+from kolsky.bars.reduction.validity import ALLOWANCE, balanced_span, imbalance
+from kolsky.bars.signals.arrival import moving_mean
+from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.arrays import FloatArray
+
+WAVES = ("incident", "reflected", "transmitted")
+"""Keys of `FaceWaves.sigma`."""
+
+Factor = float | NDArray[np.complex128]
+"""A constant, or a complex factor at each frequency."""
+Weights = tuple[Factor, Factor, Factor]
+"""Factors of the incident, reflected and transmitted strain."""
+
+
+class BarWaves:
+    """The three waves and what the bars make of a strain: force and velocity.
+
+    Parameters
+    ----------
+    faces
+        The waves at the faces.
+    guides
+        The incident and the transmission bar as waveguides; None takes constants, E A and rho c0 A.
+    """
+
+    stiffness_1: Factor
+    """Force per strain of the incident bar [N]."""
+    stiffness_2: Factor
+    """Force per strain of the transmission bar [N]."""
+    impedance_1: Factor
+    """Force per velocity of the incident bar [N s/m]."""
+    impedance_2: Factor
+    """Force per velocity of the transmission bar [N s/m]."""
+
+    def __init__(self, faces: FaceWaves, guides: tuple[Waveguide, Waveguide] | None) -> None:
+        self._waves = np.stack([faces.incident, faces.reflected, faces.transmitted])
+        self._noise = np.array([faces.sigma[name] for name in WAVES])
+        self._white = np.array([(faces.white or faces.sigma)[name] for name in WAVES])
+        self._spectra: NDArray[np.complex128] | None = None
+        if guides is None:
+            first, second = faces.incident_bar, faces.transmission_bar
+            self.stiffness_1, self.stiffness_2 = stiffness(first), stiffness(second)
+            self.impedance_1, self.impedance_2 = first.impedance, second.impedance
+            return
+        n = faces.time.size
+        self._fade = max(64, n // 4)
+        # What a viscoelastic bar remembers dies away over the padding instead of coming round.
+        self._length = next_fast_len(6 * n + 2 * self._fade, real=True)
+        frequency = rfftfreq(self._length, float(faces.time[1] - faces.time[0]))
+        limit = min(guide.largest_frequency for guide in guides)
+        kept = frequency <= limit
+        omega = 2.0 * pi * frequency[kept]
+        self._edge = np.zeros(frequency.size)
+        self._edge[kept] = edge_filter(frequency[kept], limit)
+
+        heard = frequency <= min(limit, faces.band)  # where the waves have noise at all
+        self._heard = np.zeros(frequency.size)
+        self._heard[heard] = edge_filter(frequency[heard], min(limit, faces.band))
+
+        def whole(factor: NDArray[np.complex128]) -> NDArray[np.complex128]:
+            spread = np.ones(frequency.size, dtype=complex)  # beyond the band the edge makes it 0
+            spread[kept] = factor
+            return spread
+
+        self.stiffness_1, self.stiffness_2 = (whole(guide.stiffness(omega)) for guide in guides)
+        self.impedance_1, self.impedance_2 = (whole(guide.impedance(omega)) for guide in guides)
+        padded = [fade_ends(wave, self._fade, self._length, fade=self._fade) for wave in self._waves]
+        self._spectra = np.asarray(rfft(np.stack(padded), axis=1))
+
+    def combined(self, weights: Weights, unit: str) -> History:
+        """The weighted sum of the waves, with the sigma of its samples for white, independent noise."""
+        n = self._waves.shape[1]
+        if self._spectra is None:
+            factor = np.array(weights, dtype=np.float64)
+            value: FloatArray = factor @ self._waves
+            noise = np.abs(factor) * self._noise
+        else:
+            factors = np.stack([self._edge * weight for weight in weights])
+            total = irfft((factors * self._spectra).sum(axis=0), self._length)
+            value = np.asarray(total[self._fade : self._fade + n], dtype=np.float64)
+            noise = np.array([self._gain(self._heard * weight) for weight in weights]) * self._white
+        return History(value, np.full(n, float(np.linalg.norm(noise))), unit)
+
+    def slow_sigma(self, weights: Weights) -> float:
+        """Sigma of white noise as strong as the sum's at low frequencies, which an integral collects."""
+        gains = np.array([abs(np.ravel(weight)[0]) for weight in weights])
+        return float(np.linalg.norm(gains * self._white))
+
+    def _gain(self, factor: NDArray[np.complex128]) -> float:
+        """Root mean square of a factor over all frequencies: sigma after over sigma before."""
+        return float(np.sqrt(mean_square(factor, self._length)))
+
+
+def noise_correlation(faces: FaceWaves) -> float:
+    """Samples for each independent one in the waves' noise [-]: 1 if white, more where a band was cut."""
+    if faces.white is None:
+        return 1.0
+    return max(
+        ((faces.white[name] / faces.sigma[name]) ** 2 for name in WAVES if faces.sigma[name] > 0.0),
+        default=1.0,
+    )
+
+
+def stiffness(bar: Bar) -> float:
+    """Force per strain of a bar, E A [N]."""
+    return bar.youngs_modulus * pi * bar.diameter**2 / 4.0
 
 
 def reduce(
@@ -205,3 +319,112 @@ def _check(faces: FaceWaves, specimen: Specimen) -> None:
                 f"the specimen's diameter = {specimen.diameter} m must not exceed the {name} bar's, "
                 f"{bar.diameter} m: a bar cannot press on what lies beside it"
             )
+
+
+_HALF_SPACE = 16.0 / (3.0 * pi**2)
+"""Mean sinking under an even pressure on a half-space, in units of (1 - nu^2) F / (E a) (Love 1929)."""
+
+_RATIO = np.array([0.0, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
+# Static finite elements of a half-infinite bar with a free side, nu = 0.29, extrapolated over three meshes;
+# tests/validation/test_punching_elements.py computes them again. Over 0 <= nu < 0.5 they vary by 4 %.
+_SHARE = np.array(
+    [1.0, 0.87847, 0.81791, 0.75775, 0.63881, 0.52260, 0.41026, 0.30319, 0.20332, 0.11371, 0.04015, 0.0]
+)
+_share = PchipInterpolator(_RATIO, _SHARE)
+
+
+def punching_compliance(bar: Bar, radius: float) -> float:
+    """Mean sinking of a bar's face below that of one-dimensional theory, per force [m/N].
+
+    Eq. (R.15): (16 / (3 pi^2)) (1 - nu^2) / (E a) times the share f(a/b) that the bar's finite radius b
+    leaves; f(0) = 1 and f(1) = 0. The pressure is even over the circle of radius a, as under a specimen much
+    softer than the bar; under a rigid one the mean is 8 % smaller.
+
+    Parameters
+    ----------
+    bar
+        The bar; its Poisson's ratio is used in 1 - nu^2.
+    radius
+        Radius of the specimen [m], in (0, bar radius].
+
+    Raises
+    ------
+    ValueError
+        If the radius is outside its range.
+    """
+    ratio = radius / (0.5 * bar.diameter)
+    if not 0.0 < ratio <= 1.0 + 1e-9:
+        raise ValueError(
+            f"the specimen's radius = {radius} m must be > 0 and not exceed the bar's, {0.5 * bar.diameter} m"
+        )
+    share = float(_share(ratio)) if ratio < 1.0 else 0.0
+    return _HALF_SPACE * share * (1.0 - bar.poisson**2) / (bar.youngs_modulus * radius)
+
+
+def correct_punching(
+    reduction: Reduction,
+    specimen: Specimen,
+    incident_bar: Bar,
+    transmission_bar: Bar,
+    *,
+    apply: bool = True,
+) -> tuple[Reduction, Correction]:
+    """Take the sinking of both faces from the specimen's shortening.
+
+    Eq. (R.16): e - (C1 F1 + C2 F2) / L, with the forces that the analysis has: F2 twice for one wave, F1
+    twice for two, both for three. The rate loses the difference quotient of the same over the time that a
+    wave needs to cross the bar's diameter; below that time the sinking is no quasi-static one. Velocities of
+    the faces stay what one-dimensional theory says.
+
+    Parameters
+    ----------
+    reduction
+        The reduction.
+    specimen
+        The specimen before the test.
+    incident_bar, transmission_bar
+        The bars.
+    apply
+        False returns the reduction as it is, with the correction it would have had.
+
+    Returns
+    -------
+    tuple of Reduction and Correction
+        The correction's sizes are changes of the nominal strain by three waves.
+    """
+    C1 = punching_compliance(incident_bar, specimen.radius)
+    C2 = punching_compliance(transmission_bar, specimen.radius)
+    F1, F2 = reduction.front_force, reduction.back_force
+    step = float(reduction.time[1] - reduction.time[0])
+    width = max(2, round(max(b.diameter / b.wave_speed for b in (incident_bar, transmission_bar)) / step))
+    L = specimen.length
+    shares = {"one wave": (0.0, C1 + C2), "two waves": (C1 + C2, 0.0), "three waves": (C1, C2)}
+    strain, rate = {}, {}
+    for key, (first, second) in shares.items():
+        sunk = (first * F1.value + second * F2.value) / L
+        noise = np.hypot(first * F1.sigma, second * F2.sigma) / L
+        e, r = reduction.strain[key], reduction.rate[key]
+        strain[key] = History(e.value - sunk, np.hypot(e.sigma, noise), e.unit)
+        slope_noise = noise / (width * step)  # means of two neighbours at either end
+        rate[key] = History(r.value - _slope(sunk, step, width), np.hypot(r.sigma, slope_noise), r.unit)
+    change = strain["three waves"].value - reduction.strain["three waves"].value
+    verb = "shortens" if apply else "would shorten"
+    correction = Correction(
+        name="punching of the bars' faces",
+        key="punching",
+        applied=apply,
+        size=float(np.abs(change).max()),
+        rms=float(np.sqrt(np.mean(change**2))),
+        unit="1",
+        reason=(
+            f"a specimen of {specimen.diameter * 1e3:.4g} mm on bars of {incident_bar.diameter * 1e3:.4g} "
+            f"and {transmission_bar.diameter * 1e3:.4g} mm sinks in by {C1 * 1e9:.3g} and {C2 * 1e9:.3g} "
+            f"nm/N; this {verb} the strain"
+        ),
+    )
+    return (replace(reduction, strain=strain, rate=rate) if apply else reduction), correction
+
+
+def _slope(value: FloatArray, step: float, width: int) -> FloatArray:
+    """Derivative of the mean over `width` samples."""
+    return np.gradient(moving_mean(value, width), step)

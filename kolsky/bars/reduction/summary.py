@@ -1,15 +1,34 @@
-"""Summary of a test: the values it is quoted by; means over a plateau and a modulus in equilibrium only."""
+"""Values by which a test is quoted, with their budget, facts of the recording, and remarks with their cures.
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+Means hold over a plateau, a modulus in equilibrium only.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
 
-from kolsky.bars.guides.combine import noise_correlation, stiffness
-from kolsky.bars.records import FaceWaves, History, Quantity, Reduction
-from kolsky.bars.reduction.equilibrium import ALLOWANCE
-from kolsky.bars.reduction.plateau import SHARE, Plateau, judge_plateau, weighted_mean
+from kolsky.bars.budget import Budget, budget_table
+from kolsky.bars.records import BudgetTable, FaceWaves, History, Quantity, Reduction, Windows
+from kolsky.bars.reduction.inputs import SIDES, WavesInput
+from kolsky.bars.reduction.stress_strain import noise_correlation, stiffness
+from kolsky.bars.reduction.validity import (
+    ALLOWANCE,
+    END_SIGMA,
+    ENDS,
+    PLATEAU_SHARE,
+    Plateau,
+    Span,
+    judge_plateau,
+    report_equilibrium,
+    weighted_mean,
+)
+from kolsky.bars.reduction.windows import PulseCheck
+from kolsky.bars.signals.arrival import Arrival
+from kolsky.bars.signals.baseline import DRIFTING
+from kolsky.bars.signals.bridge import Bridge, Calibration
+from kolsky.bars.signals.stations import Station
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.arrays import FloatArray
 
@@ -67,7 +86,7 @@ def summarise(
     *,
     analysis: str = "three waves",
     allowance: float = ALLOWANCE,
-    share: float = SHARE,
+    share: float = PLATEAU_SHARE,
 ) -> Summary:
     """Summary of a reduction.
 
@@ -231,3 +250,281 @@ def _modulus(
     sigma = float(stress.sigma[begin]) * sqrt(alike / spread)
     span = f"strains {e[0]:.3g} to {e[-1]:.3g}"
     return Quantity("loading modulus", slope, sigma, "Pa", "A"), f"{e.size} samples in equilibrium, {span}"
+
+
+LARGEST_DELAY = 3.0
+"""Offset of a pulse's arrival, in its own sigmas beyond two samples, above which a remark is made."""
+LARGEST_TOE = 0.01
+"""Strain before the stress rises, by the transmitted flank's tangent, above which a gap is remarked [-]."""
+DOMINATES = 0.5
+"""Share of a quoted value's variance from the zero and drift of the gauges above which it is remarked [-]."""
+SMALL = 1e-3
+"""Second-order term over a quoted value that does not matter, however small its uncertainty [-]."""
+
+
+def arrival_remarks(
+    reduction: Reduction, checks: tuple[PulseCheck, PulseCheck], given: WavesInput
+) -> list[str]:
+    """Remarks on pulses that arrive earlier or later than distances and wave speeds allow.
+
+    The reflected pulse must come when predicted. The transmitted one must not come before; how late it comes
+    depends on the specimen, so that it is late where the specimen was shortened by more than `LARGEST_TOE`
+    before its stress rises.
+    """
+    found = []
+    interval = float(reduction.time[1] - reduction.time[0])
+    reflected, transmitted = checks
+    if reflected.observed is None:
+        found.append(f"no reflected pulse is found: {reflected.reason}")
+    for name, check, sigma in zip(("reflected", "transmitted"), checks, way_sigmas(given), strict=True):
+        allowed = LARGEST_DELAY * float(np.hypot(check.offset_sigma, sigma)) + 2.0 * interval
+        late = name == "reflected" and check.offset > allowed
+        if late or check.offset < -allowed:
+            found.append(
+                f"the {name} pulse arrives {1e6 * check.offset:+.2f} us from the time that the gauges' "
+                f"distances and the wave speeds predict, and {1e6 * allowed:.2g} us can be explained; cure: "
+                "check both, or measure the wave speed (kolsky wavespeed)"
+            )
+    if transmitted.observed is not None and transmitted.delay > 0.0:
+        strain = np.abs(reduction.strain["three waves"].value)
+        toe = float(np.interp(transmitted.delay, reduction.time, strain))
+        if toe > LARGEST_TOE:
+            found.append(
+                f"the transmitted pulse rises {1e6 * transmitted.delay:.3g} us late, when the specimen is "
+                f"shortened by {100 * toe:.2g} %: a gap, a face that is not plane, a wrong distance, or a "
+                "material that begins so soft; cure: check the specimen's contact, its faces and the gauge's "
+                "distance"
+            )
+    return found
+
+
+def way_sigmas(given: WavesInput) -> tuple[float, float]:
+    """Standard uncertainties of the predicted arrivals of the reflected and the transmitted pulse [s].
+
+    Travel times x / c with the declared uncertainties of the gauges' distances, all alike, and of the wave
+    speeds, u(c)/c directly or half of hypot(u(E)/E, u(rho)/rho).
+    """
+    stated = given.uncertainty
+    speed = stated.get("bar_wave_speed", 0.0) or 0.5 * float(
+        np.hypot(stated.get("bar_modulus", 0.0), stated.get("bar_density", 0.0))
+    )
+    distance = stated.get("gauge_distance", 0.0)
+    ways = [
+        (given.stations[side].position / given.bars[side].wave_speed, distance / given.bars[side].wave_speed)
+        for side in SIDES
+    ]
+    (first, first_off), (second, second_off) = ways
+    return (
+        float(np.hypot(2.0 * first * speed, 2.0 * first_off)),
+        float(np.hypot(np.hypot(first, second) * speed, np.hypot(first_off, second_off))),
+    )
+
+
+def _drift_remarks(budget: Budget, quoted: Iterable[str]) -> list[str]:
+    """Remarks on quoted values whose uncertainty the zero and the drift of the gauges decide."""
+    found = []
+    rows = [i for i, q in enumerate(budget.quantities) if q.name.rstrip("1234567890 ").endswith(DRIFTING)]
+    for name in quoted:
+        if name not in budget.value:
+            continue
+        variance = float(budget.sigma(name)) ** 2
+        share = float((budget.contribution[name][rows] ** 2).sum()) / variance if variance > 0.0 else 0.0
+        if share > DOMINATES and np.sqrt(variance) > SMALL * abs(float(budget.value[name])):
+            found.append(
+                f"the zero of the gauges and its drift decide the uncertainty of the {name} "
+                f"({100 * share:.0f} % of its variance); cure: a longer baseline that ends shortly before "
+                "the pulse, or a bridge that drifts less"
+            )
+    return found
+
+
+WAY = "three waves"
+"""The analysis whose numbers are quoted where a shot names none."""
+UNITS = {"largest strain": "1", "peak stress": "Pa", "mean stress": "Pa", "mean rate": "1/s"}
+BEND = 0.2
+"""Second-order term over the standard uncertainty above which a value's band is a first estimate [-]."""
+
+
+def calibration_sigma(calibration: Calibration, relative: float) -> dict[str, float]:
+    """Relative uncertainty of a gauge's calibration as one of the field that scales it."""
+    if isinstance(calibration, Bridge):
+        return {"gauge_factor": relative * calibration.gauge_factor}
+    return {"factor": relative * calibration.factor}
+
+
+def numbers(reduction: Reduction, summary: Summary, span: Span | None) -> dict[str, np.ndarray]:
+    """Quoted values: strain and stress of largest magnitude, means over a span where the summary has them.
+
+    Where a varied input leaves no plateau, and so no span, the means are those over the summary's own span:
+    they say what the input does to the test's values, plateau or not.
+
+    Raises
+    ------
+    ValueError
+        If the summary has means and neither has a span.
+    """
+    way = summary.analysis
+    strain, stress = reduction.strain[way].value, reduction.stress[way].value
+    last, peak = _instants(reduction, way)
+    found = {"largest strain": strain[last], "peak stress": stress[peak]}
+    over = summary.plateau.span if span is None else span
+    for name, said, kind in (
+        ("mean stress", summary.mean_stress, reduction.stress),
+        ("mean rate", summary.mean_rate, reduction.rate),
+    ):
+        if said is None:
+            continue
+        if over is None:
+            raise ValueError(f"{name}: nothing is left of the plateau")
+        found[name] = np.float64(weighted_mean(kind[way], over)[0])
+    return {name: np.asarray(value, dtype=float) for name, value in found.items()}
+
+
+def noise(reduction: Reduction, summary: Summary) -> dict[str, float]:
+    """Standard uncertainties of the quoted values from the gauges' noise."""
+    way = summary.analysis
+    last, peak = _instants(reduction, way)
+    found = {
+        "largest strain": float(reduction.strain[way].sigma[last]),
+        "peak stress": float(reduction.stress[way].sigma[peak]),
+    }
+    for name, said in (("mean stress", summary.mean_stress), ("mean rate", summary.mean_rate)):
+        if said is not None:
+            found[name] = said.sigma
+    return found
+
+
+def span_quantities(summary: Summary) -> list[Quantity]:
+    """The choice of both ends of the plateau as inputs of the budget: times by which they are moved."""
+    span = summary.plateau.span
+    if span is None:
+        return []
+    return [Quantity(name, 0.0, END_SIGMA * (span.last - span.first), "s", "B") for name in ENDS]
+
+
+def with_both_sides(budget: Budget) -> Budget:
+    """The budget, a quoted value's contribution being the root mean square of its changes to either side.
+
+    With the central difference c and the second difference b the value changes by c + b and by b - c over one
+    standard uncertainty, in the mean square by c^2 + b^2: a peak that wanders along the history when two
+    waves are moved against each other has little of the first and much of the second.
+    """
+    contribution = dict(budget.contribution)
+    for name in UNITS:
+        if name in contribution:
+            straight = contribution[name]
+            contribution[name] = np.copysign(np.hypot(straight, budget.curvature[name]), straight)
+    return replace(budget, contribution=contribution)
+
+
+def table(budget: Budget, sign: float) -> BudgetTable:
+    """Quoted values with the share of every input, largest first; `sign` -1 makes tension positive."""
+    found = budget_table(
+        budget, {name: (name, None, unit) for name, unit in UNITS.items() if name in budget.value}
+    )
+    turned = [
+        replace(row, sensitivity={name: sign * slope for name, slope in row.sensitivity.items()})
+        for row in found.contributions
+    ]
+    rows = sorted(turned, key=lambda row: -max(map(abs, row.shares.values()), default=0.0))
+    return BudgetTable(
+        results={name: (sign * value, sigma, unit) for name, (value, sigma, unit) in found.results.items()},
+        contributions=tuple(rows),
+    )
+
+
+def facts(
+    best: Mapping[str, Station],
+    arrival: Arrival,
+    checks: tuple[PulseCheck, PulseCheck],
+    windows: Windows,
+    reduction: Reduction,
+    summary: Summary,
+    specimen: Specimen,
+) -> dict[str, tuple[float, str]]:
+    """Facts of the record and of its reduction: value and unit by name."""
+    energy = summary.energy
+    found: dict[str, tuple[float, str]] = {
+        "sample interval": (best["incident"].signal.strain.interval, "s"),
+        "arrival at the incident gauge": (arrival.time, "s"),
+        "its standard uncertainty": (arrival.sigma, "s"),
+        "duration of the incident pulse": (arrival.end - arrival.time, "s"),
+        "length of the windows": (windows.incident[1] - windows.incident[0], "s"),
+    }
+    for side, station in best.items():
+        found[f"wave speed, {side} bar"] = (station.signal.bar.wave_speed, "m/s")
+        found[f"noise, {side} gauge"] = (station.signal.strain.sigma, "1")
+    for name, check in zip(("reflected", "transmitted"), checks, strict=True):
+        if check.observed is not None:
+            found[f"{name} pulse, later than predicted by"] = (check.delay, "s")
+    found |= {
+        "energy of the incident wave": (energy.incident, "J"),
+        "energy of the reflected wave": (energy.reflected, "J"),
+        "energy of the transmitted wave": (energy.transmitted, "J"),
+        "energy absorbed by the specimen": (energy.absorbed, "J"),
+        "work of deformation": (energy.deformation, "J"),
+        "spread of the largest strain over the analyses": (spread_of(reduction.strain), "1"),
+    }
+    found["incident pulse at half its height"] = (summary.plateau.pulse, "s")
+    found["balanced length of the plateau"] = (summary.plateau.balanced, "s")
+    if summary.plateau.span is not None:
+        found["plateau from"] = (summary.plateau.span.first, "s")
+        found["plateau to"] = (summary.plateau.span.last, "s")
+    if summary.modulus is not None:
+        found["loading modulus in equilibrium"] = (summary.modulus.value, "Pa")
+    balance = report_equilibrium(reduction, specimen_length=specimen.length)
+    if balance.ring_up is not None:
+        found["time to equilibrium"] = (balance.ring_up, "s")
+    return found
+
+
+def remarks(
+    reduction: Reduction,
+    budget: Budget,
+    checks: tuple[PulseCheck, PulseCheck],
+    given: WavesInput,
+    plateau: Plateau,
+) -> list[str]:
+    """Remarks on conditions that limit the use of the values, each with its cure."""
+    found = []
+    if reduction.balanced is None:
+        found.append(
+            f"the forces on the faces are nowhere in equilibrium within {100 * given.allowance:g} %, so that "
+            "no stress-strain curve of the material follows; cure: a shorter specimen, a pulse shaper, or "
+            "the inverse method (kolsky identify)"
+        )
+    else:
+        cure = "; cure: a longer pulse, a pulse shaper, or waves.plateau where a shorter span is meant"
+        quoted = (("stress", plateau.stress_fault), ("rate", plateau.rate_fault))
+        missing = [(name, fault) for name, fault in quoted if fault is not None]
+        if len(missing) == 2 and missing[0][1] == missing[1][1]:
+            found.append(f"no mean stress and no mean rate are quoted: {missing[0][1]}{cure}")
+        else:
+            found += [f"no mean {name} is quoted: {fault}{cure}" for name, fault in missing]
+    found += arrival_remarks(reduction, checks, given)
+    found += _drift_remarks(budget, UNITS)
+    bent = [name for name in UNITS if name in budget.value and _bent(budget, name)]
+    if bent:
+        found.append(
+            f"the {', the '.join(bent)} depends on its inputs nonlinearly within their "
+            "uncertainty, so that the band is a first estimate; cure: a better wave speed (kolsky wavespeed)"
+        )
+    systematic = {key: value for key, value in given.uncertainty.items() if value > 0.0}
+    if not systematic:
+        found.append(
+            "no standard uncertainty is declared, so that the bands hold the gauges' noise and zero only; "
+            "cure: add a table [uncertainty]"
+        )
+    return found
+
+
+def _bent(budget: Budget, name: str) -> bool:
+    """Whether a quoted value depends on its inputs nonlinearly, and by an amount that matters."""
+    ratio, value = budget.nonlinearity(name), abs(float(budget.value[name]))
+    return ratio > BEND and ratio * float(budget.sigma(name)) > SMALL * value
+
+
+def _instants(reduction: Reduction, way: str) -> tuple[int, int]:
+    """Samples of the largest strain and of the largest stress by one analysis."""
+    strain, stress = reduction.strain[way].value, reduction.stress[way].value
+    return int(np.abs(strain).argmax()), int(np.abs(stress).argmax())

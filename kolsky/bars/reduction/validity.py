@@ -1,21 +1,431 @@
-"""Validity window of a shot: the times at which a classical stress-strain curve holds.
-
-A classical reduction takes the forces on the two faces as one stress of one homogeneous strain. Two things
-spoil it: the forces differ, because waves are still running through the specimen, and part of them is its
-inertia. The window is where both stay below a stated share of the stress and the noise allows to say so.
-"""
+"""Where the values of a test hold: force equilibrium, plateau of stress and rate, validity window."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from math import ceil, hypot, log, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kolsky.bars.records import History
+from kolsky.bars.records import FaceWaves, History, Reduction
+from kolsky.bars.signals.arrival import moving_mean
 from kolsky.base.arrays import BoolArray, FloatArray
 
-SHARE = 0.05
+ALLOWANCE = 0.05
+"""|R| up to which a specimen counts as in equilibrium (Ravichandran and Subhash 1994)."""
+LEAST_FORCE = 5.0
+"""Multiple of its averaged noise below which a mean force says nothing of R."""
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Force equilibrium of a test: its time span, its largest imbalance, the time to reach it."""
+
+    span: tuple[float, float] | None
+    """Longest time span in which |R| stays within the allowance [s]; None if there is none."""
+    allowance: float
+    """The allowance [-]."""
+    ring_up: float | None
+    """Time from the arrival of the incident wave at the specimen to the span's beginning [s]."""
+    transits: float | None
+    """The same in transits of a wave through the specimen [-]; None without its wave speed."""
+    worst: float | None
+    """Largest |R| within the span [-]; above the allowance where a shorter excursion was bridged."""
+    reason: str
+    """In words: the span, or why there is none."""
+
+
+def imbalance(
+    front: FloatArray, back: FloatArray, sigma_front: float, sigma_back: float, *, width: int = 1
+) -> FloatArray:
+    """R(t) = 2 (F1 - F2) / (F1 + F2), Eq. (R.10), of forces averaged over `width` samples.
+
+    Parameters
+    ----------
+    front, back
+        Forces at the two faces [N], shape [n].
+    sigma_front, sigma_back
+        Standard deviations of one sample's noise [N].
+    width
+        Samples over which the forces are averaged first, >= 1.
+
+    Returns
+    -------
+    ndarray
+        R [-], shape [n]; inf where the mean force is below `LEAST_FORCE` times its own noise.
+    """
+    first, second = moving_mean(front, width), moving_mean(back, width)
+    mean = 0.5 * (first + second)
+    noise = 0.5 * hypot(sigma_front, sigma_back) / sqrt(width)
+    least = max(LEAST_FORCE * noise, 1e-9 * float(np.abs(mean).max(initial=0.0)))
+    heard = np.abs(mean) > least
+    result = np.full(front.size, np.inf)
+    result[heard] = (first[heard] - second[heard]) / mean[heard]
+    return result
+
+
+def balanced_span(
+    time: FloatArray, ratio: FloatArray, *, allowance: float = ALLOWANCE, bridge: float = 0.0
+) -> tuple[float, float] | None:
+    """Longest span in which |R| stays within the allowance.
+
+    Parameters
+    ----------
+    time
+        Times [s], shape [n].
+    ratio
+        R [-], shape [n].
+    allowance
+        Largest |R| [-], > 0.
+    bridge
+        Excursions no longer than this do not end a span [s].
+
+    Returns
+    -------
+    tuple of float or None
+        First and last time [s].
+
+    Raises
+    ------
+    ValueError
+        If the allowance is not greater than 0.
+    """
+    if not allowance > 0.0:
+        raise ValueError(f"the allowance of R = {allowance} must be greater than 0")
+    runs = _runs(np.abs(ratio) <= allowance)
+    merged: list[list[int]] = []
+    for first, last in runs:
+        if merged and time[first] - time[merged[-1][1]] <= bridge:
+            merged[-1][1] = last
+        else:
+            merged.append([first, last])
+    if not merged:
+        return None
+    first, last = max(merged, key=lambda run: run[1] - run[0])
+    return (float(time[first]), float(time[last])) if last > first else None
+
+
+def elastic_transits(impedance_ratio: float, *, allowance: float = ALLOWANCE) -> int:
+    """Transits after which an elastic specimen under a step is in equilibrium.
+
+    Eq. (R.11): with r = (1 - beta) / (1 + beta), equal bars and a step of the incident wave, the forces at
+    the faces after m transits are 1 - r^m and 1 - r^(m + 1) of the last, and
+    R = 2 r^m (1 - r) / (2 - r^m (1 + r)). A slower rise takes fewer transits from its end, more from its
+    beginning.
+
+    Parameters
+    ----------
+    impedance_ratio
+        Impedance rho c A of the specimen over that of the bars, beta, in (0, 1].
+    allowance
+        Largest |R| [-], > 0.
+
+    Returns
+    -------
+    int
+        The smallest m.
+
+    Raises
+    ------
+    ValueError
+        If an argument is outside its range.
+    """
+    if not 0.0 < impedance_ratio <= 1.0:
+        raise ValueError(f"the impedance ratio of specimen and bars = {impedance_ratio} must be in (0, 1]")
+    if not allowance > 0.0:
+        raise ValueError(f"the allowance of R = {allowance} must be greater than 0")
+    r = (1.0 - impedance_ratio) / (1.0 + impedance_ratio)
+    if r == 0.0:
+        return 1
+    power = 2.0 * allowance / (2.0 * (1.0 - r) + allowance * (1.0 + r))
+    return max(0, ceil(log(power) / log(r) - 1e-9))
+
+
+def report_equilibrium(
+    reduction: Reduction,
+    *,
+    specimen_length: float,
+    allowance: float = ALLOWANCE,
+    specimen_wave_speed: float | None = None,
+) -> Equilibrium:
+    """Force equilibrium of a reduction.
+
+    Parameters
+    ----------
+    reduction
+        The reduction, with its R and its span; its time 0 is the arrival of the incident wave.
+    specimen_length
+        Length of the specimen [m].
+    allowance
+        The allowance the span was found with [-].
+    specimen_wave_speed
+        Wave speed in the specimen [m/s], where it is known.
+
+    Returns
+    -------
+    Equilibrium
+
+    Notes
+    -----
+    Davies and Hunter (1963) ask for pi transits before a plastic specimen is taken as uniform; an elastic
+    one takes longer the softer it is against the bars, Eq. (R.11).
+    """
+    if reduction.balanced is None:
+        finite = np.abs(reduction.imbalance[np.isfinite(reduction.imbalance)])
+        least = f"the smallest is {finite.min():.3g}" if finite.size else "the forces stay within their noise"
+        reason = f"|R| is nowhere within {allowance:g}: {least}"
+        return Equilibrium(None, allowance, None, None, None, reason)
+    first, last = reduction.balanced
+    inside = (reduction.time >= first) & (reduction.time <= last)
+    within = np.abs(reduction.imbalance[inside])
+    worst = float(within[np.isfinite(within)].max())
+    ring_up = max(0.0, first)
+    transits = None if specimen_wave_speed is None else ring_up * specimen_wave_speed / specimen_length
+    count = "" if transits is None else f", {transits:.1f} transits of the specimen"
+    reason = (
+        f"|R| within {allowance:g} from {first:.4g} s to {last:.4g} s, "
+        f"{ring_up:.3g} s after the wave's arrival{count}"
+    )
+    return Equilibrium(reduction.balanced, allowance, ring_up, transits, worst, reason)
+
+
+def _runs(flag: BoolArray) -> list[tuple[int, int]]:
+    """First and last index of each run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flag, [False]]).astype(np.int8)))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+LEVEL = 0.8
+"""Share of the typical stress, the median of what exceeds half the largest, at which the plateau begins and
+ends [-]."""
+PLATEAU_SHARE = 0.3
+"""Least balanced length of a plateau as a share of the incident pulse's, at half its height [-]."""
+LARGEST_CHANGE = 0.2
+"""Largest change of a history along the plateau, by its best line, over its mean [-]."""
+LARGEST_SCATTER = 0.1
+"""Largest root mean square of what that line leaves, over the mean [-]."""
+INSET = 0.1
+"""Share of the length between those two times that is left out at either end [-]: the rounded corners."""
+END_SIGMA = 0.05
+"""Standard uncertainty of the choice of either end, as a share of the plateau's length [-]."""
+ENDS = ("plateau, beginning", "plateau, end")
+"""Names of the budget's inputs that move the ends [s]."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """A time span and what each sample counts in its means."""
+
+    first: float
+    """Its beginning [s]."""
+    last: float
+    """Its end [s]."""
+    weight: FloatArray
+    """Weight of each sample in [0, 1]: the share of its interval within the span, times its balance; shape
+    [n]."""
+
+
+@dataclass(frozen=True)
+class Flatness:
+    """How flat a history is along a span."""
+
+    change: float
+    """Change along the span by the best line, over the mean [-]."""
+    scatter: float
+    """Root mean square of what the line leaves, over the mean's size [-]."""
+
+    @property
+    def fault(self) -> str | None:
+        """What is beyond its limit, in words; None if nothing is."""
+        if not abs(self.change) <= LARGEST_CHANGE:
+            return f"changes by {100 * self.change:+.0f} % (allowed are {100 * LARGEST_CHANGE:g} %)"
+        if not self.scatter <= LARGEST_SCATTER:
+            return f"scatters by {100 * self.scatter:.0f} % (allowed are {100 * LARGEST_SCATTER:g} %)"
+        return None
+
+
+@dataclass(frozen=True)
+class Plateau:
+    """The plateau of a test, or the reasons why its means are not quoted."""
+
+    span: Span | None
+    """The span; None if there is no plateau."""
+    balanced: float
+    """Balanced length of the span that was judged [s]."""
+    pulse: float
+    """Length of the incident pulse at half its height [s]."""
+    reason: str
+    """The plateau in words, or why there is none."""
+    stress_fault: str | None = None
+    """Why no mean stress is quoted; None if one is."""
+    rate_fault: str | None = None
+    """Why no mean rate is quoted; None if one is."""
+
+
+def averaging_width(faces: FaceWaves) -> int:
+    """Samples in the time that a wave needs to cross the thicker bar, at least 1."""
+    step = float(faces.time[1] - faces.time[0])
+    bars = (faces.incident_bar, faces.transmission_bar)
+    return max(1, round(max(bar.diameter / bar.wave_speed for bar in bars) / step))
+
+
+def find_span(
+    reduction: Reduction,
+    *,
+    analysis: str = "three waves",
+    allowance: float = ALLOWANCE,
+    width: int = 1,
+    shift: tuple[float, float] = (0.0, 0.0),
+) -> Span | None:
+    """The part of the loading in which the stress stands, each sample weighted by its balance.
+
+    The stress, averaged over `width` samples, stands from where it first exceeds `LEVEL` of its typical value
+    to where it last does, at the latest to the largest strain; `INSET` of that is left out at either end. A
+    sample counts in full while
+    |R| is within the allowance, not at all beyond twice the allowance, and in proportion between. Ends and
+    weights are continuous in all inputs, so that a small change of an input moves the means a little.
+
+    Parameters
+    ----------
+    reduction
+        The reduction.
+    analysis
+        "one wave", "two waves" or "three waves".
+    allowance
+        |R| up to which the forces count as balanced [-].
+    width
+        Samples over which the stress is averaged.
+    shift
+        Times by which beginning and end are moved [s].
+
+    Returns
+    -------
+    Span or None
+        None if no sample has a weight.
+    """
+    time, strain, stress = reduction.time, reduction.strain[analysis].value, reduction.stress[analysis].value
+    last = int(np.abs(strain).argmax())
+    size = moving_mean(stress, width)[: last + 1]
+    size = size * np.sign(size[np.abs(size).argmax()])
+    if not size.max(initial=0.0) > 0.0:
+        return None
+    level = LEVEL * float(np.median(size[size > 0.5 * size.max()]))
+    above = np.flatnonzero(size >= level)
+    begin = _crossing(time, size, int(above[0]), -1, level)
+    stop = _crossing(time, size, int(above[-1]), 1, level)
+    inset = INSET * (stop - begin)
+    first, end = begin + inset + shift[0], stop - inset + shift[1]
+    step = float(time[1] - time[0])
+    inside = np.clip((np.minimum(time + 0.5 * step, end) - np.maximum(time - 0.5 * step, first)) / step, 0, 1)
+    weight = inside * np.clip(2.0 - np.abs(reduction.imbalance) / allowance, 0.0, 1.0)
+    return Span(first, end, weight) if weight.sum() > 0.0 else None
+
+
+def judge_plateau(
+    reduction: Reduction,
+    faces: FaceWaves,
+    *,
+    analysis: str = "three waves",
+    allowance: float = ALLOWANCE,
+    share: float = PLATEAU_SHARE,
+) -> Plateau:
+    """The plateau of a test, if it is long enough, and whether stress and rate are flat on it.
+
+    Parameters
+    ----------
+    reduction, analysis, allowance
+        As for `find_span`.
+    faces
+        The waves it was made from.
+    share
+        Least balanced length as a share of the incident pulse's [-].
+
+    Returns
+    -------
+    Plateau
+    """
+    width = averaging_width(faces)
+    span = find_span(reduction, analysis=analysis, allowance=allowance, width=width)
+    pulse = pulse_length(faces, width)
+    step = float(reduction.time[1] - reduction.time[0])
+    balanced = 0.0 if span is None else step * float(span.weight.sum())
+    if span is None or balanced < share * pulse:
+        reason = (
+            f"no plateau: while the stress stands the forces are balanced for {1e6 * balanced:.3g} us, "
+            f"{100 * balanced / pulse:.0f} % of the pulse of {1e6 * pulse:.4g} us; it takes {100 * share:g} %"
+        )
+        return Plateau(None, balanced, pulse, reason, reason, reason)
+    faults = {}
+    for name, history in (("stress", reduction.stress[analysis]), ("rate", reduction.rate[analysis])):
+        fault = flatness(moving_mean(history.value, width), reduction.time, span).fault
+        faults[name] = None if fault is None else f"no plateau: the {name} {fault} along the span"
+    reason = (
+        f"from {1e6 * span.first:.4g} to {1e6 * span.last:.4g} us, balanced for {1e6 * balanced:.4g} us, "
+        f"{100 * balanced / pulse:.0f} % of the pulse"
+    )
+    if faults["stress"] is not None and faults["rate"] is not None:
+        return Plateau(None, balanced, pulse, faults["stress"], faults["stress"], faults["rate"])
+    return Plateau(span, balanced, pulse, reason, faults["stress"], faults["rate"])
+
+
+def flatness(value: FloatArray, time: FloatArray, span: Span) -> Flatness:
+    """Change and scatter of a history by the weighted least-squares line along a span.
+
+    Parameters
+    ----------
+    value
+        The history, shape [n].
+    time
+        Its times [s], shape [n].
+    span
+        The span with the samples' weights.
+    """
+    w = span.weight / span.weight.sum()
+    mean, middle = float(w @ value), float(w @ time)
+    centred = time - middle
+    slope = float((w * centred) @ value) / float(w @ centred**2)
+    left = value - mean - slope * centred
+    with np.errstate(divide="ignore", invalid="ignore"):
+        change = np.float64(slope * (span.last - span.first)) / np.float64(mean)
+        scatter = np.float64(np.sqrt(w @ left**2)) / np.float64(abs(mean))
+    return Flatness(float(change), float(scatter))
+
+
+def weighted_mean(history: History, span: Span, *, alike: float = 1.0) -> tuple[float, float]:
+    """Weighted mean of a history and the sigma of its noise, sqrt(alike sum (w s)^2) / sum w.
+
+    Parameters
+    ----------
+    history
+        The history; its noise is independent from one of `alike` samples to the next.
+    span
+        The samples' weights.
+    alike
+        Samples for each independent one [-], >= 1.
+    """
+    w, total = span.weight, float(span.weight.sum())
+    sigma = float(np.sqrt(alike * ((w * history.sigma) ** 2).sum())) / total
+    return float(w @ history.value) / total, sigma
+
+
+def pulse_length(faces: FaceWaves, width: int) -> float:
+    """Time from the first to the last sample of the incident wave beyond half its largest value [s]."""
+    size = np.abs(moving_mean(faces.incident, width))
+    above = np.flatnonzero(size > 0.5 * size.max())
+    return float(faces.time[above[-1]] - faces.time[above[0]])
+
+
+def _crossing(time: FloatArray, value: FloatArray, index: int, toward: int, level: float) -> float:
+    """Time at which a line from sample `index` to the next one toward the outside falls to the level [s]."""
+    other = index + toward
+    if not 0 <= other < value.size:
+        return float(time[index])
+    share = (value[index] - level) / (value[index] - value[other])
+    return float(time[index] + share * (time[other] - time[index]))
+
+
+VALIDITY_SHARE = 0.05
 """Default share of the stress that inertia, or the difference of the faces, may have [-]."""
 COVERAGE = 2.0
 """Standard uncertainties of the stress that must fit into the share [-]."""
@@ -94,7 +504,7 @@ def validity(
     *,
     inertial_stress: ArrayLike,
     area: float,
-    share: float = SHARE,
+    share: float = VALIDITY_SHARE,
     average: float = 0.0,
 ) -> Validity:
     """The validity window of a shot.

@@ -6,21 +6,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from kolsky.bars.audit import AuditLog
-from kolsky.bars.budget.quantities import merge_quantities
-from kolsky.bars.guides.polymer_waveguide import ViscoelasticWaveguide
-from kolsky.bars.guides.waveguide import ElasticWaveguide, Waveguide
+from kolsky.bars.budget import merge_quantities
+from kolsky.bars.guides.waveguide import ElasticWaveguide, ViscoelasticWaveguide, Waveguide
 from kolsky.bars.records import Correction, FaceWaves, Quantity, Reduction, Windows, histories
-from kolsky.bars.reduction import quoted_values
-from kolsky.bars.reduction.alignment import Alignment, delays
+from kolsky.bars.reduction import summary
 from kolsky.bars.reduction.faces import face_waves, largest_band
-from kolsky.bars.reduction.free_end import FreeEnds
+from kolsky.bars.reduction.inertia import correct_inertia
 from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
-from kolsky.bars.reduction.overlap import separated
-from kolsky.bars.reduction.plateau import ENDS, Span, averaging_width, find_span
-from kolsky.bars.reduction.punching import correct_punching
-from kolsky.bars.reduction.specimen_inertia import correct_inertia
-from kolsky.bars.reduction.stress_strain import reduce, true_curve
+from kolsky.bars.reduction.separation import FreeEnds, separated
+from kolsky.bars.reduction.stress_strain import correct_punching, reduce, true_curve
 from kolsky.bars.reduction.summary import Summary
+from kolsky.bars.reduction.validity import ENDS, Span, averaging_width, find_span
+from kolsky.bars.reduction.windows import Alignment, delays
 from kolsky.bars.signals.stations import Station, bar_signal
 from kolsky.base.apparatus import Bar, Specimen
 
@@ -152,7 +149,7 @@ def station_of(
         compression=station.compression,
         full_scale=station.full_scale,
         switches=given.switches,
-        uncertainty=quoted_values.calibration_sigma(
+        uncertainty=summary.calibration_sigma(
             station.calibration, given.uncertainty.get("gauge_calibration", 0.0)
         ),
         values=values,
@@ -289,5 +286,5 @@ class VariedTest:
         return {
             **{name: history.value for name, history in histories(reduction).items()},
             **{name: history.value for name, history in true_curve(reduction, summary.analysis).items()},
-            **quoted_values.numbers(reduction, summary, self.span(reduction, faces, values)),
+            **summary.numbers(reduction, summary, self.span(reduction, faces, values)),
         }

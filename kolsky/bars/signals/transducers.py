@@ -1,21 +1,165 @@
-"""From a scope's volts to a force with its noise, and to bin means of the force.
+"""Force transducers: from volts to a force with noise, droop compensation and calibration, and means over
+bins.
 
-Forces are compression-positive and on the shot's clock. The noise of a sample is the scatter of the
-baseline, the pre-trigger stretch in which nothing happens; it is the same for every sample.
+Charge leaks from transducer and amplifier with one time constant, so that a force that stays is seen to
+fall. This is a high-pass filter of first order, whose inverse is Eq. (U.6).
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kolsky.bars.signals.droop import check_time_constant, compensate_droop, droop_sigma
+from kolsky.bars.audit import AuditLog, Switches
+from kolsky.bars.records import Correction, Quantity, Signal, uniform_clock
+from kolsky.bars.signals.baseline import estimate_noise, measure_signal_zero
+from kolsky.bars.signals.bridge import check_fields
 from kolsky.base.apparatus import Transducer
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.records import ForceHistory, Recording
 
-FEWEST_BASELINE = 20
+_FEWEST_TAIL = 50
+"""Samples of a tail; fewer say little about its shape."""
+
+
+def compensate_droop(
+    time: FloatArray, value: FloatArray, time_constant: float, *, start: float
+) -> FloatArray:
+    """Signal of a transducer without droop, v + (1/tau) int v dt, Eq. (U.6).
+
+    Parameters
+    ----------
+    time
+        Increasing sample times [s], shape [n].
+    value
+        Samples above zero, in any unit, shape [n].
+    time_constant
+        Time in which the output of a constant force falls to 1/e [s], > 0.
+    start
+        Time from which on is integrated, the end of the rest [s], so that the baseline's noise is kept out.
+
+    Raises
+    ------
+    ValueError
+        If the time constant is not finite and positive.
+    """
+    _check_time_constant(time_constant)
+    first = int(np.searchsorted(time, start))
+    lost = np.zeros(time.size)
+    if first < time.size:
+        from scipy.integrate import cumulative_trapezoid  # loaded where it is of use
+
+        lost[first:] = cumulative_trapezoid(value[first:], time[first:], initial=0.0) / time_constant
+    return value + lost
+
+
+def droop_sigma(time: FloatArray, sigma: float, time_constant: float, *, start: float) -> FloatArray:
+    """Standard deviation of compensated samples from white noise in the recorded ones, Eq. (U.7), shape [n].
+
+    Raises
+    ------
+    ValueError
+        If the time constant is not finite and positive.
+    """
+    _check_time_constant(time_constant)
+    first = int(np.searchsorted(time, start))
+    factor = np.ones(time.size)
+    h = np.diff(time[first:]) / time_constant
+    if h.size:
+        # Weights of the trapezoid rule up to sample k: w_0 = h_0/2, w_j = (h_(j-1) + h_j)/2, w_k = h_(k-1)/2.
+        inner = np.concatenate([[0.5 * h[0]], 0.5 * (h[1:] + h[:-1])])
+        factor[first + 1 :] = np.sqrt(np.cumsum(inner**2) + (1.0 + 0.5 * h) ** 2)
+    return sigma * factor
+
+
+def fit_time_constant(
+    time: FloatArray, value: FloatArray, span: tuple[float, float], *, name: str
+) -> Quantity:
+    """Time constant of a transducer from the tail after a force that stays, v = A exp(-t / tau).
+
+    Parameters
+    ----------
+    time
+        Sample times [s], shape [n].
+    value
+        Samples above the zero of the rest, shape [n].
+    span
+        First and last time of a stretch with constant force [s].
+    name
+        Of the quantity, e.g. "transmission force, time constant".
+
+    Returns
+    -------
+    Quantity
+        Time constant [s] and its standard uncertainty from the residuals, their memory included.
+
+    Raises
+    ------
+    ValueError
+        If the tail has fewer than 50 samples, does not decay, or decays by too little to be told from noise.
+    """
+    inside = (time >= span[0]) & (time <= span[1])
+    t, v = time[inside], value[inside]
+    place = f"the tail {span[0]:.9g} to {span[1]:.9g} s"
+    if t.size < _FEWEST_TAIL:
+        raise ValueError(
+            f"{name}: {place} holds {t.size} samples, at least {_FEWEST_TAIL} are needed; widen it"
+        )
+    from scipy.optimize import OptimizeWarning, curve_fit  # loaded where it is of use
+
+    x = (t - t[0]) / (t[-1] - t[0])
+    slope, level = np.polyfit(x, v, 1)
+    rate = -slope / (level + 0.5 * slope)
+    try:
+        (A, rate), covariance = curve_fit(_tail, x, v, p0=(level, rate), jac=_tail_slopes)
+    except (RuntimeError, OptimizeWarning) as error:
+        raise ValueError(f"{name}: {place} is no exponential decay ({error}); choose another tail") from None
+    residual = v - _tail(x, A, rate)
+    memory = 1.0
+    if np.ptp(residual) > 0.0:
+        memory = max(estimate_noise(residual, freedom_lost=2).memory, 1.0)
+    sigma = float(np.sqrt(covariance[1, 1] * memory))
+    if not rate > 2.0 * sigma:
+        raise ValueError(
+            f"{name}: {place} falls by {rate:.3g} +- {sigma:.2g} of its height, which must be more than twice"
+            " its uncertainty; record a longer tail of a constant force, or state the time constant"
+        )
+    length = float(t[-1] - t[0])
+    return Quantity(
+        name=name,
+        value=length / float(rate),
+        sigma=length / float(rate) ** 2 * sigma,
+        unit="s",
+        kind="A",
+        freedom=max(t.size / memory - 2.0, 1.0),
+    )
+
+
+def _check_time_constant(time_constant: float) -> None:
+    """Check that a time constant is finite and positive.
+
+    Raises
+    ------
+    ValueError
+        If it is not finite and positive.
+    """
+    if not (np.isfinite(time_constant) and time_constant > 0.0):
+        raise ValueError(f"the time constant of a droop must be finite and > 0 s, got {time_constant}")
+
+
+def _tail(x: FloatArray, A: float, rate: float) -> FloatArray:
+    return A * np.exp(-rate * x)
+
+
+def _tail_slopes(x: FloatArray, A: float, rate: float) -> FloatArray:
+    e = np.exp(-rate * x)
+    return np.stack([e, -A * x * e], axis=1)
+
+
+_FEWEST_BASELINE = 20
 """With 20 samples the noise is known to 16 %."""
 CAMERA_FRAME = 1.0 / 120e3
 """Frame interval of the cameras [s]: the default width of a force bin."""
@@ -180,10 +324,10 @@ def _within(time: FloatArray, span: tuple[float, float], name: str) -> NDArray[n
 
 
 def _enough(count: int, baseline: tuple[float, float]) -> None:
-    if count < FEWEST_BASELINE:
+    if count < _FEWEST_BASELINE:
         raise ValueError(
             f"the baseline {baseline[0]:.9g} to {baseline[1]:.9g} s holds {count} samples, at least"
-            f" {FEWEST_BASELINE} are needed; widen it within the pre-trigger stretch, on the shot's clock"
+            f" {_FEWEST_BASELINE} are needed; widen it within the pre-trigger stretch, on the shot's clock"
         )
 
 
@@ -197,7 +341,7 @@ def _check_transducer(transducer: Transducer) -> None:
     if not transducer.full_scale > 0.0:
         raise ValueError(f"full_scale must be > 0 V, got {transducer.full_scale}")
     if transducer.time_constant != np.inf:
-        check_time_constant(transducer.time_constant)
+        _check_time_constant(transducer.time_constant)
 
 
 def _check_recording(recording: Recording, transducer: Transducer) -> None:
@@ -224,3 +368,88 @@ def _check_recording(recording: Recording, transducer: Transducer) -> None:
             f" {time[clipped[0]]:.9g} s; |V| must be < {transducer.full_scale:.6g} V: choose a wider range on"
             " the recorder, or correct full_scale"
         )
+
+
+class ForceSignal(NamedTuple):
+    """A force with its corrections and quantities."""
+
+    signal: Signal
+    """Force, compression positive [N], on the shot's clock."""
+    corrections: list[Correction]
+    """Corrections, applied or not."""
+    quantities: list[Quantity]
+    """Inputs of its budget: sensitivity, time constant, zero."""
+
+
+def force_signal(
+    recording: Recording,
+    transducer: Transducer,
+    *,
+    name: str,
+    baseline: tuple[float, float],
+    clock_offset: float,
+    switches: Switches | None = None,
+    uncertainty: Mapping[str, float] | None = None,
+    values: Mapping[str, float] | None = None,
+) -> ForceSignal:
+    """Force of a transducer on uniform samples; `kolsky.bars.signals.transducers.force_history` with its
+    audit.
+
+    Parameters
+    ----------
+    recording
+        The channel, in volts, on the recorder's clock.
+    transducer
+        Sensitivity, sign, full scale and time constant.
+    name
+        Whose force it is, e.g. "transmission force".
+    baseline
+        First and last time of the rest on the shot's clock [s].
+    clock_offset
+        Shot's clock minus recorder's clock [s].
+    switches
+        Which corrections are applied: "droop".
+    uncertainty
+        Standard uncertainties (k = 1, SI) of "sensitivity" and "time_constant".
+    values
+        Values to take instead of the estimates of `quantities`, by name.
+
+    Raises
+    ------
+    ValueError
+        As `kolsky.bars.signals.transducers.force_history`, and if the times are not uniform or an
+        uncertainty belongs to no field that matters.
+    """
+    given, stated = values or {}, uncertainty or {}
+    droops = np.isfinite(transducer.time_constant)
+    check_fields(stated, ["sensitivity", "time_constant"] if droops else ["sensitivity"], "the force")
+    quantities = [
+        Quantity(f"{name}, sensitivity", transducer.sensitivity, stated.get("sensitivity", 0.0), "V/N", "B")
+    ]
+    if droops:
+        tau = transducer.time_constant
+        quantities.append(Quantity(f"{name}, time constant", tau, stated.get("time_constant", 0.0), "s", "B"))
+    transducer = replace(
+        transducer,
+        sensitivity=given.get(f"{name}, sensitivity", transducer.sensitivity),
+        time_constant=given.get(f"{name}, time constant", transducer.time_constant),
+    )
+    start, interval = uniform_clock(recording)
+    seen = force_history(
+        recording, replace(transducer, time_constant=np.inf), baseline=baseline, clock_offset=clock_offset
+    )
+    force, log = seen.force, AuditLog(switches)
+    if droops:
+        full = force_history(recording, transducer, baseline=baseline, clock_offset=clock_offset)
+        reason = f"time constant {transducer.time_constant:.4g} s"
+        over = seen.time > baseline[1]
+        force = log.choose(f"droop, {name}", "droop", force, full.force, unit="N", reason=reason, over=over)
+    rest = measure_signal_zero(seen.time, seen.force, baseline, name=name)
+    zero = Quantity(f"{name}, zero", 0.0, rest.mean_sigma, "N", "A", rest.freedom)
+    return ForceSignal(
+        signal=Signal(
+            start + clock_offset, interval, force + given.get(zero.name, 0.0), rest.noise.sigma, "N", name
+        ),
+        corrections=list(log.corrections),
+        quantities=[*quantities, zero],
+    )

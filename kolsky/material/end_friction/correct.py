@@ -1,12 +1,13 @@
-r"""End friction taken out of a compression test: the curve found from the test itself, by inverse elements.
+"""End friction removed from a compression test, or constants of chosen laws fitted with it (inverse finite
+elements).
 
 Faces that do not slide freely make a cylinder barrel, and its apparent nominal stress is above the
 material's: by 31 to 33 % at small strain for a bonded cylinder of 9.5 x 6.5 mm. The law is found whose
-simulated test, in equilibrium (`kolsky.material.compression`), gives the measured force and, where it was
-measured, radius: least squares with the derivatives of the simulated test,
+simulated test, in equilibrium (`kolsky.material.end_friction.compression`), gives the measured force and,
+where it was measured, radius: least squares with the derivatives of the simulated test,
 
-.. math:: \min_\theta \sum_i \left(\frac{\ln S_\theta(\epsilon_i) - \ln S_i}{\sigma_i}\right)^2
-          + \text{prior}(\theta).                                                              \qquad (N.1)
+.. math:: \\min_\\theta \\sum_i \\left(\\frac{\\ln S_\\theta(\\epsilon_i) - \\ln S_i}{\\sigma_i}\\right)^2
+          + \\text{prior}(\\theta).                                                              \\qquad (N.1)
 
 Two things no force tells: how the material goes on past the strains of the curve, where much of a barrelled
 specimen is, and how it behaves in other modes than uniaxial compression. So several laws are fitted, curves
@@ -15,20 +16,24 @@ criterion (N.2); their spread is part of the band. A force alone does not tell f
 either: the coefficient is free only where the radius at mid-height was measured, else it is declared.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
-from kolsky.material.curves.band import CurveBand
 from kolsky.material.end_friction.fits import (
+    NOISE_LEFT,
     FitFailedError,
-    Found,
+    ModelOptimum,
     bic,
-    described,
     fit_candidate,
     fit_nodes,
-    weighed,
+    mesh_share,
+    model_fit,
+    model_weights,
+    on_refined_mesh,
 )
 from kolsky.material.end_friction.problem import (
     COMMON_STRESS,
@@ -40,11 +45,56 @@ from kolsky.material.end_friction.problem import (
     MeasuredSpecimen,
     ModelFit,
 )
-from kolsky.material.end_friction.refine import mesh_share, on_refined_mesh
-from kolsky.material.end_friction.remarks import LARGEST_MISFIT, cause_of_misfit, remarks_on
 from kolsky.material.fits.compare import candidates
+from kolsky.material.uniaxial import CurveBand
 
-LAWS_TRIED = ("yeoh", "mooney_rivlin", "ogden2", "gent")
+LARGEST_MISFIT = 0.03
+"""Root mean square misfit of the best law from which on a correction is refused [-]."""
+DISAGREE = 0.02
+"""Difference of two laws that meet the test alike from which on it is said [-]."""
+
+
+def cause_of_misfit(best: ModelOptimum, test: MeasuredSpecimen) -> str:
+    """Why no law meets a test, from where it is missed most."""
+    off = best.off
+    worst = int(np.argmax(np.abs(off)))
+    share = worst / max(1, off.size - 1)
+    guess = "a toe, or a force whose zero is off" if share < 0.2 else "ends that did not hold as declared"
+    if share > 0.8:
+        guess = "ends that did not hold as declared, a side that landed otherwise, or damage"
+    return (
+        f"no law meets the test: the best, {best.model.name}, misses it by {100.0 * best.misfit:.2g} %"
+        f" (rms), most at strain {test.strain[worst]:.3g} ({100.0 * off[worst]:+.1f} %), at most"
+        f" {100.0 * LARGEST_MISFIT:g} % is allowed; likely {guess}"
+    )
+
+
+def _remarks_on(
+    found: list[ModelOptimum], weights: FloatArray, logs: FloatArray, test: MeasuredSpecimen
+) -> tuple[str, ...]:
+    """Misfits that are no noise, and laws that the test cannot tell apart."""
+    best = int(np.argmax(weights))
+    said = []
+    n = test.strain.size
+    if found[best].chi2 > NOISE_LEFT * n:
+        said.append(
+            f"the best law, {found[best].model.name}, misses the test by"
+            f" {100.0 * found[best].misfit:.2g} % (rms), more than its noise; the band holds it"
+        )
+    alike = [k for k, one in enumerate(found) if one.chi2 < NOISE_LEFT * n]
+    off = {k: float(np.abs(logs[k] - logs[best]).max()) for k in alike}
+    if off and max(off.values()) > DISAGREE:
+        k = max(off, key=lambda one: off[one])
+        said.append(
+            f"{found[k].model.name} meets the test within its noise too and differs from"
+            f" {found[best].model.name} by {100.0 * off[k]:.2g} %: the choice between them rests on their"
+            f" number of constants (weight {weights[k]:.2g}); a test in another mode or the radius at"
+            " mid-height would tell"
+        )
+    return tuple(said)
+
+
+_LAWS_TRIED = ("yeoh", "mooney_rivlin", "ogden2", "gent")
 """Laws of the library beside the curves of nodes: of the first invariant with two ways to go on, of both
 invariants, of the stretches."""
 LARGEST_LIKENESS = 0.9
@@ -59,7 +109,7 @@ def correct_friction(
     bulge: FloatArray | None = None,
     bulge_sigma: float = 0.0,
     numerics: CorrectionNumerics | None = None,
-    laws: tuple[str, ...] = LAWS_TRIED,
+    laws: tuple[str, ...] = _LAWS_TRIED,
 ) -> FrictionCorrection:
     """Find the uniaxial curve behind a compression test with friction at its ends.
 
@@ -85,7 +135,7 @@ def correct_friction(
         If friction is free without a measured radius, the stress is not positive, no equilibrium exists, or
         no law meets the test; the message says which, and where.
     """
-    test = tested(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
+    test = checked_test(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
     try:
         found = fit_nodes(test)
     except FitFailedError as error:
@@ -105,14 +155,14 @@ def correct_friction(
         if not kept
     ]
     found = [one for one, kept in zip(found, positive, strict=True) if kept]
-    weights = weighed(found, test)
+    weights = model_weights(found, test)
     best = found[int(np.argmax(weights))]
     if best.misfit > LARGEST_MISFIT:
         raise ValueError(cause_of_misfit(best, test))
     return _correction(band, test, found, weights, failed)
 
 
-def tested(
+def checked_test(
     band: CurveBand,
     specimen: Specimen,
     ends: EndFriction,
@@ -145,7 +195,7 @@ def tested(
     )
 
 
-def curve_change(one: Found, test: MeasuredSpecimen, strain: FloatArray) -> FloatArray:
+def _curve_change(one: ModelOptimum, test: MeasuredSpecimen, strain: FloatArray) -> FloatArray:
     """Change of ln T at some strains by ln S at the compared ones (and by radii), shape [n, n_residuals]."""
     theta = test.own(one.theta)
     base = np.log(one.model.stress(theta, strain))
@@ -160,13 +210,17 @@ def curve_change(one: Found, test: MeasuredSpecimen, strain: FloatArray) -> Floa
 
 
 def _correction(
-    band: CurveBand, test: MeasuredSpecimen, found: list[Found], weights: FloatArray, failed: list[ModelFit]
+    band: CurveBand,
+    test: MeasuredSpecimen,
+    found: list[ModelOptimum],
+    weights: FloatArray,
+    failed: list[ModelFit],
 ) -> FrictionCorrection:
     n, strain = test.strain.size, band.strain
     best = found[int(np.argmax(weights))]
     logs = np.stack([np.log(one.model.stress(test.own(one.theta), strain)) for one in found])
     mean = weights @ logs
-    response = curve_change(best, test, strain)
+    response = _curve_change(best, test, strain)
     if best.mesh is None:
         raise ValueError(
             f"{best.model.name}, which meets the test best, has no equilibrium on the refined mesh"
@@ -192,7 +246,7 @@ def _correction(
     criteria = bic(found, test)
     models = sorted(
         (
-            described(one, test, strain, float(w), float(c))
+            model_fit(one, test, strain, float(w), float(c))
             for one, w, c in zip(found, weights, criteria, strict=True)
         ),
         key=lambda one: -one.weight,
@@ -206,7 +260,7 @@ def _correction(
         models=(*models, *failed),
         past_data=best.mesh.past,
         snaps=best.mesh.snaps,
-        remarks=remarks_on(found, weights, logs, test),
+        remarks=_remarks_on(found, weights, logs, test),
         places=test.strain,
         response=response[:, :n],
     )
@@ -216,7 +270,7 @@ def _chosen(band: CurveBand, test: MeasuredSpecimen) -> NDArray[np.int64]:
     return np.searchsorted(band.strain, test.strain)
 
 
-def _noise(best: Found, test: MeasuredSpecimen, response: FloatArray, band: CurveBand) -> FloatArray:
+def _noise(best: ModelOptimum, test: MeasuredSpecimen, response: FloatArray, band: CurveBand) -> FloatArray:
     """Modes of ln T by errors of the stresses: their noise, or the misfit if that is more.
 
     Misfits of neighbouring strains are alike by a coefficient rho, so fewer of them are independent: they
@@ -233,7 +287,7 @@ def _noise(best: Found, test: MeasuredSpecimen, response: FloatArray, band: Curv
 
 
 def _friction(
-    best: Found, test: MeasuredSpecimen, response: FloatArray
+    best: ModelOptimum, test: MeasuredSpecimen, response: FloatArray
 ) -> tuple[float | None, float, FloatArray]:
     """The coefficient, its standard uncertainty, and the change of ln T by one of these."""
     n = test.strain.size
@@ -250,3 +304,78 @@ def _friction(
     sigma = f * float(np.hypot(np.linalg.norm(gain), together))
     common = np.full(n, MODEL_RADIUS * test.specimen.radius / test.bulge_scale)
     return f, sigma, response[:, n:] @ common + nothing
+
+
+def fit_specimen(
+    band: CurveBand,
+    specimen: Specimen,
+    ends: EndFriction,
+    laws: tuple[str, ...],
+    *,
+    bulge: FloatArray | None = None,
+    bulge_sigma: float = 0.0,
+    numerics: CorrectionNumerics | None = None,
+) -> tuple[ModelFit, ...]:
+    """Fit laws to a compressed cylinder, with intervals and correlations, greatest weight first.
+
+    Levenberg and Marquardt's method (a trust region where a law has bounds) over the derivatives of the
+    simulated test, on a coarse mesh; the optimum is then moved to the refined one, and a share of that change
+    is in the uncertainties.
+
+    Parameters
+    ----------
+    band
+        Apparent nominal stress over nominal compressive strain.
+    specimen
+        Its undeformed size.
+    ends
+        What holds it at its ends.
+    laws
+        Names of `kolsky.material.fits.compare.candidates`.
+    bulge, bulge_sigma
+        Radius at mid-height [m], shape [n], and its standard deviation [m].
+    numerics
+        Meshes and Poisson's ratio.
+
+    Raises
+    ------
+    ValueError
+        If no law can be fitted; the message has each one's reason.
+    """
+    test = checked_test(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
+    near = fit_nodes(test, continuations=("exponential",))[0]
+    found: list[ModelOptimum] = []
+    failed: list[ModelFit] = []
+    for candidate in candidates(laws):
+        try:
+            found.append(fit_candidate(test, candidate, near))
+        except FitFailedError as error:
+            failed.append(ModelFit.without(candidate.name, str(error)))
+    if not found:
+        raise ValueError("; ".join(f"{one.name}: {one.reason}" for one in failed))
+    found, test = on_refined_mesh(found, test, near=np.inf)
+    weights, criteria = model_weights(found, test), bic(found, test)
+    made = []
+    for one, weight, criterion in zip(found, weights, criteria, strict=True):
+        if one.mesh is None:
+            failed.append(ModelFit.without(one.model.name, "it has no equilibrium on the refined mesh"))
+            continue
+        row = model_fit(one, test, band.strain, float(weight), float(criterion))
+        change = mesh_change(one, test)
+        share = mesh_share(test.numerics)
+        before = model_fit(replace(one, theta=one.theta - change), test, band.strain, 0.0, 0.0).constants
+        sigma = {
+            name: float(np.hypot(row.sigma[name], share * (value - before[name])))
+            for name, value in row.constants.items()
+        }
+        made.append(replace(row, sigma=sigma))
+    return (*sorted(made, key=lambda one: -one.weight), *failed)
+
+
+def mesh_change(one: ModelOptimum, test: MeasuredSpecimen) -> FloatArray:
+    """Change of the unknowns from the coarse to the refined mesh [-], shape [n]."""
+    assert one.mesh is not None
+    rows = one.mesh.stress / test.noise
+    if test.bulge is not None:
+        rows = np.append(rows, one.mesh.bulge / test.bulge_scale)
+    return np.asarray(-one.gain[:, : rows.size] @ rows)

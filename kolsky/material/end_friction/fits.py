@@ -1,44 +1,49 @@
-"""Laws fitted to a compression test with friction at its ends, by inverse finite elements."""
+"""Laws fitted to a compression test with end friction by inverse finite elements, on the coarse and the
+refined mesh."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from kolsky.base.arrays import FloatArray
-from kolsky.material.compression.result import Compression
-from kolsky.material.curves.uniaxial import gaussian_strain
-from kolsky.material.end_friction.models import (
+from kolsky.material.end_friction.compression import Compression
+from kolsky.material.end_friction.problem import (
     CONTINUATIONS,
     Continuation,
+    CorrectionNumerics,
     CurveModel,
     LibraryModel,
+    MeasuredSpecimen,
+    MeshError,
+    ModelFit,
     NodesModel,
     measure,
 )
-from kolsky.material.end_friction.problem import MeasuredSpecimen, MeshError, ModelFit
 from kolsky.material.fits.compare import Candidate
 from kolsky.material.fits.fit import fit_law
+from kolsky.material.fits.homogeneous import Mode
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
-from kolsky.material.fits.modes import Mode
-from kolsky.material.fits.residuals import Weighting
+from kolsky.material.fits.search import Weighting
+from kolsky.material.uniaxial import gaussian_strain
 
 TOLERANCE = 1e-3
 """Relative change of unknowns or of the sum of squares at which a fit ends."""
-EVALUATIONS = 12
+_EVALUATIONS = 12
 """Most simulated tests of one fit's search."""
 NODES = (5, 7, 10)
 """Numbers of nodes that are tried in turn until the residual is noise."""
 NOISE_LEFT = 1.5
 """Mean square residual (over noise and mesh) from which on it is not taken for noise."""
-UNUSABLE = 1e3
+_UNUSABLE = 1e3
 """Residual of unknowns without a law or without an equilibrium."""
-START_FRICTION = 0.3
+_START_FRICTION = 0.3
 """Where a search for a free coefficient begins [-]."""
 
 
 @dataclass(frozen=True)
-class Found:
+class ModelOptimum:
     """An optimum of one model."""
 
     model: CurveModel
@@ -73,7 +78,7 @@ class FitFailedError(ValueError):
     """A model cannot be fitted; the message says why."""
 
 
-def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> Found:
+def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> ModelOptimum:
     """Least squares of a model, with derivatives of the simulated test.
 
     Raises
@@ -99,7 +104,7 @@ def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> F
         made, prior = run(theta), model.prior(test.own(theta))[0]
         if made is None:
             n = test.strain.size * (1 if test.bulge is None else 2)
-            return np.full(n + prior.size, UNUSABLE)
+            return np.full(n + prior.size, _UNUSABLE)
         return np.append(test.residual(made), prior)
 
     def jacobian(theta: FloatArray) -> FloatArray:
@@ -121,18 +126,18 @@ def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> F
         bounds=(low, high),
         xtol=TOLERANCE,
         ftol=TOLERANCE,
-        max_nfev=EVALUATIONS,
+        max_nfev=_EVALUATIONS,
     )
     made = run(end.x)
     assert made is not None
     chi2 = float(np.sum(test.residual(made) ** 2))
     off = np.log(made.stress / test.stress)
-    return Found(model, np.asarray(end.x), made, jacobian(end.x), chi2, len(runs), off)
+    return ModelOptimum(model, np.asarray(end.x), made, jacobian(end.x), chi2, len(runs), off)
 
 
 def fit_nodes(
     test: MeasuredSpecimen, *, continuations: tuple[Continuation, ...] = CONTINUATIONS
-) -> list[Found]:
+) -> list[ModelOptimum]:
     """Curves of nodes, as many as the residual needs to be noise, with every continuation.
 
     Raises
@@ -142,14 +147,14 @@ def fit_nodes(
     """
     last = float(measure(test.strain[-1]))
     quotient = np.log(test.stress / gaussian_strain(test.strain, compression=True)) - np.log(1.2)
-    found: list[Found] = []
+    found: list[ModelOptimum] = []
     reasons = ""
     for count in NODES:
         places = np.linspace(0.0, last, count)
         # The straight course over I1 through the apparent curve: its bends are not the material's.
         start = np.polynomial.Polynomial.fit(measure(test.strain) ** 2, quotient, 2)(places**2)
         if test.free:
-            start = np.append(start, np.log(START_FRICTION))
+            start = np.append(start, np.log(_START_FRICTION))
         found = []
         for continuation in continuations:
             if found:
@@ -165,7 +170,7 @@ def fit_nodes(
     return found
 
 
-def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: Found) -> Found:
+def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: ModelOptimum) -> ModelOptimum:
     """A law of the library, begun at its fit to the curve of another one.
 
     Raises
@@ -196,7 +201,7 @@ def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: Found) -> 
     raise FitFailedError(why)
 
 
-def weighed(found: list[Found], test: MeasuredSpecimen) -> FloatArray:
+def model_weights(found: list[ModelOptimum], test: MeasuredSpecimen) -> FloatArray:
     """Weights of the models: exp(-BIC / 2), the noise taken from the best if that misses by more, Eq. (N.2).
 
     With n residuals, k unknowns and S = chi2 the criterion is S / v + k ln n, v = max(1, S_best / (n - k)).
@@ -206,7 +211,7 @@ def weighed(found: list[Found], test: MeasuredSpecimen) -> FloatArray:
     return np.asarray(likelihood / likelihood.sum())
 
 
-def bic(found: list[Found], test: MeasuredSpecimen) -> FloatArray:
+def bic(found: list[ModelOptimum], test: MeasuredSpecimen) -> FloatArray:
     """Schwarz's criterion of each model, Eq. (N.2), shape [n_models]."""
     n = test.strain.size * (1 if test.bulge is None else 2)
     chi2 = np.array([one.chi2 for one in found])
@@ -216,8 +221,8 @@ def bic(found: list[Found], test: MeasuredSpecimen) -> FloatArray:
     return np.asarray(chi2 / scale + unknowns * np.log(n))
 
 
-def described(
-    one: Found, test: MeasuredSpecimen, strain: FloatArray, weight: float, criterion: float
+def model_fit(
+    one: ModelOptimum, test: MeasuredSpecimen, strain: FloatArray, weight: float, criterion: float
 ) -> ModelFit:
     """A model's fit with its constants, their uncertainties and its curve at some strains."""
     theta = test.own(one.theta)
@@ -243,3 +248,95 @@ def described(
         weight=weight,
         evaluations=one.evaluations,
     )
+
+
+ORDER, SHARE = 2.0, 0.5 * 1.25
+"""Order of the mesh error and its share that counts as standard uncertainty, as in
+`kolsky.identification`."""
+NEAR = 10.0
+"""Mean square residual on the coarse mesh, over that of the nearest law or 1, up to which a law is moved [-].
+Three times the mesh's own error: nearer than that no mesh brings a law that is farther off."""
+LEAST_SINGULAR_VALUE = 1e-4
+"""Least singular value of the derivatives, over the largest, of a direction in which a law is moved [-]: a
+test of a few parts in a thousand does not tell less."""
+
+
+def on_refined_mesh(
+    found: Sequence[ModelOptimum], test: MeasuredSpecimen, *, near: float = NEAR
+) -> tuple[list[ModelOptimum], MeasuredSpecimen]:
+    """The fits with the refined mesh's force, and the test with its noise.
+
+    A law that is not near the test, that has no equilibrium on the refined mesh, or whose stress the step
+    would take below none, keeps its fit.
+    """
+    limit = near * max(test.strain.size, min(one.chi2 for one in found))
+    errors: list[MeshError | None] = []
+    for one in found:
+        try:
+            errors.append(test.mesh_error(one.model, one.theta, one.made) if one.chi2 <= limit else None)
+        except ValueError:
+            errors.append(None)
+    changes = [error.stress for error in errors if error is not None]
+    finer = test.refined(mesh_share(test.numerics) * local_rms(changes)) if changes else test
+    return [
+        _coarse_fit(one, finer) if error is None else _refined_fit(one, test, finer, error)
+        for one, error in zip(found, errors, strict=True)
+    ], finer
+
+
+def mesh_share(numerics: CorrectionNumerics) -> float:
+    """Share of the change from the coarse to the refined mesh that is the latter's standard uncertainty."""
+    return SHARE / ((numerics.refined_mesh[0] / numerics.mesh[0]) ** ORDER - 1.0)
+
+
+def local_rms(changes: Sequence[FloatArray]) -> FloatArray:
+    """Root mean square of some laws' changes, at each strain with its two neighbours, shape [n].
+
+    Where the side lands an element at a time the change has either sign and no order, so that it is known by
+    its size only.
+    """
+    square = np.mean(np.square(changes), axis=0)
+    padded = np.pad(square, 1, mode="edge")
+    return np.asarray(np.sqrt((padded[:-2] + padded[1:-1] + padded[2:]) / 3.0))
+
+
+def _refined_fit(
+    one: ModelOptimum, test: MeasuredSpecimen, finer: MeasuredSpecimen, error: MeshError
+) -> ModelOptimum:
+    """One fit moved to the refined mesh, which changes its simulated test by `error`."""
+    n = test.strain.size
+    rows = [(one.off + error.stress) / finer.noise]
+    if test.bulge is not None:
+        rows.append((one.made.bulge + error.bulge - test.bulge) / test.bulge_scale)
+    residual = np.concatenate(rows)
+    jacobian = _refined_derivatives(one, test, finer)
+    prior = one.model.prior(test.own(one.theta))[0]
+    theta = one.theta - np.linalg.pinv(jacobian, rcond=LEAST_SINGULAR_VALUE) @ np.append(residual, prior)
+    m = test.own(theta).size
+    theta[:m] = np.clip(theta[:m], one.model.lower, one.model.upper)
+    if not (one.model.stress(test.own(theta), test.strain) > 0.0).all():
+        return _coarse_fit(one, finer)
+    residual = residual + jacobian[: residual.size] @ (theta - one.theta)
+    return replace(
+        one,
+        theta=theta,
+        jacobian=jacobian,
+        chi2=float(np.sum(residual**2)),
+        evaluations=one.evaluations + 1,
+        off=residual[:n] * finer.noise,
+        mesh=error,
+    )
+
+
+def _coarse_fit(one: ModelOptimum, finer: MeasuredSpecimen) -> ModelOptimum:
+    """A fit that stays on the coarse mesh, its stresses weighed as the others'."""
+    rows = finer.residual(one.made)
+    return replace(one, chi2=float(np.sum(rows**2)))
+
+
+def _refined_derivatives(one: ModelOptimum, test: MeasuredSpecimen, finer: MeasuredSpecimen) -> FloatArray:
+    """Derivatives of residuals and prior with the noise of the refined mesh, shape [n_rows, n]."""
+    jacobian = one.jacobian.copy()
+    n = test.strain.size
+    jacobian[:n] *= (test.noise / finer.noise)[:, None]
+    return jacobian

@@ -1,18 +1,67 @@
-"""A law fitted to homogeneous tests by weighted least squares in nominal stress."""
+"""A law fitted to homogeneous tests by weighted least squares in nominal stress, with its goodness of fit.
+
+With n residuals r_i, k free constants and S = sum r_i^2,
+
+    RMSE = sqrt(S / n),  R^2 = 1 - S / sum (T_i - mean T)^2,                                   (Q.6)
+    AIC = n ln(S / n) + 2 k,  BIC = n ln(S / n) + k ln n,                                      (Q.7)
+
+where the noise is unknown and the constant of the likelihood is left out (Burnham and Anderson 2002): only
+differences between laws fitted to the same points count. With known noise n ln(S / n) is replaced by chi^2.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from math import log
 
 import numpy as np
 
 from explicit.materials import AnyLaw
 from explicit.materials import bulk_modulus as bulk
 from kolsky.base.arrays import FloatArray
-from kolsky.material.fits import goodness
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
-from kolsky.material.fits.residuals import Residuals, Weighting, residuals_of
-from kolsky.material.fits.search import EXACT, SAME, SearchResult, search
+from kolsky.material.fits.search import (
+    EQUAL_MINIMA,
+    EXACT,
+    Residuals,
+    SearchResult,
+    Weighting,
+    residuals_of,
+    search,
+)
+
+
+def rmse(residual: FloatArray) -> float:
+    """Root mean square of residuals, in their unit; Eq. (Q.6)."""
+    return float(np.sqrt(np.mean(residual**2)))
+
+
+def r_squared(residual: FloatArray, measured: FloatArray) -> float:
+    """Coefficient of determination, Eq. (Q.6); negative where the mean of the data does better."""
+    return float(1.0 - (residual @ residual) / np.sum((measured - measured.mean()) ** 2))
+
+
+def aic(chi2: float, n: int, k: int, *, known_noise: bool = False) -> float:
+    """Akaike's criterion of n residuals with sum of squares `chi2` and k free constants, Eq. (Q.7)."""
+    return _deviance(chi2, n, known_noise) + 2.0 * k
+
+
+def bic(chi2: float, n: int, k: int, *, known_noise: bool = False) -> float:
+    """Schwarz's criterion, Eq. (Q.7)."""
+    return _deviance(chi2, n, known_noise) + k * log(n)
+
+
+def durbin_watson(residual: FloatArray) -> float:
+    """sum (r_i+1 - r_i)^2 / sum r_i^2: 2 for independent residuals, 0 where each is like the one before."""
+    return float(np.sum(np.diff(residual) ** 2) / np.sum(residual**2))
+
+
+def _deviance(chi2: float, n: int, known_noise: bool) -> float:
+    if known_noise:
+        return chi2
+    # A fit without residuals has an infinitely good one, which no other number could say.
+    return n * log(chi2 / n) if chi2 > 0.0 else float("-inf")
+
 
 STARTS = 12
 """Starts that are polished where a law has more than moduli."""
@@ -56,18 +105,18 @@ class PartFit:
     @property
     def rmse(self) -> float:
         """Root mean square residual [Pa]."""
-        return goodness.rmse(self.residual)
+        return rmse(self.residual)
 
     @property
     def r_squared(self) -> float:
         """Coefficient of determination [-]."""
-        return goodness.r_squared(self.residual, self.test.stress)
+        return r_squared(self.residual, self.test.stress)
 
     @property
     def relative_rms(self) -> float:
         """Root mean square of residual over measured stress, where that is not zero [-]."""
         loaded = self.test.stress != 0.0
-        return goodness.rmse(self.residual[loaded] / self.test.stress[loaded])
+        return rmse(self.residual[loaded] / self.test.stress[loaded])
 
 
 @dataclass(frozen=True)
@@ -141,28 +190,28 @@ class Fit:
     def r_squared(self) -> float:
         """Coefficient of determination of all tests together [-]."""
         whole = np.concatenate([part.residual for part in self.parts])
-        return goodness.r_squared(whole, np.concatenate([part.test.stress for part in self.parts]))
+        return r_squared(whole, np.concatenate([part.test.stress for part in self.parts]))
 
     @property
     def aic(self) -> float:
         """Akaike's criterion; compare only laws fitted to the same points with the same weights."""
-        return goodness.aic(self.chi2, self.n, len(self.free), known_noise=self.weighting is Weighting.SIGMA)
+        return aic(self.chi2, self.n, len(self.free), known_noise=self.weighting is Weighting.SIGMA)
 
     @property
     def bic(self) -> float:
         """Schwarz's criterion; likewise."""
-        return goodness.bic(self.chi2, self.n, len(self.free), known_noise=self.weighting is Weighting.SIGMA)
+        return bic(self.chi2, self.n, len(self.free), known_noise=self.weighting is Weighting.SIGMA)
 
     @property
     def durbin_watson(self) -> float:
         """Least Durbin-Watson number of the tests: far below 2 the law misses the curve's shape, and
         `covariance`, which counts every point as new, is too small."""
-        return min(goodness.durbin_watson(part.residual) for part in self.parts)
+        return min(durbin_watson(part.residual) for part in self.parts)
 
     @property
     def agreeing(self) -> int:
         """Starts that reached the least sum of squares."""
-        return sum(end <= self.ends[0] * (1.0 + SAME) + EXACT for end in self.ends)
+        return sum(end <= self.ends[0] * (1.0 + EQUAL_MINIMA) + EXACT for end in self.ends)
 
 
 def fit_law(

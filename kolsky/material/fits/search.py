@@ -1,4 +1,6 @@
-"""The search for the least sum of squares: many starts, each polished, and what they agree on.
+"""Residuals of a law against homogeneous tests, and the search for their least sum of squares.
+
+Many starts are refined one by one; how many agree on the minimum is reported.
 
 A stress is linear in the moduli of every law here. So only the other constants (exponents, locking stretches)
 are drawn, over decades; for each draw the best moduli are one linear least-squares problem (variable
@@ -7,20 +9,212 @@ method within the bounds (Branch, Coleman and Li 1999; `scipy.optimize.least_squ
 of the law.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import qmc
 
+from explicit.materials import AnyLaw, bulk_modulus
 from explicit.materials.law import ParameterSpec
+from explicit.materials.volumetric import VolumetricLaw
 from kolsky.base.arrays import FloatArray
-from kolsky.material.fits.residuals import REFUSED, Residuals
+from kolsky.material.fits.homogeneous import compressible_stress, free_stretch, incompressible_stress
+from kolsky.material.fits.homogeneous_test import HomogeneousTest
+
+_FREE_POISSON = ParameterSpec(
+    "poisson", "1", 0.0, 0.4999, 0.45, "Poisson's ratio at rest, of the bulk modulus", strict=True
+)
+"""The unknown beside a law's constants where the compressibility is free."""
+_LATERAL_SCALE = 0.01
+"""Lateral stretch that weighs like the largest stress in a fit [-]: the size of a good strain measurement."""
+REFUSED = 1e8
+"""Residual, in units of the largest stress, of constants that make no law or no stress."""
+
+
+class Weighting(Enum):
+    """Divisor of the residuals."""
+
+    ABSOLUTE = "absolute"
+    """By one stress for all points: the sum of squares in Pa^2 is least."""
+    RELATIVE = "relative"
+    """By the measured stress of the point: small strains count as much as large ones."""
+    SIGMA = "sigma"
+    """By the standard uncertainty of the point."""
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Weighted residuals of a law as a function of its free constants.
+
+    Its unknowns are the free constants with moduli in units of the largest measured stress, so that all are
+    of one size.
+    """
+
+    law: type[AnyLaw]
+    """The law."""
+    tests: tuple[HomogeneousTest, ...]
+    """The tests to be met at once."""
+    weighting: Weighting
+    """Divisor of the residuals."""
+    held: Mapping[str, float]
+    """Constants that are not free, in SI."""
+    poisson: float | None
+    """Poisson's ratio at rest of the compressible solution; None for the incompressible one."""
+    free_poisson: bool = False
+    """True if that ratio is the last unknown; the tests' lateral stretches are then met too."""
+
+    @cached_property
+    def free(self) -> tuple[ParameterSpec, ...]:
+        """The free constants, in the order of the law, and Poisson's ratio if it is free."""
+        constants = tuple(spec for spec in self.law.PARAMETERS if spec.name not in self.held)
+        return (*constants, _FREE_POISSON) if self.free_poisson else constants
+
+    @cached_property
+    def stress_scale(self) -> float:
+        """Largest measured stress [Pa]."""
+        return max(float(np.abs(test.stress).max()) for test in self.tests)
+
+    @cached_property
+    def units(self) -> FloatArray:
+        """SI per unit of the unknowns, shape [n_free]."""
+        return np.array([self.stress_scale if spec.unit == "Pa" else 1.0 for spec in self.free])
+
+    @cached_property
+    def counted(self) -> tuple[FloatArray, ...]:
+        """Factor of every residual [1/Pa], shape [n] for each test; 0 for a point at rest under relative
+        weighting, where law and measurement are both zero and say nothing."""
+        factors = []
+        for test in self.tests:
+            if self.weighting is Weighting.SIGMA:
+                assert test.sigma is not None
+                divisor = test.sigma
+            elif self.weighting is Weighting.RELATIVE:
+                divisor = np.where(test.strain == 0.0, np.inf, np.abs(test.stress))
+            else:
+                divisor = np.full(len(test.stress), self.stress_scale)
+            factors.append(np.sqrt(test.weight) / divisor)
+        return tuple(factors)
+
+    @cached_property
+    def n(self) -> int:
+        """Residuals that count."""
+        lateral = sum(t.lateral.size for t in self.tests if t.lateral is not None) if self.free_poisson else 0
+        return lateral + sum(int(np.count_nonzero(factor)) for factor in self.counted)
+
+    def build(self, unknowns: FloatArray) -> AnyLaw:
+        """The law of the unknowns.
+
+        Raises
+        ------
+        ValueError
+            If they make no law.
+        """
+        values = dict(self.held)
+        values.update({spec.name: float(x) for spec, x in zip(self.free, unknowns * self.units, strict=True)})
+        values.pop(_FREE_POISSON.name, None)
+        return self.law.of([values[spec.name] for spec in self.law.PARAMETERS])
+
+    def ratio(self, unknowns: FloatArray) -> float | None:
+        """Poisson's ratio of the unknowns, or the held one."""
+        return float(unknowns[-1]) if self.free_poisson else self.poisson
+
+    def stress(self, law: AnyLaw, poisson: float | None) -> tuple[FloatArray, ...]:
+        """Nominal stress of a law at the points of each test [Pa]; incompressible without a ratio.
+
+        Raises
+        ------
+        ValueError
+            If the compressible solution does not exist somewhere.
+        """
+        if poisson is None:
+            return tuple(incompressible_stress(law, test.mode, test.deformation) for test in self.tests)
+        volume = VolumetricLaw(float(bulk_modulus(law.shear_modulus, poisson)))
+        return tuple(compressible_stress(law, volume, test.mode, test.deformation) for test in self.tests)
+
+    def lateral(self, law: AnyLaw, poisson: float | None) -> list[FloatArray]:
+        """Simulated less measured lateral stretch over `LATERAL_SCALE` where it is fitted [-]."""
+        if not self.free_poisson or poisson is None:
+            return []
+        volume = VolumetricLaw(float(bulk_modulus(law.shear_modulus, poisson)))
+        return [
+            np.sqrt(test.weight)
+            * (free_stretch(law, volume, test.mode, test.deformation) - test.lateral)
+            / _LATERAL_SCALE
+            for test in self.tests
+            if test.lateral is not None
+        ]
+
+    @cached_property
+    def _rows(self) -> int:
+        lateral = [t.lateral for t in self.tests if t.lateral is not None] if self.free_poisson else []
+        return sum(len(test.stress) for test in self.tests) + sum(len(row) for row in lateral)
+
+    def __call__(self, unknowns: FloatArray) -> FloatArray:
+        """Weighted residuals of all tests, one after the other [-], shape [n_points]."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            try:
+                law, ratio = self.build(unknowns), self.ratio(unknowns)
+                predicted, across = self.stress(law, ratio), self.lateral(law, ratio)
+            except ValueError:
+                return np.full(self._rows, REFUSED)
+            rows = [
+                (T - test.stress) * factor
+                for T, test, factor in zip(predicted, self.tests, self.counted, strict=True)
+            ]
+            whole = np.concatenate([*rows, *across])
+            return np.where(np.abs(whole) < REFUSED, whole, REFUSED)
+
+
+def residuals_of(
+    law: type[AnyLaw],
+    tests: Sequence[HomogeneousTest],
+    *,
+    weighting: Weighting = Weighting.ABSOLUTE,
+    held: Mapping[str, float] | None = None,
+    poisson: float | None = None,
+    free_poisson: bool = False,
+) -> Residuals:
+    """The residuals of a law, with what is asked of it checked.
+
+    Raises
+    ------
+    ValueError
+        If there are no tests, a held constant is not the law's, none is free, there are not more points than
+        free constants, the tests lack the sigma that weights them, or a stress of zero would be divided by.
+    """
+    if not tests:
+        raise ValueError("a fit needs at least one test")
+    names = [spec.name for spec in law.PARAMETERS]
+    for name in held or {}:
+        if name not in names:
+            raise ValueError(f"{law.NAME} has no constant {name!r}; it has {', '.join(names)}")
+    made = Residuals(law, tuple(tests), weighting, dict(held or {}), poisson, free_poisson)
+    if free_poisson and all(test.lateral is None for test in tests):
+        raise ValueError("Poisson's ratio is free only where a test has lateral stretches")
+    if not made.free:
+        raise ValueError(f"{law.NAME}: all constants are held, nothing is left to fit")
+    for test in tests:
+        if weighting is Weighting.SIGMA and test.sigma is None:
+            raise ValueError(f"{test.name} has no sigma to be weighted by: weight absolute or relative")
+        zero = (test.stress == 0.0) & (test.strain != 0.0)
+        if weighting is Weighting.RELATIVE and zero.any():
+            raise ValueError(
+                f"{test.name}: the stress is 0 at strain {test.strain[zero][0]:.6g}, so no relative residual "
+                "exists: leave the point out, or weight absolute"
+            )
+    if made.n <= len(made.free):
+        raise ValueError(f"{law.NAME} has {len(made.free)} free constants, the tests only {made.n} points")
+    return made
+
 
 DECADES = 2.0
 """Decades to each side of the example over which a constant without two finite bounds is drawn."""
-LEAST_SIZE = 0.3
+_LEAST_SIZE = 0.3
 """Smallest size drawn of a constant that may have both signs, as an exponent of Ogden's law."""
 ROUGH, FINE = 60, 500
 """Most evaluations of the Jacobian for every start, and then for the best of them."""
@@ -28,18 +222,18 @@ BEST = 3
 """Starts that are polished to the end."""
 TIGHT = 1e-14
 """Relative change of sum, constants or gradient at which a search ends: the last digits."""
-SAME = 1e-6
+EQUAL_MINIMA = 1e-6
 """Relative difference of sums of squares below which two searches have found one minimum."""
 EXACT = 1e-12
 """Sum of squares, in units of the largest stress, below which a law meets the data to the last digits that
 count: searches that end there agree, whatever their round-off."""
-NO_MODULUS = 1e-6
+_NO_MODULUS = 1e-6
 """Initial shear modulus over the largest stress below which a search has run to the edge of what is a law."""
 _NO_LAW = (
     "{}: least squares lead to constants that are no law (the initial shear modulus would not be > 0, or "
     "there is no stress at a point); keep the bounds of a positive energy, or take a law with fewer constants"
 )
-NEAR_BOUND = 1e-7
+_NEAR_BOUND = 1e-7
 """Distance from a bound, relative to the constant's size, within which a constant lies at it."""
 
 
@@ -111,7 +305,7 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
         if agreeing > 1 or _linear(residuals):
             break
     chi2, x = ends[0]
-    if residuals.build(x).shear_modulus < NO_MODULUS * residuals.stress_scale:
+    if residuals.build(x).shear_modulus < _NO_MODULUS * residuals.stress_scale:
         raise ValueError(_NO_LAW.format(residuals.law.NAME))
     chi2, x, at = _snapped_to_bounds(residuals, chi2, x, lower, upper)
     jacobian = least_squares(residuals, x, jac="3-point", max_nfev=1, x_scale="jac").jac
@@ -131,7 +325,7 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
 
 def _agreeing(ends: list[tuple[float, FloatArray]]) -> int:
     """Starts that ended at the least sum of squares, within `SAME`."""
-    return sum(chi2 <= ends[0][0] * (1.0 + SAME) + EXACT for chi2, _ in ends)
+    return sum(chi2 <= ends[0][0] * (1.0 + EQUAL_MINIMA) + EXACT for chi2, _ in ends)
 
 
 def _linear(residuals: Residuals) -> bool:
@@ -183,7 +377,7 @@ def _drawn(spec: ParameterSpec, u: FloatArray) -> FloatArray:
     """Values of a pure number, log-uniform in size, inside the bounds of a positive energy."""
     if spec.lower < 0.0 < spec.upper:
         sign, share = np.where(u < 0.5, -1.0, 1.0), np.where(u < 0.5, 2.0 * u, 2.0 * u - 1.0)
-        return np.asarray(sign * LEAST_SIZE * (min(-spec.lower, spec.upper) / LEAST_SIZE) ** share)
+        return np.asarray(sign * _LEAST_SIZE * (min(-spec.lower, spec.upper) / _LEAST_SIZE) ** share)
     low = max(spec.lower, spec.example * 10.0**-DECADES)
     return np.asarray(low * (min(spec.upper, spec.example * 10.0**DECADES) / low) ** u)
 
@@ -235,9 +429,9 @@ def _snapped_to_bounds(
 ) -> tuple[float, FloatArray, NDArray[np.bool_]]:
     """The minimum with what is next to a bound put on it: a trust region only comes near."""
     size = np.maximum(np.abs(x), 1.0)
-    low, high = x - lower < NEAR_BOUND * size, upper - x < NEAR_BOUND * size
+    low, high = x - lower < _NEAR_BOUND * size, upper - x < _NEAR_BOUND * size
     placed = np.where(low, lower, np.where(high, upper, x))
     there = float(np.sum(residuals(placed) ** 2))
-    if there <= chi2 * (1.0 + SAME):
+    if there <= chi2 * (1.0 + EQUAL_MINIMA):
         return there, placed, low | high
     return chi2, x, np.zeros(len(x), dtype=bool)

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.material.curves.properties import Fracture, fracture, poissons_ratio, youngs_modulus
 from kolsky.material.fits.compare import Comparison, Row
 from kolsky.material.fits.fit import Fit, FitOutcome
+from kolsky.material.fits.homogeneous import Mode
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
-from kolsky.material.fits.modes import Mode
+from kolsky.material.fits.properties import Fracture, fracture, poissons_ratio, youngs_modulus
 
 Columns = dict[str, list[Any]]
 

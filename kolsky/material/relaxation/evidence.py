@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from explicit.relaxation import PronySeries, prony_stress
-from explicit.relaxation.uniaxial import checked_history
+from explicit.relaxation.prony import checked_history
 from kolsky.base.arrays import FloatArray
 
 

@@ -22,11 +22,11 @@ from scipy.stats import chi2
 from kolsky.base.arrays import FloatArray
 from kolsky.material.relaxation.evidence import DynamicTest
 
-SAME = 0.5
+EQUAL_TEMPERATURES = 0.5
 """Temperatures no further apart are one [K]."""
 PER_DECADE = 8
 """Maxwell elements per decade of time: with 1 % of noise 4 leave a misfit of their own, 8 do not."""
-FURTHEST = 20.0
+LARGEST_SHIFT = 20.0
 """Largest shift that is tried [decades]."""
 SCAN = np.linspace(-8.0, 8.0, 129)
 """Shifts between neighbouring temperatures that a search begins among [decades]."""
@@ -56,7 +56,7 @@ class TemperatureSweep:
         levels = self.levels
         if levels.size < 2:
             raise ValueError(f"{self.test.label}: a sweep needs two temperatures, all are {levels[0]:.2f} K")
-        if np.abs(levels - self.reference).min() > SAME:
+        if np.abs(levels - self.reference).min() > EQUAL_TEMPERATURES:
             there = ", ".join(f"{t - 273.15:.1f}" for t in levels)
             raise ValueError(
                 f"{self.test.label}: the reference, {self.reference - 273.15:.1f} °C, is none of the measured"
@@ -67,7 +67,9 @@ class TemperatureSweep:
     def levels(self) -> FloatArray:
         """The temperatures that are apart, ascending [K], shape [n_levels]."""
         ordered = np.sort(self.temperature)
-        return np.array([g.mean() for g in np.split(ordered, np.flatnonzero(np.diff(ordered) > SAME) + 1)])
+        return np.array(
+            [g.mean() for g in np.split(ordered, np.flatnonzero(np.diff(ordered) > EQUAL_TEMPERATURES) + 1)]
+        )
 
     @property
     def level(self) -> NDArray[np.int64]:
@@ -162,7 +164,10 @@ def superpose(sweep: TemperatureSweep) -> Superposition:
         return shifts
 
     found = least_squares(
-        lambda s: problem.residual(full(s)), start[free], diff_step=1e-4, bounds=(-FURTHEST, FURTHEST)
+        lambda s: problem.residual(full(s)),
+        start[free],
+        diff_step=1e-4,
+        bounds=(-LARGEST_SHIFT, LARGEST_SHIFT),
     )
     rest, used = problem.residual(full(found.x)), problem.used(full(found.x))
     freedom = max(1, rest.size - used - free.size)

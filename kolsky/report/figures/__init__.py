@@ -66,61 +66,61 @@ PLACES: dict[str, tuple[str, ...]] = {
     # Several shots identified together
     "JOINT": ("joint.FIGURES",),
     # Recordings behind an identification; shown before those of `REGISTRY`
-    "RECORDINGS": ("recordings.FIGURES",),
+    "RECORDINGS": ("recordings.RECORDED",),
     # Check run of an identification: those of `REGISTRY` that show nothing else
-    "CHECK_RUNS": ("comparison.FIGURES", "simulation.FIGURES"),
+    "CHECK_RUNS": ("comparison.COMPARISON", "comparison.SIMULATION"),
     # Identification
-    "REGISTRY": ("comparison.FIGURES", "misfit.FIGURES", "uncertainty.FIGURES", "simulation.FIGURES"),
+    "REGISTRY": ("comparison.COMPARISON", "misfit.MISFIT", "misfit.UNCERTAINTY", "comparison.SIMULATION"),
     # Surfaces measured by image correlation
-    "SURFACES": ("surface_points.FIGURES", "surface_motion.FIGURES", "speckles.FIGURES"),
+    "SURFACES": ("surface_points.SURFACE_POINTS", "surface_motion.FIGURES", "surface_points.SPECKLE_OVERLAY"),
     # Stereo calibration
     "CALIBRATION": ("calibration.FIGURES",),
     # Shot before anything is run
-    "CHECKS": ("checked.FIGURES",),
+    "CHECKS": ("recordings.CHECKED",),
     # Shot whose pictures are not correlated yet
-    "PICTURE_CHECKS": ("checked.OF_PICTURES",),
+    "PICTURE_CHECKS": ("recordings.CHECKED_PICTURES",),
     # Test between bars before it is reduced
     "BAR_CHECKS": ("waves.CHECKED_BARS",),
     # Speckle pattern of one camera
-    "SPECKLES": ("speckles.SPECKLE_FLOOR",),
+    "SPECKLES": ("surface_points.SPECKLE_FLOOR",),
     # Reduction of a test between bars
-    "WAVES": ("waves.FIGURES",),
+    "WAVES": ("waves.REDUCTION",),
     # Classical reduction of a flyer test
-    "FLYER_TESTS": ("flyer_test.FIGURES",),
+    "FLYER_TESTS": ("waves.FLYER_TEST",),
     # Measurement by image correlation alone
-    "FULL_FIELDS": ("full_field.FIGURES",),
+    "FULL_FIELDS": ("surface_points.FULL_FIELD",),
     # Shot with the bars together
     "BARS_TOGETHER": ("waves.BARS_TOGETHER",),
     # Repeated tests
     "REPEATS": ("waves.REPEATED_TESTS",),
     # Plan of an experiment
-    "PLANS": ("plan.FIGURES",),
+    "PLANS": ("planning.PLANNED",),
     # Planned test
-    "PREDICTIONS": ("prediction.FIGURES",),
+    "PREDICTIONS": ("planning.PREDICTED",),
     # Scan of a planned test
-    "SCANS": ("prediction.SCAN_FIGURES",),
+    "SCANS": ("planning.SCANNED",),
     # Group of shots compared over their strain rates
-    "RATES": ("rates.FIGURES", "rate_curves.FIGURES"),
+    "RATES": ("rates.SLOPES", "rates.EQUAL_STRAIN"),
     # Trends of a shot, Figs. 7 to 10 of Mates et al. (2012)
-    "TRENDS": ("trends.FIGURES",),
+    "TRENDS": ("studies.TREND_FIGURES",),
     # Reference curve from quasi-static tests
     "BASELINES": ("material.REFERENCE_CURVE",),
     # Laws fitted to homogeneous tests
-    "MATERIALS": ("material.FIGURES",),
+    "MATERIALS": ("material.FITTED_LAWS",),
     # Global sensitivity of a shot
-    "SENSITIVITY": ("sensitivity.FIGURES",),
+    "SENSITIVITY": ("studies.SOBOL_INDICES",),
     # Design of experiments over a shot's parameters
-    "SWEEPS": ("sweep.FIGURES",),
+    "SWEEPS": ("studies.SWEEP",),
     # Error budget
-    "BUDGETS": ("budget.FIGURES",),
+    "BUDGETS": ("studies.BUDGET",),
     # Moduli of tests of every kind over their time scales
-    "MODULI": ("rate_curves.MODULI",),
+    "MODULI": ("rates.MODULI",),
     # Slow tests and shots on one axis of time
-    "RELAXATIONS": ("relaxation.FIGURES",),
+    "RELAXATIONS": ("material.SLOW_TESTS",),
     # Whole specimens fitted to forces
-    "SPECIMENS": ("specimen.FIGURES",),
+    "SPECIMENS": ("specimen.SPECIMEN",),
     # Sheet fitted to a displacement field
-    "SHEETS": ("sheet.FIGURES",),
+    "SHEETS": ("specimen.SHEET",),
     # Pressurised actuator
     "ACTUATORS": ("actuator.FIGURES",),
 }
@@ -128,26 +128,26 @@ PLACES: dict[str, tuple[str, ...]] = {
 for, since a command shows one page."""
 
 SHOWN_BY: dict[str, str] = {
-    "dic.calibration.result.Calibration": "CALIBRATION",
-    "dic.chain.speckle_report.Speckles": "SPECKLES",
-    "kolsky.bars.guides.bars_together.BarsTogether": "BARS_TOGETHER",
+    "dic.calibration.views.Calibration": "CALIBRATION",
+    "dic.chain.remarks.Speckles": "SPECKLES",
+    "kolsky.bars.guides.propagation.BarsTogether": "BARS_TOGETHER",
     "kolsky.bars.reduction.repeated_tests.RepeatedTests": "REPEATS",
-    "kolsky.bars.result.FlyerResult": "FLYER_TESTS",
-    "kolsky.bars.result.WavesResult": "WAVES",
-    "kolsky.inverse.check_run.CheckRun": "CHECK_RUNS",
+    "kolsky.bars.records.FlyerResult": "FLYER_TESTS",
+    "kolsky.bars.records.WavesResult": "WAVES",
+    "kolsky.inverse.result.CheckRun": "CHECK_RUNS",
     "kolsky.inverse.result.Identification": "REGISTRY",
-    "kolsky.joint.records.JointResult": "JOINT",
-    "kolsky.joint.slow_dynamics.SlowDynamics": "RELAXATIONS",
+    "kolsky.inverse.joint_result.JointResult": "JOINT",
+    "kolsky.studies.rate_dependence.SlowDynamics": "RELAXATIONS",
     "kolsky.material.fits.compare.Comparison": "MATERIALS",
     "kolsky.material.reference_curve.ReferenceCurve": "BASELINES",
-    "kolsky.report.actuator_view.ActuatorView": "ACTUATORS",
-    "kolsky.report.full_field_view.FullFieldView": "FULL_FIELDS",
-    "kolsky.report.specimen_view.SheetView": "SHEETS",
-    "kolsky.report.specimen_view.SpecimenView": "SPECIMENS",
-    "kolsky.report.surface_view.SurfaceView": "SURFACES",
+    "kolsky.report.body_views.ActuatorView": "ACTUATORS",
+    "kolsky.report.picture_views.FullFieldView": "FULL_FIELDS",
+    "kolsky.report.body_views.SheetView": "SHEETS",
+    "kolsky.report.body_views.SpecimenView": "SPECIMENS",
+    "kolsky.report.picture_views.SurfaceView": "SURFACES",
     "kolsky.prediction.predict.Prediction": "PREDICTIONS",
-    "kolsky.shot.recorded.Recorded": "RECORDINGS",
-    "kolsky.shot.bar_check.CheckedBars": "BAR_CHECKS",
+    "kolsky.shot.recordings.ShotRecordings": "RECORDINGS",
+    "kolsky.shot.bars.CheckedBars": "BAR_CHECKS",
     "kolsky.shot.records.PicturedShot": "PICTURE_CHECKS",
     "kolsky.shot.records.Shot": "CHECKS",
     "kolsky.studies.budget.records.Budget": "BUDGETS",

@@ -4,9 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
-from kolsky.actuator.model import Bending
-from kolsky.actuator.study import path_angle
-from kolsky.report.actuator_view import ActuatorView, outer_faces, side_view
+from kolsky.bodies.actuator_bending import path_angle
+from kolsky.bodies.actuator_model import Bending
+from kolsky.report.body_views import ActuatorView, outer_faces, side_view
 from kolsky.report.figures.base import (
     FORCE,
     GREY,

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from kolsky.inverse.joint_result import JointResult
 from kolsky.inverse.parameters import MOVED
-from kolsky.joint.records import JointResult
 from kolsky.report.figures.base import BAND, COLUMN, GREY, MEASURED, MODEL, FigureKind, Panels
 
 KPA = 1e-3

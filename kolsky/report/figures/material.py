@@ -1,23 +1,37 @@
-"""Figures of quasi-static tests: fitted laws, their residuals and stability, the reference curve."""
+"""Figures of slow tests of the material: fitted laws, stability, reference curve, relaxation."""
 
 import numpy as np
 
-from kolsky.material.curves.uniaxial import gaussian_strain
-from kolsky.material.fits.compare import Comparison, Row
-from kolsky.material.fits.modes import Mode
-from kolsky.material.fits.stability import PathStability, Stability
+from kolsky.material.fits.compare import Comparison, PathStability, Row, Stability
+from kolsky.material.fits.homogeneous import Mode
 from kolsky.material.reference_curve import ReferenceCurve
-from kolsky.report.figures.base import BAND, GREY, MEASURED, MODEL, PAGE, FigureKind, Panels, label_panel
+from kolsky.material.relaxation.evidence import DynamicTest, HistoryTest
+from kolsky.material.relaxation.temperature import wlf
+from kolsky.material.uniaxial import gaussian_strain
+from kolsky.report.figures.base import (
+    BAND,
+    COLUMN,
+    GREY,
+    MEASURED,
+    MODEL,
+    PAGE,
+    FigureKind,
+    Panels,
+    label_panel,
+    label_text,
+)
+from kolsky.report.figures.rates import MODULI, TEST_COLOURS, TEST_MARKERS, TimeScales
 from kolsky.report.figures.waves import stress_scale
+from kolsky.studies.rate_dependence import SlowDynamics
 
 MOST_LAWS = 5
 """Largest number of laws in one panel; more cannot be distinguished."""
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
-DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
-MARKERS = ("o", "s", "^", "D", "v")
+LAW_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
+LAW_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
+MODE_MARKERS = ("o", "s", "^", "D", "v")
 
 
-def shown(comparison: Comparison) -> list[Row]:
+def shown_laws(comparison: Comparison) -> list[Row]:
     """Return the laws to draw: least AIC first, only one of those with the same curve."""
     chosen: list[Row] = []
     for row in comparison.rows:
@@ -38,7 +52,8 @@ def caption_fits(comparison: Comparison) -> str:
     """Return the caption."""
     count = sum(row.fit is not None for row in comparison.rows)
     return (
-        f"Nominal stress of {len(comparison.tests)} tests (black) and of the {len(shown(comparison))} laws "
+        f"Nominal stress of {len(comparison.tests)} tests (black) and of the "
+        f"{len(shown_laws(comparison))} laws "
         f"of least AIC among {count}, fitted to all tests at once."
     )
 
@@ -58,7 +73,7 @@ def draw_fits(comparison: Comparison, panels: Panels) -> None:
             ax.plot(
                 test.deformation,
                 factor * test.stress,
-                MARKERS[place % len(MARKERS)],
+                MODE_MARKERS[place % len(MODE_MARKERS)],
                 ms=2.5,
                 mfc="none",
                 mew=0.5,
@@ -66,7 +81,7 @@ def draw_fits(comparison: Comparison, panels: Panels) -> None:
                 markevery=max(1, len(test.stress) // 40),
                 label="measured" if place == 0 else "",
             )
-        for row, colour, dashes in zip(shown(comparison), COLOURS, DASHES, strict=False):
+        for row, colour, dashes in zip(shown_laws(comparison), LAW_COLOURS, LAW_DASHES, strict=False):
             assert row.fit is not None
             for place, k in enumerate(tests):
                 part = row.fit.parts[k]
@@ -90,9 +105,9 @@ def _mosaic_fits(names: list[str]) -> list[list[str]]:
     return [names] if len(names) < 4 else [names[:2], names[2:]]
 
 
-ROW = 42.0
+RESIDUAL_HEIGHT = 42.0
 """Height of a row of panels [mm]."""
-COLUMNS = 3
+RESIDUAL_COLUMNS = 3
 
 
 def caption_residuals(comparison: Comparison) -> str:
@@ -105,7 +120,7 @@ def caption_residuals(comparison: Comparison) -> str:
 
 def draw_residuals(comparison: Comparison, panels: Panels) -> None:
     """Draw the residuals of every test over its strain."""
-    rows = shown(comparison)
+    rows = shown_laws(comparison)
     largest = max((p.residual for r in rows if r.fit for p in r.fit.parts), key=lambda x: abs(x).max())
     factor, unit = stress_scale(largest)
     several = len(comparison.tests) > 1
@@ -118,32 +133,32 @@ def draw_residuals(comparison: Comparison, panels: Panels) -> None:
             ax.plot(
                 part.test.strain[order],
                 factor * part.residual[order],
-                "-" + MARKERS[place % len(MARKERS)],
+                "-" + MODE_MARKERS[place % len(MODE_MARKERS)],
                 ms=2.0,
                 mfc="none",
                 mew=0.5,
                 lw=0.6,
                 markevery=max(1, len(order) // 25),
-                color=COLOURS[place % len(COLOURS)],
-                label=part.test.name if len(comparison.tests) <= len(COLOURS) else "",
+                color=LAW_COLOURS[place % len(LAW_COLOURS)],
+                label=part.test.name if len(comparison.tests) <= len(LAW_COLOURS) else "",
             )
         ax.set_title(f"{row.candidate.name.replace('_', ' ')}: rmse {factor * row.fit.rmse:.3g} {unit}")
-        if number % COLUMNS == 0:
+        if number % RESIDUAL_COLUMNS == 0:
             ax.set_ylabel(f"Law less measured ({unit})")
         shear = any(part.test.mode is Mode.SIMPLE_SHEAR for part in row.fit.parts)
         ax.set_xlabel("Nominal strain or shear (–)" if shear else "Nominal strain (–)")
-    if several and len(comparison.tests) <= len(COLOURS):
+    if several and len(comparison.tests) <= len(LAW_COLOURS):
         panels[rows[0].candidate.name].legend(loc="best")
 
 
 def _mosaic_residuals(comparison: Comparison) -> list[list[str]]:
-    names = [row.candidate.name for row in shown(comparison)]
-    columns = min(COLUMNS, len(names))
+    names = [row.candidate.name for row in shown_laws(comparison)]
+    columns = min(RESIDUAL_COLUMNS, len(names))
     names += ["."] * (-len(names) % columns)
     return [names[k : k + columns] for k in range(0, len(names), columns)]
 
 
-PATHS = (
+STABILITY_PATHS = (
     (Mode.UNIAXIAL, "tension", "Uniaxial tension"),
     (Mode.UNIAXIAL, "compression", "Uniaxial compression"),
     (Mode.EQUIBIAXIAL, "tension", "Equibiaxial tension"),
@@ -165,7 +180,9 @@ def draw_stability(comparison: Comparison, panels: Panels) -> None:
     """Draw a bar for each law and path."""
     rows = [row for row in comparison.rows if row.fit is not None]
     places = np.arange(len(rows), 0, -1)
-    for number, ((mode, direction, title), ax) in enumerate(zip(PATHS, panels.values(), strict=True)):
+    for number, ((mode, direction, title), ax) in enumerate(
+        zip(STABILITY_PATHS, panels.values(), strict=True)
+    ):
         for place, row in zip(places, rows, strict=True):
             path = _path(row, mode, direction)
             end = 1.0 + path.strain
@@ -236,7 +253,7 @@ def draw_reference_curve(made: ReferenceCurve, panels: Panels) -> None:
     label_panel(right, "b")
 
 
-FIGURES: tuple[FigureKind[Comparison], ...] = (
+FITTED_LAWS: tuple[FigureKind[Comparison], ...] = (
     FigureKind(
         name="material-fits",
         width=PAGE,
@@ -248,7 +265,7 @@ FIGURES: tuple[FigureKind[Comparison], ...] = (
     FigureKind(
         name="material-residuals",
         width=PAGE,
-        height=lambda comparison: 10.0 + ROW * len(_mosaic_residuals(comparison)),
+        height=lambda comparison: 10.0 + RESIDUAL_HEIGHT * len(_mosaic_residuals(comparison)),
         caption=caption_residuals,
         panels=_mosaic_residuals,
         draw=draw_residuals,
@@ -259,7 +276,7 @@ FIGURES: tuple[FigureKind[Comparison], ...] = (
         width=PAGE,
         height=lambda comparison: 18.0 + 4.5 * sum(row.fit is not None for row in comparison.rows),
         caption=caption_stability,
-        panels=lambda comparison: [[title for _, _, title in PATHS]],
+        panels=lambda comparison: [[title for _, _, title in STABILITY_PATHS]],
         draw=draw_stability,
     ),
 )
@@ -270,4 +287,145 @@ REFERENCE_CURVE = FigureKind(
     caption=caption_reference_curve,
     panels=lambda made: [["curve", "modulus"]],
     draw=draw_reference_curve,
+)
+
+
+KELVIN = 273.15
+
+
+def shown_moduli(found: SlowDynamics) -> TimeScales:
+    """Return the moduli as their figure takes them."""
+    return TimeScales(found.moduli, found.fitted)
+
+
+def holds(found: SlowDynamics) -> list[HistoryTest]:
+    """Return the histories of strain."""
+    return [test for test in found.tests if isinstance(test, HistoryTest)]
+
+
+def oscillations(found: SlowDynamics) -> list[DynamicTest]:
+    """Return the oscillations, sweeps at their reference temperature."""
+    return [test for test in found.tests if isinstance(test, DynamicTest)]
+
+
+def caption_holds(found: SlowDynamics) -> str:
+    """Return the caption."""
+    return "Nominal stress of the histories of strain (points, bars ±2u) and of the Prony series (lines)."
+
+
+def draw_holds(found: SlowDynamics, panels: Panels) -> None:
+    """Draw stress over time, measured and by the series."""
+    ax = panels["stress"]
+    for k, test in enumerate(holds(found)):
+        known = np.isfinite(test.sigma) & (test.time > 0.0)
+        colour = TEST_COLOURS[k % len(TEST_COLOURS)]
+        ax.errorbar(
+            test.time[known], KPA * test.stress[known], yerr=2.0 * KPA * test.sigma[known],
+            fmt=TEST_MARKERS[k % len(TEST_MARKERS)], ms=2.4, lw=0.6, color=colour,
+            label=label_text(test.label, 24),
+        )  # fmt: skip
+        predicted = test.predict(found.law, [found.fit.model])[0]
+        ax.plot(test.time[known], KPA * predicted[known], color=colour, lw=0.9)
+    ax.set_xscale("log")
+    ax.set(xlabel="Time (s)", ylabel="Nominal stress (kPa)")
+    ax.legend(loc="best")
+
+
+def caption_oscillation(found: SlowDynamics) -> str:
+    """Return the caption."""
+    reduced = " Sweeps are brought to their reference temperature." if found.sweeps else ""
+    return f"Storage (a) and loss modulus (b) in tension, bars ±2u, and those of the series (lines).{reduced}"
+
+
+def draw_oscillation(found: SlowDynamics, panels: Panels) -> None:
+    """Draw storage and loss over the reduced frequency."""
+    tests = oscillations(found)
+    all_omega = np.concatenate([test.angular_frequency for test in tests])
+    omega = np.geomspace(all_omega.min(), all_omega.max(), 200)
+    young = found.young
+    series = found.fit.model.series
+    for letter, (name, model) in zip(
+        "ab", (("storage", series.storage(omega)), ("loss", series.loss(omega))), strict=True
+    ):
+        ax = panels[name]
+        label_panel(ax, letter)
+        ax.plot(omega, KPA * young * model, color=MODEL, lw=0.9, label="Prony series")
+        for k, test in enumerate(tests):
+            value = test.storage if name == "storage" else test.loss
+            sigma = test.sigma_storage if name == "storage" else test.sigma_loss
+            ax.errorbar(
+                test.angular_frequency, KPA * value, yerr=2.0 * KPA * sigma,
+                fmt=TEST_MARKERS[k % len(TEST_MARKERS)],
+                ms=2.4, lw=0.6, color=TEST_COLOURS[k % len(TEST_COLOURS)], label=label_text(test.label, 24),
+            )  # fmt: skip
+        ax.set_xscale("log")
+        ax.set(xlabel="Angular frequency $a_T\\omega$ (rad/s)", ylabel=f"{name.capitalize()} modulus (kPa)")
+    panels["storage"].legend(loc="best")
+
+
+def caption_shifts(found: SlowDynamics) -> str:
+    """Return the caption."""
+    return (
+        "Shift factors, free at each temperature (points, bars ±2u) and by Eq. (V.5) where it holds (lines)."
+    )
+
+
+def draw_shifts(found: SlowDynamics, panels: Panels) -> None:
+    """Draw the shift factors over temperature."""
+    ax = panels["shifts"]
+    for k, (name, one) in enumerate(found.sweeps.items()):
+        if not one.determined:
+            continue
+        levels, colour = one.sweep.levels, TEST_COLOURS[k % len(TEST_COLOURS)]
+        ax.errorbar(
+            levels - KELVIN, one.shifts, yerr=2.0 * one.sigma, fmt=TEST_MARKERS[k % len(TEST_MARKERS)],
+            ms=3.0, lw=0.6,
+            color=colour, label=label_text(name, 24),
+        )  # fmt: skip
+        if one.law_holds and one.C1 is not None and one.C2 is not None:
+            T = np.linspace(levels[0], levels[-1], 100)
+            reference = levels[int(np.abs(levels - one.sweep.reference).argmin())]
+            ax.plot(T - KELVIN, wlf(T - reference, one.C1, one.C2), color=colour, lw=0.9)
+    ax.axhline(0.0, color=GREY, lw=0.4)
+    ax.set(xlabel="Temperature (°C)", ylabel="$\\lg\\, a_T$ (–)")
+    ax.legend(loc="best")
+
+
+SLOW_TESTS: tuple[FigureKind[SlowDynamics], ...] = (
+    FigureKind(
+        name="relaxation-moduli",
+        width=COLUMN,
+        height=lambda found: 66.0,
+        caption=lambda found: MODULI.caption(shown_moduli(found)),
+        panels=lambda found: [["moduli"]],
+        draw=lambda found, panels: MODULI.draw(shown_moduli(found), panels),
+        applies=lambda found: len(found.moduli) > 0,
+    ),
+    FigureKind(
+        name="relaxation-holds",
+        width=COLUMN,
+        height=lambda found: 60.0,
+        caption=caption_holds,
+        panels=lambda found: [["stress"]],
+        draw=draw_holds,
+        applies=lambda found: len(holds(found)) > 0,
+    ),
+    FigureKind(
+        name="relaxation-oscillation",
+        width=PAGE,
+        height=lambda found: 60.0,
+        caption=caption_oscillation,
+        panels=lambda found: [["storage", "loss"]],
+        draw=draw_oscillation,
+        applies=lambda found: len(oscillations(found)) > 0,
+    ),
+    FigureKind(
+        name="relaxation-shifts",
+        width=COLUMN,
+        height=lambda found: 56.0,
+        caption=caption_shifts,
+        panels=lambda found: [["shifts"]],
+        draw=draw_shifts,
+        applies=lambda found: any(one.determined for one in found.sweeps.values()),
+    ),
 )

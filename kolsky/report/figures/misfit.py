@@ -1,4 +1,8 @@
-"""Figures of the search: misfit along each free parameter and over a pair of them."""
+"""Figures of the misfit and of the uncertainty from it.
+
+Misfit along each free parameter and over a pair of them; profile likelihood, joint likelihood of a pair,
+posterior samples.
+"""
 
 from typing import Any
 
@@ -16,8 +20,11 @@ from kolsky.inverse.result import Estimate, Identification, SurrogateCurve
 from kolsky.inverse.run_table import DesignTable
 from kolsky.report.figures.base import (
     BAND,
+    COLUMN,
     FORCE,
+    GREY,
     MEASURED,
+    MODEL,
     PAGE,
     ROUTES,
     SHAPE,
@@ -29,10 +36,10 @@ from kolsky.report.figures.base import (
     smooth_bar,
     weighted_chi2,
 )
-from kolsky.report.nomenclature import axis_label, route_label
+from kolsky.results.nomenclature import axis_label, name_of, route_label
 
-PARTS = ("chi2", "phi", "routes")
-MARKERS = {"design": "o", "refinement": "s", "check": "D"}
+MISFIT_PARTS = ("chi2", "phi", "routes")
+RUN_MARKERS = {"design": "o", "refinement": "s", "check": "D"}
 
 
 def caption_misfit(result: Identification) -> str:
@@ -55,7 +62,7 @@ def draw_misfit(result: Identification, panels: Panels) -> None:
     letters = iter("abcdefghijklmnopqrstuvwx")
     for name, estimate in result.estimates.items():
         curve = next((c for c in result.curves if c.parameter == name), None)
-        chi2, phi, routes = (panels[f"{name} {part}"] for part in PARTS)
+        chi2, phi, routes = (panels[f"{name} {part}"] for part in MISFIT_PARTS)
         for ax in (chi2, phi, routes):
             label_panel(ax, next(letters))
             ax.set_xlabel(axis_label(name, estimate.unit))
@@ -137,7 +144,7 @@ def _draw_runs(
     style["alpha"] = 1.0 if len(design.names) == 1 else 0.45
     for stage in dict.fromkeys(design.stage):
         rows = np.array([s == stage for s in design.stage]) & np.isfinite(values)
-        ax.plot(x[rows], values[rows], MARKERS.get(stage, "v"), **style)
+        ax.plot(x[rows], values[rows], RUN_MARKERS.get(stage, "v"), **style)
 
 
 def _draw_routes(ax: Axes, parameter: str, estimate: Estimate, result: Identification) -> None:
@@ -192,7 +199,7 @@ def draw_contour(result: Identification, panels: Panels) -> None:
         (left, right), (low, high) = box
         whole.add_patch(Rectangle((left, low), right - left, high - low, fill=False, ls="--", ec="white"))
     if result.routes:
-        _figure(whole).legend(*whole.get_legend_handles_labels(), loc="outside upper center", ncols=4)
+        _figure_of(whole).legend(*whole.get_legend_handles_labels(), loc="outside upper center", ncols=4)
 
 
 def _plane(ax: Axes, result: Identification, box: FloatArray) -> None:
@@ -238,22 +245,22 @@ def _contours(ax: Axes, points: FloatArray, level: FloatArray, box: FloatArray) 
     plane = Triangulation(low[0] + span[0] * fine.x, low[1] + span[1] * fine.y, fine.triangles)
     drawn = ax.tricontourf(plane, np.maximum(smooth, 0.0), levels=12, cmap="cividis")
     label = r"$\log_{10}\,\chi^2/\chi^2_\mathrm{min}$ (–)"
-    smooth_bar(_figure(ax).colorbar(drawn, ax=ax, label=label, pad=0.02))
+    smooth_bar(_figure_of(ax).colorbar(drawn, ax=ax, label=label, pad=0.02))
 
 
-def _figure(ax: Axes) -> Figure:
+def _figure_of(ax: Axes) -> Figure:
     figure = ax.get_figure(root=True)
     assert figure is not None  # an axes of a report always lies in one
     return figure
 
 
-FIGURES: tuple[FigureKind[Identification], ...] = (
+MISFIT: tuple[FigureKind[Identification], ...] = (
     FigureKind(
         name="misfit",
         width=PAGE,
         height=lambda result: 58.0 * max(1, len(result.estimates)),
         caption=caption_misfit,
-        panels=lambda result: [[f"{name} {part}" for part in PARTS] for name in result.estimates],
+        panels=lambda result: [[f"{name} {part}" for part in MISFIT_PARTS] for name in result.estimates],
         draw=draw_misfit,
     ),
     FigureKind(
@@ -264,5 +271,196 @@ FIGURES: tuple[FigureKind[Identification], ...] = (
         panels=lambda result: [["whole", "near"]],
         draw=draw_contour,
         applies=two_free,
+    ),
+)
+
+
+LIKELIHOOD_THRESHOLD = 3.84
+
+
+def caption_likelihood(result: Identification) -> str:
+    """Return the caption."""
+    others = ", the other parameters re-optimised at every point" if len(result.profiles) > 1 else ""
+    return (
+        f"Profile likelihood of each free parameter from the noise of force and outline{others}: the rise of "
+        "−2 ln L over its smallest value and over the factor by which residuals that are correlated in time "
+        "raise the parameter’s variance. Dashed: 3.84, where the 95 % interval (band) ends; dotted: the "
+        "answer."
+    )
+
+
+def draw_likelihood(result: Identification, panels: Panels) -> None:
+    """Draw one panel per parameter."""
+    for number, profile in enumerate(result.profiles):
+        ax = panels[profile.name]
+        if len(result.profiles) > 1:
+            label_panel(ax, "abcdefghijkl"[number])
+        low, high = profile.interval
+        left, right = profile.values[0], profile.values[-1]
+        low, high = (left if np.isnan(low) else low), (right if np.isnan(high) else high)
+        ax.axvspan(low, high, color=BAND, alpha=0.35, lw=0.0)
+        ax.axhline(LIKELIHOOD_THRESHOLD, color=GREY, lw=0.7, ls="--")
+        ax.axvline(result.estimates[profile.name].on_mesh, color=MEASURED, lw=0.6, ls=":")
+        rise = profile.rise / profile.correlation
+        side = np.where(np.arange(rise.size) < np.argmin(rise), -1.0, 1.0)
+        if rise.min() < 0.0:  # a rough one, on which a lower point than the optimum was found
+            ax.plot(profile.values, rise, color=MODEL)
+        else:  # nearly a parabola between its points: its signed root is nearly straight
+            fine = np.linspace(left, right, 2001)
+            ax.plot(fine, np.interp(fine, profile.values, side * np.sqrt(rise)) ** 2, color=MODEL)
+        ax.plot(profile.values, rise, "o", color=MODEL, ms=1.8, mew=0.0)
+        margin = 0.6 * (high - low)
+        ax.set_xlim(max(left, low - margin), min(right, high + margin))
+        ax.set_ylim(min(0.0, rise.min()), 2.5 * LIKELIHOOD_THRESHOLD)
+        ax.set_xlabel(axis_label(profile.name, result.estimates[profile.name].unit))
+        ax.set_ylabel(r"Rise of $-2\,\ln L$ (–)")
+        few_ticks(ax, 5)
+
+
+LIKELIHOOD_COLOURS = (MODEL, FORCE)
+MOST_SAMPLES = 5.0
+"""Largest square root of the rise over the correlation that has a colour of its own."""
+
+
+def caption_ridge(result: Identification) -> str:
+    """Return the caption."""
+    assert result.ridge is not None
+    first, second = (name_of(name).symbol for name in result.ridge.names)
+    return (
+        "Rise of −2 ln L over the plane of the two free parameters, over the factor by which correlated "
+        f"residuals raise the variance of {first}; its square root is a distance in standard deviations. "
+        f"Dashed: the profiles of {first} and {second}, on which the other parameter is optimised at "
+        "every point; in the same colour the rise at which each has its 95 % interval. Star: the "
+        "answer."
+    )
+
+
+def draw_ridge(result: Identification, panels: Panels) -> None:
+    """Draw filled contours and both paths."""
+    ax, ridge = panels["plane"], result.ridge
+    assert ridge is not None
+    profiles = {profile.name: profile for profile in result.profiles}
+    if not set(ridge.names) <= set(profiles):
+        note_empty(ax, "no profiles")
+        return
+    distance = np.sqrt(ridge.rise / profiles[ridge.names[0]].correlation)
+    drawn = ax.contourf(
+        ridge.x,
+        ridge.y,
+        np.minimum(distance, MOST_SAMPLES),
+        levels=np.linspace(0.0, MOST_SAMPLES, 11),
+        cmap="cividis_r",
+    )
+    for name, colour in zip(ridge.names, LIKELIHOOD_COLOURS, strict=True):
+        profile = profiles[name]
+        ax.contour(ridge.x, ridge.y, ridge.rise, levels=[profile.level], colors=colour, linewidths=0.9)
+        ax.plot(*profile.points.T, color=colour, lw=0.8, ls="--", label=f"profile of ${name_of(name).tex}$")
+    first, second = (result.estimates[name] for name in ridge.names)
+    ax.plot(first.on_mesh, second.on_mesh, "*", ms=6, mfc="white", mec=MEASURED, mew=0.5, label="answer")
+    ax.set_xlim(ridge.x[0], ridge.x[-1])
+    ax.set_ylim(ridge.y[0], ridge.y[-1])
+    ax.set_xlabel(axis_label(first.name, first.unit))
+    ax.set_ylabel(axis_label(second.name, second.unit))
+    few_ticks(ax, 5)
+    figure = ax.get_figure(root=True)
+    assert isinstance(figure, Figure)
+    smooth_bar(figure.colorbar(drawn, ax=ax, label="Distance from the best fit (σ)", pad=0.02))
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+
+
+BINS = 30
+DOTS = 800
+"""Most samples drawn as dots of a pair."""
+
+
+def caption_corner(result: Identification) -> str:
+    """Return the caption."""
+    assert result.posterior is not None
+    chains = result.posterior
+    state = "converged" if chains.converged else "not converged"
+    return (
+        f"Samples of the posterior ({state}, {chains.steps} steps of each walker, longest autocorrelation "
+        f"time {chains.autocorrelation:.3g} steps) with the likelihood to the power of {chains.power:.3g}. "
+        "Dashed: median; dotted: 95 % interval; lines across pairs: the answer. Priors: "
+        f"{chains.prior}."
+    )
+
+
+def draw_corner(result: Identification, panels: Panels) -> None:
+    """Draw histograms on the diagonal, pairs below it."""
+    chains = result.posterior
+    assert chains is not None
+    every = max(1, -(-len(chains.samples) // DOTS))
+    for i, row in enumerate(chains.names):
+        for j, column in enumerate(chains.names[: i + 1]):
+            ax = panels[f"{row} {column}"]
+            x, y = chains.samples[:, j], chains.samples[:, i]
+            if i == j:
+                ax.hist(x, bins=BINS, color=MODEL, alpha=0.6, lw=0.0)
+                ax.axvline(chains.median[i], color=MEASURED, lw=0.7, ls="--")
+                for end in (chains.lower[i], chains.upper[i]):
+                    ax.axvline(end, color=GREY, lw=0.7, ls=":")
+                ax.set_yticks([])
+            else:
+                ax.plot(x[::every], y[::every], ".", color=MODEL, ms=2.0, mew=0.0, alpha=0.6)
+                for name, line in ((column, ax.axvline), (row, ax.axhline)):
+                    if name in result.estimates:
+                        line(result.estimates[name].on_mesh, color=MEASURED, lw=0.5)
+            if i == len(chains.names) - 1:
+                ax.set_xlabel(_corner_label(column))
+            else:
+                ax.tick_params(labelbottom=False)
+            if j == 0 and i:
+                ax.set_ylabel(_corner_label(row))
+            elif i != j:
+                ax.tick_params(labelleft=False)
+            ax.set_xlim(np.min(x), np.max(x))
+            few_ticks(ax, 4)
+            if i != j:
+                ax.set_ylim(np.min(y), np.max(y))
+
+
+def _corner_label(name: str) -> str:
+    shown = name_of(name)
+    return f"${shown.tex}$ ({'–' if shown.unit == '1' else shown.unit})"
+
+
+def corner_panels(result: Identification) -> list[list[str]]:
+    """The lower triangle."""
+    assert result.posterior is not None
+    names = result.posterior.names
+    return [
+        [f"{row} {column}" if j <= i else "." for j, column in enumerate(names)]
+        for i, row in enumerate(names)
+    ]
+
+
+UNCERTAINTY: tuple[FigureKind[Identification], ...] = (
+    FigureKind(
+        name="likelihood",
+        width=COLUMN,
+        height=lambda result: 46.0 * len(result.profiles),
+        caption=caption_likelihood,
+        panels=lambda result: [[profile.name] for profile in result.profiles],
+        draw=draw_likelihood,
+        applies=lambda result: bool(result.profiles),
+    ),
+    FigureKind(
+        name="ridge",
+        width=COLUMN,
+        height=lambda result: 72.0,
+        caption=caption_ridge,
+        panels=lambda result: [["plane"]],
+        draw=draw_ridge,
+        applies=lambda result: result.ridge is not None,
+    ),
+    FigureKind(
+        name="corner",
+        width=PAGE,
+        height=lambda result: 20.0 + 36.0 * len(result.posterior.names if result.posterior else ()),
+        caption=caption_corner,
+        panels=corner_panels,
+        draw=draw_corner,
+        applies=lambda result: result.posterior is not None,
     ),
 )

@@ -1,4 +1,4 @@
-"""Figures of the recordings: force channel, motion of the front face, a stereo pair of images."""
+"""Figures of the recordings: force, motion of the front face, picture pairs; all on one clock."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from dic.outcome import FrameOutcome
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import FlyerMotion
+from kolsky.pictures.picture_set import PicturePair
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
@@ -26,16 +29,17 @@ from kolsky.report.figures.base import (
     FigureKind,
     Panels,
     label_panel,
+    note_empty,
     smooth_bar,
 )
-from kolsky.shot.picture_set import PicturePair
-from kolsky.shot.recorded import Recorded
+from kolsky.shot.recordings import ShotRecordings
+from kolsky.shot.records import ForceChannel, PicturedShot, Shot
 
 if TYPE_CHECKING:
     from dic.result import Body
 
 
-def caption_raw_signals(shown: Recorded) -> str:
+def caption_raw_signals(shown: ShotRecordings) -> str:
     """Return the caption."""
     if shown.baseline is None:
         return (
@@ -48,7 +52,7 @@ def caption_raw_signals(shown: Recorded) -> str:
     )
 
 
-def draw_raw_signals(shown: Recorded, panels: Panels) -> None:
+def draw_raw_signals(shown: ShotRecordings, panels: Panels) -> None:
     """Draw samples, zero and windows."""
     ax = panels["signal"]
     first, last = (MS * end for end in shown.window)
@@ -66,7 +70,7 @@ def draw_raw_signals(shown: Recorded, panels: Panels) -> None:
     ax.legend(loc="upper left")
 
 
-def caption_flyer_path(shown: Recorded) -> str:
+def caption_flyer_path(shown: ShotRecordings) -> str:
     """Return the caption."""
     if shown.motion.is_velocity:
         return (
@@ -79,7 +83,7 @@ def caption_flyer_path(shown: Recorded) -> str:
     )
 
 
-def draw_flyer_path(shown: Recorded, panels: Panels) -> None:
+def draw_flyer_path(shown: ShotRecordings, panels: Panels) -> None:
     """Draw displacement, velocity and residual."""
     motion = shown.motion
     first, last = (MS * end for end in shown.window)
@@ -125,9 +129,9 @@ CAMERAS = ("left", "right")
 LOST = "#CC79A7"
 
 
-def caption_picture_pair(seen: Recorded) -> str:
+def caption_picture_pair(seen: ShotRecordings) -> str:
     """Return the caption."""
-    pair = _pair(seen)
+    pair = _has_pair(seen)
     body, frame = pair.result.specimen, pair.frame
     size = np.abs(body.epipolar[body.surface.valid])
     largest = f"{float(np.percentile(size, 99.0)):.3f} px" if size.size else "unknown"
@@ -141,9 +145,9 @@ def caption_picture_pair(seen: Recorded) -> str:
     )
 
 
-def draw_picture_pair(seen: Recorded, panels: Panels) -> None:
+def draw_picture_pair(seen: ShotRecordings, panels: Panels) -> None:
     """Draw the pair with its points, and the histories."""
-    pair = _pair(seen)
+    pair = _has_pair(seen)
     body, frame = pair.result.specimen, pair.frame
     valid = body.surface.valid[frame]
     sigma = [camera[frame, valid] for camera in body.match_sigma]
@@ -220,18 +224,18 @@ def _histories(pair: PicturePair, quality: Axes, lost: Axes) -> None:
     quality.legend(loc="best")
 
 
-def _pair(seen: Recorded) -> PicturePair:
+def _has_pair(seen: ShotRecordings) -> PicturePair:
     assert isinstance(seen.pair, PicturePair)  # checked by `applies`
     return seen.pair
 
 
-def _height(seen: Recorded) -> float:
+def _pair_height(seen: ShotRecordings) -> float:
     """Height of the figure [mm]: pictures as wide as their panels, histories below."""
-    rows, columns = _pair(seen).pictures[0].shape
+    rows, columns = _has_pair(seen).pictures[0].shape
     return float(np.clip((0.5 * PAGE - 16.0) * rows / columns + 12.0, 35.0, 140.0) + 45.0)
 
 
-FIGURES: tuple[FigureKind[Recorded], ...] = (
+RECORDED: tuple[FigureKind[ShotRecordings], ...] = (
     FigureKind(
         name="raw-signals",
         width=COLUMN,
@@ -254,11 +258,170 @@ FIGURES: tuple[FigureKind[Recorded], ...] = (
     FigureKind(
         name="picture-pair",
         width=PAGE,
-        height=_height,
+        height=_pair_height,
         caption=caption_picture_pair,
         panels=lambda seen: [list(CAMERAS), ["quality", "lost"]],
         draw=draw_picture_pair,
         mosaic={"height_ratios": [1.7, 1.0]},
         applies=lambda seen: isinstance(seen.pair, PicturePair),
+    ),
+)
+
+
+THREE_TIMES = (SHAPE, FORCE, MODEL)
+"""Colours of the three times."""
+FORCE_PLACES = ("first", "static", "last")
+"""Panels of three pictures."""
+PERCENT = 100.0
+
+
+def three_frames(shot: Shot) -> list[int]:
+    """Return the first, the middle and the last frame of the window that have points of the outline."""
+    line = shot.centre_line
+    if line is None:
+        return []
+    inside = (line.time >= shot.window[0]) & (line.time <= shot.window[1])
+    frames = np.unique(line.frame[inside])
+    if not frames.size:
+        return []
+    chosen = (0, frames.size // 2, frames.size - 1)
+    return list(dict.fromkeys(int(frames[i]) for i in chosen))
+
+
+def caption_of_force(shot: Shot | PicturedShot) -> str:
+    """Return what the caption says of the force."""
+    said = "(a) Force at every sample, compression positive"
+    return said + (
+        "; grey: the baseline, which gives its zero and noise" if isinstance(shot.force, ForceChannel) else ""
+    )
+
+
+def caption_one_clock(shot: Shot) -> str:
+    """Return the caption."""
+    said = caption_of_force(shot)
+    moves = (
+        "displacement of the flyer" if isinstance(shot.flyer, FlyerMotion) else "velocity of the front face"
+    )
+    said += (
+        f". (b) The {moves} on the same clock: the force must begin when it does, or a wave’s travel later. "
+        "Blue: the window that is simulated and compared."
+    )
+    if three_frames(shot):
+        said += (
+            " (c) The outline at three times, and the side of the declared specimen at rest (dashed), which "
+            "the first must follow."
+        )
+    return said
+
+
+def draw_force(shot: Shot | PicturedShot, panels: Panels) -> None:
+    """Draw the force over the time of the panel below."""
+    ax = panels["force"]
+    label_panel(ax, "a")
+    label_panel(panels["motion"], "b")
+    if isinstance(shot.force, ForceChannel):
+        ax.axvspan(*(MS * end for end in shot.force.baseline), color=GREY, alpha=0.3, lw=0.0)
+    ax.plot(MS * shot.force.time, shot.force.raw_force(), color=MEASURED, lw=0.5)
+    ax.set_ylabel("Force $F$ (N)")
+    panels["motion"].set_xlabel("Time on the shot’s clock $t$ (ms)")
+
+
+def on_one_clock(panels: Panels, *times: FloatArray) -> None:
+    """Give force and motion one axis of time, so that a wrong clock is seen."""
+    both = MS * np.concatenate(times)
+    for panel in (panels["force"], panels["motion"]):
+        panel.set_xlim(both.min(), both.max())
+
+
+def draw_one_clock(shot: Shot, panels: Panels) -> None:
+    """Draw the signals on one clock and the outline."""
+    draw_force(shot, panels)
+    ax, low = panels["force"], panels["motion"]
+    label_panel(panels["outline"], "c")
+    for panel in (ax, low):
+        panel.axvspan(*(MS * end for end in shot.window), color=BAND, alpha=0.2, lw=0.0)
+    if isinstance(shot.flyer, FlyerMotion):
+        low.plot(MS * shot.flyer.time, MM * shot.flyer.displacement, "o", ms=1.6, mew=0.0, color=MEASURED)
+        low.set_ylabel("Flyer (mm)")
+    else:
+        low.plot(MS * shot.flyer.time, shot.flyer.velocity, color=MEASURED, lw=0.5)
+        low.set_ylabel("Front face (m/s)")
+    _draw_outline(shot, panels)
+    on_one_clock(panels, shot.force.time, shot.flyer.time)
+
+
+def _draw_outline(shot: Shot, panels: Panels) -> None:
+    """Draw the outline at three times beside the declared specimen."""
+    ax, line = panels["outline"], shot.centre_line
+    if line is None or not three_frames(shot):
+        note_empty(ax, "no outline was measured")
+        return
+    radius, length = MM * shot.specimen.radius, MM * shot.specimen.length
+    ax.plot([0.0, radius, radius, 0.0], [0.0, 0.0, length, length], color=GREY, ls="--", lw=0.8)
+    for colour, frame in zip(THREE_TIMES, three_frames(shot), strict=False):
+        at = line.frame == frame
+        when = f"{MS * float(line.time[at][0]):.3f} ms"
+        ax.plot(MM * line.Z[at], MM * line.y[at], "o", ms=2.2, mew=0.0, color=colour, label=when)
+    ax.set_xlabel("Distance from the axis $Z$ (mm)")
+    ax.set_ylabel("Height $y$ (mm)")
+    ax.set_xlim(left=0.0)
+    ax.margins(y=0.06)
+    ax.legend(loc="center left")
+
+
+def caption_of_pictures(shot: PicturedShot) -> str:
+    """Return the caption."""
+    return (
+        f"{caption_of_force(shot)}. (b) Mean difference of each picture from the first of its camera, in per "
+        "cent of white, on the same clock; grey: the frames that are declared static, in which it is level. "
+        "It must rise before the force does, or with it. (c), (d), (e) Camera 0 in the first frame, in the "
+        "last static one, which must look alike, and in the last. Flyer and outline are not measured."
+    )
+
+
+def draw_pictures(shot: PicturedShot, panels: Panels) -> None:
+    """Draw force and change of the pictures on one clock, and three pictures."""
+    draw_force(shot, panels)
+    low, found = panels["motion"], shot.pictures.changes
+    low.axvspan(MS * found.time[0], MS * found.rest_end, color=GREY, alpha=0.3, lw=0.0)
+    for camera, (values, colour) in enumerate(zip(found.change, (SHAPE, FORCE), strict=True)):
+        low.plot(
+            MS * found.time, PERCENT * values, "o", ms=1.6, mew=0.0, color=colour, label=f"camera {camera}"
+        )
+    low.set_ylabel("Change (%)")
+    low.legend(loc="upper left", markerscale=2.0)
+    on_one_clock(panels, shot.force.time, found.time)
+    for name, mark, (time, picture) in zip(FORCE_PLACES, "cde", found.shown, strict=False):
+        ax = panels[name]
+        ax.imshow(picture, cmap="gray", vmin=0.0, vmax=1.0, interpolation="none")
+        ax.set_title(f"{MS * time:.3f} ms".replace("-", "−"), loc="right", pad=2.5)
+        ax.set_xlabel("$x$ (px)")
+        label_panel(ax, mark)
+    for name in FORCE_PLACES[len(found.shown) :]:
+        note_empty(panels[name], "no picture")
+    panels[FORCE_PLACES[0]].set_ylabel("$y$ (px)")
+
+
+CHECKED: tuple[FigureKind[Shot], ...] = (
+    FigureKind(
+        name="checked-shot",
+        width=PAGE,
+        height=lambda shot: 85.0,
+        caption=caption_one_clock,
+        panels=lambda shot: [["force", "outline"], ["motion", "outline"]],
+        draw=draw_one_clock,
+        mosaic={"width_ratios": [1.35, 1.0]},
+    ),
+)
+
+CHECKED_PICTURES: tuple[FigureKind[PicturedShot], ...] = (
+    FigureKind(
+        name="checked-pictures",
+        width=PAGE,
+        height=lambda shot: 145.0,
+        caption=caption_of_pictures,
+        panels=lambda shot: [["force"] * 3, ["motion"] * 3, list(FORCE_PLACES)],
+        draw=draw_pictures,
+        mosaic={"height_ratios": [1.0, 1.0, 1.5]},
     ),
 )

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.collections import PolyCollection
 
-from kolsky.bars.flyer.flight_report import FlightOfSpecimen
+from kolsky.bars.flyer.flight import FlightOfSpecimen
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
@@ -20,7 +20,7 @@ from kolsky.report.figures.base import (
     label_panel,
     smooth_bar,
 )
-from kolsky.report.surface_view import SurfaceView
+from kolsky.report.picture_views import SurfaceView
 
 
 def caption_kymograph(view: SurfaceView) -> str:

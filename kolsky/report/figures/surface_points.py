@@ -1,17 +1,25 @@
-"""Figures of measured points: on the images by uncertainty and epipolar error, and those lost."""
+"""Figures on pictures: measured points by uncertainty, epipolar error and loss; speckle floors; full fields.
+
+The last also shows histories.
+"""
 
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, PercentFormatter
 
+from dic.chain.remarks import Speckles
 from dic.outcome import FrameOutcome, PointOutcome
 from kolsky.base.arrays import FloatArray
 from kolsky.report.figures.base import (
+    BAND,
     FORCE,
     GREY,
+    MEASURED,
+    MM,
     MODEL,
     MS,
     PAGE,
@@ -19,11 +27,13 @@ from kolsky.report.figures.base import (
     FigureKind,
     Panels,
     label_panel,
+    label_text,
+    note_empty,
     smooth_bar,
 )
-from kolsky.report.surface_view import SurfaceView
+from kolsky.report.picture_views import FullFieldView, SurfaceView
 
-LOST = "#CC79A7"
+LOST_COLOUR = "#CC79A7"
 
 
 def panels_of(view: SurfaceView) -> list[list[str]]:
@@ -113,7 +123,7 @@ def draw_sigma(view: SurfaceView, panels: Panels) -> None:
             lw=0.0,
         )
         lost = last_places(view, frame)
-        ax.plot(*lost.T, "x", color=LOST, ms=size, mew=0.5, clip_on=True)
+        ax.plot(*lost.T, "x", color=LOST_COLOUR, ms=size, mew=0.5, clip_on=True)
     figure = drawn[0][1].figure
     bar = figure.colorbar(  # type: ignore[union-attr]
         points, ax=[ax for _, ax in drawn], location="bottom", shrink=0.5, aspect=45, pad=0.02, extend="both"
@@ -124,7 +134,7 @@ def draw_sigma(view: SurfaceView, panels: Panels) -> None:
     smooth_bar(bar)
 
 
-STEPS = (0.05, 0.1)
+EPIPOLAR_STEPS = (0.05, 0.1)
 """Epipolar distances at which the colour changes [px]."""
 EPIPOLAR_COLOURS = (SHAPE, FORCE, MODEL)
 """Colours below, between and above the steps."""
@@ -134,12 +144,13 @@ def caption_epipolar(view: SurfaceView) -> str:
     """Return the caption."""
     body = view.result.specimen
     size = np.abs(body.epipolar[body.surface.valid])
-    low, high = (100.0 * float(np.mean(size > step)) if size.size else 0.0 for step in STEPS)
+    low, high = (100.0 * float(np.mean(size > step)) if size.size else 0.0 for step in EPIPOLAR_STEPS)
     return (
         "Camera 0 at some times, with the valid points of the specimen coloured by the distance of camera "
         "1's point from the epipolar line. Over all frames its rms is "
-        f"{body.epipolar_rms:.3f} px; {low:.2g} % of the points exceed {STEPS[0]:g} px, {high:.2g} % exceed "
-        f"{STEPS[1]:g} px. Crosses: last places of the points that are lost at that time."
+        f"{body.epipolar_rms:.3f} px; {low:.2g} % of the points exceed {EPIPOLAR_STEPS[0]:g} px, "
+        f"{high:.2g} % exceed "
+        f"{EPIPOLAR_STEPS[1]:g} px. Crosses: last places of the points that are lost at that time."
     )
 
 
@@ -149,18 +160,22 @@ def draw_epipolar(view: SurfaceView, panels: Panels) -> None:
     drawn = frames_in(view, panels)
     for frame, ax in drawn:
         valid = body.surface.valid[frame]
-        kind = np.searchsorted(STEPS, np.abs(body.epipolar[frame, valid]))
+        kind = np.searchsorted(EPIPOLAR_STEPS, np.abs(body.epipolar[frame, valid]))
         places = body.pixels[0][frame, valid]
         for number, colour in enumerate(EPIPOLAR_COLOURS):
             ax.plot(*places[kind == number].T, "o", color=colour, ms=size, mew=0.0)
-        ax.plot(*last_places(view, frame).T, "x", color=LOST, ms=size, mew=0.5)
-    names = (f"below {STEPS[0]:g} px", f"{STEPS[0]:g} to {STEPS[1]:g} px", f"above {STEPS[1]:g} px")
+        ax.plot(*last_places(view, frame).T, "x", color=LOST_COLOUR, ms=size, mew=0.5)
+    names = (
+        f"below {EPIPOLAR_STEPS[0]:g} px",
+        f"{EPIPOLAR_STEPS[0]:g} to {EPIPOLAR_STEPS[1]:g} px",
+        f"above {EPIPOLAR_STEPS[1]:g} px",
+    )
     handles = [
         *(
             Line2D([], [], marker="o", ls="", color=c, ms=3.5, label=n)
             for c, n in zip(EPIPOLAR_COLOURS, names, strict=True)
         ),
-        Line2D([], [], marker="x", ls="", color=LOST, ms=3.5, label="lost"),
+        Line2D([], [], marker="x", ls="", color=LOST_COLOUR, ms=3.5, label="lost"),
     ]
     if drawn:
         drawn[0][1].figure.legend(
@@ -180,7 +195,7 @@ OUTCOME_COLOURS = {
 }
 
 
-def words(outcome: PointOutcome | FrameOutcome) -> str:
+def outcome_words(outcome: PointOutcome | FrameOutcome) -> str:
     """Return an outcome in words, e.g. "low correlation"."""
     return outcome.name.lower().replace("_", " ")
 
@@ -231,7 +246,13 @@ def draw_lost(view: SurfaceView, panels: Panels) -> None:
             continue
         count = np.where(usable, np.sum(body.surface.outcome == outcome, axis=1), 0.0)
         ax.stairs(
-            bottom + count, edges, baseline=bottom, fill=True, color=colour, label=words(outcome), lw=0.0
+            bottom + count,
+            edges,
+            baseline=bottom,
+            fill=True,
+            color=colour,
+            label=outcome_words(outcome),
+            lw=0.0,
         )
         bottom += count
     ax.set(
@@ -247,7 +268,7 @@ def draw_lost(view: SurfaceView, panels: Panels) -> None:
     label_panel(ax, "b")
 
 
-FIGURES: tuple[FigureKind[SurfaceView], ...] = (
+SURFACE_POINTS: tuple[FigureKind[SurfaceView], ...] = (
     FigureKind(
         name="overlay-sigma",
         width=PAGE,
@@ -274,5 +295,293 @@ FIGURES: tuple[FigureKind[SurfaceView], ...] = (
         panels=lambda view: [["map", "history"]],
         draw=draw_lost,
         mosaic={"width_ratios": [1.0, 1.35]},
+    ),
+)
+
+
+MILLI_PIXELS = 1e3
+"""Factor from px to mpx."""
+
+
+def _cameras(view: SurfaceView) -> list[tuple[int, Speckles]]:
+    """Cameras whose speckles are known: number and speckles."""
+    return [(camera, found) for camera, found in enumerate(view.speckles) if found is not None]
+
+
+def caption_overlay(view: SurfaceView) -> str:
+    """Return the caption."""
+    quality = _cameras(view)[0][1].quality
+    small = any(found.quality.too_small.any() for _, found in _cameras(view))
+    wanted = f"{MILLI_PIXELS * (quality.wanted or 0.0):g} mpx"
+    return (
+        "Mean static pictures of the cameras, and over them the predicted standard deviation of a match with "
+        f"a subset of {quality.subset} px centred there, the larger of x and y. "
+        + (
+            f"Outlined: the subset is too small for {wanted}."
+            if small
+            else f"It is under {wanted} everywhere."
+        )
+    )
+
+
+def height_of_overlay(view: SurfaceView) -> float:
+    """Height of two pictures with the colour bar below [mm]."""
+    rows, columns = _cameras(view)[0][1].picture.shape
+    return float(np.clip(0.36 * PAGE * rows / columns + 22.0, 40.0, 200.0))
+
+
+def draw_overlay(view: SurfaceView, panels: Panels) -> None:
+    """Draw the picture of each camera with its map."""
+    shown, drawn = _cameras(view), None
+    worst = [
+        MILLI_PIXELS * np.where(np.isinf(s.quality.floor), np.nan, s.quality.floor).max(axis=2)
+        for _, s in shown
+    ]
+    known = np.concatenate([values[np.isfinite(values)] for values in worst])
+    low, high = np.percentile(known, [1.0, 99.0]) if known.size else (0.0, 1.0)
+    axes: list[Any] = []
+    for (camera, found), values, mark in zip(shown, worst, "ab", strict=False):
+        ax = panels[f"camera {camera}"]
+        dark, bright = np.percentile(found.picture, [0.5, 99.5])
+        ax.imshow(found.picture, cmap="gray", vmin=dark, vmax=max(bright, dark + 1), interpolation="none")
+        drawn = ax.imshow(
+            values, cmap="viridis", vmin=low, vmax=max(high, 1.01 * low), alpha=0.65, interpolation="none"
+        )
+        small = found.quality.too_small
+        if small.any() and not small.all():
+            ax.contour(small, levels=[0.5], colors=[LOST_COLOUR], linewidths=1.0)
+        ax.set_xlabel("$x$ (px)")
+        ax.set_title(f"camera {camera}", loc="right", pad=2.5)
+        label_panel(ax, mark)
+        axes.append(ax)
+    axes[0].set_ylabel("$y$ (px)")
+    if drawn is not None:
+        full = ScalarMappable(drawn.norm, drawn.cmap)  # a transparent bar would show its seams
+        bar = axes[0].figure.colorbar(full, ax=axes, location="bottom", aspect=40, pad=0.02, extend="both")
+        bar.set_label("Predicted standard deviation of a match (mpx)")
+        smooth_bar(bar)
+
+
+def caption_floor(shown: Speckles) -> str:
+    """Return the caption."""
+    quality = shown.quality
+    text = (
+        f"(a) The speckles. (b) Predicted standard deviation of a match with a subset of {quality.subset} px "
+        "centred there, the larger of x and y, from the noise of the static frames. (c) Share of the subsets "
+        "that reach a floor."
+    )
+    return text if quality.wanted is None else f"{text} Dotted: the floor asked for."
+
+
+def height_of_floor(shown: Speckles) -> float:
+    """Height of a row of three panels with the colour bar below [mm]."""
+    rows, columns = shown.picture.shape
+    return float(np.clip(0.30 * PAGE * rows / columns + 17.0, 40.0, 200.0))
+
+
+def draw_floor(shown: Speckles, panels: Panels) -> None:
+    """Draw the picture, the map and the distribution."""
+    quality, (picture, floor, share) = shown.quality, (panels[name] for name in ("picture", "floor", "share"))
+    low, high = np.percentile(shown.picture, [0.5, 99.5])
+    picture.imshow(shown.picture, cmap="gray", vmin=low, vmax=max(high, low + 1), interpolation="nearest")
+    known = MILLI_PIXELS * quality.floor[np.all(np.isfinite(quality.floor), axis=2)]
+    worst = MILLI_PIXELS * quality.floor.max(axis=2)
+    ends = np.percentile(known.max(axis=1), [1.0, 99.0]) if known.size else (0.0, 1.0)
+    floor.set_facecolor(GREY)
+    drawn = floor.imshow(
+        worst, cmap="plasma", vmin=ends[0], vmax=max(ends[1], 1.01 * ends[0]), interpolation="nearest"
+    )
+    for ax in (picture, floor):
+        ax.set_xlabel("$x$ (px)")
+    picture.set_ylabel("$y$ (px)")
+    floor.tick_params(labelleft=False)
+    figure = floor.figure
+    bar = figure.colorbar(drawn, ax=floor, location="bottom", aspect=25, pad=0.02, extend="both")  # type: ignore[union-attr]
+    bar.set_label("Predicted floor (mpx)")
+    smooth_bar(bar)
+
+    parts = np.arange(1, len(known) + 1) / max(len(known), 1)
+    for k, (name, colour, style) in enumerate((("$x$", MEASURED, "-"), ("$y$", MODEL, "--"))):
+        share.step(np.sort(known[:, k]), parts, style, color=colour, where="post", label=name)
+    if quality.wanted is not None:
+        share.axvline(MILLI_PIXELS * quality.wanted, color=BAND, ls=":", label="asked for")
+    share.set_xlim(0.0, 1.15 * max(float(ends[1]), MILLI_PIXELS * (quality.wanted or 0.0)))
+    share.set_ylim(0.0, 1.0)
+    share.yaxis.set_major_formatter(PercentFormatter(1.0))
+    share.set_xlabel("Floor (mpx)")
+    share.set_ylabel("Share of the subsets")
+    share.legend(loc="upper left")
+    for ax, mark in zip((picture, floor, share), "abc", strict=True):
+        label_panel(ax, mark)
+
+
+SPECKLE_OVERLAY: tuple[FigureKind[SurfaceView], ...] = (
+    FigureKind(
+        name="speckles",
+        width=PAGE,
+        height=height_of_overlay,
+        caption=caption_overlay,
+        panels=lambda view: [[f"camera {camera}" for camera, _ in _cameras(view)]],
+        draw=draw_overlay,
+        applies=lambda view: bool(_cameras(view)),
+    ),
+)
+SPECKLE_FLOOR = FigureKind(
+    name="speckle-floor",
+    width=PAGE,
+    height=height_of_floor,
+    caption=caption_floor,
+    panels=lambda shown: [["picture", "floor", "share"]],
+    draw=draw_floor,
+)
+
+
+SHOWN_FIELDS = {"motion": "displacement", "exx": "$E_{xx}$ (%)", "eyy": "$E_{yy}$ (%)", "exy": "$E_{xy}$ (%)"}
+HISTORY_LINES = (MEASURED, MODEL, SHAPE, BAND, GREY)
+"""Colours of extensometers, in turn."""
+
+
+def _field_unit(view: FullFieldView) -> tuple[float, str]:
+    """Factor and name of the unit of lengths."""
+    return (MM, "mm") if view.result.unit == "m" else (1.0, "px")
+
+
+def _field(view: FullFieldView, name: str) -> FloatArray:
+    """Values of a field in the frame shown, shape [n_points]."""
+    result, k = view.result, view.frame
+    if name == "motion":
+        return np.asarray(_field_unit(view)[0] * np.linalg.norm(result.surface.u[k], axis=1))
+    return np.asarray(100.0 * result.strain.value[k, :, ("exx", "eyy", "exy").index(name)])
+
+
+def _fields_height(view: FullFieldView) -> float:
+    x, y = np.ptp(view.result.points, axis=0) + 2.0 * view.result.facts.get("subset", 21)
+    return float(np.clip(2.0 * (0.36 * PAGE * y / x + 14.0), 60.0, 220.0))
+
+
+def draw_fields(view: FullFieldView, panels: Panels) -> None:
+    """Draw displacement and strains over the picture of the frame shown."""
+    result = view.result
+    room = result.facts.get("subset", 21)
+    at = result.pixels[0, view.frame]
+    seen = np.isfinite(at).all(axis=1) & result.surface.valid[view.frame]
+    for (name, label), mark in zip(SHOWN_FIELDS.items(), "abcd", strict=True):
+        ax = panels[name]
+        if view.picture is not None:
+            low, high = np.percentile(np.asarray(view.picture, dtype=np.float64), [0.5, 99.5])
+            ax.imshow(view.picture, cmap="gray", vmin=low, vmax=max(high, low + 1), interpolation="none")
+        label_panel(ax, mark)
+        ax.set_xlabel("$x$ (px)")
+        ax.set_ylabel("$y$ (px)")
+        values = _field(view, name)
+        shown = seen & np.isfinite(values)
+        if not shown.any():
+            note_empty(ax, "no point has a value")
+            continue
+        (x0, y0), (x1, y1) = at[shown].min(axis=0) - room, at[shown].max(axis=0) + room
+        ax.set_xlim(x0, x1)
+        ax.set_ylim(y1, y0)
+        low, high = np.percentile(values[shown], [1.0, 99.0])
+        if high - low < 1e-9 * max(abs(high), 1.0):
+            low, high = low - 0.5, high + 0.5
+        size = 72.0 / 25.4 * 0.36 * PAGE * result.facts.get("step", 5) / max(x1 - x0, 1.0)
+        points = ax.scatter(
+            at[shown, 0], at[shown, 1], c=values[shown], s=max(0.5 * size, 0.8) ** 2, cmap="viridis",
+            vmin=low, vmax=high, linewidths=0, rasterized=True,
+        )  # fmt: skip
+        bar = ax.figure.colorbar(points, ax=ax, fraction=0.05, pad=0.02)
+        bar.set_label(f"displacement ({_field_unit(view)[1]})" if name == "motion" else label)
+        smooth_bar(bar)
+
+
+def caption_fields(view: FullFieldView) -> str:
+    """Return the caption."""
+    facts = view.result.facts
+    return (
+        f"Frame {view.frame} of camera 0 with (a) the size of the displacement since the reference and "
+        f"(b) to (d) the Green-Lagrange strains over gauges of {facts.get('strain_gauge', 0):g} px; subsets "
+        f"of {facts.get('subset')} px, {facts.get('step')} px apart. Colours span 98 % of the values."
+    )
+
+
+def _has_lines(view: FullFieldView) -> bool:
+    return bool(view.result.surface.n_frames > 1)
+
+
+def _history_time(view: FullFieldView) -> tuple[FloatArray, str]:
+    result = view.result
+    return (MS * result.surface.t, "$t$ (ms)") if result.timed else (result.surface.t, "frame")
+
+
+def _history_panels(view: FullFieldView) -> list[list[str]]:
+    return [["mean", "extensometers"] if view.result.extensions else ["mean"]] + (
+        [["radius", "radius"] if view.result.extensions else ["radius"]] if view.result.cylinder else []
+    )
+
+
+def draw_histories(view: FullFieldView, panels: Panels) -> None:
+    """Draw mean strains, extensometers and radius over time."""
+    result, (t, label) = view.result, _history_time(view)
+    mean, ax = 100.0 * result.mean_strain, panels["mean"]
+    for k, (name, colour) in enumerate(zip(("xx", "yy", "xy"), (MODEL, MEASURED, GREY), strict=True)):
+        ax.plot(t, mean[:, k], ".-", color=colour, label=f"$E_{{{name}}}$", markersize=3)
+    ax.set_ylabel("mean strain (%)")
+    ax.set_xlabel(label)
+    ax.legend(frameon=False)
+    label_panel(ax, "a")
+    if result.extensions:
+        ax = panels["extensometers"]
+        factor, unit = _field_unit(view)
+        for k, one in enumerate(result.extensions):
+            colour = HISTORY_LINES[k % len(HISTORY_LINES)]
+            ax.errorbar(
+                t, factor * one.elongation, 2.0 * factor * one.sigma, fmt=".-", color=colour, markersize=3,
+                label=label_text(one.name, 24), elinewidth=0.8,
+            )  # fmt: skip
+        ax.set_ylabel(f"elongation ({unit})")
+        ax.set_xlabel(label)
+        ax.legend(frameon=False)
+        label_panel(ax, "b")
+    if result.cylinder is not None:
+        ax, mark = panels["radius"], "c" if result.extensions else "b"
+        ax.errorbar(t, MM * result.cylinder.radius, 2.0 * MM * result.cylinder.sigma, fmt=".", color=MEASURED)
+        ax.ticklabel_format(axis="y", useOffset=False)
+        ax.set_ylabel("radius (mm)")
+        ax.set_xlabel(label)
+        label_panel(ax, mark)
+    if not result.timed:
+        for ax in panels.values():
+            ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+
+
+def caption_histories(view: FullFieldView) -> str:
+    """Return the caption."""
+    text = "(a) Mean of the strains of all points."
+    if view.result.extensions:
+        text += " (b) Virtual extensometers."
+    if view.result.cylinder is not None:
+        text += (
+            f" ({'c' if view.result.extensions else 'b'}) Radius of the cylinder that fits each frame best."
+        )
+    return text + " Bars: ± 2 standard deviations from the noise of the matches."
+
+
+FULL_FIELD = (
+    FigureKind(
+        name="full-field",
+        width=PAGE,
+        height=_fields_height,
+        caption=caption_fields,
+        panels=lambda view: [["motion", "exx"], ["eyy", "exy"]],
+        draw=draw_fields,
+    ),
+    FigureKind(
+        name="histories",
+        width=PAGE,
+        height=lambda view: 110.0 if view.result.cylinder else 60.0,
+        caption=caption_histories,
+        panels=_history_panels,
+        draw=draw_histories,
+        applies=_has_lines,
     ),
 )

@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.actuator.inverse import Reached
-from kolsky.actuator.study import relative_bend
-from kolsky.report import numbers
-from kolsky.report.actuator_view import ActuatorView
+from kolsky.bodies.actuator_bending import SearchEnd, relative_bend
+from kolsky.report.body_views import ActuatorView
 from kolsky.report.figures import ACTUATORS
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.results import numbers
 
 BAR = 1e-5
 
@@ -146,7 +145,7 @@ def inversions(view: ActuatorView) -> dict[str, Any]:
                     _degrees(one.found),
                     one.ended.value,
                     str(one.equilibria),
-                    lost=one.ended is not Reached.YES,
+                    lost=one.ended is not SearchEnd.YES,
                 )
             )
     heads = ["Gravity", "Wanted", "Pressure (bar)", "Bend there", "Outcome", "Equilibria"]

@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.report import numbers
 from kolsky.report.figures import BUDGETS
-from kolsky.report.nomenclature import name_of
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
-from kolsky.studies.budget.campaign import Campaign
-from kolsky.studies.budget.records import Budget
+from kolsky.results import numbers
+from kolsky.results.nomenclature import name_of
+from kolsky.studies.budget.records import Budget, Campaign
 
 
 def write_page(path: Path, results: Sequence[Budget], campaign: Campaign | None) -> None:

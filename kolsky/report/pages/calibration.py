@@ -4,9 +4,10 @@ from pathlib import Path
 from typing import Any
 
 from dic.calibration import Calibration
-from kolsky.report import numbers, plain_text
 from kolsky.report.figures import CALIBRATION
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.results import numbers
+from kolsky.results import numbers as plain_text
 
 
 def write_page(path: Path, name: str, found: Calibration) -> None:
@@ -109,4 +110,4 @@ def warnings(found: Calibration) -> list[str]:
 
 def _measured(value: float, sigma: float, unit: str) -> str:
     best, uncertainty = numbers.measured(float(value), 2.0 * sigma) if sigma > 0.0 else (f"{value:.6g}", "0")
-    return plain_text.plain(f"{best} ± {uncertainty} {unit}".strip()) + " (k = 2)"
+    return plain_text.plain_sentence(f"{best} ± {uncertainty} {unit}".strip()) + " (k = 2)"

@@ -5,11 +5,10 @@ from pathlib import Path
 
 from kolsky.report.figures import figures_of
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
-from kolsky.report.typography import typeset
-from kolsky.shot.bar_check import CheckedBars
+from kolsky.results.nomenclature import typeset
+from kolsky.shot.bars import CheckedBars
 from kolsky.shot.records import ShotBase
-from kolsky.shot.summary import EXACT, summarise
-from kolsky.shot.summary_entry import Entry
+from kolsky.shot.summary import EXACT, Entry, summarise
 
 PAGE = "check.html"
 

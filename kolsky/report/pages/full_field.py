@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from dic.full_field.result import FullField
+from dic.result import FullField
+from kolsky.pictures.rig import refinement_words
+from kolsky.pictures.summary import words
 from kolsky.report.figures import FULL_FIELDS
-from kolsky.report.full_field_view import FullFieldView
-from kolsky.report.pages import outcome_rows
+from kolsky.report.pages import surfaces
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
-from kolsky.shot.dic_summary import words
-from kolsky.shot.refined_rig import refinement_words
+from kolsky.report.picture_views import FullFieldView
 
 AXES = {
     "plane": "x to the right and y down, as in the picture.",
@@ -52,8 +52,8 @@ def render(shown: FullFieldView, inputs: Mapping[str, str]) -> str:
         figures=draw_figures(FULL_FIELDS.values(), shown),
         rows=list(printed(result).items()),
         warnings=[f"{warning}." for warning in warnings(result)],
-        outcomes=outcome_rows.of_points(result.outcomes(), result.surface.outcome.size),
-        frames=outcome_rows.of_frames(result.bad_frames()),
+        outcomes=surfaces.rows_of_points(result.outcomes(), result.surface.outcome.size),
+        frames=surfaces.rows_of_frames(result.bad_frames()),
         settings=[
             (name.replace("_", " "), str(value))
             for name, value in result.facts.items()

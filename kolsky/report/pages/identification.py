@@ -1,32 +1,28 @@
-"""Page of an identification: the answers and their uncertainty, the data, the search, the numerical error."""
+"""Page of an identification: answers and their uncertainty, data, search, causes of misfit, numerical error.
 
+The tables of uncertainty are in `kolsky.report.pages.uncertainty`. The slider over time reads its numbers
+from the page, see `instrument`.
+"""
+
+import base64
+import json
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment
+from markupsafe import Markup
 
-from kolsky.inverse.result import Identification
-from kolsky.report import nomenclature, numbers
-from kolsky.report.display_units import in_display_units
+from explicit import Ending
+from kolsky.base.apparatus import SLIDING_LAW
+from kolsky.base.arrays import FloatArray
+from kolsky.diagnosis.cause_inputs import CANDIDATES, WITHOUT_TRACE
+from kolsky.diagnosis.causes import DISPLAY_UNITS
+from kolsky.inverse.parameters import PARAMETERS, has_effect, reference_words
+from kolsky.inverse.result import CauseFinding, Estimate, Identification, Verdict, worst_imbalance
 from kolsky.report.figures import RECORDINGS, REGISTRY
-from kolsky.report.fit_table import fit_tables
-from kolsky.report.held_line import held_line
-from kolsky.report.nomenclature import in_words, name_of, route_label
-from kolsky.report.pages.causes import cause_table
-from kolsky.report.pages.identification_tables import (
-    answer,
-    check_run,
-    facts,
-    failures,
-    fixed,
-    flattened,
-    quality,
-    runs,
-    shown_unit,
-)
-from kolsky.report.pages.instrument import instrument
 from kolsky.report.pages.rendering import (
     FigureGroup,
     draw_groups,
@@ -36,7 +32,348 @@ from kolsky.report.pages.rendering import (
     write_html,
 )
 from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables
-from kolsky.shot.recorded import Recorded
+from kolsky.results import display, nomenclature, numbers
+from kolsky.results.display import in_display_units
+from kolsky.results.identification_rows import fit_tables, held_line
+from kolsky.results.nomenclature import in_words, name_of, route_label
+from kolsky.shot.recordings import ShotRecordings
+
+_NUMERICS = {"mesh": "mesh and step", "roughness": "roughness of the response"}
+"""Words for the keys of `Estimate.numerical_parts`."""
+
+_VERDICTS = {
+    Verdict.IDENTIFIED: "The optimum lies inside the design, and a simulation at it confirms the surrogate.",
+    Verdict.FORCE_ALONE: "The optimum lies inside the design, and a simulation at it confirms the surrogate. "
+    "No outline was measured, or by itself it tells the value too poorly to check the force.",
+    Verdict.OUTLINE_ALONE: "The optimum lies inside the design, and a simulation at it confirms the "
+    "surrogate. By itself the force tells the value too poorly to check the outline.",
+    Verdict.UNEXPLAINED: "The residual is larger than noise, inputs and mesh leave where the model is right: "
+    "do not use the value before the cause is found. The warnings name the channel.",
+    Verdict.CONTRADICTED: "Force and outline ask for values that are further apart than their uncertainties "
+    "allow: do not use the value before the cause is found.",
+    Verdict.AT_BOUND: "The optimum lies on a bound of the design: the value is a limit, not an "
+    "estimate. Widen the design and run again.",
+    Verdict.BOUND_REACHED: "The interval reaches past a bound of the design: the data do not tell the value "
+    "from that bound, and the interval's other end alone is a finding. Where a value beyond is possible, "
+    "widen the design and run again; where none is (no friction is the least), hold the parameter there.",
+    Verdict.OTHER_VALLEY: "At another value the force's ringing falls in step with the measured one nearly "
+    "as well: the value may be whole oscillations off. Hold the parameter at an independent value, or "
+    "declare its uncertainty.",
+    Verdict.CONDITIONAL: "Another parameter lies on a bound of the design and this one compensates for it: "
+    "the value and its interval hold only if that bound is right. Widen that bound, or hold that "
+    "parameter at an independent value.",
+    Verdict.NOT_SEEN: "The data hardly depend on this parameter: the interval tells which values are "
+    "excluded, the value itself is not determined. Hold it fixed at an independent value.",
+    Verdict.PLATEAU: "The simulated response jumps by so much that the misfit is flat, to within its jumps, "
+    "over the width that the warnings name: values on it are not told apart. Refine both meshes, or hold "
+    "another parameter.",
+    Verdict.DISAGREEING: "The simulation at the optimum does not confirm the surrogate: do not use the "
+    "value. Add runs near the optimum and search again.",
+    Verdict.FAILED: "No simulation of the design completed, so there is no estimate. The design table "
+    "names the cause of each run.",
+}
+
+
+def _flattened(value: Any, prefix: str = "") -> list[tuple[str, str]]:
+    """Return all of a nested provenance as rows (words, text), see `kolsky.results.display`."""
+    if isinstance(value, Mapping):
+        return [row for k, v in value.items() for row in _flattened(v, f"{prefix}.{k}" if prefix else str(k))]
+    if isinstance(value, list | tuple) and any(isinstance(item, Mapping | list | tuple) for item in value):
+        return [row for i, item in enumerate(value) for row in _flattened(item, f"{prefix}[{i}]")]
+    factor, unit, between, nothing, digits = display.recorded_value(prefix)
+    items = value if isinstance(value, list | tuple) else [value]
+    text = between.join(nothing if item is None else _value_text(item, factor, digits) for item in items)
+    text = text if len(items) else "none"
+    return [(display.recorded_label(prefix), f"{text} {unit}" if unit and value is not None else text)]
+
+
+def _value_text(value: Any, factor: float, digits: int) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return numbers.plain(factor * value, digits) if isinstance(value, float) else str(value)
+
+
+def _milliseconds(time: float) -> str:
+    return f"{numbers.rounded(1e3 * float(time), -3)} ms"
+
+
+def _shown_unit(unit: str) -> str:
+    """Return the unit as shown: nothing for "1"."""
+    return "" if unit == "1" else unit
+
+
+def answer_row(estimate: Estimate) -> dict[str, Any]:
+    """Return one estimate in words and rounded numbers, with its uncertainty budget."""
+    U = 2.0 * estimate.sigma
+    value, uncertainty = numbers.measured(estimate.value, U)
+    # A share of a zero or infinite variance is undefined.
+    variance = estimate.sigma**2 if 0.0 < estimate.sigma < np.inf else np.nan
+    budget = [
+        (f"noise: {nomenclature.NOISE.get(name, name)}", part, "part")
+        for name, part in estimate.noise_parts.items()
+    ]
+    budget.append(("noise, all sources", estimate.sigma_noise, "sum"))
+    computed = estimate.numerical_parts if len(estimate.numerical_parts) > 1 else {}
+    budget += [(f"numerics: {_NUMERICS.get(name, name)}", part, "part") for name, part in computed.items()]
+    budget.append(("numerics, all sources" if computed else "mesh and step", estimate.sigma_numerical, "sum"))
+    if estimate.sigma_systematic > 0.0:
+        budget.append(("declared uncertainties of the inputs", estimate.sigma_systematic, "sum"))
+    parts = np.array(list(estimate.noise_parts.values()))
+    whole = estimate.sigma_noise
+    sums_up = not (parts.size and np.isfinite(whole)) or bool(
+        np.isclose(np.hypot.reduce(parts), whole, rtol=0.02)  # as much as rounding of the printed parts shows
+    )
+    return {
+        "name": name_of(estimate.name, estimate.unit),
+        "unit": _shown_unit(estimate.unit),
+        "known": bool(np.isfinite(estimate.value)),
+        "bounded": bool(np.isfinite(U)),
+        "value": value,
+        "uncertainty": uncertainty,
+        "interval": [numbers.like(end, U) for end in estimate.interval],
+        "on_mesh": numbers.like(estimate.on_mesh, U),
+        "mesh_correction": numbers.part(estimate.mesh_correction, U) if estimate.mesh_correction else "",
+        "verdict": estimate.outcome.value,
+        "good": estimate.outcome is Verdict.IDENTIFIED,
+        "meaning": _VERDICTS[estimate.outcome],
+        "relative": numbers.percent(U / abs(estimate.value)) if estimate.value else numbers.NOTHING,
+        "budget": [
+            (name, numbers.part(u, U), numbers.percent(np.divide(u**2, variance)), kind)
+            for name, u, kind in budget
+        ],
+        "combined": numbers.part(estimate.sigma, U),
+        "sums_up": sums_up,
+    }
+
+
+def _fixed_rows(result: Identification) -> list[tuple[str, str, str]]:
+    """Return words, symbol and value of every fixed parameter."""
+    interface = result.provenance.get("interface")
+    laws = set(interface.values()) if isinstance(interface, Mapping) else {SLIDING_LAW}
+    rows = []
+    for parameter, value in result.fixed.items():
+        name = name_of(parameter)
+        text = f"{numbers.plain(value)} {_shown_unit(name.unit)}".rstrip()
+        record = PARAMETERS.get(parameter)
+        if record is not None and not has_effect(record, laws):
+            text = f"not used: {record.without}"
+        rows.append((name.words, name.symbol if name.symbol != name.words else "", text))
+    reference = reference_words((*result.estimates, *result.fixed))
+    if reference:
+        rows.append(("what m refers to", "", reference))
+    return rows
+
+
+def _data_facts(result: Identification) -> list[tuple[str, str]]:
+    """Return window, size and noise of the data that were compared."""
+    c, plain = result.comparison, numbers.plain
+    line, rows = c.centre_line, []
+    if c.force_time.size:
+        window = f"{_milliseconds(c.force_time[0])} to {_milliseconds(c.force_time[-1])}"
+        rows.append(("window of the force", f"{window}, {c.force_time.size} bins"))
+        rows.append(("largest measured force", f"{plain(float(c.force_measured.max()), 3)} N"))
+        rows.append(("noise of a bin, median", f"{plain(float(np.median(c.force_sigma)), 2)} N"))
+    if line.time.size:
+        frames = np.unique(line.frame).size
+        window = f"{_milliseconds(line.time.min())} to {_milliseconds(line.time.max())}"
+        rows.append(("window of the outline", f"{window}, {frames} frames, {line.time.size} points"))
+        rows.append(("noise of a point, median", f"{plain(1e6 * float(np.median(line.sigma)), 2)} µm"))
+        rows.append(("points outside the model’s range", f"{int((~c.inside).sum())}, not counted"))
+    return rows
+
+
+def check_run_rows(result: Identification) -> list[tuple[str, str]]:
+    """Return outcome, steps and energy imbalance of the simulation at the optimum."""
+    r, plain = result.response, numbers.plain
+    outcome = r.outcomes[0]
+    where = _ending_words(r.ending(0))
+    share, strain = float(r.extrapolated_share[0]), float(r.largest_strain_measure[0])
+    ended = "completed" if outcome.ok else f"{where}: {outcome.cause}. Cure: {outcome.cure}"
+    return [
+        ("outcome", ended),
+        ("time reached", f"{plain(1e3 * float(r.end_times[0]))} ms in {int(r.steps[0])} steps"),
+        ("smallest step", f"{plain(1e6 * float(r.smallest_step[0]), 3)} µs"),
+        ("worst energy imbalance", f"{numbers.percent(worst_imbalance(r))} of the largest external work"),
+        ("largest strain measure √(Ī₁ − 3)", plain(strain, 3)),
+        ("largest share of the volume past the material curve", numbers.percent(share)),
+    ]
+
+
+def _quality_rows(result: Identification) -> list[tuple[str, str]]:
+    """Return errors of the surrogate and the model discrepancies used as weights, in N and µm."""
+    rows = []
+    for key, value in result.surrogate.items():
+        words, factor, unit = display.QUALITY.get(key, (key, 1.0, ""))
+        rows.append((words, f"{numbers.plain(factor * value, 2 if unit else 6)}{unit}"))
+    return rows
+
+
+def _ending_words(ending: Ending) -> str:
+    """Return outcome, time and place of a run's end, short enough for a cell of a table."""
+    name = ending.outcome.name.lower().replace("_", " ")
+    if ending.outcome.ok:
+        return name
+    r, y = (numbers.rounded(1e3 * x, -2) for x in ending.place)
+    return f"{name} at {_milliseconds(ending.time)}, element {ending.element} at ({r}, {y}) mm"
+
+
+def _failure_rows(result: Identification) -> list[tuple[str, str]]:
+    """Return the kinds of failure among the runs, with cause and cure."""
+    kinds = {result.design.ending(run).outcome for run in result.design.lost}
+    return [
+        (kind.name.lower().replace("_", " "), f"{kind.cause}; the element has {kind.role}. Cure: {kind.cure}")
+        for kind in sorted(kinds)
+    ]
+
+
+def _run_rows(result: Identification) -> list[dict[str, Any]]:
+    """Return the rows of the table of runs."""
+    design = result.design
+    U = {name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()}
+    return [
+        {
+            "number": number,
+            "stage": design.stage[number],
+            "point": [
+                numbers.like(value, U.get(name, np.nan))
+                for name, value in zip(design.names, design.points[number], strict=True)
+            ],
+            "outcome": _ending_words(design.ending(number)),
+            "completed": design.outcomes[number] == "COMPLETED",
+            "terms": [
+                numbers.rounded(design.phi_force[number], -1),
+                numbers.rounded(1e3 * design.phi_shape[number], -3),
+                numbers.rounded(design.chi2_force[number], 0),
+                numbers.rounded(design.chi2_shape[number], 0),
+            ],
+        }
+        for number in range(len(design.outcomes))
+    ]
+
+
+_MOST_CAUSES = 5
+"""Inputs that are listed though they are no likely cause."""
+
+
+def cause_table(result: Identification) -> dict[str, Any]:
+    """Rows of the likely causes and of the next ones, and what no table can show.
+
+    Parameters
+    ----------
+    result
+        In SI: a cause has units of its own.
+    """
+    named = [c for c in result.causes if c.named]
+    others = [c for c in result.causes if not c.named and c.value == c.value]
+    return {
+        "tried": len(result.causes),
+        "named": [_cause_row(result, c) for c in named],
+        "others": [_cause_row(result, c) for c in others[:_MOST_CAUSES]],
+        "solved": any(c.solved for c in named),
+        "invisible": WITHOUT_TRACE,
+    }
+
+
+def _cause_row(result: Identification, cause: CauseFinding) -> dict[str, Any]:
+    factor, unit = DISPLAY_UNITS.get(cause.unit, (1.0, "" if cause.unit == "1" else cause.unit))
+    unit = unit.replace("u", "µ", 1) if unit in ("us", "um") else unit
+    value, half = numbers.measured(factor * cause.value, 2.0 * factor * cause.sigma)
+    declared = numbers.plain(factor * cause.exact, 6) if cause.exact == cause.exact else numbers.NOTHING
+    check = next((c.check for c in CANDIDATES if c.key == cause.key), cause.key)
+    words = cause.words + (f", beside {cause.beside}" if cause.beside else "")
+    return {
+        "words": words,
+        "value": f"{value} ± {half} {unit}".rstrip(),
+        "declared": f"{declared} {unit}".rstrip(),
+        "explained": numbers.percent(cause.explained),
+        "probability": "< 0.0001" if cause.probability < 1e-4 else numbers.plain(cause.probability, 2),
+        "answers": [_cause_answer(name, cause.parameters.get(name)) for name in result.estimates],
+        "solved": [
+            _cause_answer(name, cause.solved.get(name), cause.solved_sigmas.get(name))
+            for name in result.estimates
+        ],
+        "check": check,
+        "within": cause.within,
+        "alike": ", ".join(cause.alike),
+    }
+
+
+def _cause_answer(name: str, value: float | None, sigma: float | None = None) -> str:
+    if value is None:
+        return numbers.NOTHING
+    factor = name_of(name).factor
+    if sigma is None:
+        return numbers.plain(factor * value, 5)
+    best, half = numbers.measured(factor * value, 2.0 * factor * sigma)
+    return f"{best} ± {half}"
+
+
+_MS_PER_S, _MM_PER_M, UM_PER_M = 1e3, 1e3, 1e6
+_DIGITS = {"time": 5, "length": 4, "residual": 1, "force": 4}
+"""Digits behind the point: times [ms], lengths [mm], residuals [µm], forces [N]."""
+
+
+def instrument(result: Identification, recordings: ShotRecordings | None) -> Markup:
+    """The numbers as JSON that may stand inside a page.
+
+    Parameters
+    ----------
+    result
+        The identification, in SI.
+    recordings
+        Recordings of the shot; their pictures are shown if there are any.
+    """
+    text = json.dumps(instrument_numbers(result, recordings), allow_nan=False, separators=(",", ":"))
+    return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026"))  # no end of a script inside it
+
+
+def instrument_numbers(result: Identification, recordings: ShotRecordings | None) -> dict[str, Any]:
+    """Force, outlines and pictures in ms, N, mm and µm; None where there is no number."""
+    c, response = result.comparison, result.response
+    film = None if recordings is None else recordings.film
+    return {
+        "force": {
+            "time": _rounded_list(_MS_PER_S * c.force_time, "time"),
+            "measured": _rounded_list(c.force_measured, "force"),
+            "model": _rounded_list(c.force_model, "force"),
+            "sigma": _rounded_list(c.force_sigma, "force"),
+        },
+        "outlines": _outlines(result),
+        "simulated": {
+            "time": _rounded_list(_MS_PER_S * response.surface_times, "time"),
+            "r": [_rounded_list(_MM_PER_M * row, "length") for row in response.surface_r[0]],
+            "y": [_rounded_list(_MM_PER_M * row, "length") for row in response.surface_y[0]],
+        },
+        "pictures": {
+            "time": [] if film is None else _rounded_list(_MS_PER_S * film.time, "time"),
+            "jpeg": [] if film is None else [base64.b64encode(data).decode() for data in film.jpeg],
+        },
+    }
+
+
+def _outlines(result: Identification) -> list[dict[str, Any]]:
+    """The measured outline frame by frame, from the lower end upward."""
+    c, line = result.comparison, result.comparison.centre_line
+    frames = []
+    for number in np.unique(line.frame):
+        rows = np.flatnonzero(line.frame == number)
+        rows = rows[np.argsort(line.y[rows], kind="stable")]
+        frames.append(
+            {
+                "time": _rounded_list(_MS_PER_S * line.time[rows[:1]], "time")[0],
+                "y": _rounded_list(_MM_PER_M * line.y[rows], "length"),
+                "Z": _rounded_list(_MM_PER_M * line.Z[rows], "length"),
+                "sigma": _rounded_list(UM_PER_M * line.sigma[rows], "residual"),
+                "residual": _rounded_list(UM_PER_M * (c.Z_model[rows] - line.Z[rows]), "residual"),
+            }
+        )
+    return frames
+
+
+def _rounded_list(values: FloatArray, kind: str) -> list[float | None]:
+    """Numbers with the digits of their kind; None for what is none."""
+    return [round(float(x), _DIGITS[kind]) if np.isfinite(x) else None for x in values]
+
 
 _TEMPLATE = "identification.html"
 _TESTED = ("specimen", "specimen_length", "interface", "declared_interface", "support", "window_s")
@@ -48,7 +385,7 @@ _SHOWN = (*_TESTED, *_TABLES, "recordings")
 def write_report(
     path: Path,
     identification: Identification,
-    recordings: Recorded | None = None,
+    recordings: ShotRecordings | None = None,
     *,
     processes: int = 1,
     ahead: Mapping[str, Callable[[], str]] | None = None,
@@ -66,7 +403,7 @@ def write_report(
     recordings : Recorded, optional
         Recordings of the shot's own files; without them their sections are left out.
     processes : int
-        Processes that draw; see `dic.forks.side_by_side`.
+        Processes that draw; see `dic.processes.run_parallel`.
     ahead : mapping, optional
         As of `kolsky.report.pages.rendering.draw_groups`.
 
@@ -80,7 +417,7 @@ def write_report(
 
 def render(
     identification: Identification,
-    recordings: Recorded | None = None,
+    recordings: ShotRecordings | None = None,
     *,
     processes: int = 1,
     ahead: Mapping[str, Callable[[], str]] | None = None,
@@ -99,26 +436,26 @@ def render(
         figures=figures,
         instrument=instrument(identification, recordings),
         script=script("instrument.js"),
-        answers=[answer(estimate) for estimate in result.estimates.values()],
-        facts=facts(result),
+        answers=[answer_row(estimate) for estimate in result.estimates.values()],
+        facts=_data_facts(result),
         fit=fit_tables(result),
-        fixed=fixed(result),
+        fixed=_fixed_rows(result),
         held=None if result.held_answer is None else held_line(result.held_answer, written=True),
-        check=check_run(result),
-        runs=runs(result),
+        check=check_run_rows(result),
+        runs=_run_rows(result),
         U={name: 2.0 * estimate.sigma for name, estimate in result.estimates.items()},
-        quality=quality(result),
+        quality=_quality_rows(result),
         tables=likelihood_tables(result),
         changes=changes(result),
         causes=cause_table(identification),
         choices=choices(result),
-        recordings=flattened({"recordings": provenance.get("recordings", {})}),
+        recordings=_flattened({"recordings": provenance.get("recordings", {})}),
         recorded=recordings,
-        tested=flattened({key: provenance[key] for key in _TESTED if key in provenance}),
-        **{name: flattened(provenance.get(name, {})) for name in _TABLES},
-        further=flattened({k: v for k, v in provenance.items() if k not in _SHOWN}),
+        tested=_flattened({key: provenance[key] for key in _TESTED if key in provenance}),
+        **{name: _flattened(provenance.get(name, {})) for name in _TABLES},
+        further=_flattened({k: v for k, v in provenance.items() if k not in _SHOWN}),
         completed=len(result.design.outcomes) - len(result.design.lost),
-        failures=failures(result),
+        failures=_failure_rows(result),
         total_seconds=sum(result.seconds.values()),
     )
 
@@ -126,7 +463,7 @@ def render(
 def _figures(
     identification: Identification,
     result: Identification,
-    recordings: Recorded | None,
+    recordings: ShotRecordings | None,
     processes: int,
     ahead: Mapping[str, Callable[[], str]] | None,
 ) -> dict[str, dict[str, Any]]:
@@ -161,6 +498,6 @@ def _templates() -> Environment:
     templates.globals |= {
         "like": numbers.like,
         "uncertainty": lambda value, U: numbers.measured(value, U)[1],
-        "unit": shown_unit,
+        "unit": _shown_unit,
     }
     return templates

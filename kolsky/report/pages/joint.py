@@ -3,14 +3,13 @@
 from pathlib import Path
 from typing import Any
 
-from kolsky.inverse.relaxing import reference_words
+from kolsky.inverse.joint_result import JointResult, interval
+from kolsky.inverse.parameters import reference_words
 from kolsky.inverse.result import Verdict
-from kolsky.joint.records import JointResult
-from kolsky.joint.unseen import interval
-from kolsky.report import numbers
 from kolsky.report.figures import JOINT
-from kolsky.report.nomenclature import name_of
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.results import numbers
+from kolsky.results.nomenclature import name_of
 
 
 def write_page(path: Path, found: JointResult) -> None:

@@ -6,9 +6,9 @@ from typing import Any
 from kolsky.material.fits.compare import Comparison, Row
 from kolsky.material.fits.fit import Fit
 from kolsky.material.fits.tables import failure
-from kolsky.report import numbers
 from kolsky.report.figures import MATERIALS
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.results import numbers
 
 
 def write_page(path: Path, comparison: Comparison, hashes: dict[str, str], remarks: list[str]) -> None:

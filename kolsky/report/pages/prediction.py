@@ -5,9 +5,9 @@ from pathlib import Path
 from kolsky.prediction.design import Aim, Scan
 from kolsky.prediction.output import events_table
 from kolsky.prediction.predict import RATE_TO, Numbers, Prediction, doubts
-from kolsky.report import numbers
 from kolsky.report.figures import PREDICTIONS, SCANS
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.results import numbers
 
 WORDS = {
     "flyer_speed": ("flyer after the separation (m/s)", 1.0),

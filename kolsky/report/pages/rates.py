@@ -1,15 +1,255 @@
-"""Page of the stiffness of several shots against their strain rates."""
+"""Page of the stiffness of several shots against their strain rates, with the tables of each group."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from kolsky.report.figures import RATES, FigureKind
-from kolsky.report.numbers import percent
-from kolsky.report.pages.rate_tables import group_tables
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
-from kolsky.studies.rates.records import RateReport
+from kolsky.results import numbers
+from kolsky.results.numbers import NOTHING, measured, percent, plain
+from kolsky.studies.rates.records import GroupRates, RatedShot, RateReport
+from kolsky.studies.rates.scatter import Criterion, Slope, SlopeVerdict
+
+
+def _group_tables(group: GroupRates, *, several: bool) -> dict[str, Any]:
+    """Return all tables of a group as the template takes them.
+
+    Parameters
+    ----------
+    group
+        Shots with their pooled mean and slope.
+    several
+        Write the group's name into the captions, because the page has more than one.
+    """
+    leverage: dict[str, float] = {}
+    if group.slope is not None and group.slope.fit is not None:
+        pairs = zip(group.counted, group.slope.fit.leverage.tolist(), strict=True)
+        leverage = {shot.name: share for shot, share in pairs}
+    return {
+        "name": group.name,
+        "suffix": f", {group.name}" if several else "",
+        "counted": len(group.counted),
+        "answer": _answer_lines(group),
+        "slope": None if group.slope is None else _slope(group.slope),
+        "lever": _lever(group),
+        "remarks": group.remarks,
+        "shots": [_shot_row(shot, leverage.get(shot.name)) for shot in group.shots],
+        "average": mean_and_scatter(group),
+        "heterogeneity": _heterogeneity(group),
+        "criteria": [] if group.slope is None else [_criterion(c) for c in group.slope.criteria],
+        "without": _without(group),
+        "shared": _shared(group),
+        "stiffness": _stiffness(group),
+        "scatter": _scatter(group),
+    }
+
+
+def _answer_lines(group: GroupRates) -> dict[str, str] | None:
+    p = group.pooled
+    if p is None:
+        return None
+    low, high = p.interval
+    half = 0.5 * (high - low)
+    rates = [shot.history.nominal_rate for shot in group.counted]
+    return {
+        "mean": measured(p.mean, half)[0],
+        "low": numbers.like(low, half),
+        "high": numbers.like(high, half),
+        "rates": f"{plain(min(rates), 3)} to {plain(max(rates), 3)} 1/s",
+        "tau": plain(p.fit.between, 2),
+        "U": plain(2.0 * p.scatter, 2),
+    }
+
+
+def _slope(line: Slope) -> dict[str, Any]:
+    shown: dict[str, Any] = {
+        "verdict": line.verdict.value,
+        "refused": line.verdict is SlopeVerdict.REFUSED,
+        "reasons": line.reasons,
+        "value": "",
+    }
+    if line.fit is not None:
+        low, high = line.fit.interval(1)
+        half = 0.5 * (high - low)
+        ends = {"low": numbers.like(low, half), "high": numbers.like(high, half)}
+        shown |= {"value": measured(float(line.fit.coefficients[1]), half)[0], **ends}
+    return shown
+
+
+def _lever(group: GroupRates) -> dict[str, str] | None:
+    lever = group.long_lever
+    if lever is None:
+        return None
+    half = 0.5 * (lever.interval[1] - lever.interval[0])
+    return {
+        "decades": numbers.rounded(lever.decades, -1),
+        "slope": measured(lever.slope, half)[0],
+        "low": numbers.like(lever.interval[0], half),
+        "high": numbers.like(lever.interval[1], half),
+    }
+
+
+def _shot_row(shot: RatedShot, leverage: float | None) -> dict[str, Any]:
+    h, terms, U = shot.history, shot.found.terms, 2.0 * shot.sigma
+    routes = {route.name: route for route in shot.found.routes}
+    value, expanded = measured(shot.m, U)
+
+    def alone(name: str) -> str:
+        route = routes.get(name)
+        m = np.nan if route is None else route.parameters.get("stiffness_factor", np.nan)
+        return numbers.like(m, U)
+
+    low, high = (plain(rate, 3) for rate in h.true_rate)
+    return {
+        "name": shot.name,
+        "rate": plain(h.nominal_rate, 3),
+        "true": f"{low} to {high}",
+        "strain": numbers.rounded(h.largest, -2),
+        "m": value,
+        "U": expanded,
+        "own": numbers.part(2.0 * shot.sigma_own, U),
+        "force": alone("force only"),
+        "shape": alone("shape only"),
+        "phi_force": plain(terms.phi_force, 3),
+        "phi_shape": plain(terms.phi_shape, 3),
+        "leverage": NOTHING if leverage is None else numbers.rounded(leverage, -2),
+        "fit": ", ".join(plain(shot.excess(c), 2) for c in ("force", "outline")),
+        "verdict": shot.verdict.value,
+        "counted": shot.counted,
+    }
+
+
+def mean_and_scatter(group: GroupRates) -> dict[str, str]:
+    """Return mean and U = 2 s of each column, as the two last lines of Table 2 of Mates et al. (2012)."""
+    if group.pooled is None:
+        return {}
+    columns = {
+        "rate": [shot.history.nominal_rate for shot in group.counted],
+        "m": [shot.m for shot in group.counted],
+        "phi_force": [shot.found.terms.phi_force for shot in group.counted],
+        "phi_shape": [shot.found.terms.phi_shape for shot in group.counted],
+    }
+    shown = {}
+    for name, column in columns.items():
+        U = 2.0 * float(np.std(column, ddof=1))
+        mean = float(np.mean(column))
+        shown[name] = measured(mean, U)[0] if name == "m" else plain(mean, 3)
+        shown[f"U_{name}"] = plain(U, 2)
+    return shown
+
+
+def _heterogeneity(group: GroupRates) -> list[tuple[str, str]]:
+    p = group.pooled
+    if p is None:
+        return []
+    low, high = p.prediction
+    half = 0.5 * (high - low)
+    mean, u = measured(p.mean, p.sigma)
+    others = {name: (plain(m, 4), plain(tau, 2)) for name, (m, tau) in p.others.items()}
+    return [
+        ("random-effects mean, u", f"{mean}, {u}"),
+        ("part of u that the shots share", plain(p.sigma_common, 2)),
+        ("scatter between shots τ", plain(p.fit.between, 2)),
+        ("standard deviation s of the shots", plain(p.scatter, 2)),
+        ("Cochran’s Q", f"{plain(p.fit.q, 3)} with {p.fit.freedom} degrees of freedom"),
+        ("probability of such a Q by noise alone", plain(p.probability, 2)),
+        ("I², share of the scatter not from noise", percent(p.fit.i_squared)),
+        ("Knapp and Hartung’s factor", plain(p.fit.scale, 3)),
+        ("one more shot, 95 %", f"{numbers.like(low, half)} to {numbers.like(high, half)}"),
+        ("by DerSimonian and Laird: mean, τ", ", ".join(others["dersimonian-laird"])),
+        ("by restricted likelihood: mean, τ", ", ".join(others["reml"])),
+    ]
+
+
+def _criterion(c: Criterion) -> dict[str, Any]:
+    unit = "" if c.unit == "1" else f" {c.unit}"
+    return {
+        "name": c.name,
+        "value": plain(c.value, 3) + unit if np.isfinite(c.value) else "no spread known",
+        "limit": f"{'≥' if c.at_least else '≤'} {plain(c.limit, 3)}{unit}",
+        "met": c.met,
+    }
+
+
+def _without(group: GroupRates) -> list[dict[str, str]]:
+    if group.pooled is None or group.slope is None:
+        return []
+    rows = []
+    fits = zip(group.counted, group.pooled.leave_one_out, group.slope.leave_one_out, strict=True)
+    for shot, mean, line in fits:
+        row = dict.fromkeys(("mean", "interval", "tau", "slope"), NOTHING)
+        if mean is not None:
+            low, high = mean.interval(0)
+            half = 0.5 * (high - low)
+            row["mean"] = measured(float(mean.coefficients[0]), half)[0]
+            row["interval"] = f"{numbers.like(low, half)} to {numbers.like(high, half)}"
+            row["tau"] = plain(mean.between, 2)
+        if line is not None:
+            low, high = line.interval(1)
+            value, half_width = measured(float(line.coefficients[1]), 0.5 * (high - low))
+            row["slope"] = f"{value} ± {half_width}"
+        rows.append({"name": shot.name, **row})
+    return rows
+
+
+def _shared(group: GroupRates) -> list[dict[str, str]]:
+    rows = []
+    for (part, through), changes in group.common.items():
+        moved = np.abs(changes[changes != 0.0])
+        low, high = plain(float(moved.min()), 2), plain(float(moved.max()), 2)
+        # A file is known by its hash; eight digits tell it from others on a page.
+        short = through[:8] if re.fullmatch("[0-9a-f]{64}", through) else through
+        rows.append(
+            {
+                "part": part,
+                "through": short,
+                "shots": str(moved.size),
+                "change": low if low == high else f"{low} to {high}",
+            }
+        )
+    return rows
+
+
+def _stiffness(group: GroupRates) -> list[dict[str, str]]:
+    rows = []
+    for at in group.stiffness:
+        for name, (values, sigma) in at.quantities.items():
+            base, spread = at.baseline[name]
+            low, high = float(values.min()), float(values.max())
+            U = 2.0 * float(sigma.max())
+            shots = f"{numbers.like(1e-3 * low, 1e-3 * U)} to {numbers.like(1e-3 * high, 1e-3 * U)}"
+            shots_U = measured(1e-3 * high, 1e-3 * U)[1]
+            curve, curve_U = measured(1e-3 * base, 2e-3 * spread)
+            rows.append(
+                {
+                    "strain": plain(at.strain, 2),
+                    "quantity": name,
+                    "shots": shots,
+                    "U": shots_U,
+                    "base": f"{curve} ± {curve_U}",
+                }
+            )
+    return rows
+
+
+def _scatter(group: GroupRates) -> list[dict[str, str]]:
+    e = group.equal_strain
+    if e is None or len(e.shots) < 2:
+        return []
+    return [
+        {
+            "strain": plain(float(strain), 2),
+            "force": plain(float(e.force[:, k].std(ddof=1)), 2),
+            "shape": plain(1e3 * float(e.shape_scatter[k]), 2),
+            "residual": plain(1e3 * float(e.residual_scatter[k]), 2),
+        }
+        for k, strain in enumerate(e.strains)
+    ]
 
 
 def write_page(path: Path, report: RateReport) -> None:
@@ -27,7 +267,7 @@ def render(report: RateReport) -> str:
     """Return the page as HTML text; see `write_page`."""
     groups, number = [], 1
     for index, group in enumerate(report.groups):
-        shown = group_tables(group, several=len(report.groups) > 1)
+        shown = _group_tables(group, several=len(report.groups) > 1)
         shown["figures"] = draw_figures(figures_of(report, index).values(), group, first=number)
         number += len(shown["figures"])
         groups.append(shown)

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from kolsky.joint.slow_dynamics import SlowDynamics
-from kolsky.report import numbers
 from kolsky.report.figures import RELAXATIONS
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.results import numbers
+from kolsky.studies.rate_dependence import SlowDynamics
 
 
 def write_page(path: Path, found: SlowDynamics, hashes: dict[str, str]) -> None:

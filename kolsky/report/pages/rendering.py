@@ -13,11 +13,11 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from dic.files import replacing
-from dic.forks import side_by_side
+from dic.processes import run_parallel
 from kolsky.base.process import infrequent_gc
 from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import FigureKind
-from kolsky.report.typography import typeset, upper_first, with_subscripts
+from kolsky.results.nomenclature import typeset, upper_first, with_subscripts
 
 _HERE = Path(__file__).parent
 HEADING = 120
@@ -117,7 +117,7 @@ def draw_groups(
     first
         Number of the first figure.
     processes
-        Processes that draw; see `dic.forks.side_by_side`.
+        Processes that draw; see `dic.processes.run_parallel`.
     mark
         Beside the names of the figures in their ids, where a page has a figure of one name several times.
     ahead
@@ -133,7 +133,7 @@ def draw_groups(
             if name not in ahead
         }
         pictures = dict(
-            zip(here, side_by_side([*here.values()][::-1], processes=processes)[::-1], strict=True)
+            zip(here, run_parallel([*here.values()][::-1], processes=processes)[::-1], strict=True)
         )
         pictures |= {name: ahead[name]() for name in names if name in ahead}
     return [

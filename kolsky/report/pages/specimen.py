@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.report import numbers
+from kolsky.bodies.specimen_constants import ConstantSpec
+from kolsky.bodies.specimen_fit import ConstantVerdict
+from kolsky.bodies.specimen_studies import cross_table
+from kolsky.report.body_views import SheetView, SpecimenView
 from kolsky.report.figures import SHEETS, SPECIMENS
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
-from kolsky.report.specimen_view import SheetView, SpecimenView
-from kolsky.specimen.constants import ConstantSpec
-from kolsky.specimen.intervals import ConstantVerdict
-from kolsky.specimen.studies import cross_table
+from kolsky.results import numbers
 
 
 def write_page(path: Path, shown: SpecimenView | SheetView, inputs: Mapping[str, str]) -> None:

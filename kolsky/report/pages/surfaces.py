@@ -1,17 +1,41 @@
-"""Page of measured surfaces: figures, noise floors, outcomes of points, reporting table."""
+"""Page of measured surfaces: figures, noise floors, outcomes of points, reporting table.
+
+`rows_of_points` and `rows_of_frames` serve the page of a full-field measurement too.
+"""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from dic.outcome import FrameOutcome
-from dic.output import reporting
-from kolsky.bars.flyer import flight_report
+from dic import output
+from dic.outcome import FrameOutcome, PointOutcome
+from kolsky.bars.flyer import flight
+from kolsky.pictures import summary
+from kolsky.pictures.summary import words
 from kolsky.report.figures import SURFACES
-from kolsky.report.pages import outcome_rows
 from kolsky.report.pages.rendering import FigureGroup, draw_groups, render_page, write_html
-from kolsky.report.surface_view import SurfaceView
-from kolsky.shot import dic_summary
+from kolsky.report.picture_views import SurfaceView
+
+
+def rows_of_points(counts: Mapping[PointOutcome, int], total: int, **more: Any) -> list[dict[str, Any]]:
+    """Return a row an outcome: its words, count, share of `total`, cause and cure, and `more` entries."""
+    return [
+        {
+            **more,
+            "outcome": words(outcome),
+            "count": count,
+            "share": f"{100.0 * count / max(total, 1):.3g} %",
+            "cause": outcome.cause,
+            "cure": outcome.cure,
+            "ok": outcome.ok,
+        }
+        for outcome, count in sorted(counts.items())
+    ]
+
+
+def rows_of_frames(bad: Mapping[Any, FrameOutcome]) -> list[tuple[str, str, str, str]]:
+    """Return the frames that gave no points: number, outcome, cause, cure."""
+    return [(str(frame), words(outcome), outcome.cause, outcome.cure) for frame, outcome in bad.items()]
 
 
 def write_page(
@@ -33,7 +57,7 @@ def write_page(
     inputs : mapping
         SHA-256 of every file that was read, by name.
     processes : int
-        Processes that draw; see `dic.forks.side_by_side`.
+        Processes that draw; see `dic.processes.run_parallel`.
     ahead : mapping
         Figures drawn elsewhere, as of `kolsky.report.pages.rendering.draw_groups`.
 
@@ -54,20 +78,20 @@ def render(
 ) -> str:
     """Return the page as HTML text; see `write_page`."""
     result = shown.result
-    table = reporting.reporting_table(result)
+    table = output.reporting_table(result)
     return render_page(
         "surfaces.html",
         kind="Surfaces from two series of pictures",
         heading=shown.shot,
         subject="surfaces",
         figures=draw_groups([FigureGroup(SURFACES.values(), shown)], processes=processes, ahead=ahead),
-        rows=list({**dic_summary.printed(result), **flight_report.printed(shown.flight)}.items()),
+        rows=list({**summary.printed(result), **flight.printed(shown.flight)}.items()),
         warnings=[f"{r.name.capitalize()}. {r.text}. Cure: {r.cure}." for r in result.remarks],
         outcomes=_outcomes(shown),
-        frames=outcome_rows.of_frames(
+        frames=rows_of_frames(
             {
                 frame: FrameOutcome[name.upper().replace(" ", "_")]
-                for frame, name in dic_summary.bad_frames(result).items()
+                for frame, name in summary.bad_frames(result).items()
             }
         ),
         parts=[
@@ -84,5 +108,5 @@ def _outcomes(shown: SurfaceView) -> list[dict[str, Any]]:
     rows = []
     for name, body in (("specimen", shown.result.specimen), ("flyer", shown.result.flyer)):
         if body is not None:
-            rows += outcome_rows.of_points(body.outcomes(), body.surface.outcome.size, body=name)
+            rows += rows_of_points(body.outcomes(), body.surface.outcome.size, body=name)
     return rows

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.inverse.misfit import SCALE_FORCE, SCALE_SHAPE
-from kolsky.report import numbers
+from kolsky.inverse.run_table import SCALE_FORCE, SCALE_SHAPE
 from kolsky.report.figures import SWEEPS
-from kolsky.report.nomenclature import name_of
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.results import numbers
+from kolsky.results.nomenclature import name_of
 from kolsky.studies.sweep_analysis import OUTPUTS, SweepAnalysis
 
 MOST_LISTED = 200

@@ -7,13 +7,12 @@ import numpy as np
 
 from doe.uncertainty import VerdictKind
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.inverse.result import Estimate, Identification
-from kolsky.inverse.uncertainty_results import Declaration, ParameterProfile
-from kolsky.report import numbers
-from kolsky.report.nomenclature import name_of, route_label, short
-from kolsky.report.sensitivity_table import sensitivity_rows, unseen_notes
-from kolsky.shot.schema.uncertainty import IDENTIFIED
-from kolsky.uncertainty.warnings.runs import PAST_CURVE, equivalent_strain
+from kolsky.inverse.result import Declaration, Estimate, Identification, ParameterProfile
+from kolsky.results import numbers
+from kolsky.results.identification_rows import sensitivity_rows, unseen_notes
+from kolsky.results.nomenclature import name_of, route_label, short
+from kolsky.schema.apparatus import IDENTIFY_KEYS
+from kolsky.uncertainty.warnings import PAST_CURVE, equivalent_strain
 
 INPUTS = {
     **{name: short(name) for name, p in PARAMETERS.items() if p.uncertainty},
@@ -119,7 +118,7 @@ def changes(result: Identification) -> list[str]:
     Parameters
     ----------
     result
-        In display units, see `kolsky.report.display_units`.
+        In display units, see `kolsky.results.display`.
     """
     said = [line for estimate in result.estimates.values() for line in _halved(result, estimate)]
     return [*said, *_others_known(result), *_curve(result), *_undeclared(result)]
@@ -206,11 +205,11 @@ def _undeclared(result: Identification) -> list[str]:
     ]
 
 
-CHOSEN = tuple(key for key in IDENTIFIED if key in PARAMETERS)
+CHOSEN = tuple(key for key in IDENTIFY_KEYS if key in PARAMETERS)
 """Inputs that no file of the shot measures."""
 NOT_VARIED = "not varied"
 WINDOW_END, FORCE_BINS = "window_end", "force_bins"
-"""Keys of `kolsky.inverse.uncertainty_results.Variation`."""
+"""Keys of `kolsky.inverse.result.Variation`."""
 
 
 def choices(result: Identification) -> list[dict[str, Any]]:

@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-from kolsky.bars.result import FlyerResult, ReducedTest
-from kolsky.report import numbers
+from kolsky.bars.records import FlyerResult, ReducedTest
 from kolsky.report.figures import figures_of
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
-from kolsky.report.typography import typeset
+from kolsky.results import numbers
+from kolsky.results.nomenclature import typeset
 
 SHOWN = {"Pa": (1e-6, "MPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/V": (1e6, "µm/m/V")}
 """Factor and unit of the page by SI unit; other units are shown unchanged."""

@@ -13,19 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kolsky.base.process import run_program
-from kolsky.report.scene.fields import FIELDS
-from kolsky.report.scene.geometry import (
-    ASIDE,
+from kolsky.report.scene.scene_data import (
     AZIMUTH,
     ELEVATION,
+    FIELDS,
     PLATEN,
+    SIDE_DISTANCE,
+    Scene,
     Surface,
     lifted,
     measured_body,
     platens,
     simulated,
 )
-from kolsky.report.scene.scene_data import Scene
 
 SIZE = (1008, 560)
 """Width and height of a picture [px]; multiples of 16, as video codecs require."""
@@ -151,7 +151,7 @@ def _fill(plotter: Any, pyvista: Any, scene: Scene, k: int, bar: bool) -> None:
     if beside is not None:
         plotter.add_mesh(_mesh(pyvista, beside), color=MEASURED, smooth_shading=True, ambient=0.3)
         dots = lifted(scene.points_at(k), 0.004 * radius)
-        shift = np.array([-ASIDE * radius, 0.0, 0.0])
+        shift = np.array([-SIDE_DISTANCE * radius, 0.0, 0.0])
         plotter.add_points(dots, color=POINT, point_size=5.0, render_points_as_spheres=True)
         plotter.add_points(dots + shift, color=POINT, point_size=5.0, render_points_as_spheres=True)
     if bar:
@@ -171,7 +171,7 @@ def _set_camera(plotter: Any, radius: float, top: float, *, beside: bool) -> Non
     way = np.array(
         [np.sin(azimuth) * np.cos(elevation), np.sin(elevation), np.cos(azimuth) * np.cos(elevation)]
     )
-    left_end = -ASIDE * radius * right[0] - radius if beside else -PLATEN * radius
+    left_end = -SIDE_DISTANCE * radius * right[0] - radius if beside else -PLATEN * radius
     across = 0.5 * (PLATEN * radius - left_end)
     width, height = plotter.window_size
     middle = (0.5 * (PLATEN * radius + left_end) + MARGIN * across) * right + [0.0, 0.5 * top, 0.0]

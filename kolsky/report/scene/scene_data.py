@@ -1,25 +1,109 @@
-"""Scene: the deforming mesh, a field at its nodes and the measured points, as needed to draw them."""
+"""Scene of a film or still: the deforming mesh, a field at its nodes, measured points and surfaces.
+
+A new field is one function and one line of `FIELDS`. The surfaces show the specimen cut in half between
+its platens, with the measured body next to it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine
-from kolsky.report.scene.fields import FIELDS, Solid
 
 if TYPE_CHECKING:
     import explicit
     from dic import SurfaceHistory
-    from kolsky.inverse.check_run import ShowsCheckRun
+    from explicit.materials.volumetric import VolumetricLaw
+    from kolsky.base.records import MaterialCurve
+    from kolsky.inverse.result import Identification, ShowsCheckRun
 
 
-RANGE = (1.0, 99.0)
+@dataclass(frozen=True)
+class Solid:
+    """Material of the specimen, needed for stresses and energies."""
+
+    law: Any
+    """`explicit.materials.MaterialLaw`, unscaled."""
+    volume: VolumetricLaw
+    """Volumetric law, unscaled."""
+    stiffness_factor: float
+    """Factor on both."""
+
+
+def solid_of(curve: MaterialCurve, result: Identification) -> Solid:
+    """Return the material of an identification: the law of its reference curve times the stiffness factor."""
+    from explicit.materials.volumetric import VolumetricLaw, bulk_modulus
+    from kolsky.inverse.forward import material_law
+
+    law = material_law(curve)
+    values = {**result.fixed, **{name: e.value for name, e in result.estimates.items()}}
+    return Solid(
+        law=law,
+        volume=VolumetricLaw(float(bulk_modulus(law.initial_shear_modulus, values["poisson"]))),
+        stiffness_factor=values["stiffness_factor"],
+    )
+
+
+@dataclass(frozen=True)
+class _FieldKind:
+    """Scalar field with one value per element."""
+
+    label: str
+    """Quantity with its unit, as on an axis."""
+    values: Callable[[FloatArray, Solid | None], FloatArray]
+    """From deformation gradients, shape [..., 3, 3] in (r, y, hoop), and the solid; shape [...]."""
+    colours: str
+    """Name of a Matplotlib colour map."""
+    needs_solid: bool = False
+    """True if the material must be known."""
+
+
+def smallest_stretch(F: FloatArray, solid: Solid | None = None) -> FloatArray:
+    """Smallest principal stretch [-].
+
+    The hoop stretch or the smaller of the two in the meridian plane, whose squares are the eigenvalues of
+    F^T F there.
+    """
+    r, y = F[..., :2, 0], F[..., :2, 1]
+    # Sums of two, written out: a loop over so short an axis takes ten times as long, to the same bits.
+    (r0, r1), (y0, y1) = np.moveaxis(r, -1, 0), np.moveaxis(y, -1, 0)
+    rr, yy, ry = r0**2 + r1**2, y0**2 + y1**2, r0 * y0 + r1 * y1
+    in_plane = 0.5 * (rr + yy) - np.hypot(0.5 * (rr - yy), ry)
+    # Below zero only by round-off, where an element is flattened.
+    return np.asarray(np.minimum(np.sqrt(np.maximum(in_plane, 0.0)), np.abs(F[..., 2, 2])))
+
+
+def pressure(F: FloatArray, solid: Solid | None) -> FloatArray:
+    """Minus the mean Cauchy stress [MPa]."""
+    assert solid is not None  # `needs_solid`
+    return np.asarray(-1e-6 * solid.stiffness_factor * solid.volume.pressure(np.linalg.det(F)))
+
+
+def strain_energy(F: FloatArray, solid: Solid | None) -> FloatArray:
+    """Stored energy per undeformed volume [MJ/m^3]."""
+    assert solid is not None  # `needs_solid`
+    J = np.linalg.det(F)
+    b = np.einsum("...ij,...kj->...ik", F, F)
+    components = np.stack([b[..., 0, 0], b[..., 1, 1], b[..., 0, 1], b[..., 2, 2]], axis=-1)
+    b_bar = J[..., None] ** (-2.0 / 3.0) * components
+    return np.asarray(1e-6 * solid.stiffness_factor * (solid.law.energy(b_bar) + solid.volume.energy(J)))
+
+
+FIELDS: dict[str, _FieldKind] = {
+    "stretch": _FieldKind("Smallest stretch (1)", smallest_stretch, "viridis"),
+    "pressure": _FieldKind("Pressure (MPa)", pressure, "cividis", needs_solid=True),
+    "energy": _FieldKind("Strain energy (MJ/m³)", strain_energy, "viridis", needs_solid=True),
+}
+"""Fields by name."""
+
+
+_FIELD_RANGE = (1.0, 99.0)
 """Percentiles of a field over all times at the ends of the colour scale, so that no corner sets it."""
 
 
@@ -28,7 +112,7 @@ class SceneDataMissing(ValueError):
 
 
 @dataclass(frozen=True)
-class Mesh:
+class _Mesh:
     """Connectivity of the mesh: elements, faces and side surface."""
 
     quads: NDArray[np.int64]
@@ -45,7 +129,7 @@ class Mesh:
 class Scene:
     """One simulation with measured data, ready to be drawn."""
 
-    mesh: Mesh
+    mesh: _Mesh
     """The mesh."""
     times: FloatArray
     """Times of the pictures [s], shape [n_times]."""
@@ -54,7 +138,7 @@ class Scene:
     values: FloatArray
     """The field at the nodes, shape [n_times, n_nodes]."""
     field: str
-    """Name in `kolsky.report.scene.fields.FIELDS`."""
+    """Name in `kolsky.report.scene.scene_data.FIELDS`."""
     limits: tuple[float, float]
     """Field values at the ends of the colour scale."""
     measured_outline: CentreLine
@@ -86,7 +170,7 @@ class Scene:
 def has_scene(result: ShowsCheckRun) -> bool:
     """Return True if a result holds the data of a scene."""
     try:
-        _simulated(result)
+        _simulated_frames(result)
     except SceneDataMissing:
         return False
     return True
@@ -107,7 +191,7 @@ def scene_of(
     result
         Its response must hold the nodes, its provenance the specimen's size.
     field
-        One of `kolsky.report.scene.fields.FIELDS`.
+        One of `kolsky.report.scene.scene_data.FIELDS`.
     solid
         Material; required by fields that are stresses or energies.
     surface
@@ -122,22 +206,22 @@ def scene_of(
     SceneDataMissing
         If the result lacks the nodes or the specimen's size.
     """
-    from explicit.deformation import deformation_gradient
+    from explicit.mesh import deformation_gradient
 
     if field not in FIELDS:
         raise ValueError(f"there is no field {field!r}; choose from {', '.join(FIELDS)}")
     kind, response = FIELDS[field], result.response
     if kind.needs_solid and solid is None:
         raise ValueError(f"the field {field!r} needs the material")
-    mesh, whole = _simulated(result)
+    mesh, whole = _simulated_frames(result)
     assert response.nodes is not None  # checked by `_simulated`
     nodes = response.nodes[0][whole]
     # Picture by picture: the gradients of all of them would outgrow the caches.
     elements = np.array([kind.values(deformation_gradient(mesh, x), solid) for x in nodes])
-    low, high = np.percentile(elements, RANGE)
+    low, high = np.percentile(elements, _FIELD_RANGE)
     shown = np.asarray(chosen(len(nodes)))
     return Scene(
-        mesh=Mesh(mesh.quads, mesh.lower_face, mesh.side, mesh.upper_face),
+        mesh=_Mesh(mesh.quads, mesh.lower_face, mesh.side, mesh.upper_face),
         times=response.surface_times[whole][shown],
         nodes=nodes[shown],
         values=_at_nodes(mesh, elements[shown]),
@@ -148,7 +232,7 @@ def scene_of(
     )
 
 
-def _simulated(result: ShowsCheckRun) -> tuple[explicit.Mesh, NDArray[np.bool_]]:
+def _simulated_frames(result: ShowsCheckRun) -> tuple[explicit.Mesh, NDArray[np.bool_]]:
     """The mesh of the check run, and which of its times it reached.
 
     Raises
@@ -191,3 +275,97 @@ def _at_nodes(mesh: explicit.Mesh, elements: FloatArray) -> FloatArray:
     count = np.bincount(corner, minlength=mesh.n_nodes)
     spread = np.repeat(elements, 4, axis=1)
     return np.array([np.bincount(corner, row, mesh.n_nodes) for row in spread]) / count
+
+
+_TURNS = 61
+"""Angular divisions of half a revolution, ends included."""
+PLATEN, _PLATEN_THICKNESS = 1.15, 0.07
+"""Radius of a platen over the specimen's largest, and its thickness over that."""
+SIDE_DISTANCE = 2.9
+"""Distance of the measured body from the simulated one over the largest radius."""
+AZIMUTH, ELEVATION = 40.0, 18.0
+"""Direction from the specimen to the eye: turned from Z toward x, and above the plane of both [degrees]."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Quadrilaterals in space."""
+
+    points: FloatArray
+    """Corners (x, y, Z) [m], shape [n, 3]."""
+    faces: NDArray[np.int64]
+    """Corners of each face, shape [m, 4]."""
+    values: FloatArray | None = None
+    """A field at the points, shape [n]."""
+
+    def with_(self, other: Surface) -> Surface:
+        """Both surfaces as one; both have values or neither."""
+        values = None
+        if self.values is not None and other.values is not None:
+            values = np.concatenate([self.values, other.values])
+        return Surface(
+            np.vstack([self.points, other.points]),
+            np.vstack([self.faces, other.faces + len(self.points)]),
+            values,
+        )
+
+
+def simulated(scene: Scene, k: int) -> Surface:
+    """Cut plane and outer surface of the half x <= 0 at time k, with the field."""
+    mesh, nodes, values = scene.mesh, scene.nodes[k], scene.values[k]
+    zero = np.zeros(len(nodes))
+    front = Surface(np.column_stack([zero, nodes[:, 1], nodes[:, 0]]), mesh.quads, values)
+    behind = Surface(np.column_stack([zero, nodes[:, 1], -nodes[:, 0]]), mesh.quads, values)
+    skin = np.concatenate([mesh.lower_face, mesh.side[1:-1], mesh.upper_face[::-1]])
+    shell = _revolved(nodes[skin], np.linspace(0.0, np.pi, _TURNS), values[skin])
+    return front.with_(behind).with_(shell)
+
+
+def measured_body(scene: Scene, k: int) -> Surface | None:
+    """The outline measured nearest to time k, revolved and set aside; None if none was measured."""
+    y, Z = scene.outline_at(k)
+    if y.size < 2:
+        return None
+    body = _revolved(np.column_stack([Z, y]), np.linspace(0.0, 2.0 * np.pi, 2 * _TURNS - 1))
+    shift = np.array([-SIDE_DISTANCE * float(scene.nodes[..., 0].max()), 0.0, 0.0])
+    return Surface(body.points + shift, body.faces)
+
+
+def platens(radius: float, top: float) -> tuple[Surface, Surface]:
+    """Halves behind the cut of the lower and upper platen of a specimen of this radius and height [m]."""
+    thick, R = _PLATEN_THICKNESS * radius, PLATEN * radius
+    wall = np.arange(8).reshape(2, 4)
+    halves = []
+    for low in (-thick, top):
+        line = np.array([[0.0, low], [R, low], [R, low + thick], [0.0, low + thick]])
+        cut = np.array([[0.0, y, sign * r] for sign in (1.0, -1.0) for r, y in line])
+        halves.append(Surface(cut, wall).with_(_revolved(line, np.linspace(0.0, np.pi, _TURNS))))
+    return halves[0], halves[1]
+
+
+def _revolved(line: FloatArray, angles: FloatArray, values: FloatArray | None = None) -> Surface:
+    """Surface of revolution of a line (r, y) [m], shape [n, 2]; angle 0 is toward the cameras, then x < 0.
+
+    Parameters
+    ----------
+    line
+        Radii and heights [m], shape [n, 2].
+    angles
+        Angles about the axis [rad].
+    values
+        A field along the line, shape [n], if any.
+    """
+    n = len(line)
+    r, y = line.T
+    x, Z = -np.sin(angles)[:, None] * r, np.cos(angles)[:, None] * r
+    points = np.stack([x, np.broadcast_to(y, x.shape), Z], axis=-1).reshape(-1, 3)
+    first = (n * np.arange(len(angles) - 1)[:, None] + np.arange(n - 1)).ravel()
+    faces = np.column_stack([first, first + 1, first + n + 1, first + n])
+    return Surface(points, faces, None if values is None else np.tile(values, len(angles)))
+
+
+def lifted(points: FloatArray, by: float) -> FloatArray:
+    """Points moved outward by `by` [m], so that the surface does not hide them."""
+    across = np.hypot(points[:, 0], points[:, 2])
+    factor = 1.0 + by / np.where(across > 0.0, across, np.inf)
+    return np.column_stack([factor * points[:, 0], points[:, 1], factor * points[:, 2]])

@@ -16,22 +16,23 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize, to_rgb
 
 from kolsky.base.arrays import FloatArray
-from kolsky.report.scene.fields import FIELDS
 from kolsky.report.scene.film import evenly_spaced
-from kolsky.report.scene.geometry import (
-    ASIDE,
+from kolsky.report.scene.scene_data import (
     AZIMUTH,
     ELEVATION,
+    FIELDS,
+    SIDE_DISTANCE,
+    Scene,
     Surface,
     lifted,
     measured_body,
     platens,
+    scene_of,
     simulated,
 )
-from kolsky.report.scene.scene_data import Scene, scene_of
 
 if TYPE_CHECKING:
-    from kolsky.inverse.check_run import ShowsCheckRun
+    from kolsky.inverse.result import ShowsCheckRun
 
 COUNT = 3
 """Number of still pictures in a report."""
@@ -89,7 +90,7 @@ def draw_still(ax: Axes, scene: Scene, k: int) -> None:
     if beside is not None:
         _draw(ax, beside, np.array(to_rgb(MEASURED)))
         dots = lifted(scene.points_at(k), 0.004 * radius)
-        for shift in (0.0, -ASIDE * radius):
+        for shift in (0.0, -SIDE_DISTANCE * radius):
             x, y = in_picture(dots + np.array([shift, 0.0, 0.0])).T
             ax.plot(x, y, "o", color=POINT, ms=1.1, mew=0.0, rasterized=True)
     _draw(ax, upper, np.array(to_rgb(STEEL)), opacity=THROUGH)

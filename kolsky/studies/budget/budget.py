@@ -3,7 +3,7 @@
 Each factor is set to the nodes of a Gauss-Hermite rule of three points, Eq. (E.8), which gives mean and
 variance of a quadratic response exactly; the noise and all factors together are drawn, Eq. (E.9). Every
 realisation is re-fitted from the optimum of the test without errors, and those of all factors together are
-searched whole beside that (`kolsky.studies.budget.refit`).
+searched whole beside that (`kolsky.studies.budget.realisation`).
 """
 
 from collections.abc import Callable
@@ -13,19 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from doe.executors import ExecutorFactory, Pace, run_chunks
-from doe.ledger import Ledger
-from doe.ledger_rows import Run
+from doe.ledger import ExecutorFactory, Ledger, Pace, Run, run_chunks
 from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.parameters import any_slides
-from kolsky.inverse.settings import Settings
-from kolsky.studies.budget.design import NODES, WEIGHTS, design, slopes_of
-from kolsky.studies.budget.factors import NOISE, Factor
-from kolsky.studies.budget.realisation import Realisations, columns_of, names_of
-from kolsky.studies.budget.records import FEWEST, Budget, Source
-from kolsky.studies.budget.refit import RealisationOutcome
-from kolsky.studies.budget.sampling import JointShares, joint_shares, shares_of_squares
+from kolsky.inverse.problem import Settings
+from kolsky.studies.budget.factors import NODES, NOISE, WEIGHTS, Factor, design, slopes_of
+from kolsky.studies.budget.realisation import RealisationOutcome, Realisations, columns_of, names_of
+from kolsky.studies.budget.records import FEWEST, Budget, JointShares, Source, joint_shares, shares_of_squares
 from kolsky.virtual.schema import Specification
 
 
@@ -63,7 +58,7 @@ def budget(
     retry
         Make again what gave no answer before.
     executor, progress
-        As in `doe.executors.run_chunks`.
+        As in `doe.ledger.run_chunks`.
 
     Raises
     ------

@@ -1,15 +1,119 @@
-"""An error budget as records: what each source does alone, and what all of them do together."""
+"""The result of an error budget: parts by source, shares of the variance, a planned campaign, tables."""
 
 from collections import Counter
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from scipy.stats import chi2
+from scipy.stats import t as student
 
 from kolsky.base.arrays import FloatArray
+from kolsky.base.files import write_table
 from kolsky.studies.budget.factors import Factor
-from kolsky.studies.budget.refit import RealisationOutcome
-from kolsky.studies.budget.sampling import JointShares
+from kolsky.studies.budget.realisation import RealisationOutcome
+
+RESAMPLES = 2000
+"""Bootstrap samples."""
+SPARE_DRAWS = 4
+"""Least draws beyond the constants of the line."""
+PERCENT = (2.5, 97.5)
+"""Ends of an interval."""
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class JointShares:
+    """Shares in the variance of the draws of all errors at once."""
+
+    slopes: FloatArray
+    """Change of the answer by one standard uncertainty of each source, shape [p]."""
+    shares: FloatArray
+    """Of each source [-], shape [p]."""
+    intervals: FloatArray
+    """95 % intervals of them, shape [p, 2]."""
+    unexplained: float
+    """Share that no line explains [-]: noise, curvature, interactions."""
+    unexplained_interval: Interval
+    """95 % interval of that."""
+
+
+def shares_of_squares(u: FloatArray, drawn: int, values: FloatArray, *, seed: int = 1) -> FloatArray:
+    """Intervals of shares u_i^2 / sum u^2 of which one u is a standard deviation of a few values.
+
+    Parameters
+    ----------
+    u
+        Standard uncertainties; NaN ones have no part, shape [k].
+    drawn
+        Which of them is the standard deviation of `values`.
+    values
+        The draws, shape [n].
+    seed
+        Of the bootstrap.
+
+    Returns
+    -------
+    FloatArray
+        95 % intervals, NaN where u is, shape [k, 2].
+    """
+    rng = np.random.default_rng(seed)
+    again = values[rng.integers(len(values), size=(RESAMPLES, len(values)))].var(axis=1, ddof=1)
+    squares = np.tile(u**2, (RESAMPLES, 1))
+    squares[:, drawn] = again
+    total = np.nansum(squares, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shares = squares / total[:, None]
+    found = np.full((len(u), 2), np.nan)
+    known = np.isfinite(u)
+    found[known] = np.percentile(shares[:, known], PERCENT, axis=0).T
+    return found
+
+
+def joint_shares(z: FloatArray, values: FloatArray, *, seed: int = 1) -> JointShares | None:
+    """Shares of sources in the variance of draws of all of them at once, Eq. (E.12).
+
+    Parameters
+    ----------
+    z
+        Errors in standard uncertainties, shape [n, p].
+    values
+        The answers, shape [n].
+    seed
+        Of the bootstrap.
+
+    Returns
+    -------
+    JointShares or None
+        None for fewer than p + 1 + `SPARE` draws, or if the sources cannot be told apart.
+    """
+    n, p = z.shape
+    left = n - p - 1
+    A = np.column_stack([np.ones(n), z])
+    if left < SPARE_DRAWS or np.linalg.matrix_rank(A) <= p:
+        return None
+    gain = np.linalg.pinv(A)
+    fitted = A @ (gain @ values)
+    residual = values - fitted
+    rng = np.random.default_rng(seed)
+    drawn = residual[rng.integers(n, size=(RESAMPLES, n))] * np.sqrt(n / left)
+    samples = np.concatenate([values[None], fitted + drawn])
+    slopes = samples @ gain.T
+    rest = ((samples - slopes @ A.T) ** 2).sum(axis=1) / left
+    total = (slopes[:, 1:] ** 2).sum(axis=1) + rest
+    parts = np.column_stack([slopes[:, 1:] ** 2, rest])
+    shares = np.divide(parts, total[:, None], out=np.zeros_like(parts), where=total[:, None] > 0.0)
+    low, high = np.percentile(shares[1:], PERCENT, axis=0)
+    return JointShares(
+        slopes=slopes[0, 1:],
+        shares=shares[0, :-1],
+        intervals=np.stack([low[:-1], high[:-1]], axis=1),
+        unexplained=float(shares[0, -1]),
+        unexplained_interval=(float(low[-1]), float(high[-1])),
+    )
+
 
 FEWEST = 4
 """Fewest realisations that a standard deviation is taken from."""
@@ -107,3 +211,205 @@ class Budget:
     def share(self, source: Source) -> float:
         """Share of a source in the sum of the squares [-]."""
         return source.u**2 / self.u_sum**2 if self.u_sum > 0.0 else 0.0
+
+
+FEWEST_SHOTS = 4
+"""Fewest shots of a slope, as `kolsky rate` asks for."""
+MOST_SHOTS = 1000
+"""Shots beyond which no campaign is planned."""
+Layout = Literal["ends", "even"]
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A planned series of shots."""
+
+    rates: FloatArray
+    """Nominal strain rate of each shot [1/s], ascending, shape [n]."""
+    layout: Layout
+    """Half of the shots at either end of the range, or evenly spread in the logarithm."""
+    sigma: float
+    """Standard deviation of one shot's stiffness factor about the line [-]."""
+    half_width: float
+    """Expanded uncertainty U of the slope per decade, 95 % [-]."""
+
+    @property
+    def shots(self) -> int:
+        """Number of shots."""
+        return len(self.rates)
+
+
+def shot_sigma(budget: Budget, scatter: float) -> float:
+    """Standard deviation of one shot about the line: its own sources, and the specimens' scatter [-].
+
+    Raises
+    ------
+    ValueError
+        If a source of each shot alone has no uncertainty, since its realisations failed.
+    """
+    own = [source for source in budget.sources if not source.factor.shared]
+    unknown = [source.factor.words for source in own if np.isnan(source.u)]
+    if unknown:
+        raise ValueError(
+            f"no uncertainty is known of {', '.join(unknown)}: take smaller standard uncertainties"
+        )
+    return float(np.sqrt(sum(source.u**2 for source in own) + scatter**2))
+
+
+def slope_half_width(rates: FloatArray, sigma: float) -> float:
+    """Expanded uncertainty of the slope per decade, Eq. (E.11); infinite for fewer than three shots."""
+    x = np.log10(rates)
+    spread = float(((x - x.mean()) ** 2).sum())
+    if len(x) < 3 or spread <= 0.0:
+        return float("inf")
+    return float(student.ppf(0.975, len(x) - 2) * sigma / np.sqrt(spread))
+
+
+def plan_campaign(
+    lowest: float, highest: float, wanted: float, sigma: float, *, layout: Layout = "ends"
+) -> Campaign:
+    """The fewest shots between two rates whose slope is known to a wanted expanded uncertainty.
+
+    Parameters
+    ----------
+    lowest, highest
+        Nominal strain rates [1/s].
+    wanted
+        Expanded uncertainty of the slope per decade, 95 % [-].
+    sigma
+        As `shot_sigma` gives it [-].
+    layout
+        Where the shots are.
+
+    Raises
+    ------
+    ValueError
+        If the rates or the wanted uncertainty cannot be, or more than `MOST_SHOTS` would be needed.
+    """
+    if not 0.0 < lowest < highest < np.inf:
+        raise ValueError(f"rates must be > 0 and ascend, got {lowest:g} and {highest:g} 1/s")
+    if not wanted > 0.0:
+        raise ValueError(f"the wanted uncertainty must be > 0, got {wanted:g}")
+    for n in range(FEWEST_SHOTS, MOST_SHOTS + 1):
+        rates = _rates(lowest, highest, n, layout)
+        half = slope_half_width(rates, sigma)
+        if half <= wanted:
+            return Campaign(rates, layout, sigma, half)
+    raise ValueError(
+        f"{MOST_SHOTS} shots do not reach {wanted:g} per decade, but {half:.3g}: widen the rates, or reduce "
+        f"the {sigma:.3g} of one shot"
+    )
+
+
+def _rates(lowest: float, highest: float, n: int, layout: Layout) -> FloatArray:
+    if layout == "even":
+        return np.asarray(np.geomspace(lowest, highest, n))
+    return np.concatenate([np.full(n // 2, lowest), np.full(n - n // 2, highest)])
+
+
+def write_budget(path: Path, result: Budget) -> Path:
+    """Write one row a source: standard uncertainty of the source, what it does to the answer, its share."""
+    sources = result.sources
+    return write_table(
+        path,
+        {
+            "source": [source.factor.words for source in sources],
+            "key": [source.factor.key for source in sources],
+            "standard uncertainty (SI)": [source.factor.sigma for source in sources],
+            "slope (SI)": [source.slope for source in sources],
+            "bias (SI)": [source.bias for source in sources],
+            "u (SI)": [source.u for source in sources],
+            "share (1)": [result.share(source) for source in sources],
+            "share, 95 % from (1)": [source.share_interval[0] for source in sources],
+            "share, 95 % to (1)": [source.share_interval[1] for source in sources],
+            "share in all at once (1)": [source.joint_share for source in sources],
+            "in all at once, 95 % from (1)": [source.joint_interval[0] for source in sources],
+            "in all at once, 95 % to (1)": [source.joint_interval[1] for source in sources],
+            "common to all shots (0/1)": [int(source.factor.shared) for source in sources],
+            "refused": ["; ".join(source.refused) for source in sources],
+        },
+    )
+
+
+def facts(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
+    """The budget in numbers, SI: the largest source first."""
+    low, high = result.u_together_interval
+    ordered = sorted(result.sources, key=lambda source: -np.nan_to_num(source.u))
+    return {
+        "test": result.name,
+        "parameter": result.parameter,
+        "truth": result.truth,
+        "reference": result.reference,
+        "u_sum": result.u_sum,
+        "u_together": result.u_together,
+        "u_together_low": low,
+        "u_together_high": high,
+        "sources_add_up": result.adds_up,
+        "refused_together": len(result.refused),
+        "together": result.together.tolist(),
+        "closure": result.closure,
+        "realisations": result.counts,
+        "searched_whole": result.searched,
+        "in_another_valley": result.elsewhere.tolist(),
+        "unexplained": None if result.joint is None else result.joint.unexplained,
+        "unexplained_interval": None if result.joint is None else list(result.joint.unexplained_interval),
+        "sources": {
+            source.factor.key: {
+                "sigma": source.factor.sigma,
+                "u": source.u,
+                "bias": source.bias,
+                "slope": source.slope,
+                "share": result.share(source),
+                "share_interval": list(source.share_interval),
+                "joint_share": source.joint_share,
+                "joint_interval": list(source.joint_interval),
+                "refused": len(source.refused),
+            }
+            for source in ordered
+        },
+        **({} if campaign is None else _planned(campaign)),
+    }
+
+
+def made_with(
+    analysis: tuple[int, int], refined: tuple[int, int], truth: tuple[int, int], draws: int, together: int
+) -> dict[str, Any]:
+    """What the numbers rest on: meshes of the identification and of the truth, numbers of draws."""
+    return {
+        "mesh": list(analysis),
+        "refined_mesh": list(refined),
+        "truth_mesh": list(truth),
+        "draws": draws,
+        "together": together,
+    }
+
+
+def _planned(campaign: Campaign) -> dict[str, Any]:
+    return {
+        "campaign_shots": campaign.shots,
+        "campaign_rates": [float(campaign.rates[0]), float(campaign.rates[-1])],
+        "campaign_sigma": campaign.sigma,
+        "campaign_half_width": campaign.half_width,
+    }
+
+
+def printed(result: Budget, campaign: Campaign | None = None) -> dict[str, Any]:
+    """The budget for a terminal: a line for each source with its expanded uncertainty and share."""
+    said = facts(result, campaign)
+    for name in ("together", "unexplained", "unexplained_interval", "closure", "realisations"):
+        del said[name]
+    elsewhere = said.pop("in_another_valley")
+    words = {source.factor.key: source.factor.words for source in result.sources}
+    lines = {
+        f"U from {words[key]}": f"{2.0 * source['u']:.3g} ({100.0 * source['share']:.2g} %)"
+        if np.isfinite(source["u"])
+        else "not known: the test gave no answer"
+        for key, source in said.pop("sources").items()
+    }
+    return {**{key: value for key, value in said.items() if not key.startswith("u_")}, **lines} | {
+        "realisations": ", ".join(f"{n} {how}" for how, n in result.counts.items()),
+        "in another valley": f"{len(elsewhere)} of {result.searched}"
+        + (f", at {', '.join(f'{value:.4g}' for value in elsewhere)}" if elsewhere else ""),
+        "U, added in quadrature": f"{2.0 * result.u_sum:.3g}",
+        "U, all at once": f"{2.0 * result.u_together:.3g}",
+    }

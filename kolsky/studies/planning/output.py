@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
-from kolsky.base.files import write_table
+from kolsky.base.files import jsonable, write_table
 from kolsky.base.hdf5 import creating, put
-from kolsky.base.json_types import jsonable
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.studies.planning.choices import CRITERIA, Choice, best_rate
 from kolsky.studies.planning.information import Expected
-from kolsky.studies.planning.plan import Plan, correlations
+from kolsky.studies.planning.plan import CRITERIA, Choice, Plan, best_rate, correlations
 
 VERSION = 1
 """Of the HDF5 file's layout."""

@@ -1,22 +1,243 @@
-"""From identified shots to a report on their rates: groups, means, slopes, and what must be said of them."""
+"""Shots compared: mean stiffness, slope over the rate, and stress, outline and force at fixed strains.
+
+Figs. 13 and 14 of Mates et al. (2012) are shots at fixed strains.
+"""
 
 from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
 
+from explicit.materials import MaterialLaw
 from kolsky.base.arrays import FloatArray
-from kolsky.studies.rates.at_strain import Baselines, equal_strain, stiffness_at
-from kolsky.studies.rates.pooled import FEWEST, Pooled, pool
+from kolsky.inverse.forward import curve_replicates, material_law
 from kolsky.studies.rates.records import (
     WITHHELD,
+    EqualStrain,
     GroupRates,
     LongLever,
+    QuasiStatic,
     RatedShot,
     RateReport,
+    ShapeAtStrain,
     StiffnessAtStrain,
 )
-from kolsky.studies.rates.regression import slope
+from kolsky.studies.rates.scatter import FEWEST_POOLED, Pooled, pool, slope
+
+STEP = 1e-4
+"""Half step of the tangent's central difference [-]; its error is of the order of 1e-8 of the curvature."""
+DRAWS = 100
+"""Curves drawn from the curve's own noise; a standard deviation of so many is known to 7 %."""
+HEIGHTS = 41
+"""Relative heights at which outlines are compared."""
+BASELINE = 61
+"""Points of the quasi-static line."""
+FEWEST_POINTS = 4
+"""Fewest points of an outline that is compared."""
+Quantities = dict[str, tuple[float, float]]
+
+
+class Baselines:
+    """The laws of some quasi-static curves with their replicates, each made once."""
+
+    def __init__(self) -> None:
+        self._laws: dict[str, list[MaterialLaw]] = {}
+
+    def reaches(self, baseline: QuasiStatic, strain: float) -> bool:
+        """True if the curve was measured as far as this compressive strain, as Marlow's law measures it."""
+        return _measure(strain) <= self._of(baseline)[0].data_limit
+
+    def at(self, baseline: QuasiStatic, strain: float) -> Quantities:
+        """The baseline's stress and moduli at a compressive strain, through the law that the solver uses.
+
+        Returns
+        -------
+        dict
+            Nominal stress, secant, tangent and apparent modulus, value and standard uncertainty [Pa]; at zero
+            strain the tangent modulus alone. The apparent modulus is Eq. (M.9), 3 stress / (lambda^-2 -
+            lambda). The uncertainty is the scatter of curves drawn from the noise of the curve's points: the
+            tangent is known less well than the stress.
+        """
+        drawn = [_quantities(law, strain) for law in self._of(baseline)]
+        return {
+            name: (value, float(np.std([one[name] for one in drawn[1:]], ddof=1)))
+            for name, value in drawn[0].items()
+        }
+
+    def stress(self, baseline: QuasiStatic, strain: float) -> float:
+        """Nominal compressive stress [Pa]."""
+        return _stress(self._of(baseline)[0], strain)
+
+    def _of(self, baseline: QuasiStatic) -> list[MaterialLaw]:
+        if baseline.source not in self._laws:
+            drawn = curve_replicates(baseline.curve, DRAWS, np.random.default_rng(1))
+            self._laws[baseline.source] = [material_law(baseline.curve), *drawn]
+        return self._laws[baseline.source]
+
+
+def stiffness_at(shots: Sequence[RatedShot], strain: float, baselines: Baselines) -> StiffnessAtStrain | None:
+    """Stress and moduli of the shots that reached a strain; None if there is none, or no curve reaches it.
+
+    Parameters
+    ----------
+    shots
+        Counted shots of one group.
+    strain
+        Nominal compressive strain, 0 to below 1; at 0 there is the tangent modulus alone.
+    baselines
+        The laws of their curves.
+
+    Raises
+    ------
+    ValueError
+        If the strain is outside [0, 1).
+    """
+    if not 0.0 <= strain < 1.0:
+        raise ValueError(f"a nominal compressive strain must be in [0, 1), got {strain:g}")
+    reached = [s for s in shots if s.history.largest >= strain and baselines.reaches(s.quasi_static, strain)]
+    if not reached:
+        return None
+    at = [baselines.at(shot.quasi_static, strain) for shot in reached]
+    names = list(at[0])
+    m = np.array([shot.m for shot in reached])
+    sigma = np.array([shot.sigma for shot in reached])
+    values = {name: np.array([one[name][0] for one in at]) for name in names}
+    own = {name: np.array([one[name][1] for one in at]) for name in names}
+    return StiffnessAtStrain(
+        strain=strain,
+        shots=tuple(shot.name for shot in reached),
+        rates=np.array([shot.history.nominal_rate for shot in reached]),
+        quantities={n: (m * values[n], np.hypot(sigma * values[n], m * own[n])) for n in names},
+        baseline=at[0],
+    )
+
+
+def _measure(strain: float) -> float:
+    """s = sqrt(I1 - 3) of an isochoric uniaxial compression."""
+    stretch = 1.0 - strain
+    return float(np.sqrt(max(stretch**2 + 2.0 / stretch - 3.0, 0.0)))
+
+
+def _stress(law: MaterialLaw, strain: float) -> float:
+    """Nominal compressive stress of an isochoric uniaxial compression [Pa]."""
+    stretch = 1.0 - strain
+    tau = law.stress(np.array([1.0 / stretch, stretch**2, 0.0, 1.0 / stretch]))
+    return float(tau[0] - tau[1]) / stretch
+
+
+def _quantities(law: MaterialLaw, strain: float) -> dict[str, float]:
+    tangent = (_stress(law, strain + STEP) - _stress(law, strain - STEP)) / (2.0 * STEP)
+    if strain == 0.0:
+        return {"tangent modulus": tangent}
+    stretch, height = 1.0 - strain, _stress(law, strain)
+    return {
+        "nominal stress": height,
+        "secant modulus": height / strain,
+        "tangent modulus": tangent,
+        "apparent modulus": 3.0 * height / (stretch**-2.0 - stretch),
+    }
+
+
+def equal_strain(
+    shots: Sequence[RatedShot], strains: Sequence[float], baselines: Baselines
+) -> EqualStrain | None:
+    """Force and outline of every shot at the strains that all of them reached; None if there is none.
+
+    The force is the mean over a bin, interpolated to the time of the strain; the outline is that of the
+    nearest frame, and says at which strain it was taken.
+
+    Parameters
+    ----------
+    shots
+        Shots of one group, at least one.
+    strains
+        Nominal compressive strains, each in (0, 1).
+    baselines
+        The laws of their quasi-static curves.
+    """
+    kept = [e for e in strains if e > 0.0 and all(shot.history.largest >= e for shot in shots)]
+    if not shots or not kept:
+        return None
+    e = np.array(kept)
+    rows: dict[str, list[FloatArray]] = {"force_measured": [], "force_sigma": [], "force_model": []}
+    for shot in shots:
+        c, time = shot.found.comparison, shot.history.time_at(e)
+        for name, row in rows.items():
+            row.append(np.interp(time, c.force_time, getattr(c, name)))
+    shapes = tuple(shape for strain in kept for shot in shots if (shape := _shape(shot, strain)) is not None)
+    first = shots[0]
+    area = 0.25 * np.pi * first.specimen[0] ** 2
+    line = np.linspace(0.0, min(shot.history.largest for shot in shots), BASELINE)
+    curve = first.quasi_static
+    base = [baselines.stress(curve, x) if baselines.reaches(curve, x) else np.nan for x in line]
+    scatter = [_scatter([s for s in shapes if s.strain == x], shots) for x in kept]
+    return EqualStrain(
+        strains=e,
+        shots=tuple(shot.name for shot in shots),
+        force=np.stack(rows["force_measured"]),
+        sigma=np.stack(rows["force_sigma"]),
+        force_model=np.stack(rows["force_model"]),
+        baseline_strain=line,
+        baseline_force=area * np.array(base),
+        shapes=shapes,
+        shape_scatter=np.array([s[0] for s in scatter]),
+        residual_scatter=np.array([s[1] for s in scatter]),
+    )
+
+
+def _shape(shot: RatedShot, strain: float) -> ShapeAtStrain | None:
+    """The outline in the frame nearest to a strain; None if none was measured or it has too few points."""
+    c, history = shot.found.comparison, shot.history
+    line = c.centre_line
+    times = np.unique(line.time[line.time <= history.time[-1]])
+    if not times.size:
+        return None
+    time = times[np.argmin(np.abs(times - history.time_at(np.array([strain]))[0]))]
+    points = np.flatnonzero(line.time == time)
+    if points.size < FEWEST_POINTS:
+        return None
+    points = points[np.argsort(line.y[points], kind="stable")]
+    return ShapeAtStrain(
+        shot=shot.name,
+        strain=strain,
+        at=float(np.interp(time, history.time, history.strain)),
+        y=line.y[points],
+        Z=line.Z[points],
+        sigma=line.sigma[points],
+        model=np.where(c.inside[points], c.Z_model[points], np.nan),
+    )
+
+
+def _scatter(shapes: Sequence[ShapeAtStrain], shots: Sequence[RatedShot]) -> tuple[float, float]:
+    """Standard deviation between shots of the radius and of its residual, rms over common heights [m]."""
+    lengths = {shot.name: shot.specimen[1] for shot in shots}
+    if len(shapes) < 2:
+        return float("nan"), float("nan")
+    relative = [s.y / (lengths[s.shot] * (1.0 - s.at)) for s in shapes]
+    low, high = max(h[0] for h in relative), min(h[-1] for h in relative)
+    if not low < high:
+        return float("nan"), float("nan")
+    grid = np.linspace(low, high, HEIGHTS)
+    radii = np.stack([np.interp(grid, h, s.Z) for h, s in zip(relative, shapes, strict=True)])
+    residuals = np.stack([_residual(grid, h, s) for h, s in zip(relative, shapes, strict=True)])
+    return _rms_scatter(radii), _rms_scatter(residuals)
+
+
+def _residual(grid: FloatArray, height: FloatArray, shape: ShapeAtStrain) -> FloatArray:
+    """Measured minus simulated radius at relative heights; NaN beyond the model's range."""
+    seen = np.isfinite(shape.model)
+    if int(seen.sum()) < 2:
+        return np.full(grid.shape, np.nan)
+    return np.interp(grid, height[seen], (shape.Z - shape.model)[seen], left=np.nan, right=np.nan)
+
+
+def _rms_scatter(rows: FloatArray) -> float:
+    """Rms over the columns that every row has of the standard deviation between rows, n - 1."""
+    whole = np.isfinite(rows).all(axis=0)
+    if not whole.any():
+        return float("nan")
+    return float(np.sqrt(np.mean(rows[:, whole].var(axis=0, ddof=1))))
+
 
 STRAINS = (0.1, 0.3, 0.5)
 """Nominal compressive strains at which shots are compared unless others are asked for."""
@@ -71,7 +292,7 @@ def _group(
     counted = [shot for shot in shots if shot.counted]
     common = common_parts(counted, shared)
     pooled = fitted = None
-    if len(counted) >= FEWEST:
+    if len(counted) >= FEWEST_POOLED:
         m = np.array([shot.m for shot in counted])
         own = np.array([shot.sigma_own for shot in counted])
         rows = np.array(list(common.values())).reshape(len(common), len(counted))
@@ -144,8 +365,8 @@ def _remarks(shots: Sequence[RatedShot], counted: Sequence[RatedShot]) -> list[s
             f"whether the model explains the data is not recorded of {', '.join(old)}: an older result; "
             "identify again"
         )
-    if len(counted) < FEWEST:
-        found.append(f"a mean needs {FEWEST} shots that count, there are {len(counted)}")
+    if len(counted) < FEWEST_POOLED:
+        found.append(f"a mean needs {FEWEST_POOLED} shots that count, there are {len(counted)}")
     for what in dict.fromkeys(key for shot in counted for key in shot.conditions):
         found += _differing(what, [(s.name, s.conditions.get(what, "not said")) for s in counted])
     found += _differing("quasi-static curve", [(s.name, s.quasi_static.source) for s in counted])

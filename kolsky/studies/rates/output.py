@@ -1,14 +1,298 @@
-"""A rate report to its files: CSV tables, and one HDF5 file with the same columns under the same names."""
+"""A rate report as tables: CSV files, and one HDF5 file with the same columns under the same names."""
 
 import re
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from kolsky.base.files import write_table
+from kolsky.base.files import jsonable, write_table
 from kolsky.base.hdf5 import Format, OpenGroup, group, put, put_text, writing
-from kolsky.base.json_types import jsonable
-from kolsky.studies.rates.records import GroupRates, RateReport
-from kolsky.studies.rates.tables import Columns, tables
+from kolsky.studies.rates.records import GroupRates, RatedShot, RateReport
+
+Columns = dict[str, list[Any]]
+"""Column heading, "name (unit)" for numbers -> its cells."""
+NAN = float("nan")
+ROUTES = ("joint", "force only", "shape only", "paper")
+
+
+def tables(report: RateReport) -> dict[str, Columns]:
+    """The tables of a report: name -> columns. A number that there is none of is NaN."""
+    return {
+        "rate_shots": _of_mappings(_shots(report)),
+        "rate_groups": _of_mappings(map(_group_row, report.groups)),
+        "rate_leave_one_out": _leave_one_out(report),
+        "rate_criteria": _criteria(report),
+        "rate_shared": _shared(report),
+        "rate_stiffness": _stiffness(report),
+        "rate_force_at_strain": _force(report),
+        "rate_shape_at_strain": _shape(report),
+        "rate_quasi_static_force": _quasi_static_force(report),
+        "rate_scatter_at_strain": _scatter(report),
+        "rate_remarks": _rows(
+            ["group", "remark"], ((g.name, remark) for g in report.groups for remark in g.remarks)
+        ),
+    }
+
+
+def _rows(names: list[str], rows: Iterable[tuple[Any, ...]]) -> Columns:
+    columns: Columns = {name: [] for name in names}
+    for row in rows:
+        for name, cell in zip(names, row, strict=True):
+            columns[name].append(_plain(cell))
+    return columns
+
+
+def _plain(cell: Any) -> Any:
+    """A NumPy number as Python's own."""
+    return cell.item() if hasattr(cell, "item") else cell
+
+
+def _of_mappings(rows: Iterable[dict[str, Any]]) -> Columns:
+    """Columns of rows that name their own cells."""
+    columns: Columns = {}
+    for row in rows:
+        for name, cell in row.items():
+            columns.setdefault(name, []).append(cell)
+    return columns
+
+
+def _shots(report: RateReport) -> Iterator[dict[str, Any]]:
+    for rates in report.groups:
+        weight = {}
+        if rates.slope is not None and rates.slope.fit is not None:
+            named = zip(rates.counted, rates.slope.fit.leverage, strict=True)
+            weight = {shot.name: float(leverage) for shot, leverage in named}
+        yield from (_shot(shot, weight.get(shot.name, NAN)) for shot in rates.shots)
+
+
+def _shot(shot: RatedShot, leverage: float) -> dict[str, Any]:
+    h, terms = shot.history, shot.found.terms
+    routes = {route.name: route for route in shot.found.routes}
+    by_route: dict[str, float] = {}
+    for name in ROUTES:
+        route = routes.get(name)
+        by_route[f"m {name} (1)"] = NAN if route is None else route.parameters.get("stiffness_factor", NAN)
+        if name != "paper":
+            sigma = NAN if route is None else route.sigma.get("stiffness_factor", NAN)
+            by_route[f"u(m) {name} (1)"] = sigma
+    return {
+        "group": shot.group,
+        "shot": shot.name,
+        "nominal strain rate (1/s)": h.nominal_rate,
+        "u of it (1/s)": h.sigma_rate,
+        "true strain rate, 5 % of the strain (1/s)": h.true_rate[0],
+        "true strain rate, 95 % of the strain (1/s)": h.true_rate[1],
+        "spread of its log10 (decade)": h.spread,
+        "averaged from (s)": h.span[0],
+        "averaged to (s)": h.span[1],
+        "largest nominal strain (1)": h.largest,
+        "m (1)": shot.m,
+        "u(m) (1)": shot.sigma,
+        "U(m) k=2 (1)": 2.0 * shot.sigma,
+        "u(m) own (1)": shot.sigma_own,
+        **by_route,
+        "Phi_F (N)": terms.phi_force,
+        "Phi_S (1)": terms.phi_shape,
+        "Phi (1)": terms.phi,
+        "force residual over expected (1)": shot.excess("force"),
+        "outline residual over expected (1)": shot.excess("outline"),
+        "verdict": shot.verdict.value,
+        "counted (0/1)": int(shot.counted),
+        "leverage (1)": leverage,
+        "warnings of its result (1)": len(shot.found.warnings),
+        "rig": shot.rig,
+        "SHA-256 of its quasi-static numbers": shot.quasi_static.source,
+        "quasi-static strain rate (1/s)": NAN if shot.quasi_static.rate is None else shot.quasi_static.rate,
+    }
+
+
+def _group_row(group: GroupRates) -> dict[str, Any]:
+    p, line, lever = group.pooled, group.slope, group.long_lever
+    fit = None if line is None else line.fit
+
+    def of(thing: Any, value: Callable[[Any], float]) -> float:
+        return NAN if thing is None else float(value(thing))
+
+    return {
+        "group": group.name,
+        "shots": len(group.shots),
+        "counted": len(group.counted),
+        "mean m (1)": of(p, lambda p: p.mean),
+        "u (1)": of(p, lambda p: p.sigma),
+        "u shared (1)": of(p, lambda p: p.sigma_common),
+        "95 % low (1)": of(p, lambda p: p.interval[0]),
+        "95 % high (1)": of(p, lambda p: p.interval[1]),
+        "next shot, 95 % low (1)": of(p, lambda p: p.prediction[0]),
+        "next shot, 95 % high (1)": of(p, lambda p: p.prediction[1]),
+        "standard deviation s (1)": of(p, lambda p: p.scatter),
+        "U = 2s (1)": of(p, lambda p: 2.0 * p.scatter),
+        "scatter between shots tau (1)": of(p, lambda p: p.fit.between),
+        "Q (1)": of(p, lambda p: p.fit.q),
+        "degrees of freedom": of(p, lambda p: p.fit.freedom),
+        "probability of Q (1)": of(p, lambda p: p.probability),
+        "I^2 (1)": of(p, lambda p: p.fit.i_squared),
+        "Knapp-Hartung factor (1)": of(p, lambda p: p.fit.scale),
+        "mean m, DerSimonian-Laird (1)": of(p, lambda p: p.others["dersimonian-laird"][0]),
+        "tau, DerSimonian-Laird (1)": of(p, lambda p: p.others["dersimonian-laird"][1]),
+        "mean m, REML (1)": of(p, lambda p: p.others["reml"][0]),
+        "tau, REML (1)": of(p, lambda p: p.others["reml"][1]),
+        "reference rate (1/s)": of(line, lambda s: s.reference),
+        "span of the rates (decade)": of(line, lambda s: s.span),
+        "slope of m (1/decade)": of(fit, lambda f: f.coefficients[1]),
+        "u of the slope (1/decade)": of(fit, lambda f: f.sigma(1)),
+        "slope, 95 % low (1/decade)": of(fit, lambda f: f.interval(1)[0]),
+        "slope, 95 % high (1/decade)": of(fit, lambda f: f.interval(1)[1]),
+        "scatter about the line (1)": of(fit, lambda f: f.between),
+        "slope may be claimed": "no verdict" if line is None else line.verdict.value,
+        "decades to the quasi-static rate": of(lever, lambda v: v.decades),
+        "slope from the quasi-static rate (1/decade)": of(lever, lambda v: v.slope),
+        "its 95 % low (1/decade)": of(lever, lambda v: v.interval[0]),
+        "its 95 % high (1/decade)": of(lever, lambda v: v.interval[1]),
+    }
+
+
+def _leave_one_out(report: RateReport) -> Columns:
+    def rows() -> Iterable[tuple[Any, ...]]:
+        for rates in report.groups:
+            if rates.pooled is None or rates.slope is None:
+                continue
+            fits = zip(rates.counted, rates.pooled.leave_one_out, rates.slope.leave_one_out, strict=True)
+            for shot, mean, line in fits:
+                yield (
+                    rates.name,
+                    shot.name,
+                    *(
+                        (NAN,) * 4
+                        if mean is None
+                        else (mean.coefficients[0], *mean.interval(0), mean.between)
+                    ),
+                    *((NAN,) * 3 if line is None else (line.coefficients[1], *line.interval(1))),
+                )
+
+    names = ["group", "without", "mean m (1)", "95 % low (1)", "95 % high (1)", "tau (1)"]
+    slopes = ["slope (1/decade)", "slope, 95 % low (1/decade)", "slope, 95 % high (1/decade)"]
+    return _rows([*names, *slopes], rows())
+
+
+def _criteria(report: RateReport) -> Columns:
+    return _rows(
+        ["group", "criterion", "value", "limit", "unit", "at least (0/1)", "met (0/1)"],
+        (
+            (g.name, c.name, c.value, c.limit, c.unit, int(c.at_least), int(c.met))
+            for g in report.groups
+            if g.slope is not None
+            for c in g.slope.criteria
+        ),
+    )
+
+
+def _shared(report: RateReport) -> Columns:
+    return _rows(
+        ["group", "part", "shared through", "shot", "moves m by (1)"],
+        (
+            (g.name, part, through, shot.name, change)
+            for g in report.groups
+            for (part, through), row in g.common.items()
+            for shot, change in zip(g.counted, row, strict=True)
+            if change != 0.0
+        ),
+    )
+
+
+def _stiffness(report: RateReport) -> Columns:
+    def rows() -> Iterable[tuple[Any, ...]]:
+        for rates in report.groups:
+            for at in rates.stiffness:
+                for name, (value, sigma) in at.quantities.items():
+                    base, spread = at.baseline[name]
+                    rate = rates.counted[0].quasi_static.rate
+                    yield (
+                        rates.name,
+                        "quasi-static",
+                        NAN if rate is None else rate,
+                        at.strain,
+                        name,
+                        base,
+                        spread,
+                    )
+                    for row in zip(at.shots, at.rates, value, sigma, strict=True):
+                        yield rates.name, row[0], row[1], at.strain, name, row[2], row[3]
+
+    names = ["group", "shot", "strain rate (1/s)", "nominal strain (1)", "quantity", "value (Pa)", "u (Pa)"]
+    return _rows(names, rows())
+
+
+def _force(report: RateReport) -> Columns:
+    def rows() -> Iterable[tuple[Any, ...]]:
+        for rates in report.groups:
+            e = rates.equal_strain
+            if e is None:
+                continue
+            for k, strain in enumerate(e.strains):
+                for i, shot in enumerate(e.shots):
+                    yield rates.name, strain, shot, e.force[i, k], e.sigma[i, k], e.force_model[i, k]
+
+    names = ["group", "nominal strain (1)", "shot", "force (N)", "sigma (N)", "simulated force (N)"]
+    return _rows(names, rows())
+
+
+def _shape(report: RateReport) -> Columns:
+    return _rows(
+        [
+            "group",
+            "nominal strain (1)",
+            "shot",
+            "strain of the frame (1)",
+            "y (m)",
+            "Z (m)",
+            "sigma Z (m)",
+            "Z simulated (m)",
+        ],
+        (
+            (g.name, s.strain, s.shot, s.at, *point)
+            for g in report.groups
+            if g.equal_strain is not None
+            for s in g.equal_strain.shapes
+            for point in zip(s.y, s.Z, s.sigma, s.model, strict=True)
+        ),
+    )
+
+
+def _quasi_static_force(report: RateReport) -> Columns:
+    return _rows(
+        ["group", "nominal strain (1)", "quasi-static force (N)"],
+        (
+            (g.name, strain, force)
+            for g in report.groups
+            if (e := g.equal_strain) is not None
+            for strain, force in zip(e.baseline_strain, e.baseline_force, strict=True)
+        ),
+    )
+
+
+def _scatter(report: RateReport) -> Columns:
+    return _rows(
+        [
+            "group",
+            "nominal strain (1)",
+            "scatter of Z between shots (m)",
+            "scatter of Z measured minus simulated (m)",
+            "scatter of the force (N)",
+        ],
+        (
+            (
+                g.name,
+                e.strains[k],
+                e.shape_scatter[k],
+                e.residual_scatter[k],
+                e.force[:, k].std(ddof=1) if len(e.shots) > 1 else NAN,
+            )
+            for g in report.groups
+            if (e := g.equal_strain) is not None
+            for k in range(e.strains.size)
+        ),
+    )
+
 
 FORMAT = Format("kolsky-rates")
 _UNIT = re.compile(r" \(([^()]*)\)$")
@@ -34,10 +318,10 @@ def write_hdf5(path: Path, report: RateReport) -> None:
         about = {"grouped_by": report.grouped_by, "shared_relative_uncertainty": report.shared}
         entry = group(place.file, place.path, "NXentry", **about)
         for name, columns in tables(report).items():
-            _write(group(entry, name.removeprefix("rate_")), columns)
+            _write_table(group(entry, name.removeprefix("rate_")), columns)
 
 
-def _write(table: OpenGroup, columns: Columns) -> None:
+def _write_table(table: OpenGroup, columns: Columns) -> None:
     for heading, cells in columns.items():
         unit = _UNIT.search(heading)
         # A slash would open a group inside the group.
@@ -53,12 +337,12 @@ def summary(report: RateReport) -> dict[str, Any]:
     said = {
         "grouped_by": report.grouped_by,
         "shared_relative_uncertainty": report.shared,
-        "groups": [_group(group) for group in report.groups],
+        "groups": [_group_facts(rates) for rates in report.groups],
     }
     return {key: jsonable(value, key) for key, value in said.items()}
 
 
-def _group(group: GroupRates) -> dict[str, Any]:
+def _group_facts(group: GroupRates) -> dict[str, Any]:
     p, line = group.pooled, group.slope
     found: dict[str, Any] = {
         "name": group.name,

@@ -1,18 +1,228 @@
-"""Several shots to a report on their rates: collected, grouped, compared."""
+"""Several shots to a report on their rates: files, recordings and results collected, grouped and compared."""
 
+import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from pydantic import ConfigDict
+
 from kolsky.base.errors import InputError
+from kolsky.base.records import MaterialCurve
 from kolsky.inverse.result import Identification
+from kolsky.results.hdf5 import read_identification
+from kolsky.schema import fields as f
+from kolsky.schema.fields import Section
+from kolsky.schema.shot_file import Source, TomlFile, folder_of, parsed
+from kolsky.shot.load import load_shot
 from kolsky.shot.optical_data import measured
-from kolsky.shot.records import Shot
-from kolsky.shot.schema.reading import TomlFile
-from kolsky.studies.rates.collect import collected_shot, declarations, group_key, group_of
+from kolsky.shot.records import OpticalData, Shot
 from kolsky.studies.rates.comparison import STRAINS, compare
-from kolsky.studies.rates.records import RatedShot, RateReport
+from kolsky.studies.rates.records import PARAMETER, QuasiStatic, RatedShot, RateReport, strain_history
+
+RESULT_FILE = "identification.h5"
+GROUP_KEYS = ("group", "material")
+"""Keys of a shot file that shots are grouped by unless another is named, in this order."""
+ALL = "all shots"
+LOOSE = ConfigDict(extra="ignore", frozen=True, strict=True)
+
+
+class RateCurveSection(Section):
+    """The keys of [curve] or [law] that state the rate of its tests."""
+
+    model_config = LOOSE
+    baseline: bool = True
+    strain_rate: f.StrainRate | None = None
+
+
+class RateShotFile(Section):
+    """The keys of a shot.toml that a comparison of rates reads beside its recordings."""
+
+    model_config = LOOSE
+    material: f.Name | None = None
+    group: f.Name | None = None
+    rig: f.Name | None = None
+    curve: RateCurveSection | None = None
+    law: RateCurveSection | None = None
+
+    @property
+    def quasi_static_rate(self) -> float | None:
+        """Rate of what m refers to [1/s]: of [law] where it is the baseline, else of [curve]."""
+        said = self.law if self.law is not None and self.law.baseline else self.curve
+        return None if said is None else said.strain_rate
+
+
+def declarations(shot: Source) -> tuple[TomlFile, RateShotFile]:
+    """Read material, group, rig and the reference curve's rate from a shot file.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or one of these cannot be used.
+    """
+    file = parsed(shot)
+    declared = file.validated(RateShotFile)
+    return file, declared
+
+
+def group_key(files: list[TomlFile], wanted: str | None) -> str:
+    """The key that shots are grouped by; "" if none is named and none of the usual ones is given."""
+    if wanted:
+        return wanted
+    return next((key for key in GROUP_KEYS if any(key in file.content for file in files)), "")
+
+
+def group_of(file: TomlFile, key: str) -> str:
+    """The value of a dotted key in a shot file.
+
+    Raises
+    ------
+    InputError
+        If the shot file has no such key, or it is a table.
+    """
+    if not key:
+        return ALL
+    value: Any = file.content
+    for part in key.split("."):
+        value = value.get(part) if isinstance(value, dict) else None
+    if value is None:
+        raise InputError(
+            file.path,
+            f"has no {key!r} to group the shots by",
+            cure=f'add e.g. {key} = "..." to every shot, or group by another key with --group KEY',
+        )
+    if isinstance(value, dict | list):
+        raise InputError(
+            file.path,
+            "is a table or list, which cannot name a group",
+            key=key,
+            cure="name a text or a number to group by",
+        )
+    return str(value)
+
+
+def result_of(shot: Path) -> Path:
+    """Path of the result that `kolsky identify` writes for a shot."""
+    return folder_of(shot) / "results" / RESULT_FILE
+
+
+def collected_shot(
+    shot: Source,
+    *,
+    group: str,
+    identify: Callable[[Shot], Identification] | None = None,
+    measure: Callable[[Any], OpticalData] | None = None,
+) -> RatedShot:
+    """One shot with its rate and its result.
+
+    Parameters
+    ----------
+    shot
+        The shot's folder, its shot.toml, or that file parsed.
+    group
+        The group it belongs to.
+    identify
+        Makes a result where there is none; without it such a shot is refused.
+    measure
+        As in `kolsky.shot.load.load_shot`.
+
+    Raises
+    ------
+    InputError
+        If the shot cannot be loaded, has no result, or its result is of other files or has no stiffness
+        factor.
+    """
+    file, declared = declarations(shot)
+    place = result_of(file.path)
+    if identify is None and not place.exists():
+        raise InputError(
+            place,
+            "there is no result of this shot",
+            cure=f"`kolsky identify {file.path.parent}` writes one, or give --identify",
+        )
+    loaded = load_shot(file, measure=measure)
+    if place.exists() or identify is None:
+        found = read_identification(place)
+        _same_files(place, found, loaded, file.path.name)
+    else:
+        found = identify(loaded)
+    if PARAMETER not in found.estimates:
+        raise InputError(
+            place,
+            f"has no {PARAMETER}: it was held, not identified",
+            cure=f"identify it with --free {PARAMETER}",
+        )
+    try:
+        history = strain_history(loaded)
+    except ValueError as error:
+        raise InputError(loaded.folder, str(error), cure="identify the shot again") from error
+    return RatedShot(
+        name=loaded.name,
+        group=group,
+        rig=declared.rig or "the same rig",
+        history=history,
+        quasi_static=QuasiStatic(loaded.curve, digest(loaded.curve), declared.quasi_static_rate),
+        found=found,
+        specimen=(loaded.specimen.diameter, loaded.specimen.length),
+        conditions=conditions(found),
+    )
+
+
+def digest(curve: MaterialCurve) -> str:
+    """SHA-256 of a curve's numbers, hex: shots with the same one share its errors, whatever its file."""
+    modes = np.zeros(0) if curve.modes is None else curve.modes
+    made = hashlib.sha256()
+    for array in (curve.stretch, curve.stress, curve.sigma, modes):
+        made.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+    return made.hexdigest()
+
+
+def conditions(found: Identification) -> dict[str, str]:
+    """Conditions of all simulations of a result that bear on its stiffness factor, in words."""
+    settings = found.provenance.get("settings")
+    numerics = settings.get("numerics") if isinstance(settings, dict) else None
+    numerics = numerics if isinstance(numerics, dict) else {}
+    interface = found.provenance.get("interface")
+    laws = interface if isinstance(interface, dict) else {}
+    words = {name: f"{value:.6g}" for name, value in sorted(found.fixed.items()) if name != PARAMETER}
+    free = sorted(name for name in found.estimates if name != PARAMETER)
+    return {
+        **words,
+        "freed parameters": ", ".join(free) or "none",
+        "mesh": f"{found.refined_mesh[0]} x {found.refined_mesh[1]}",
+        "element": str(numerics.get("element", "not said")),
+        "interface, end faces": str(laws.get("faces", "not said")),
+        "interface, side surface": str(laws.get("side", "not said")),
+        "support": str(found.provenance.get("support", "not said")),
+    }
+
+
+def _same_files(place: Path, found: Identification, loaded: Shot, shot_file: str) -> None:
+    """Refuse a result of other recordings; a shot file may have got a group or a rate since."""
+    made_of = found.provenance.get("inputs")
+    if not isinstance(made_of, dict):
+        raise InputError(place, "does not say which files it was made of", cure="identify the shot again")
+    changed = sorted(
+        name for name, digest in loaded.inputs.items() if name != shot_file and made_of.get(name) != digest
+    )
+    if changed:
+        raise InputError(
+            place,
+            f"was made of another {changed[0]} than the shot has now",
+            cure="identify the shot again",
+        )
+    specimen = found.provenance.get("specimen")
+    now = {name: getattr(loaded.specimen, name) for name in ("diameter", "length", "density")}
+    window = found.provenance.get("window_s")
+    if specimen != now or not isinstance(window, list) or tuple(window) != loaded.window:
+        raise InputError(
+            place,
+            "was made with another specimen or window than the shot file declares now",
+            cure="identify the shot again",
+        )
+
 
 __all__ = ["rate"]
 

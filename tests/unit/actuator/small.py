@@ -1,10 +1,8 @@
 """A small actuator that several tests share: two chambers of linear hexahedra."""
 
 from explicit.materials import LAWS
-from implicit.laws.solid import Isotropic
-from implicit.laws.volumetric import bulk
-from kolsky.actuator.geometry import Pneunet
-from kolsky.actuator.model import Actuator
+from kolsky.bodies.actuator_model import Actuator, Pneunet
+from kolsky.equilibrium.solid import Isotropic, bulk
 
 RUBBER = Isotropic(LAWS["neo_hookean"].of([218e3]), bulk(2.0 / 1.150e-6))
 DOWN = (0.0, 0.0, -9.81)

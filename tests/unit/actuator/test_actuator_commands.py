@@ -8,8 +8,8 @@ import pytest
 import pyvista
 from typer.testing import CliRunner
 
-from implicit.meshes import box
 from kolsky.cli.commandline import app
+from kolsky.equilibrium.meshes import box
 
 SPEC = """
 pressures = ["0.2 bar", "0.4 bar"]

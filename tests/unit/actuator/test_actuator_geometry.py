@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS
-from implicit.integration.geometry import geometry
-from implicit.laws.solid import Isotropic
-from implicit.laws.volumetric import bulk
-from implicit.loads.pressure import FollowerPressure
-from implicit.loads.surface import faces_on
-from kolsky.actuator.geometry import Pneunet
-from kolsky.actuator.model import Actuator
+from kolsky.bodies.actuator_model import Actuator, Pneunet
+from kolsky.equilibrium.loads import FollowerPressure, faces_on
+from kolsky.equilibrium.points import geometry
+from kolsky.equilibrium.solid import Isotropic, bulk
 
 RUBBER = Isotropic(LAWS["neo_hookean"].of([218e3]), bulk(2.0 / 1.150e-6))
 SHAPE = {"chambers": 2, "half": True}

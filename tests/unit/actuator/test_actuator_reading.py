@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import pyvista
 
-from implicit.conditions import SelfContact
-from kolsky.actuator.geometry import Pneunet
-from kolsky.actuator.reading import read_actuator, volume_reading
-from kolsky.actuator.study import schedule
 from kolsky.base.errors import InputError
 from kolsky.base.units import UnitError
+from kolsky.bodies.actuator_bending import schedule
+from kolsky.bodies.actuator_model import Pneunet
+from kolsky.bodies.actuator_reading import read_actuator, volume_reading
+from kolsky.equilibrium.model import SelfContact
 
 SPEC = """
 pressures = ["0.1 bar", "0.4 bar"]

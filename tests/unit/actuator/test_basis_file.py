@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kolsky.actuator import benchmark
-from kolsky.actuator.basis_file import basis_key
-from kolsky.actuator.schema import ControlSection
 from kolsky.base.errors import InputError
+from kolsky.bodies import actuator_control
+from kolsky.bodies.actuator_control import basis_key
+from kolsky.bodies.actuator_reading import ControlSection
 from tests.unit.actuator.small import DOWN, MOST, actuator
 
 SECTION = ControlSection.model_construct(
@@ -21,14 +21,14 @@ SECTION = ControlSection.model_construct(
 def test_a_stored_reduction_closes_the_same_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     small, gravities = actuator(chambers=1), {"down": np.array(DOWN)}
     folder = tmp_path / "kept" / "basis"  # there is none yet
-    first, made = benchmark.run_control(small, gravities, SECTION, basis=folder)
-    monkeypatch.setattr(benchmark, "reduce_actuator", None)  # it is not made again
-    second, again = benchmark.run_control(small, gravities, SECTION, basis=folder)
+    first, made = actuator_control.run_control(small, gravities, SECTION, basis=folder)
+    monkeypatch.setattr(actuator_control, "reduce_actuator", None)  # it is not made again
+    second, again = actuator_control.run_control(small, gravities, SECTION, basis=folder)
     assert np.array_equal(first["down"].pressure, second["down"].pressure)
     assert again["down"].largest_error == made["down"].largest_error
     (folder / "down.h5").write_bytes(b"no HDF5")
     with pytest.raises(InputError, match="delete it"):
-        benchmark.run_control(small, gravities, SECTION, basis=folder)
+        actuator_control.run_control(small, gravities, SECTION, basis=folder)
 
 
 def test_the_key_says_what_it_follows_from() -> None:

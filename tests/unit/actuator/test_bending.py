@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from implicit.conditions import SelfContact
-from implicit.loads.surface_contact import surface_contacts
-from implicit.newton import Newton
-from kolsky.actuator.gaps import touching
-from kolsky.actuator.inverse import Reached, Search, pressure_for, pressures_for
-from kolsky.actuator.model import bend_of, bend_slope
-from kolsky.actuator.reduced import reduce_actuator
+from kolsky.bodies.actuator_bending import Search, SearchEnd, pressure_for, pressures_for
+from kolsky.bodies.actuator_control import reduce_actuator
+from kolsky.bodies.actuator_model import bend_of, bend_slope, touching
+from kolsky.equilibrium.model import SelfContact
+from kolsky.equilibrium.solve import Newton
+from kolsky.equilibrium.surface_contact import surface_contacts
 from tests.unit.actuator.small import DOWN, MOST, actuator
 
 SMALL = actuator()
@@ -48,14 +47,14 @@ def test_slope_is_the_difference_of_angles() -> None:
 def test_newton_finds_the_planted_pressure() -> None:
     planted = SMALL.simulate(DOWN, np.array([17e3, 34e3]))
     found = pressure_for(SMALL, DOWN, float(planted.angle[-1]), most=MOST)
-    assert found.ended is Reached.YES
+    assert found.ended is SearchEnd.YES
     assert found.pressures[0] == pytest.approx(34e3, rel=1e-3)
     assert found.equilibria <= 6
 
 
 def test_what_cannot_be_reached_is_said() -> None:
-    assert pressure_for(SMALL, DOWN, 2.0, most=20e3).ended is Reached.ABOVE
-    assert pressure_for(SMALL, DOWN, -0.5, most=20e3).ended is Reached.BELOW
+    assert pressure_for(SMALL, DOWN, 2.0, most=20e3).ended is SearchEnd.ABOVE
+    assert pressure_for(SMALL, DOWN, -0.5, most=20e3).ended is SearchEnd.BELOW
 
 
 def test_search_bisects_where_newton_would_leave_the_bracket() -> None:
@@ -72,10 +71,10 @@ def test_two_chambers_by_bounded_least_squares() -> None:
     assert planted.slopes().shape == (2, 2)
     wanted = {"angle": float(planted.angle[-1]), "tip": planted.chord[-1]}
     found = pressures_for(pair, DOWN, **wanted, most=MOST)
-    assert found.ended is Reached.YES
+    assert found.ended is SearchEnd.YES
     assert found.pressures == pytest.approx([20e3, 40e3], rel=1e-3)
     capped = pressures_for(pair, DOWN, **wanted, most=30e3)
-    assert capped.ended is Reached.NEAREST
+    assert capped.ended is SearchEnd.NEAREST
     assert capped.pressures.max() <= 30e3
 
 

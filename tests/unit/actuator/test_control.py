@@ -5,12 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from implicit.outcome import Outcome
-from implicit.reduction.model import ReducedState
-from kolsky.actuator import loop
-from kolsky.actuator.controller import Controller, Plant, largest_gain
-from kolsky.actuator.loop import run_loop
-from kolsky.actuator.reduced import ReducedBend, reduce_actuator
+from kolsky.bodies import actuator_control
+from kolsky.bodies.actuator_control import (
+    Controller,
+    Plant,
+    ReducedBend,
+    largest_gain,
+    reduce_actuator,
+    run_loop,
+)
+from kolsky.equilibrium.reduction import ReducedState
+from kolsky.equilibrium.solution import Outcome
 from tests.unit.actuator.small import DOWN, MOST, actuator
 
 MODEL_SLOPE = 1e-5
@@ -87,8 +92,8 @@ def test_in_real_time_a_tick_begins_when_it_is_due(monkeypatch: pytest.MonkeyPat
             clock["now"] += 1e-3
             return super().bend(pressure)
 
-    monkeypatch.setattr(loop, "perf_counter", lambda: clock["now"])
-    monkeypatch.setattr(loop, "sleep", wait)
+    monkeypatch.setattr(actuator_control, "perf_counter", lambda: clock["now"])
+    monkeypatch.setattr(actuator_control, "sleep", wait)
     p = np.linspace(0.0, 1e5, 5)
     controller = Controller(Slow(), gain=0.5, most=1e5)  # type: ignore[arg-type]
     plant, wanted = Plant(p, MODEL_SLOPE * p, 0.0, 0, 0.0), np.full(5, 0.5)

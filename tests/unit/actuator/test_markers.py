@@ -4,22 +4,24 @@ import cv2
 import numpy as np
 import pytest
 
-from kolsky.actuator.camera import (
+from kolsky.bodies.actuator_camera import (
+    NoMarkersError,
     PlaneCamera,
     board_corners,
     calibrate,
+    chain,
     draw_board,
     draw_markers,
     find_corners,
+    find_markers,
 )
-from kolsky.actuator.marker_fit import (
+from kolsky.bodies.actuator_markers import (
     MarkerComparison,
     fit_stiffness,
     interval,
     marker_positions,
     marker_weights,
 )
-from kolsky.actuator.segmentation import NoMarkersError, chain, find_markers
 from tests.unit.actuator.small import DOWN, actuator
 
 SIZE = (900, 700)

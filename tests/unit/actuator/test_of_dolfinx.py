@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kolsky.actuator.reading import read_actuator
+from kolsky.bodies.actuator_reading import read_actuator
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -8,11 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from implicit.arc_length import ArcPath
-from implicit.outcome import Outcome
-from kolsky.actuator.gaps import Touching, smallest_gap
-from kolsky.actuator.geometry import Pneunet
-from kolsky.actuator.study import Direction, relative_bend, warnings_of
+from kolsky.bodies.actuator_bending import Direction, relative_bend, warnings_of
+from kolsky.bodies.actuator_model import Pneunet, Touching, smallest_gap
+from kolsky.equilibrium.arc_length import ArcPath
+from kolsky.equilibrium.solution import Outcome
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -8,7 +8,7 @@ from barshots import STRESS, bar_shot
 
 from kolsky.bars.audit import Switches
 from kolsky.bars.records import BarSignal, Signal
-from kolsky.bars.reduction.alignment import Alignment, alignments, delays
+from kolsky.bars.reduction.windows import Alignment, alignments, delays
 from kolsky.base.apparatus import Bar
 from kolsky.shot.waves import waves
 

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from bar_pulses import Pulse, carried, exact_wavenumber
 
-from kolsky.bars.guides.polymer_waveguide import PronyModulus, ViscoelasticWaveguide
-from kolsky.bars.guides.propagation import force_of, propagate, propagation, velocity_of
-from kolsky.bars.guides.spectra import windowed
-from kolsky.bars.guides.waveguide import ElasticWaveguide, area
+from kolsky.bars.guides.propagation import force_of, propagate, propagation, velocity_of, windowed
+from kolsky.bars.guides.waveguide import ElasticWaveguide, PronyModulus, ViscoelasticWaveguide, area
 from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
 

@@ -7,19 +7,18 @@ import pytest
 from elastic_layer import Layer
 from softflyer import Flight
 
-from kolsky.bars.budget.monte_carlo import Spread, difference
-from kolsky.bars.budget.propagation import propagate
+from kolsky.bars.budget import propagate
 from kolsky.bars.flyer.events import _full_speed
-from kolsky.bars.flyer.fit import fit_flyer
 from kolsky.bars.flyer.flight import Flight as Paths
 from kolsky.bars.flyer.flight import symmetry_end
-from kolsky.bars.flyer.path import FlyerPath
-from kolsky.bars.guides.bars_together import wave_speed
+from kolsky.bars.flyer.path import FlyerPath, fit_flyer
+from kolsky.bars.guides.propagation import wave_speed
+from kolsky.bars.monte_carlo import Spread, difference
 from kolsky.bars.records import BarSignal, FaceWaves, Quantity, Signal
 from kolsky.bars.reduction.faces import face_waves
 from kolsky.bars.reduction.stress_strain import reduce
 from kolsky.bars.reduction.windows import find_windows
-from kolsky.bars.signals.droop import fit_time_constant
+from kolsky.bars.signals.transducers import fit_time_constant
 from kolsky.base.apparatus import Bar, Specimen
 
 BAR = Bar(diameter=20e-3, length=2.0, youngs_modulus=200e9, density=8000.0, poisson=0.0)

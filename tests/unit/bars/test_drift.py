@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from kolsky.bars.signals.drift import CONTRASTS, DRIFTING, diffusion, drift_at, drift_quantities
-from kolsky.bars.signals.signal_zero import check_rest
+from kolsky.bars.signals.baseline import (
+    CONTRASTS,
+    DRIFTING,
+    check_rest,
+    diffusion,
+    drift_at,
+    drift_quantities,
+)
 
 N, STEP = 400, 1e-6
 T = N * STEP

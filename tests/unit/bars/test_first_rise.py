@@ -7,9 +7,8 @@ import pytest
 from elastic_layer import ALUMINIUM, Layer
 
 from kolsky.bars.records import Signal
-from kolsky.bars.reduction.pulse_checks import check_windows
-from kolsky.bars.reduction.windows import incident_arrival
-from kolsky.bars.signals.first_rise import first_rise, low_level
+from kolsky.bars.reduction.windows import check_windows, incident_arrival
+from kolsky.bars.signals.arrival import first_rise, low_level
 
 STEP = 1e-7
 T = STEP * np.arange(5000)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dic import FrameOutcome
-from dic.rigid_body.body_motion import BodyMotion
-from kolsky.bars.flyer.fit import fit_flyer
-from kolsky.bars.flyer.flight import _own_noise, fit_flight, flyer_motion, symmetry_end
+from dic.bodies.body_motion import BodyMotion
+from kolsky.bars.flyer.flight import _noise_of_one, fit_flight, flyer_motion, symmetry_end
+from kolsky.bars.flyer.path import fit_flyer
 
 FRAMES, STATIC, RATE = 100, 10, 120e3
 T = (np.arange(FRAMES) - STATIC + 1) / RATE
@@ -116,4 +116,4 @@ def test_a_frames_own_noise_is_what_no_smooth_error_explains():
     frames = np.arange(12.0)
     line = np.stack([np.ones(12), frames - 5.5])
     covariance = 0.3**2 * np.eye(12) + line.T @ np.diag([4.0, 0.25]) @ line
-    np.testing.assert_allclose(_own_noise(covariance), 0.3, rtol=1e-12)
+    np.testing.assert_allclose(_noise_of_one(covariance), 0.3, rtol=1e-12)

@@ -9,7 +9,6 @@ import pytest
 from scipy.optimize import approx_fprime
 
 from kolsky.bars.flyer import jerks
-from kolsky.bars.flyer.fit import fit_flyer, whitening
 from kolsky.bars.flyer.jerks import (
     CHANGE_PER_OCTAVE,
     ZERO_PRIOR,
@@ -18,7 +17,7 @@ from kolsky.bars.flyer.jerks import (
     noise_parts,
     posterior,
 )
-from kolsky.bars.flyer.path import responses
+from kolsky.bars.flyer.path import fit_flyer, responses, whitening
 from kolsky.base.records import FlyerMotion
 
 ROOT = Path(__file__).parents[3]

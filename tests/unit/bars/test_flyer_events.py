@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from softflyer import FRAME, Flight
 
-from kolsky.bars.flyer.events import flyer_events
-from kolsky.bars.flyer.kink import find_kink
+from kolsky.bars.flyer.events import find_kink, flyer_events
 from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
 

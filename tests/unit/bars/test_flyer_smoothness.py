@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from test_flyer_unseen import FRAME, SIGMA, SPEED
 
-from kolsky.bars.flyer.evidences import Evidences
-from kolsky.bars.flyer.fit import fit_flyer
-from kolsky.bars.flyer.jerks import evidence, hat_functions, noise_parts
-from kolsky.bars.flyer.unseen import DRAWS, mixed_covariance, unseen_controls, weighted_draws
+from kolsky.bars.flyer.jerks import Evidences, evidence, hat_functions, noise_parts
+from kolsky.bars.flyer.path import DRAWS, controls_in_gaps, fit_flyer, importance_draws, mixed_covariance
 from kolsky.base.records import FlyerMotion
 
 A = np.array([[2.0, 0.6], [0.6, 0.5]])
@@ -48,7 +46,7 @@ def test_many_smoothnesses_at_once_have_the_likelihood_of_each(two_parts, shares
 
 def test_draws_have_the_likelihood_s_mean_and_covariance():
     """Sixty draws that count tell a variance to a fifth; opposite pairs tell the mean exactly."""
-    drawn, weights = weighted_draws(MODE, FREE, quadratic)
+    drawn, weights = importance_draws(MODE, FREE, quadratic)
     assert drawn.shape == (DRAWS, 3)
     assert weights.sum() == pytest.approx(1.0)
     assert (drawn[:, 0] == MODE[0]).all()
@@ -60,7 +58,7 @@ def test_draws_have_the_likelihood_s_mean_and_covariance():
 
 
 def test_the_same_call_draws_the_same():
-    first, second = (weighted_draws(MODE, FREE, quadratic) for _ in range(2))
+    first, second = (importance_draws(MODE, FREE, quadratic) for _ in range(2))
     np.testing.assert_array_equal(first[0], second[0])
 
 
@@ -79,12 +77,12 @@ def test_the_smoothness_of_spans_beside_unseen_frames_is_free():
     hats = hat_functions(np.arange(9) + 0.5)
     assert hats.shape[1] == 4
     seen = np.ones(10, dtype=bool)
-    assert unseen_controls(hats, t, seen, t).tolist() == [False] * 4
+    assert controls_in_gaps(hats, t, seen, t).tolist() == [False] * 4
     seen[6] = False
-    assert unseen_controls(hats, t, seen, t).tolist() == [False, True, True, True]
+    assert controls_in_gaps(hats, t, seen, t).tolist() == [False, True, True, True]
     seen[:] = True
     seen[1] = False
-    assert unseen_controls(hats, t, seen, t).tolist() == [True, True, False, False]
+    assert controls_in_gaps(hats, t, seen, t).tolist() == [True, True, False, False]
 
 
 def shown_late(start: float, rise: float, unseen: int, seed: int) -> tuple[float, float]:

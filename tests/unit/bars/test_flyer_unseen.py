@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from kolsky.bars.flyer.fit import _without_gaps, fit_flyer
 from kolsky.bars.flyer.jerks import evidence, hat_functions
-from kolsky.bars.flyer.path import FlyerPath
+from kolsky.bars.flyer.path import FlyerPath, _without_gaps, fit_flyer
 from kolsky.base.records import FlyerMotion
-from kolsky.shot.flyer_path import fit
+from kolsky.shot.records import fit_front_path
 
 FRAME, SIGMA, SPEED, START = 1e-5, 1e-7, 2.5, 0.0
 RISE = 5.0 * FRAME
@@ -81,8 +80,8 @@ def test_frames_without_a_displacement_say_nothing():
 
 def test_the_zeros_sigma_is_in_every_place_after_the_rest():
     """5 µm that all displacements after the rest have in common, beside noise that is averaged over."""
-    plain = fit(motion(slice(10, 18)), start=START)
-    common = fit(motion(slice(10, 18), zero_sigma=5e-6), start=START)
+    plain = fit_front_path(motion(slice(10, 18)), start=START)
+    common = fit_front_path(motion(slice(10, 18), zero_sigma=5e-6), start=START)
     np.testing.assert_array_equal(common.jerk, plain.jerk)
     t = np.array([20.0, 40.0, 70.0]) * FRAME
     expected = np.hypot(5e-6, plain.sigma_position(t))
@@ -136,7 +135,9 @@ def test_the_onset_is_known_as_the_position_over_the_velocity():
 
 def test_the_onset_that_no_frame_shows_is_known_less_well():
     """Eight unseen frames, and a zero known to 2 um: at 2.5 m/s that alone is 0.8 us."""
-    seen, unseen = (fit(motion(gap), start=START).sigma_onset for gap in (slice(0, 0), slice(10, 18)))
+    seen, unseen = (
+        fit_front_path(motion(gap), start=START).sigma_onset for gap in (slice(0, 0), slice(10, 18))
+    )
     assert seen < 0.2e-6 < 5.0 * seen < unseen
-    off = fit(motion(slice(10, 18), zero_sigma=2e-6), start=START).sigma_onset
+    off = fit_front_path(motion(slice(10, 18), zero_sigma=2e-6), start=START).sigma_onset
     assert off == pytest.approx(np.hypot(unseen, 0.8e-6), rel=0.25)

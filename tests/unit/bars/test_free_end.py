@@ -8,7 +8,7 @@ from barshots import INCIDENT, INTERVAL, RATE, SHARE, STRESS, bar_shot, ramp, wr
 
 from kolsky.bars.guides.waveguide import ElasticWaveguide
 from kolsky.bars.records import BarSignal, Signal, Windows
-from kolsky.bars.reduction.free_end import check_length, free_end_limits, without_echo
+from kolsky.bars.reduction.separation import check_length, free_end_limits, without_echo
 from kolsky.base.apparatus import Bar
 from kolsky.base.errors import InputError
 from kolsky.shot.waves import waves

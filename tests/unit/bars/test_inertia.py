@@ -6,11 +6,12 @@ import pytest
 from kolsky.bars.records import BarSignal, History, Quantity, Signal
 from kolsky.bars.reduction.inertia import (
     axial_stress,
+    compensate_mass,
     correct_axial_inertia,
     correct_radial_inertia,
+    gradient_acceleration,
     radial_pressure,
 )
-from kolsky.bars.reduction.mass import compensate_mass, gradient_acceleration
 from kolsky.base.apparatus import Bar, Specimen
 
 SPECIMEN = Specimen(diameter=9.5e-3, length=6.5e-3, density=870.0)

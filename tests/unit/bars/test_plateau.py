@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from kolsky.bars.records import FaceWaves, History, Reduction
-from kolsky.bars.reduction.plateau import (
+from kolsky.bars.reduction.summary import summarise
+from kolsky.bars.reduction.validity import (
     Flatness,
     Span,
     averaging_width,
@@ -16,7 +17,6 @@ from kolsky.bars.reduction.plateau import (
     pulse_length,
     weighted_mean,
 )
-from kolsky.bars.reduction.summary import summarise
 from kolsky.base.apparatus import Bar, Specimen
 
 STEP = 1e-6

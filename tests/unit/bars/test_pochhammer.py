@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from scipy.special import jv
 
 from kolsky.bars.guides import pochhammer
-from kolsky.bars.guides.frequency_equation import (
+from kolsky.bars.guides.pochhammer import (
     TABLE_ERROR,
     dispersion_table,
     frequency_equation,

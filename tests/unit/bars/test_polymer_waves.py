@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from bar_pulses import Pulse, carried
 
-from kolsky.bars.guides.polymer_waveguide import PronyModulus, TabulatedWaveguide, ViscoelasticWaveguide
 from kolsky.bars.guides.propagation import propagate
 from kolsky.bars.guides.viscoelastic import Pass, fit_modulus, propagation_coefficient
+from kolsky.bars.guides.waveguide import PronyModulus, TabulatedWaveguide, ViscoelasticWaveguide
 from kolsky.bars.records import BarSignal, Signal
 from kolsky.base.apparatus import Bar
 

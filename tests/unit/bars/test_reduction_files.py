@@ -12,16 +12,19 @@ from wavesmaker import made_result
 
 from kolsky.bars.records import (
     BarSignal,
+    BudgetTable,
+    Contribution,
     Correction,
     FaceWaves,
+    FlyerResult,
     History,
     Quantity,
     Reduction,
     Signal,
+    WavesResult,
     Windows,
 )
 from kolsky.bars.reduction.output import summary, write_csv, write_hdf5
-from kolsky.bars.result import BudgetTable, Contribution, FlyerResult, WavesResult
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.report.pages.waves import means_over, render
 

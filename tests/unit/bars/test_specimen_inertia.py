@@ -8,8 +8,8 @@ from barshots import bar_shot
 
 from kolsky.bars.audit import CORRECTIONS, AuditLog, Switches
 from kolsky.bars.records import History, Reduction
-from kolsky.bars.reduction.inertia import axial_by_analysis
-from kolsky.bars.reduction.specimen_inertia import (
+from kolsky.bars.reduction.inertia import (
+    axial_by_analysis,
     correct_inertia,
     corrections_that_act,
     inertial_share,

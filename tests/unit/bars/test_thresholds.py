@@ -6,21 +6,22 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from kolsky.bars.flyer.event_signals import Event, end_of_dip, find_push_back, first_jump, moving_average
-from kolsky.bars.flyer.kink import find_kink
+from kolsky.bars.flyer.events import Event, end_of_dip, find_kink, find_push_back, first_jump, moving_average
 from kolsky.bars.flyer.path import FlyerPath, path_strain
 from kolsky.bars.flyer.synchronisation import Agreement, Synchronisation, synchronise_velocity
 from kolsky.bars.records import BarSignal, History, Signal
-from kolsky.bars.reduction.equilibrium import imbalance
-from kolsky.bars.reduction.inertia import correct_axial_inertia
-from kolsky.bars.reduction.mass import gradient_acceleration, path_acceleration
-from kolsky.bars.reduction.pulse_checks import check_windows
-from kolsky.bars.reduction.punching import correct_punching, punching_compliance
-from kolsky.bars.reduction.validity import Reason, validity
-from kolsky.bars.reduction.windows import find_windows, incident_arrival, usable_limits
+from kolsky.bars.reduction.inertia import correct_axial_inertia, gradient_acceleration, path_acceleration
+from kolsky.bars.reduction.stress_strain import correct_punching, punching_compliance
+from kolsky.bars.reduction.validity import Reason, imbalance, validity
+from kolsky.bars.reduction.windows import check_windows, find_windows, incident_arrival, usable_limits
 from kolsky.bars.signals.arrival import find_arrival
-from kolsky.bars.signals.noise import Noise
-from kolsky.bars.signals.signal_zero import SignalZero, check_clipping, measure_signal_zero, quantisation_step
+from kolsky.bars.signals.baseline import (
+    Noise,
+    SignalZero,
+    check_clipping,
+    measure_signal_zero,
+    quantisation_step,
+)
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.records import FlyerMotion
 

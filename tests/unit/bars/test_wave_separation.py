@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from bar_pulses import Pulse, carried, exact_wavenumber
 
-from kolsky.bars.guides.polymer_waveguide import PronyModulus, ViscoelasticWaveguide
-from kolsky.bars.guides.separation import separate
-from kolsky.bars.guides.waveguide import ElasticWaveguide, area
+from kolsky.bars.guides.waveguide import ElasticWaveguide, PronyModulus, ViscoelasticWaveguide, area
 from kolsky.bars.records import BarSignal, Signal
+from kolsky.bars.reduction.separation import separate
 from kolsky.base.apparatus import Bar
 
 STEEL = Bar(0.02, 1.5, 210e9, 7800.0, 0.29)

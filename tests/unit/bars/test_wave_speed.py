@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bar_pulses import Pulse, carried, exact_wavenumber
 
-from kolsky.bars.guides.bars_together import round_trip, wave_speed
+from kolsky.bars.guides.propagation import round_trip, wave_speed
 from kolsky.bars.records import BarSignal, Signal
 from kolsky.base.apparatus import Bar
 

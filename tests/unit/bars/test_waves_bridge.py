@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kolsky.bars.signals.bridge import KINDS, Bridge, Linear
-from kolsky.bars.signals.shunt import Shunt, check_shunt, with_shunt
+from kolsky.bars.signals.bridge import KINDS, Bridge, Linear, Shunt, check_shunt, with_shunt
 
 NU = 0.29
 

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from kolsky.bars.budget.budget import budget_table
-from kolsky.bars.budget.monte_carlo import monte_carlo
-from kolsky.bars.budget.propagation import propagate
-from kolsky.bars.budget.quantities import merge_quantities
+from kolsky.bars.budget import budget_table, merge_quantities, propagate
+from kolsky.bars.monte_carlo import monte_carlo
 from kolsky.bars.records import Quantity
-from kolsky.bars.signals.noise import Noise
+from kolsky.bars.signals.baseline import Noise
 
 
 def q(name, value, sigma, freedom=np.inf, kind="B"):

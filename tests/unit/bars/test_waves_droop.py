@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 
 from kolsky.bars.audit import Switches
-from kolsky.bars.budget.propagation import propagate
-from kolsky.bars.signals.droop import compensate_droop, droop_sigma, fit_time_constant
-from kolsky.bars.signals.force_signal import force_signal
-from kolsky.bars.signals.transducers import force_history
+from kolsky.bars.budget import propagate
+from kolsky.bars.signals.transducers import (
+    compensate_droop,
+    droop_sigma,
+    fit_time_constant,
+    force_history,
+    force_signal,
+)
 from kolsky.base.apparatus import Transducer
 from kolsky.base.records import Recording
 

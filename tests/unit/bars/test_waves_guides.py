@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 from elastic_layer import ALUMINIUM, Layer, elastic
 
-from kolsky.bars.guides.combine import BarWaves
-from kolsky.bars.guides.polymer_waveguide import PronyModulus, ViscoelasticWaveguide
 from kolsky.bars.guides.propagation import propagate
-from kolsky.bars.guides.waveguide import ElasticWaveguide
+from kolsky.bars.guides.waveguide import ElasticWaveguide, PronyModulus, ViscoelasticWaveguide
 from kolsky.bars.records import ANALYSES, BarSignal, FaceWaves, Signal
 from kolsky.bars.reduction.faces import face_waves
-from kolsky.bars.reduction.stress_strain import reduce
+from kolsky.bars.reduction.stress_strain import BarWaves, reduce
 from kolsky.bars.reduction.windows import find_windows
 from kolsky.base.apparatus import Bar
 

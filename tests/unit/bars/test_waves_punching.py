@@ -10,8 +10,7 @@ from scipy.special import j0, j1, jn_zeros
 
 from kolsky.bars.records import ANALYSES
 from kolsky.bars.reduction.faces import face_waves
-from kolsky.bars.reduction.punching import correct_punching, punching_compliance
-from kolsky.bars.reduction.stress_strain import reduce
+from kolsky.bars.reduction.stress_strain import correct_punching, punching_compliance, reduce
 from kolsky.bars.reduction.windows import find_windows
 
 

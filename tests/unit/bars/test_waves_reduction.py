@@ -7,10 +7,10 @@ import pytest
 from elastic_layer import ALUMINIUM, Layer, elastic
 
 from kolsky.bars.records import ANALYSES, History, Signal
-from kolsky.bars.reduction.equilibrium import balanced_span, elastic_transits, imbalance, report_equilibrium
 from kolsky.bars.reduction.faces import face_waves, sampled_from
 from kolsky.bars.reduction.stress_strain import cauchy_stress, hencky_strain, integrated, reduce
 from kolsky.bars.reduction.summary import energy_balance, spread_of, summarise
+from kolsky.bars.reduction.validity import balanced_span, elastic_transits, imbalance, report_equilibrium
 from kolsky.bars.reduction.windows import find_windows, incident_arrival
 from kolsky.base.apparatus import Specimen
 

@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from kolsky.bars.audit import Switches
-from kolsky.bars.budget.propagation import propagate
-from kolsky.bars.budget.quantities import merge_quantities
+from kolsky.bars.budget import merge_quantities, propagate
+from kolsky.bars.signals.baseline import Noise, estimate_noise, measure_signal_zero, quantisation_step
 from kolsky.bars.signals.bridge import Bridge, Linear
-from kolsky.bars.signals.noise import Noise, estimate_noise
-from kolsky.bars.signals.signal_zero import measure_signal_zero, quantisation_step
 from kolsky.bars.signals.stations import bar_signal
 from kolsky.base.apparatus import Bar
 from kolsky.base.records import Recording

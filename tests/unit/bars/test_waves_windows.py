@@ -7,8 +7,7 @@ import pytest
 from elastic_layer import ALUMINIUM, Layer
 
 from kolsky.bars.records import Windows
-from kolsky.bars.reduction.pulse_checks import check_windows
-from kolsky.bars.reduction.windows import find_windows, usable_limits
+from kolsky.bars.reduction.windows import check_windows, find_windows, usable_limits
 
 SCENE = Layer(first=ALUMINIUM, gauges=(0.7, 0.5))
 

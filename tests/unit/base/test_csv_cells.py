@@ -9,8 +9,7 @@ import pytest
 from ratedshots import rated
 
 from dic.files import text_cell
-from dic.output.csv import write_history
-from dic.output.reporting import Row, as_csv
+from dic.output import Row, as_csv, write_history
 from kolsky.base.files import write_table
 from kolsky.studies.rates.comparison import compare
 from kolsky.studies.rates.output import write_csv

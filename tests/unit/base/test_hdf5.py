@@ -12,22 +12,28 @@ import pytest
 
 from kolsky.base.errors import InputError
 from kolsky.base.hdf5 import Format, put, put_text, reading, shape_problem, stored_attribute, writing
-from kolsky.base.hdf5_items import (
+from kolsky.base.hdf5_records import (
     COLLECTION,
-    OWN,
+    RECORD_UNIT,
     Choice,
+    Columns,
     Flags,
     Floats,
     Group,
+    GroupName,
     IntegerAttribute,
     Integers,
     Json,
+    Named,
+    Pair,
     Pairs,
+    Part,
+    Parts,
+    Record,
     Text,
     numbers,
     nxdata,
 )
-from kolsky.base.hdf5_records import Columns, GroupName, Named, Pair, Part, Parts, Record
 
 FORMAT = Format("test", version=2, readable=(1, 2), largest=8000)
 CURE = "write it again"
@@ -94,8 +100,8 @@ class Everything:
 GAUGE = Record(
     Gauge,
     COLLECTION,
-    {"name": GroupName(), "unit": Text(), "value": Floats(OWN), "parts": numbers(OWN)},
-    derived={"twice": Floats(OWN, attributes={"coverage_factor": 2})},
+    {"name": GroupName(), "unit": Text(), "value": Floats(RECORD_UNIT), "parts": numbers(RECORD_UNIT)},
+    derived={"twice": Floats(RECORD_UNIT, attributes={"coverage_factor": 2})},
 )
 POINT = Record(Point, COLLECTION, {"x": Floats("m"), "label": Text()})
 ROW = Record(Point, None, {"x": Floats("m", "rows", at="row_x"), "label": Text("rows", at="row_label")})

@@ -136,7 +136,7 @@ def test_sizes_that_nothing_measured_has(text: str) -> None:
 def test_plain_numbers_have_the_same_limit() -> None:
     from pydantic_core import PydanticCustomError
 
-    from kolsky.shot.schema.fields import number
+    from kolsky.schema.fields import number
 
     assert number(-1e30) == -1e30
     for value in (1.01e30, -1e300, float("inf"), 10**400):

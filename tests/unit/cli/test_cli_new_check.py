@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from kolsky.cli import app
 from kolsky.report.figures import CHECKS
-from kolsky.report.figures.checked import three_frames
+from kolsky.report.figures.recordings import three_frames
 from kolsky.shot.load import load_shot
 
 runner = CliRunner()

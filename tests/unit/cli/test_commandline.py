@@ -36,7 +36,7 @@ def weigh(
 def with_weigh(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the sources with a command more: its file, and its line after "check"."""
     root = tmp_path_factory.mktemp("sources")
-    for package in ("kolsky", "dic", "explicit", "implicit", "doe"):
+    for package in ("kolsky", "dic", "explicit", "doe"):
         shutil.copytree(ROOT / package, root / package, ignore=shutil.ignore_patterns("__pycache__"))
     (root / "kolsky" / "cli" / "weigh.py").write_text(COMMAND, "utf-8")
     registry = root / "kolsky" / "cli" / "commandline.py"
@@ -46,8 +46,8 @@ def with_weigh(tmp_path_factory: pytest.TempPathFactory) -> Path:
     text = text.replace(line, line + '    "weigh": weigh,\n')
     # As in every registry, the name is imported where it is listed.
     text = text.replace(
-        "from kolsky.cli.wavespeed import wavespeed\n",
-        "from kolsky.cli.wavespeed import wavespeed\nfrom kolsky.cli.weigh import weigh\n",
+        "from kolsky.cli.bars import wavespeed\n",
+        "from kolsky.cli.bars import wavespeed\nfrom kolsky.cli.weigh import weigh\n",
     )
     registry.write_text(text, "utf-8")
     (root / "tables.py").write_text(

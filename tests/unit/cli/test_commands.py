@@ -20,7 +20,7 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import filling, usable_folder
 from kolsky.cli import app
 from kolsky.inverse.result import Verdict
-from kolsky.report import plain_text, printed
+from kolsky.results import numbers, printed
 from kolsky.results.hdf5 import read_identification
 
 runner = CliRunner()
@@ -225,7 +225,7 @@ def test_the_first_line_is_the_answer_and_no_line_wraps() -> None:
     # u = hypot(0.0019, 0.0016) = 0.00248 and hypot(0.4, 0.1) = 0.412 us, twice of each.
     assert printed.answer(m) == "m = 1.1200 ± 0.0050 (k = 2)"
     assert printed.answer(beta) == "beta = 25.00 ± 0.82 us (k = 2)"
-    lines = plain_text.columns(printed.details(found))
+    lines = numbers.columns(printed.details(found))
     assert max(map(len, lines)) <= 80
     said = [" ".join(line.split()) for line in lines]  # the longest name decides where the values stand
     assert "m, interval 1.1150 to 1.1250" in said
@@ -242,7 +242,7 @@ def test_a_bad_verdict_stands_beside_the_value(verdict: Verdict) -> None:
 
 def test_columns_show_what_they_are_given() -> None:
     rows = {"a": 0.125, "long name": None, "b": {"x": 1e-7, "y": 2}, "c": 1}
-    assert plain_text.columns(rows) == [
+    assert numbers.columns(rows) == [
         "  a          0.125",
         "  long name  none",
         "  b          x = 1e-07, y = 2",

@@ -12,11 +12,11 @@ from dic.outcome import PointOutcome
 from dic.synthetic.speckles import render, speckle_pattern
 from kolsky.base.errors import InputError
 from kolsky.cli.commandline import app
+from kolsky.pictures.dic_file import read_full_field
+from kolsky.pictures.measurement import mask_of, measure_file, read_measurement
 from kolsky.report.pages.full_field import summary
-from kolsky.shot.measurement import mask_of, measure_file, read_measurement
-from kolsky.shot.measurement_file import read_full_field
-from kolsky.shot.measurement_path import measurement_file
-from kolsky.shot.schema.reading import shot_toml
+from kolsky.schema.pictures import find_measurement_file
+from kolsky.schema.shot_file import shot_toml
 
 STRETCH = (1.02, 0.97)
 SIDE, NOISE = 128, 2.0
@@ -152,8 +152,8 @@ def test_a_mask_is_white_where_it_is_measured(folder, tmp_path):
 
 
 def test_a_shot_is_not_taken_for_a_measurement(folder, tmp_path):
-    assert measurement_file(folder) == folder / "dic.toml"
+    assert find_measurement_file(folder) == folder / "dic.toml"
     (tmp_path / "shot.toml").write_text('[dic]\nkind = "plane"\n')
-    assert measurement_file(tmp_path) is None
+    assert find_measurement_file(tmp_path) is None
     with pytest.raises(InputError, match=r"dic\.toml"):
         shot_toml(tmp_path)

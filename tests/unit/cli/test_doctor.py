@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from kolsky.cli import installation
+from kolsky.cli import doctor
 from kolsky.cli.commandline import app
-from kolsky.cli.installation import examine
+from kolsky.cli.doctor import examine
 
 
 def test_a_sound_installation(tmp_path: Path) -> None:
@@ -22,8 +22,8 @@ def test_a_sound_installation(tmp_path: Path) -> None:
 
 
 def test_what_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(installation, "REQUIRED", ("numpy", "no-such-distribution"))
-    monkeypatch.setattr(installation, "LEAST_SPACE", 1e18)
+    monkeypatch.setattr(doctor, "REQUIRED", ("numpy", "no-such-distribution"))
+    monkeypatch.setattr(doctor, "LEAST_SPACE", 1e18)
     found = examine(tmp_path)
     assert [problem.partition(" ")[0] for problem in found.problems] == [
         "no-such-distribution",

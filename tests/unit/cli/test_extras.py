@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 import typer
 
-from dic.opencv import OpenCVMissing, cv2
+from dic.basics import OpenCVMissing, cv2
 from kolsky.base.process import single_threaded_libraries
 from kolsky.cli.commandline import EXTRAS, refusing_bad_input
-from kolsky.cli.installation import EXTRAS as DISTRIBUTIONS
+from kolsky.cli.doctor import EXTRAS as DISTRIBUTIONS
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -12,8 +12,7 @@ from typer.testing import CliRunner
 
 from kolsky.cli import app
 from kolsky.cli.commandline import COMMANDS
-from kolsky.cli.quiet import is_quiet, quietly
-from kolsky.cli.terminal import print_result, progress_bars, sweep_progress
+from kolsky.cli.terminal import is_quiet, print_result, progress_bars, quietly, sweep_progress
 
 runner = CliRunner()
 

@@ -16,25 +16,24 @@ from dask_processes import dask_processes
 from typer.testing import CliRunner
 
 from kolsky.base.errors import InputError, InputErrors
-from kolsky.cli import identify_each as module
+from kolsky.cli import identify as module
 from kolsky.cli.commandline import app
-from kolsky.cli.identify_alone import Alone, Said
-from kolsky.cli.identify_each import identify_each, refuse_shared, shared
+from kolsky.cli.identify import Printout, SingleShotJob, identify_each, refuse_shared, run_jobs
 from kolsky.cli.identify_shots import JointOptions
 from kolsky.cli.options import SolverOptions
-from kolsky.cli.quiet import is_quiet
+from kolsky.cli.terminal import is_quiet
 
 OPEN_01 = Path(__file__).resolve().parents[3] / "runs" / "open-01"
-ALIKE = Alone(Path("none"), SolverOptions(), (6, 8), {})
+ALIKE = SingleShotJob(Path("none"), SolverOptions(), (6, 8), {})
 
 
-def made_up(task: Alone, *, processes: int) -> Said:
+def made_up(task: SingleShotJob, *, processes: int) -> Printout:
     """An answer that says what was asked, or that the shot is bad."""
     name = task.shot.name
     if name == "bad":
         raise InputErrors([InputError(task.shot, "is odd", cure="mend it") for _ in range(2)])
     how = f"{task.out} {task.solver.threads} {processes} {is_quiet()}"
-    return Said(name, ("m = 1",), {}, {"how": how}, ("mind this",), task.shot / "report.html")
+    return Printout(name, ("m = 1",), {}, {"how": how}, ("mind this",), task.shot / "report.html")
 
 
 @pytest.fixture
@@ -67,12 +66,12 @@ def test_the_workers_of_a_cluster_take_the_shots(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     distributed: Any = pytest.importorskip("distributed", reason="needs the extra [cluster]")
-    monkeypatch.setattr("kolsky.cli.scheduler.PATIENCE", 30.0)
+    monkeypatch.setattr("kolsky.cli.sweep.SCHEDULER_PATIENCE", 30.0)
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"
     ) as some:
         ask = partial(identify_each, processes=None, dask=some.scheduler_address, as_json=False)
-        ask(paths("b", "a"), Alone(Path(), SolverOptions(), (6, 8), {}, out=tmp_path))
+        ask(paths("b", "a"), SingleShotJob(Path(), SolverOptions(), (6, 8), {}, out=tmp_path))
         said = capsys.readouterr().out.splitlines()
         assert [line.split()[0] for line in said[:2]] == ["b:", "a:"]
         assert said[2].split() == ["shots", "answered", "2", "of", "2"]
@@ -83,10 +82,10 @@ def test_the_workers_of_a_cluster_take_the_shots(
 
 @pytest.mark.usefixtures("stubbed")
 def test_a_worker_has_a_thread_draws_alone_and_says_nothing() -> None:
-    tasks = [Alone(Path(name), SolverOptions(threads=3), (6, 8), {}) for name in "ab"]
+    tasks = [SingleShotJob(Path(name), SolverOptions(threads=3), (6, 8), {}) for name in "ab"]
     done: list[int] = []
-    found = shared(partial(ThreadPoolExecutor, 2), tasks, done.append)
-    assert [one.said["how"] for one in found if isinstance(one, Said)] == ["None 3 1 True"] * 2
+    found = run_jobs(partial(ThreadPoolExecutor, 2), tasks, done.append)
+    assert [one.said["how"] for one in found if isinstance(one, Printout)] == ["None 3 1 True"] * 2
     assert done == [0, 1, 2]
 
 
@@ -97,9 +96,9 @@ def test_a_worker_has_a_thread_draws_alone_and_says_nothing() -> None:
 def test_threads_of_a_worker(
     monkeypatch: pytest.MonkeyPatch, processes: int | None, dask: str, given: int | None, threads: int | None
 ) -> None:
-    seen: list[Alone] = []
+    seen: list[SingleShotJob] = []
 
-    def tell(executor: Any, tasks: list[Alone], told: Any) -> list[Any]:
+    def tell(executor: Any, tasks: list[SingleShotJob], told: Any) -> list[Any]:
         seen.extend(tasks)
         return [made_up(task, processes=1) for task in tasks]
 
@@ -111,12 +110,12 @@ def test_threads_of_a_worker(
 
         get_executor = ThreadPoolExecutor
 
-    monkeypatch.setattr(module, "shared", tell)
+    monkeypatch.setattr(module, "run_jobs", tell)
     monkeypatch.setattr(
-        module, "_tried", lambda task, processes: seen.append(task) or made_up(task, processes=2)
+        module, "_run_or_error", lambda task, processes: seen.append(task) or made_up(task, processes=2)
     )
-    monkeypatch.setattr("kolsky.cli.scheduler.client", lambda named: Client())
-    alike = Alone(Path(), SolverOptions(threads=given), (6, 8), {})
+    monkeypatch.setattr("kolsky.cli.sweep.dask_client", lambda named: Client())
+    alike = SingleShotJob(Path(), SolverOptions(threads=given), (6, 8), {})
     identify_each(paths("a"), alike, processes=processes, dask=dask, as_json=False)
     assert [task.solver.threads for task in seen] == [threads]
 
@@ -142,18 +141,18 @@ def test_a_lost_worker_is_said_with_what_is_done(why: Callable[[], Exception]) -
             return future
 
     with pytest.raises(InputError, match=r"with [01] of 2 shots answered \(.*(kill|died)"):
-        shared(Dies, [ALIKE, ALIKE], lambda done: None)
+        run_jobs(Dies, [ALIKE, ALIKE], lambda done: None)
 
 
 def test_two_shots_never_write_to_one_place(tmp_path: Path) -> None:
     for name in ("x/a", "y/a"):
         (tmp_path / name).mkdir(parents=True)
     x, y = tmp_path / "x" / "a", tmp_path / "y" / "a"
-    assert module._places([x, y], None) == [None, None]
-    assert module._places([x], tmp_path) == [tmp_path / "a"]
+    assert module._result_folders([x, y], None) == [None, None]
+    assert module._result_folders([x], tmp_path) == [tmp_path / "a"]
     for shots, out in (([x, x], None), ([x, x / ".." / "a"], None), ([x, y], tmp_path)):
         with pytest.raises(InputError, match="two shots would write to"):
-            module._places(shots, out)
+            module._result_folders(shots, out)
 
 
 def test_what_does_not_go_together_is_refused() -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from kolsky.base.errors import InputError
-from kolsky.cli.identify_shots import JointOptions, refuse
+from kolsky.cli.identify_shots import JointOptions, refuse_single_shot_options
 from kolsky.inverse.forward import Numerics
 
 
@@ -47,6 +47,6 @@ def test_values_that_cannot_be_name_the_command_line() -> None:
 
 
 def test_what_means_something_for_one_shot_alone_is_refused() -> None:
-    refuse({"bayes": False, "diagnose": False})
+    refuse_single_shot_options({"bayes": False, "diagnose": False})
     with pytest.raises(InputError, match="--diagnose is for one shot by itself"):
-        refuse({"bayes": False, "diagnose": True})
+        refuse_single_shot_options({"bayes": False, "diagnose": True})

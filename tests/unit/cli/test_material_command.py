@@ -11,11 +11,9 @@ from typer.testing import CliRunner
 from explicit.materials.laws.mooney_rivlin import MooneyRivlin
 from kolsky.base.errors import InputError
 from kolsky.cli import app
-from kolsky.cli.held_specimen import agreed_size, size_of
-from kolsky.cli.homogeneous_options import read_tests
-from kolsky.material.fits.homogeneous import incompressible_stress
-from kolsky.material.fits.homogeneous_files import Columns
-from kolsky.material.fits.modes import Mode
+from kolsky.cli.material_fit import agreed_size, read_tests, size_of
+from kolsky.material.fits.homogeneous import Mode, incompressible_stress
+from kolsky.material.fits.homogeneous_test import Columns
 
 LAW = MooneyRivlin(4e3, 2e3)
 STRETCH = np.linspace(0.55, 0.97, 15)

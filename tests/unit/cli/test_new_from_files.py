@@ -13,14 +13,13 @@ from shot_folders import FILES, OPEN_01
 from typer.testing import CliRunner
 
 from kolsky.base.errors import InputError
+from kolsky.base.toml import blanks
 from kolsky.cli import app
 from kolsky.cli.new import template
-from kolsky.shot.found_table import dimension_of, unit_in
 from kolsky.shot.load import load_shot
-from kolsky.shot.new_file import filled, noted
 from kolsky.shot.records import ForceChannel
-from kolsky.shot.schema.blanks import blanks
-from kolsky.shot.survey import survey
+from kolsky.survey.new_file import fill_in, with_notes
+from kolsky.survey.tables import dimension_of, survey, unit_in
 
 runner = CliRunner()
 GERMAN = {
@@ -93,7 +92,7 @@ def test_a_german_folder_needs_its_facts_and_nothing_else(tmp_path: Path) -> Non
     assert declared["force"]["voltage"] == {"column": "Kanal 2 Ausgang (V)", "unit": "V"}
     assert "# Oszi Versuch 7.csv: -200 us to 1470 us, every 0.5 us, on the file's clock" in text
     assert "# 8 frames of 186 have times up to 0" in text
-    (folder / "shot.toml").write_text(filled(text, FACTS), encoding="utf-8")
+    (folder / "shot.toml").write_text(fill_in(text, FACTS), encoding="utf-8")
     assert runner.invoke(app, ["check", str(folder)]).exit_code == 0
     # It is the very shot of the English files.
     ours, theirs = load_shot(folder), load_shot(OPEN_01)
@@ -167,7 +166,7 @@ def test_the_next_shot_with_the_same_names_differs_in_its_own_facts_alone(tmp_pa
         shutil.copy(OPEN_01 / name, folder)
     text = new(folder, "--from", str(OPEN_01 / "shot.toml"))
     own = {key: FACTS[key] for key in ("specimen.diameter", "specimen.length", "frames.static")}
-    assert tomllib.loads(filled(text, own)) == tomllib.loads((OPEN_01 / "shot.toml").read_text("utf-8"))
+    assert tomllib.loads(fill_in(text, own)) == tomllib.loads((OPEN_01 / "shot.toml").read_text("utf-8"))
 
 
 def test_options_that_exclude_each_other(tmp_path: Path) -> None:
@@ -213,13 +212,13 @@ def test_units_in_headings(heading: str, unit: str, dimension: str) -> None:
 
 def test_values_and_remarks_of_a_shot_file() -> None:
     text = '[a]\nx = ""    # first\n# y = 2       # second\n[b]\nx = ""\n'
-    assert filled(text, {"a.x": "3", "a.y": '"z"'}) == (
+    assert fill_in(text, {"a.x": "3", "a.y": '"z"'}) == (
         f'[a]\n{"x = 3":<38}# first\n{"y = " + chr(34) + "z" + chr(34):<38}# second\n[b]\nx = ""\n'
     )
-    assert filled(text, {"a.x": None}).split("\n")[1] == f"{'# x = ' + chr(34) * 2:<38}# first"
+    assert fill_in(text, {"a.x": None}).split("\n")[1] == f"{'# x = ' + chr(34) * 2:<38}# first"
     with pytest.raises(KeyError, match=r"b\.y"):
-        filled(text, {"b.y": "1"})
-    assert noted(text, {"b.x": "look"}).split("\n")[3:6] == ["[b]", "# look", 'x = ""']
+        fill_in(text, {"b.y": "1"})
+    assert with_notes(text, {"b.x": "look"}).split("\n")[3:6] == ["[b]", "# look", 'x = ""']
 
 
 def test_blanks_are_found_in_order() -> None:

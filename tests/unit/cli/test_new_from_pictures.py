@@ -10,12 +10,12 @@ import tifffile
 from shot_folders import OPEN_01
 from typer.testing import CliRunner
 
-from dic.opencv import cv2
+from dic.basics import cv2
+from kolsky.base.toml import blanks
 from kolsky.cli import app
 from kolsky.cli.new import template
-from kolsky.shot.picture_survey import picture_values, survey_pictures
-from kolsky.shot.schema.blanks import blanks
-from kolsky.shot.survey import survey
+from kolsky.survey.pictures import picture_values, survey_pictures
+from kolsky.survey.tables import survey
 
 runner = CliRunner()
 FRAMES = 186

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from kolsky.cli import app
 from kolsky.results.hdf5 import write_identification
 from kolsky.shot.load import load_shot
-from kolsky.studies.rates.collect import collected_shot, declarations, group_key, group_of
+from kolsky.studies.rates.rate import collected_shot, declarations, group_key, group_of
 
 runner = CliRunner()
 EVIL = "<script>x</script> ../../up"

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from kolsky.cli import app
-from kolsky.material.reference_curve_files import curve_table
+from kolsky.material.reference_curve import curve_table
 from kolsky.shot.curve import conditioned_ratio, with_pull
 from kolsky.shot.load import load_shot
 
@@ -139,8 +139,8 @@ def test_columns_without_a_unit_ask_for_it(tmp_path: Path):
 
 
 def test_table_for_a_tension_curve_says_tension(tmp_path: Path):
-    from kolsky.material.curves.uniaxial import UniaxialTest
     from kolsky.material.reference_curve import Treatment, reference_curve
+    from kolsky.material.uniaxial import UniaxialTest
 
     strain = np.linspace(0.01, 1.0, 50)
     test = UniaxialTest("t", strain, E / 3.0 * (1.0 + strain - (1.0 + strain) ** -2), compression=False)

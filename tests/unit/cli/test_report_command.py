@@ -15,14 +15,13 @@ from typer.testing import CliRunner
 
 from explicit import Response
 from kolsky.cli import app
-from kolsky.inverse.method_comparison import Method
-from kolsky.inverse.uncertainty_results import Declaration, ParameterProfile
-from kolsky.report import numbers
+from kolsky.inverse.result import Declaration, Method, ParameterProfile
 from kolsky.report.pages.identification import render
 from kolsky.report.pages.rendering import HEADING, LONGEST, printable_text
+from kolsky.results import numbers
 from kolsky.results.hdf5 import write_identification
 from kolsky.shot.load import load_shot
-from kolsky.shot.recorded import recording_facts
+from kolsky.shot.recordings import recording_facts
 
 runner = CliRunner()
 EVIL = "<script>alert(1)</script>"

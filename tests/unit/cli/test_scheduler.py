@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from kolsky.base.errors import InputError
-from kolsky.cli import scheduler
-from kolsky.cli.sweep_options import Workers
+from kolsky.cli import sweep
+from kolsky.cli.sweep import Workers
 
 distributed = pytest.importorskip("distributed")
 FILE = "scheduler.json"
@@ -39,7 +39,7 @@ def listener(says: bytes | None) -> Iterator[str]:
 
 @pytest.fixture(autouse=True)
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scheduler, "PATIENCE", 0.5)
+    monkeypatch.setattr(sweep, "SCHEDULER_PATIENCE", 0.5)
 
 
 def refused(named: str) -> str:
@@ -84,8 +84,8 @@ def test_a_file_that_is_no_scheduler_file(tmp_path: Path, text: str) -> None:
 
 def test_a_scheduler_file_that_is_too_long(tmp_path: Path) -> None:
     with (tmp_path / FILE).open("wb") as file:
-        file.truncate(scheduler.SCHEDULER_FILE + 1)
-    assert f"at most {scheduler.SCHEDULER_FILE} bytes" in refused(str(tmp_path / FILE))
+        file.truncate(sweep.SCHEDULER_FILE + 1)
+    assert f"at most {sweep.SCHEDULER_FILE} bytes" in refused(str(tmp_path / FILE))
 
 
 def test_a_scheduler_file_whose_scheduler_is_gone(tmp_path: Path) -> None:
@@ -95,7 +95,7 @@ def test_a_scheduler_file_whose_scheduler_is_gone(tmp_path: Path) -> None:
 
 
 def test_a_scheduler_that_answers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(scheduler, "PATIENCE", 30.0)
+    monkeypatch.setattr(sweep, "SCHEDULER_PATIENCE", 30.0)
     with distributed.LocalCluster(
         n_workers=1, processes=False, dashboard_address=None, protocol="tcp"
     ) as some:

@@ -21,10 +21,9 @@ from doe.ledger import Ledger
 from kolsky.base.errors import InputError
 from kolsky.cli import app
 from kolsky.inverse.forward import Forward, Numerics
-from kolsky.inverse.prepared_shot import prepare_shot
+from kolsky.inverse.problem import prepare_shot
 from kolsky.shot.load import load_shot
-from kolsky.studies.design_file import read_design
-from kolsky.studies.sweep import ShotRuns
+from kolsky.studies.sweep import ShotRuns, read_design
 
 runner = CliRunner()
 TINY = ["--mesh", "8x11"]

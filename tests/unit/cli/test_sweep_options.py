@@ -11,10 +11,10 @@ import pytest
 from shot_folders import TINY, shot_in
 from typer.testing import CliRunner
 
-from doe.constraints import Constraint
+from doe.box import Constraint
 from kolsky.base.errors import InputError
 from kolsky.cli import app
-from kolsky.cli.sweep_options import DesignChoice, Workers
+from kolsky.cli.sweep import DesignChoice, Workers
 
 NAMES = ("friction", "stiffness_factor")
 POINTS = np.array([[0.0, 1.0], [1.0, 1.0], [2.0, 0.5], [0.5, 2.0]])

@@ -8,7 +8,7 @@ import pytest
 from kolsky.base.errors import InputError
 from kolsky.cli import texts
 from kolsky.cli.plan import _frame_interval, _window
-from kolsky.cli.sweep_options import DesignChoice, Records, Workers
+from kolsky.cli.sweep import DesignChoice, Records, Workers
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 
 from kolsky.bars.signals.transducers import bin_force
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.diagnosis.alterations import UNALTERED, Alteration, contact_spread
+from kolsky.diagnosis.cause_inputs import UNALTERED, Alteration, contact_spread
 from kolsky.inverse.observations import Observations
 
 STEP, FRAME = 1e-6, 1e-5

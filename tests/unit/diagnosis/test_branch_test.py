@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from kolsky.diagnosis.branch_test import branch_test
+from kolsky.diagnosis.relaxation import branch_test
 
 K = 400
 

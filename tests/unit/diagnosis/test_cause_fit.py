@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from kolsky.diagnosis.cause_expected import leading_patterns
 from kolsky.diagnosis.cause_fit import (
     BLOCKS,
     Allowances,
+    ExpectedResidual,
     chance,
     evidence,
     explained_share,
@@ -15,7 +15,7 @@ from kolsky.diagnosis.cause_fit import (
     holm,
     solve_linear,
 )
-from kolsky.diagnosis.expected_residual import ExpectedResidual
+from kolsky.diagnosis.cause_model import leading_patterns
 
 K = 60
 """Entries: the first half are the force's."""

@@ -1,6 +1,6 @@
 """The order of causes that are not named: by evidence, assumptions first where it cannot tell."""
 
-from kolsky.diagnosis.cause_ranking import ALIKE, by_evidence
+from kolsky.diagnosis.causes import ALIKE, by_evidence
 
 KEYS = ["specimen.length", "model.damping", "force.sensitivity", "model.mass_damping", "specimen.diameter"]
 

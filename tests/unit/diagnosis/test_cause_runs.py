@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from kolsky.diagnosis import cause_model
-from kolsky.diagnosis.alterations import Alteration
-from kolsky.diagnosis.candidate_input import Changed
+from kolsky.diagnosis.cause_inputs import Alteration, Changed
 from kolsky.diagnosis.cause_model import MOST_KEPT, CauseModel, Point
 
 

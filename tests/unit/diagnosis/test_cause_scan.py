@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kolsky.diagnosis.candidate_input import CandidateInput, Changed
 from kolsky.diagnosis.cause_fit import fit_linear
+from kolsky.diagnosis.cause_inputs import CandidateInput, Changed
 from kolsky.diagnosis.cause_model import Point
-from kolsky.diagnosis.cause_scan import FINER, scanned
-from kolsky.diagnosis.cause_search import CauseSearch
+from kolsky.diagnosis.cause_search import FINER, CauseSearch, scan_inputs
 from tests.unit.diagnosis.test_declared_causes import K, LinearModel, candidate, expected, stages
 
 NARROW, WIDE, ALTERED = "narrow", "wide", "altered"
@@ -93,7 +92,7 @@ def floors(losses: dict[float, float]) -> list[float]:
 def test_the_trials_are_those_of_every_value_by_itself(beside: bool) -> None:
     one, model = search(beside=beside)
     model.asked.clear()
-    found = scanned(one, inputs())
+    found = scan_inputs(one, inputs())
     wanted: list[tuple[str, float]] = []
     for c in (inputs()[0], inputs()[2]):
         wanted += [(c.key, u) for u in floors(one_by_one(one, [(c, u) for u in c.scan]))]
@@ -109,12 +108,12 @@ def test_the_trials_are_those_of_every_value_by_itself(beside: bool) -> None:
 def test_what_needs_no_run_is_fitted_beside_runs_and_nothing_is_asked_for_that_is_at_work() -> None:
     one, model = search(beside=True)
     model.asked.clear()
-    scanned(one, inputs())
+    scan_inputs(one, inputs())
     assert model.launched == [[NARROW], [WIDE], [NARROW]]
     assert model.asked == [([ALTERED], [NARROW]), ([NARROW], [WIDE]), ([WIDE], [NARROW]), ([NARROW], [])]
 
 
 def test_without_an_idle_core_all_that_can_be_is_one_launch() -> None:
     one, model = search(beside=False)
-    scanned(one, inputs())
+    scan_inputs(one, inputs())
     assert model.launched[0] == [NARROW, WIDE]

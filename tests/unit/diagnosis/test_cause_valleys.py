@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from kolsky.diagnosis.cause_ranking import ALIKE, ranked
-from kolsky.diagnosis.cause_search import CauseSearch
-from kolsky.diagnosis.cause_trial import Trial
-from kolsky.diagnosis.cause_valleys import PHASE, in_valleys, without_change
-from kolsky.diagnosis.causes import best_trials
+from kolsky.diagnosis.cause_search import PHASE, CauseSearch, Trial, in_valleys, without_change
+from kolsky.diagnosis.causes import ALIKE, best_trials, ranked
 from kolsky.inverse.valleys import oscillation_table
 from tests.unit.diagnosis.test_declared_causes import K, candidate, expected, stages
 

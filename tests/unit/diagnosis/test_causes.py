@@ -7,13 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kolsky.diagnosis.candidate_input import DENSITY, POISSON, SENSITIVITY
-from kolsky.diagnosis.cause_inputs import CANDIDATES
-from kolsky.diagnosis.cause_ranking import in_groups
-from kolsky.diagnosis.cause_trial import Trial
-from kolsky.diagnosis.cause_words import cause_warnings, percent, sentence
-from kolsky.diagnosis.causes import CauseAnalysis
-from kolsky.inverse.cause_results import CauseFinding
+from kolsky.diagnosis.cause_inputs import CANDIDATES, DENSITY, POISSON, SENSITIVITY
+from kolsky.diagnosis.cause_search import Trial
+from kolsky.diagnosis.causes import CauseAnalysis, cause_warnings, in_groups, percent, sentence
+from kolsky.inverse.result import CauseFinding
 
 BY_KEY = {c.key: c for c in CANDIDATES}
 

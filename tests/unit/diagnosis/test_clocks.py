@@ -9,8 +9,17 @@ import pytest
 from numpy.typing import NDArray
 from test_fit_quality import objective
 
-from kolsky.diagnosis.clocks import DIRECTIONS, Reruns, clock_lags, first_lags, origin, slopes
-from kolsky.diagnosis.lag_fit import fit_lag, late_prediction, without_lag
+from kolsky.diagnosis.clocks import (
+    DIRECTIONS,
+    Reruns,
+    clock_lags,
+    first_lags,
+    fit_lag,
+    late_prediction,
+    origin,
+    slopes,
+    without_lag,
+)
 from kolsky.inverse.objective import Objective
 
 FloatArray = NDArray[np.float64]
@@ -209,7 +218,7 @@ def test_where_the_map_is_not_linear_the_solver_is_run_again(monkeypatch: pytest
         return (SimpleNamespace(explained=chi2 < 1.5),)
 
     monkeypatch.setattr("kolsky.diagnosis.clocks.late_prediction", late)
-    monkeypatch.setattr("kolsky.diagnosis.lag_fit.fit_quality", left)
+    monkeypatch.setattr("kolsky.diagnosis.clocks.fit_quality", left)
     rng = np.random.default_rng(5)
     true = vector(1.0, np.array([-20e-6, -20e-6]))
     seen = with_data(one, true + one.noise * rng.standard_normal(len(true)))
@@ -222,7 +231,7 @@ def test_where_the_map_is_not_linear_the_solver_is_run_again(monkeypatch: pytest
     first = first_lags(here, seen, slope)  # type: ignore[arg-type]
     assert tuple(first) == ("force", "outline", "flyer")
     with monkeypatch.context() as once:
-        once.setattr("kolsky.diagnosis.lag_fit.first_lag", None)  # nobody looks for them again
+        once.setattr("kolsky.diagnosis.clocks.first_lag", None)  # nobody looks for them again
         assert {lag.recording: lag for lag in clock_lags(*args, first=first)} == plain
     found = {lag.recording: lag for lag in clock_lags(*args, again=again)}
     assert not any(lag.explains for lag in plain.values())

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from kolsky.base.records import FlyerMotion
-from kolsky.diagnosis import candidate_input as inputs
-from kolsky.diagnosis.corrected import corrected
-from kolsky.inverse.cause_results import CauseFinding
-from kolsky.inverse.settings import Settings
+from kolsky.diagnosis import cause_inputs as inputs
+from kolsky.diagnosis.cause_inputs import corrected
+from kolsky.inverse.problem import Settings
+from kolsky.inverse.result import CauseFinding
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel, Shot
 

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from kolsky.diagnosis.candidate_input import (
+from kolsky.diagnosis.cause_fit import Allowances, ExpectedResidual, fit_linear
+from kolsky.diagnosis.cause_inputs import (
+    CANDIDATES,
     DAMPING,
     DIAMETER,
     FLYER_CLOCK,
@@ -23,13 +25,9 @@ from kolsky.diagnosis.candidate_input import (
     CandidateInput,
     Changed,
 )
-from kolsky.diagnosis.cause_fit import Allowances, fit_linear
-from kolsky.diagnosis.cause_inputs import CANDIDATES
-from kolsky.diagnosis.cause_ranking import ALIKE, EVIDENCE, ranked
 from kolsky.diagnosis.cause_search import CauseSearch
-from kolsky.diagnosis.causes import best_trials
-from kolsky.diagnosis.expected_residual import ExpectedResidual
-from kolsky.inverse.cause_results import CauseFinding
+from kolsky.diagnosis.causes import ALIKE, EVIDENCE, best_trials, ranked
+from kolsky.inverse.result import CauseFinding
 
 FloatArray = NDArray[np.float64]
 K = 200

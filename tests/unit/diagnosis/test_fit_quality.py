@@ -10,21 +10,23 @@ from scipy.stats import chi2
 
 from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.diagnosis.fit_quality import (
+    LIMITS,
+    SLOW_LIMITS,
     block_means,
     block_noise,
     blocks,
     correlated,
     fit_quality,
+    in_quadrature,
     information_shares,
     left_over,
+    mesh_changes,
     neighbours,
 )
-from kolsky.diagnosis.sources import in_quadrature, mesh_changes
-from kolsky.diagnosis.thresholds import LIMITS, SLOW_LIMITS
-from kolsky.inverse.fit_results import FitQuality
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import observe
-from kolsky.uncertainty.numerical import ELEMENT_ORDER, GradedChange, MeshChange
+from kolsky.inverse.result import FitQuality
+from kolsky.uncertainty.mesh_error import ELEMENT_ORDER, GradedChange, MeshChange
 
 FloatArray = NDArray[np.float64]
 FRAMES, POINTS = 16, 6

@@ -10,7 +10,7 @@ from synthetic import synthetic
 from benchmarks import fit_thresholds
 from benchmarks.fit_thresholds import MARGIN, figures, limit, threshold, tolerance_factor
 from benchmarks.threshold_choice import STRONGEST, RightShot, chosen, strongest, table
-from kolsky.inverse.cause_results import CauseFinding
+from kolsky.inverse.result import CauseFinding
 
 
 def test_tolerance_factor_is_howes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from synthetic import synthetic
 
-from kolsky.diagnosis.verdicts import explained, fit_warnings, judged, near_right
-from kolsky.inverse.fit_results import ClockLag, FitQuality
-from kolsky.inverse.result import Identification, RouteDifference, Verdict
-from kolsky.uncertainty.warnings.answer import bounds
+from kolsky.diagnosis.fit_quality import explained, fit_warnings, near_right, with_verdicts
+from kolsky.inverse.result import ClockLag, FitQuality, Identification, RouteDifference, Verdict
+from kolsky.uncertainty.warnings import bound_warnings
 
 M = "stiffness_factor"
 
@@ -18,7 +17,7 @@ M = "stiffness_factor"
 def with_fit(*, force: dict[str, Any] | None = None, outline: dict[str, Any] | None = None) -> Identification:
     result = synthetic(nodes=False)
     a, b = result.fit
-    return judged(replace(result, fit=(replace(a, **(force or {})), replace(b, **(outline or {})))))
+    return with_verdicts(replace(result, fit=(replace(a, **(force or {})), replace(b, **(outline or {})))))
 
 
 def outcome(result: Identification) -> Verdict:
@@ -82,7 +81,7 @@ def test_a_graver_verdict_stays() -> None:
     result = synthetic(nodes=False)
     e = replace(result.estimates[M], outcome=Verdict.NOT_SEEN)
     bad = replace(result, estimates={M: e}, fit=(replace(result.fit[0], residual=9.0),))
-    assert outcome(judged(bad)) is Verdict.NOT_SEEN
+    assert outcome(with_verdicts(bad)) is Verdict.NOT_SEEN
 
 
 @pytest.mark.parametrize("end", ["lower", "upper"])
@@ -95,13 +94,17 @@ def test_a_value_not_told_from_a_bound_is_not_identified(end: str, inside: float
     e = replace(result.estimates[M], **parts)
     value = float(bound) + (1.0 if end == "lower" else -1.0) * inside * 13e-3
     near = replace(result, estimates={M: replace(e, value=value)})
-    assert outcome(judged(near)) is verdict
+    assert outcome(with_verdicts(near)) is verdict
     assert not Verdict.BOUND_REACHED.identified
-    told = [text for text in bounds(judged(near)) if "reaches past the bounds of its design" in text]
+    told = [
+        text
+        for text in bound_warnings(with_verdicts(near))
+        if "reaches past the bounds of its design" in text
+    ]
     assert len(told) == (verdict is Verdict.BOUND_REACHED)
     # A misfit is graver.
     bad = replace(near, fit=(replace(result.fit[0], residual=9.0),))
-    assert outcome(judged(bad)) is Verdict.UNEXPLAINED
+    assert outcome(with_verdicts(bad)) is Verdict.UNEXPLAINED
 
 
 @pytest.mark.parametrize(("margin", "verdict"), [(25.1, Verdict.IDENTIFIED), (24.9, Verdict.OTHER_VALLEY)])
@@ -111,7 +114,7 @@ def test_a_valley_not_told_from_another_is_not_identified(margin: float, verdict
     design = replace(result.design, names=(M, "poisson"), lower=np.zeros(2), upper=np.full(2, 9.0))
     both = {M: e, "poisson": replace(e, name="poisson")}
     surrogate = {**result.surrogate, "valley_margin": margin}
-    near = judged(replace(result, estimates=both, surrogate=surrogate, design=design))
+    near = with_verdicts(replace(result, estimates=both, surrogate=surrogate, design=design))
     assert near.estimates["poisson"].outcome is verdict
     assert near.estimates[M].outcome is Verdict.IDENTIFIED
     assert not Verdict.OTHER_VALLEY.identified
@@ -128,7 +131,7 @@ def shared(force: float, sigmas: tuple[float, float] = (9.0, 9.0), *, end: bool 
     if end:
         routes[-1] = replace(routes[-1], parameters={M: float(result.curves[0].x[-1])}, correction={})
     e = replace(result.estimates[M], outcome=Verdict.IDENTIFIED)
-    return judged(replace(result, routes=tuple(routes), estimates={M: e}))
+    return with_verdicts(replace(result, routes=tuple(routes), estimates={M: e}))
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.101, Verdict.IDENTIFIED), (0.099, Verdict.OUTLINE_ALONE)])
@@ -171,7 +174,7 @@ def test_a_channel_without_a_share_checks_a_value_that_it_tells_by_itself(
 )
 def test_routes_that_contradict_each_other(difference: float, verdict: Verdict) -> None:
     apart = RouteDifference({M: difference}, {M: 0.01}, ())
-    result = judged(replace(synthetic(nodes=False), route_difference=apart))
+    result = with_verdicts(replace(synthetic(nodes=False), route_difference=apart))
     assert outcome(result) is verdict
     if verdict is Verdict.CONTRADICTED:
         assert "further apart than 4 standard uncertainties" in said(result)
@@ -185,7 +188,9 @@ def test_a_route_at_the_edge_of_what_was_searched_contradicts_nothing() -> None:
         replace(r, parameters={M: end}, correction={}) if r.name == "shape only" else r for r in result.routes
     )
     apart = RouteDifference({M: 1.0}, {M: 0.01}, ())
-    assert outcome(judged(replace(result, routes=routes, route_difference=apart))) is Verdict.IDENTIFIED
+    assert (
+        outcome(with_verdicts(replace(result, routes=routes, route_difference=apart))) is Verdict.IDENTIFIED
+    )
 
 
 def lag(recording: str, lag: float, *, evidence: float, explains: bool = True) -> ClockLag:

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from kolsky.diagnosis import causes
-from kolsky.diagnosis.cause_ranking import EVIDENCE, ranked
 from kolsky.diagnosis.cause_search import CauseSearch
-from kolsky.diagnosis.causes import Best, best_of_each, best_trials, listed_beside
-from kolsky.diagnosis.thresholds import UNEXPLAINED
-from kolsky.inverse.cause_results import CauseFinding
+from kolsky.diagnosis.causes import EVIDENCE, Best, best_of_each, best_trials, list_pairs, ranked
+from kolsky.diagnosis.fit_quality import UNEXPLAINED
+from kolsky.inverse.result import CauseFinding
 from tests.unit.diagnosis.test_declared_causes import K, candidate, expected, stages
 
 WRONG, RIGHT = 1.0, 5.0
@@ -159,5 +158,5 @@ def test_what_is_listed_after_the_first_cause() -> None:
         finding("d", named=False),
         finding("f", named=False),
     ]
-    listed = [(f.key, f.beside) for f in listed_beside(more, alone)]
+    listed = [(f.key, f.beside) for f in list_pairs(more, alone)]
     assert listed == [("b", "a"), ("c", ""), ("d", "a"), ("e", ""), ("f", "")]

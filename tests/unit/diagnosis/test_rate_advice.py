@@ -7,10 +7,17 @@ import numpy as np
 import pytest
 
 from doe import Box
-from kolsky.diagnosis.branch_search import STRENGTHS, TIMES, BranchFit, explained, scanned
-from kolsky.diagnosis.branch_test import BranchTest
-from kolsky.diagnosis.rate_advice import branch_figures, rate_advice
-from kolsky.report.recorded_words import QUALITY
+from kolsky.diagnosis.relaxation import (
+    SCANNED_TIMES,
+    STRENGTHS,
+    BranchFit,
+    BranchTest,
+    branch_figures,
+    explained_share,
+    rate_advice,
+    scan_points,
+)
+from kolsky.results.display import QUALITY
 
 FIT = BranchFit(strength=0.3, time=2e-4, aic=-50.0, share=0.6, inside=True)
 WEAK = BranchTest(gain=30.0, time=1e-4, strength=0.05, probability=0.001)
@@ -55,23 +62,23 @@ def box(*names: str) -> Box:
 
 
 def test_the_scan_keeps_the_mean_stiffness_and_the_bulk_modulus() -> None:
-    points = scanned(box("stiffness_factor", "poisson", "damping"), np.array([1.4, 0.4985, 3e-5]))
-    assert points.shape == (len(STRENGTHS) * TIMES, 5)
+    points = scan_points(box("stiffness_factor", "poisson", "damping"), np.array([1.4, 0.4985, 3e-5]))
+    assert points.shape == (len(STRENGTHS) * SCANNED_TIMES, 5)
     m, poisson, damping, strength, time = points.T
     np.testing.assert_allclose(m * np.sqrt(1.0 + strength), 1.4)
     # K goes with the instantaneous stiffness m (1 + c) over 1 - 2 nu.
     np.testing.assert_allclose(m * (1.0 + strength) / (1.0 - 2.0 * poisson), 1.4 / 0.003)
     np.testing.assert_array_equal(damping, 3e-5)
-    assert (np.diff(time[:TIMES]) > 0.0).all()
+    assert (np.diff(time[:SCANNED_TIMES]) > 0.0).all()
     assert time.min() > 2e-5
     assert time.max() < 2e-3
 
 
 def test_a_held_stiffness_leaves_the_bulk_modulus_to_poissons_ratio() -> None:
-    points = scanned(box("poisson"), np.array([0.4985]))
+    points = scan_points(box("poisson"), np.array([0.4985]))
     poisson, strength, _ = points.T
     np.testing.assert_allclose((1.0 + strength) / (1.0 - 2.0 * poisson), 1.0 / 0.003)
-    np.testing.assert_array_equal(scanned(box("damping"), np.array([3e-5]))[:, 0], 3e-5)
+    np.testing.assert_array_equal(scan_points(box("damping"), np.array([3e-5]))[:, 0], 3e-5)
 
 
 class Made:
@@ -90,7 +97,7 @@ class Made:
 def test_the_share_is_of_squares_over_the_noise() -> None:
     before, after = np.array([1.0, 1.0, 2.0, 2.0]), np.array([0.5, 0.5, 1.0, 1.0])
     # 1/0.1^2 + 1/0.2^2 + 2 (2/1)^2 = 133; a quarter of it is left.
-    assert explained(Made(), before, after) == pytest.approx(0.75)  # type: ignore[arg-type]
+    assert explained_share(Made(), before, after) == pytest.approx(0.75)  # type: ignore[arg-type]
     outline = np.array([1.0, 1.0, 0.0, 0.0])
-    assert explained(Made(), before, outline) == pytest.approx(8.0 / 133.0)  # type: ignore[arg-type]
-    assert explained(Made(), np.zeros(4), after) == 0.0  # type: ignore[arg-type]
+    assert explained_share(Made(), before, outline) == pytest.approx(8.0 / 133.0)  # type: ignore[arg-type]
+    assert explained_share(Made(), np.zeros(4), after) == 0.0  # type: ignore[arg-type]

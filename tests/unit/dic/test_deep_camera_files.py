@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from dic.camera_files.formats import read_rig
+from dic.camera_files import read_rig
 from dic.camera_files.opencv import DEEPEST, _depth
 from dic.camera_files.source import CameraFileError
 

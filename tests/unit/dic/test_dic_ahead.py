@@ -5,14 +5,16 @@ from functools import partial
 import numpy as np
 import pytest
 
+from dic import tracking
 from dic.correlation import Correlation, PictureStack, Shape, Templates, correlate
-from dic.correlation.kernels import launch, transfer
+from dic.correlation.kernels import launch
+from dic.correlation.kernels import launch as transfer
 from dic.correlation.kernels.device import select_device
 from dic.images import PictureError
-from dic.images.memory import PicturesInMemory
+from dic.images.series import PicturesInMemory
 from dic.outcome import FrameOutcome
 from dic.synthetic.speckles import render, speckle_pattern
-from dic.tracking import ahead, follow, track
+from dic.tracking import inputs, track
 from dic.tracking.rigid import track_rigid
 
 SIDE = 90
@@ -55,12 +57,12 @@ def test_a_track_with_blocks_ahead_is_that_of_single_frames(monkeypatch, blocks,
     pictures, points = frames()
     series = Damaged(tuple(pictures))
     read = []
-    take = ahead.read
-    monkeypatch.setattr(ahead, "read", lambda series, k: read.append(k) or take(series, k))
+    take = inputs.read
+    monkeypatch.setattr(inputs, "read", lambda series, k: read.append(k) or take(series, k))
     plain = track(series, points, noise=1.0, first=first)
     assert len(read) == len(set(read)) == 7
     read.clear()
-    monkeypatch.setattr(follow, "FramesAhead", partial(ahead.FramesAhead, together=blocks))
+    monkeypatch.setattr(tracking, "FramesAhead", partial(inputs.FramesAhead, together=blocks))
     found = track(series, points, noise=1.0, first=first)
     same(found, plain, NAMES)
     assert len(read) == len(set(read)) == 7  # each is decoded once
@@ -79,7 +81,7 @@ def test_a_rigid_track_with_blocks_ahead_is_that_of_single_frames(monkeypatch):
         track_rigid, series, points, Correlation(subset=15), noise=1.0, first=2, frame_outcome=usable
     )
     plain = run()
-    monkeypatch.setattr(rigid, "FramesAhead", partial(ahead.FramesAhead, together=3 * 4 * SIDE * SIDE))
+    monkeypatch.setattr(rigid, "FramesAhead", partial(inputs.FramesAhead, together=3 * 4 * SIDE * SIDE))
     same(run(), plain, NAMES)
     assert np.mean(plain.outcome[[0, 1, 2, 4, 6]] == 0) > 0.9
 
@@ -87,7 +89,7 @@ def test_a_rigid_track_with_blocks_ahead_is_that_of_single_frames(monkeypatch):
 def test_a_frame_of_another_size_is_refused_when_it_is_asked_for_and_not_before():
     pictures, _ = frames(4)
     odd = [*pictures[:2], pictures[2][:-4], pictures[3]]
-    some = ahead.FramesAhead(odd, noise=1.0, prefilter=0.0, device="cpu", together=2**20)
+    some = inputs.FramesAhead(odd, noise=1.0, prefilter=0.0, device="cpu", together=2**20)
     some.expect(range(4))
     try:
         for k, shape in enumerate([(SIDE, SIDE), (SIDE, SIDE), (SIDE - 4, SIDE), (SIDE, SIDE)]):
@@ -208,6 +210,6 @@ def test_a_part_after_an_error_does_not_end_up_in_the_next_call():
 
 
 def test_no_points_are_no_part(monkeypatch):
-    monkeypatch.setattr(transfer, "_kept", transfer._Kept())
+    monkeypatch.setattr(transfer, "_lane_pool", transfer._LanePool())
     none = transfer.in_parts([np.zeros(0)], 0, select_device("cpu"), lambda lane, n: pytest.fail("launched"))
     assert none.warp.shape == (0, 12)

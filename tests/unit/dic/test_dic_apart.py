@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dic.apart import apart
-from dic.arrays import FloatArray
-from dic.bodies import follow, second_camera
-from dic.bodies.matched import MatchedBody, track_body
+from dic.basics import FloatArray
+from dic.bodies import follow
+from dic.bodies import follow as second_camera
+from dic.bodies.follow import MatchedBody, track_body
 from dic.correlation import Correlation, Noise
-from dic.forks import allowed, can_fork, forking
-from dic.images.memory import PicturesInMemory
+from dic.images.series import PicturesInMemory
 from dic.outcome import FrameOutcome, PointOutcome
+from dic.processes import allow_forks, can_fork, may_fork, worker_process
 from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import Tracking
 
@@ -27,7 +27,7 @@ def test_a_process_works_on_what_it_is_told_later() -> None:
     def work(take: Any) -> tuple[int, list[Any], int]:
         return os.getpid(), [take(), take()], len(began)
 
-    with apart(work, lambda told: (os.getpid(), told, -1)) as process:
+    with worker_process(work, lambda told: (os.getpid(), told, -1)) as process:
         began.append("here only")
         process.tell(np.arange(100_000))  # more than a pipe holds
         process.tell("two")
@@ -47,7 +47,7 @@ def test_what_the_process_does_not_deliver_is_done_here(end: str) -> None:
         os._exit(1) if end == "at once" else take()
         raise RuntimeError
 
-    with apart(work, lambda told: f"{told} by {os.getpid()}") as process:
+    with worker_process(work, lambda told: f"{told} by {os.getpid()}") as process:
         process.tell("one")
         process.tell("two")
         assert process.result() == f"['one', 'two'] by {here}"
@@ -103,7 +103,7 @@ def followed(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     opened: list[str] = []
     monkeypatch.setattr(second_camera, "open_device", opened.append)
     series, made = bodies()
-    with forking(), second_camera.second_camera(series, "cuda") as second:
+    with allow_forks(), second_camera.second_camera(series, "cuda") as second:
         assert second is not None
         assert second.can_follow(made)
         tracks = second.follow(made)()
@@ -124,12 +124,12 @@ def test_tracks_of_the_process_have_the_same_bits(monkeypatch: pytest.MonkeyPatc
 def test_the_process_is_there_for_a_gpu_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     series: Any = bodies()[0]
     monkeypatch.setattr(second_camera, "started", lambda: False)
-    with forking(), second_camera.second_camera(series, "cpu") as second:
+    with allow_forks(), second_camera.second_camera(series, "cpu") as second:
         assert second is None
     with second_camera.second_camera(series, "cuda") as second:  # no forks here
         assert second is None
     monkeypatch.setattr(second_camera, "started", lambda: True)
-    with forking(), second_camera.second_camera(series, "cuda") as second:
+    with allow_forks(), second_camera.second_camera(series, "cuda") as second:
         assert second is None
 
 
@@ -158,7 +158,7 @@ def test_bodies_are_followed_by_the_process_where_what_it_sends_is_small(
 
 
 def test_forks_are_allowed_within_forking() -> None:
-    assert not allowed()
-    with forking():
-        assert allowed()
-    assert not allowed()
+    assert not may_fork()
+    with allow_forks():
+        assert may_fork()
+    assert not may_fork()

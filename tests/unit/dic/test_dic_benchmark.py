@@ -10,7 +10,7 @@ from benchmarks import dic as benchmark
 from benchmarks import dic_large, dic_peers, dic_whole
 from benchmarks.dic_problem import PAIRS, Problem, errors, problems
 from dic.correlation import Correlation
-from kolsky.shot.schema.reading import shot_toml
+from kolsky.schema.shot_file import shot_toml
 
 TABLE = """\
 "subset_x","subset_y","disp_u","disp_v","disp_mag","converged","cost_zncc","ftol","xtol",

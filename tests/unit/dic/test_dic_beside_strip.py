@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dic.outcome import PointOutcome
-from dic.surfaces.beside_strip import beyond_noise, departures
+from dic.surfaces.outline import beyond_noise, departures
 from dic.surfaces.surface_history import CentrePoints, SurfaceHistory
 
 HALF = 0.5e-3

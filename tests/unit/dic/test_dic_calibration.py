@@ -15,9 +15,17 @@ from dic.calibration import (
     Undetermined,
     calibrate,
 )
-from dic.calibration.bundle import adjust
-from dic.calibration.projection import SHARED, View, derivatives, exponential, seen
-from dic.calibration.rig_state import Rig, free_columns, residuals
+from dic.calibration.bundle import (
+    SHARED_PARAMETERS,
+    Rig,
+    View,
+    adjust,
+    derivatives,
+    exponential,
+    free_columns,
+    project_points,
+    residuals,
+)
 from dic.calibration.targets import Chessboard, DottedCylinder, FiducialDots
 
 SIZE = ((512, 512), (512, 512))
@@ -98,7 +106,7 @@ def excess(found: Calibration, target=CHESS) -> float:
                           v.pixels[v.used], np.full(n, v.sigma[0]))
                 )  # fmt: skip
     poses = {k: (p.rotation, p.translation) for k, p in enumerate(found.pairs) if p.rotation is not None}
-    truth = adjust(Rig(true_rig(), poses), sights, np.zeros((SHARED, 0)))
+    truth = adjust(Rig(true_rig(), poses), sights, np.zeros((SHARED_PARAMETERS, 0)))
     return (truth.chi2 - found.unit**2 * found.freedom) / found.unit**2
 
 
@@ -166,7 +174,7 @@ def test_derivatives_are_those_of_what_is_seen():
             both = []
             for sign in (1, -1):
                 step = np.eye(6)[column] * h * sign
-                both.append(seen(camera, sight, exponential(step[:3]) @ R, t + step[3:]))
+                both.append(project_points(camera, sight, exponential(step[:3]) @ R, t + step[3:]))
             numeric = (both[0] - both[1]) / (2 * h)
             # the patches' offsets are held while the pose moves: (r/z)² and s κ/z, 1e-5 and 1e-4 here
             np.testing.assert_allclose(pose[:, :, column], numeric, atol=3e-4 * np.abs(numeric).max(), rtol=0)
@@ -179,7 +187,7 @@ def test_derivatives_are_those_of_what_is_seen():
                     moved = replace(camera, **{names[column]: getattr(camera, names[column]) + sign * h})
                 else:
                     moved = replace(camera, distortion=tuple(np.add(lens, np.eye(5)[column - 5] * h * sign)))
-                both.append(seen(moved, sight, R, t))
+                both.append(project_points(moved, sight, R, t))
             numeric = (both[0] - both[1]) / (2 * h)
             np.testing.assert_allclose(shared[:, :, 10 * k + column], numeric, rtol=1e-5, atol=1e-8)
         if k == 1:
@@ -188,7 +196,7 @@ def test_derivatives_are_those_of_what_is_seen():
                 for sign in (1, -1):
                     step = np.eye(6)[column] * 1e-6 * sign
                     moved = replace(camera, rotation=exponential(step[:3]) @ R1, translation=SHIFT + step[3:])
-                    both.append(seen(moved, sight, R, t))
+                    both.append(project_points(moved, sight, R, t))
                 numeric = (both[0] - both[1]) / 2e-6
                 np.testing.assert_allclose(
                     shared[:, :, 20 + column], numeric, atol=3e-4 * np.abs(numeric).max(), rtol=0
@@ -371,7 +379,7 @@ def test_the_offset_of_a_dot_is_part_of_the_model():
         for view, (R, t) in zip(views, poses, strict=True):
             turn, shift = (R, t) if k == 0 else (R01 @ R, R01 @ t + SHIFT)
             sight = View(0, 0, view.ids, g.points, g.normals, g.spread, g.bend, view.pixels, view.sigma)
-            view.pixels[:] = seen(cameras[k], sight, turn, shift)
+            view.pixels[:] = project_points(cameras[k], sight, turn, shift)
     found = calibrate(*exact, big, sensors=SIZE, distortion="k1", folds=0)
     centres = calibrate(*exact, CHESS, sensors=SIZE, distortion="k1", folds=0)
     assert found.rms < 1e-6
@@ -408,8 +416,8 @@ def test_adjusting_a_pose_alone_leaves_the_cameras():
     view = sightings([(R, t)], noise=0.0)[0][0]
     sight = View(0, 0, view.ids, g.points, g.normals, g.spread, g.bend, view.pixels, view.sigma)
     start = Rig((camera, camera), {0: (exponential(np.array([0.05, -0.05, 0.1])) @ R, t + 1e-3)})
-    fit = adjust(start, [sight], np.zeros((SHARED, 0)))
+    fit = adjust(start, [sight], np.zeros((SHARED_PARAMETERS, 0)))
     assert fit.rig.cameras[0] == camera
     np.testing.assert_allclose(fit.rig.poses[0][1], t, atol=1e-9)
     assert np.abs(residuals(fit.rig, sight)).max() < 1e-6
-    assert free_columns((), square_pixels=False, relative=True).shape == (SHARED, 6)
+    assert free_columns((), square_pixels=False, relative=True).shape == (SHARED_PARAMETERS, 6)

@@ -8,11 +8,10 @@ import pytest
 from synthetic_dic import rig, synthetic_result
 
 from dic.bodies.region import Region
-from dic.chain import ChainError, ChainSettings
-from dic.chain.inspect_images import check_cameras, inspect_images
-from dic.chain.reduce import outline_of
-from dic.chain.stages import Clock
-from dic.correlation.warp import Shape
+from dic.chain import ChainError, ChainSettings, Clock
+from dic.chain.inputs import check_cameras, inspect_images
+from dic.chain.test_frame import outline_of
+from dic.correlation.subsets import Shape
 from dic.images import PictureError
 from dic.outcome import FrameOutcome
 from dic.surfaces import outline

@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 import warp as wp
 
+from dic import tracking
 from dic.correlation import Correlation, PictureStack, Shape, correlate
-from dic.correlation.kernels import launch, transfer
+from dic.correlation.kernels import launch
+from dic.correlation.kernels import launch as transfer
 from dic.correlation.kernels.device import select_device
-from dic.correlation.kernels.lanes import BLOCK
 from dic.correlation.kernels.launch import search_kernel
+from dic.correlation.kernels.search import BLOCK
 from dic.synthetic.speckles import render, speckle_pattern
-from dic.tracking import ahead, follow, track
+from dic.tracking import inputs, track
 
 
 @pytest.fixture
@@ -78,7 +80,7 @@ def test_points_in_parts_and_frames_in_blocks_are_those_of_one(gpu, monkeypatch)
     for most, together in ((transfer.PART, 0), (50, 2 * 4 * 120 * 120)):
         parts = partial(transfer.in_parts, most=most)
         monkeypatch.setattr(launch, "in_parts", parts)
-        monkeypatch.setattr(follow, "FramesAhead", partial(ahead.FramesAhead, together=together))
+        monkeypatch.setattr(tracking, "FramesAhead", partial(inputs.FramesAhead, together=together))
         found.append(track(series, points, noise=2.0, device=gpu))
     for name in ("warp", "covariance", "zncc", "outcome"):
         np.testing.assert_array_equal(getattr(found[1], name), getattr(found[0], name), err_msg=name)

@@ -7,7 +7,7 @@ import pytest
 from scipy import ndimage
 
 from dic.correlation import Correlation, PictureStack, correlate
-from dic.correlation.kernels.pixel_noise import between_pixels, gradient_noise
+from dic.correlation.kernels.device import between_pixels, gradient_noise
 from dic.synthetic.speckles import render, speckle_pattern
 
 SIDE = 190

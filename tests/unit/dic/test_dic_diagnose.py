@@ -5,9 +5,8 @@ import pytest
 
 from dic import Camera, StereoRig
 from dic.camera_files.source import rotation_of
-from dic.stereo.diagnose import Fault, diagnose
-from dic.stereo.synchronisation import synchronisation
-from dic.stereo.systematic import perturbed
+from dic.stereo.diagnose import Fault, diagnose, synchronisation
+from dic.stereo.reconstruction import perturbed
 
 N_FRAMES, NOISE = 60, 0.02
 

@@ -12,14 +12,14 @@ import test_dic_camera_files as camera_battery
 import test_dic_images_damaged as picture_battery
 from test_dic_calibration import SIZE, parameters, sightings, true_poses
 
-from dic import Camera, StereoRig, open_pictures
+from dic import Camera, StereoRig, camera_files, open_pictures
+from dic import images as picture_formats
 from dic.calibration import TARGETS, Detection, Target, TargetNotFound, calibrate, detect
 from dic.calibration.targets import AsymmetricDots, Charuco, Chessboard, DottedCylinder, FiducialDots
 from dic.calibration.targets.base import Geometry, counts, positive
-from dic.camera_files import CameraFileError, formats, read_rig
+from dic.camera_files import CameraFileError, read_rig
 from dic.camera_files.source import Source, printed
 from dic.images import PictureError
-from dic.images import formats as picture_formats
 from dic.images.series import checked_count, checked_frame, checked_index, checked_shape
 
 
@@ -76,7 +76,7 @@ class MadeUpCameras:
 def made_up_cameras(monkeypatch) -> MadeUpCameras:
     """The format, with its line in the registry."""
     member = MadeUpCameras()
-    monkeypatch.setattr(formats, "FORMATS", (*formats.FORMATS, member))
+    monkeypatch.setattr(camera_files, "FORMATS", (*camera_files.FORMATS, member))
     return member
 
 
@@ -95,7 +95,7 @@ def test_a_camera_format_is_named_where_a_file_is_of_none(tmp_path, made_up_came
     with pytest.raises(CameraFileError, match=r"known are: .*Made-up rig"):
         read_rig(path)
     with pytest.raises(CameraFileError, match=r"use one of vic3d, .*made-up"):
-        formats.write_rig(path, camera_battery.rig(), "zeiss")
+        camera_files.write_rig(path, camera_battery.rig(), "zeiss")
 
 
 @dataclass(frozen=True)

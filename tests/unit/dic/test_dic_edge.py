@@ -6,10 +6,19 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.special import ndtr
 
-from dic.bodies.edge_fit import HALF, fit_edge, gap_before, without_shading
-from dic.bodies.edge_model import block_sigma, covariance, of_bands, paint, with_slopes
-from dic.bodies.ends import MODEL, end_in_camera, of_phases, weighted_mean
+from dic.bodies.edge_fit import (
+    HALF,
+    block_sigma,
+    covariance,
+    fit_edge,
+    gap_before,
+    of_bands,
+    paint,
+    with_slopes,
+    without_shading,
+)
 from dic.camera import Camera
+from dic.chain.test_frame import MODEL, end_in_camera, of_phases, weighted_mean
 from dic.surfaces import SpecimenFrame
 
 FINE = 8
@@ -46,7 +55,7 @@ def test_a_body_that_ends_at_something_even(edge, band):
     assert found is not None
     assert abs(found.place - edge) < 3.0 * np.hypot(
         found.sigma, 0.06
-    )  # the model's share: dic.bodies.ends.MODEL
+    )  # the model's share: dic.chain.test_frame.MODEL
     assert found.sigma < 0.15
 
 

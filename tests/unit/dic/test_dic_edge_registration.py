@@ -7,11 +7,15 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 
-from dic.rigid_body.edge_pixels import least_zncc
-from dic.rigid_body.edge_registration import LARGEST_EDGE, EdgeRegistration
-from dic.rigid_body.frames_before import at_rest_before, consistent_frames
+from dic.bodies.edge_registration import (
+    LARGEST_EDGE,
+    EdgeRegistration,
+    at_rest_before,
+    consistent_frames,
+    least_zncc,
+)
 from dic.surfaces import SpecimenFrame
-from dic.synthetic.cylinder import Speckles
+from dic.synthetic.speckles import Speckles
 
 SCALE = 5400.0 / 0.295  # pixels per metre where the cylinder faces the cameras
 TOP = 0.5 * (SHAPE[0] - 1) / SCALE  # height that the first row shows

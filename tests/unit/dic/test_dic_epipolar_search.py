@@ -5,11 +5,17 @@ import pytest
 from epipolar_numpy import search as search_in_numpy
 from stereo_scene import SHAPE, grid, pictures, rig
 
-from dic.correlation.warp import identity
+from dic.correlation.subsets import identity
 from dic.stereo import StereoSearch
-from dic.stereo.epipolar_search import Candidates, search
-from dic.stereo.facet import distance_along, facet_geometry, gradient, normals
-from dic.stereo.template import subsets
+from dic.stereo.epipolar_search import (
+    Candidates,
+    distance_along,
+    facet_geometry,
+    gradient,
+    normals,
+    search,
+    subsets,
+)
 
 POINTS = grid(16, 4)  # at the rim a part of the subset is out of the picture
 LIMITS = (0.29, 0.305)
@@ -75,11 +81,11 @@ def test_no_points_give_no_candidates() -> None:
 
 
 def test_a_curve_longer_than_its_room_is_walked_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    from dic.stereo.kernels import launch
+    from dic.correlation.kernels import curve
 
     wanted, picture = _wanted()
     whole = search(rig(), wanted, picture, limits=None)
-    monkeypatch.setattr(launch, "LONGEST", 8)
+    monkeypatch.setattr(curve, "LONGEST", 8)
     again = search(rig(), wanted, picture, limits=None)
     for one, other in zip(whole, again, strict=True):
         np.testing.assert_array_equal(one, other)

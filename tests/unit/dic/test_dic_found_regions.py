@@ -7,10 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from dic.bodies.followed_edge import _last_edge, follow_edge, rigid_limit
-from dic.bodies.found_regions import _painted, find_regions
-from dic.bodies.region import polygon_mask
-from dic.bodies.row_looks import row_correlation
+from dic.bodies.edges import _last_edge, follow_edge, rigid_limit, row_correlation
+from dic.bodies.region import _painted, find_regions, polygon_mask
 from dic.images import PictureError
 from dic.synthetic.speckles import render, speckle_pattern
 

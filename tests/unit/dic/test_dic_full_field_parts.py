@@ -4,25 +4,23 @@ import numpy as np
 import pytest
 from test_dic_cylinder import rig
 
-from dic.correlation.warp import Shape
-from dic.full_field.curvature import (
+from dic.correlation.subsets import Shape
+from dic.full_field.measure import Extensometer, FullFieldSettings, extension, extensions, noise_from_matches
+from dic.full_field.stereo import (
     NODES,
     match_bias,
     on_cylinder,
+    plane_frame,
     polynomial_bias,
     subset_nodes,
     without_bias,
 )
-from dic.full_field.extensometers import Extensometer, extension, extensions
-from dic.full_field.frames import plane_frame
-from dic.full_field.grey_noise import noise_from_matches
-from dic.full_field.settings import FullFieldSettings
-from dic.images.memory import PicturesInMemory
+from dic.images.series import PicturesInMemory
 from dic.outcome import PointOutcome
 from dic.surfaces import fit_cylinder
 from dic.surfaces.strains import StrainOutcome
 from dic.surfaces.surface_history import SurfaceHistory
-from dic.synthetic.cylinder import RenderedCylinder
+from dic.synthetic.speckles import RenderedCylinder
 from dic.tracking import Track
 
 STEP, SUBSET, SIGMA = 10.0, 9.0, 0.02

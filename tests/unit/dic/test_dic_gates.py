@@ -8,21 +8,16 @@ import pytest
 from scipy.stats import norm, rayleigh
 from test_dic_reconstruct import RIG, followed
 
-from dic.bodies.follow import TrackedBody
-from dic.bodies.matched import least_in_strip, material_frame
-from dic.chain.outliers import gate_epipolar, gate_residual
+from dic.basics import MAD, MEDIAN_LENGTH
+from dic.bodies.axial_displacement import ObservedPoints, _of_mean
+from dic.bodies.body_motion import MotionPrior, Observations, adjust, rigid_motion
+from dic.bodies.follow import TrackedBody, least_in_strip, material_frame
+from dic.chain.outliers import gate_epipolar, gate_residual, off_surface, spacing, unlike_points
 from dic.chain.remarks import of_radius
 from dic.correlation import Correlation
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.rigid_body.adjustment import MotionPrior, Observations, adjust
-from dic.rigid_body.axial_displacement import _of_mean
-from dic.rigid_body.rigid_motion import rigid_motion
-from dic.rigid_body.translation import ObservedPoints
-from dic.robust import MAD, MEDIAN_LENGTH
 from dic.stereo import reconstruct
 from dic.surfaces import fit_cylinder
-from dic.surfaces.residual_map import unlike_points
-from dic.surfaces.smoothness import off_surface, spacing
 
 INSIDE, OUTSIDE = 0.99, 1.01
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import fourier_shift, gaussian_filter
 
-from dic.chain.speckle_report import Speckles
+from dic.chain.remarks import Speckles
 from dic.images import grey_noise, speckle_quality
 from dic.images.__main__ import main
-from dic.images.noise import gradient, noise_gain
+from dic.images.quality import gradient, noise_gain
 from kolsky.report.canvas import build
 from kolsky.report.figures import SPECKLES
 
@@ -278,7 +278,7 @@ def test_the_figure_names_its_axes_and_shows_every_panel(wanted):
 
 def test_light_is_evened_out_where_there_is_some():
     """Half of the pixels dark under light that falls to nothing beside the body: no division by that."""
-    from dic.images.pattern import coverage_and_diameter
+    from dic.images.quality import coverage_and_diameter
 
     level = np.tile(np.linspace(1.0, 2.0, 64), (64, 1))
     f = level * np.where(np.indices((64, 64)).sum(axis=0) % 16 < 8, 0.2, 1.0)

@@ -6,7 +6,7 @@ from picture_files import cih, cihx, cine, packed
 
 from dic.images import PictureError, Pictures, open_pictures
 from dic.images.cine import p10_to_linear
-from dic.images.packed import packed_size, unpack
+from dic.images.series import packed_size, unpack
 
 SHAPE = (6, 16)
 

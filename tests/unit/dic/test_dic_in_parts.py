@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 from test_dic_strains import at_rest, grid, history
 
-from dic import forks
-from dic.chain import inspect_images
-from dic.chain.inspect_images import inspect_pictures
-from dic.chain.settings import ChainError
-from dic.forks import can_fork, forking, parts
-from dic.images.kept import KeptPictures, kept
-from dic.images.memory import PicturesInMemory
-from dic.surfaces import StrainGauge, smoothness, strains
+from dic import processes
+from dic.chain import inputs, outliers
+from dic.chain.inputs import ChainError, inspect_pictures
+from dic.images.series import DecodedPictures, PicturesInMemory, decode_once
+from dic.processes import allow_forks, can_fork, parts
+from dic.surfaces import StrainGauge, strains
 from dic.synthetic.speckles import render, speckle_pattern
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="one core, or no copies of processes here")
@@ -22,18 +20,18 @@ pytestmark = pytest.mark.skipif(not can_fork(), reason="one core, or no copies o
 
 def divided(monkeypatch, work):
     """What work gives in one process and in three."""
-    monkeypatch.setattr(forks, "cores", lambda: 4)
+    monkeypatch.setattr(processes, "cores", lambda: 4)
     alone = work()
-    with forking():
+    with allow_forks():
         assert parts() == 3
         return alone, work()
 
 
 def test_one_core_is_left_for_other_work(monkeypatch):
     assert parts() == 1  # no forks here
-    with forking():
-        for cores, wanted in ((2, 1), (3, 2), (5, 4), (64, forks.MOST_PARTS)):
-            monkeypatch.setattr(forks, "cores", lambda cores=cores: cores)
+    with allow_forks():
+        for cores, wanted in ((2, 1), (3, 2), (5, 4), (64, processes.MOST_PARTS)):
+            monkeypatch.setattr(processes, "cores", lambda cores=cores: cores)
             assert parts() == wanted
 
 
@@ -60,7 +58,7 @@ def test_the_gate_of_parts_is_that_of_the_whole(monkeypatch):
         position[frame, 11 + 8 * frame, 2] += 200e-6  # another point in every frame
     alone, together = divided(
         monkeypatch,
-        lambda: smoothness.off_surface(
+        lambda: outliers.off_surface(
             position,
             np.full(position.shape, 2e-6),
             np.ones(position.shape[:2], dtype=bool),
@@ -89,8 +87,8 @@ def series():
 def test_cameras_inspected_by_two_processes_are_those_inspected_by_one(monkeypatch):
     static = np.arange(6) < 3
     read = []
-    frame = KeptPictures.frame
-    monkeypatch.setattr(KeptPictures, "frame", lambda own, k: read.append(os.getpid()) or frame(own, k))
+    frame = DecodedPictures.frame
+    monkeypatch.setattr(DecodedPictures, "frame", lambda own, k: read.append(os.getpid()) or frame(own, k))
     alone, together = divided(monkeypatch, lambda: inspect_pictures(series(), static))
     assert set(read) == {os.getpid()}
     for camera in (0, 1):
@@ -107,25 +105,25 @@ def test_cameras_inspected_by_two_processes_are_those_inspected_by_one(monkeypat
 def test_what_is_wrong_with_camera_1_is_said(monkeypatch):
     first, second = series()
     short = PicturesInMemory(second.pictures[:5])
-    monkeypatch.setattr(forks, "cores", lambda: 4)
-    with forking(), pytest.raises(ChainError, match="camera 1 has"):
+    monkeypatch.setattr(processes, "cores", lambda: 4)
+    with allow_forks(), pytest.raises(ChainError, match="camera 1 has"):
         inspect_pictures((first, short), np.arange(6) < 3)
 
 
 def test_large_series_are_inspected_in_one_process(monkeypatch):
-    monkeypatch.setattr(inspect_images, "MOST_SENT", 6 * 64 * 64 - 1)
-    monkeypatch.setattr(inspect_images, "beside", None)
-    monkeypatch.setattr(forks, "cores", lambda: 4)
-    with forking():
+    monkeypatch.setattr(inputs, "MOST_SENT", 6 * 64 * 64 - 1)
+    monkeypatch.setattr(inputs, "beside", None)
+    monkeypatch.setattr(processes, "cores", lambda: 4)
+    with allow_forks():
         assert inspect_pictures(series(), np.arange(6) < 3).health[0][4] != 0
 
 
 def test_pictures_of_another_process_are_held_up_to_the_limit():
-    own = KeptPictures(series()[0], most=2 * 64 * 64 * 2)
+    own = DecodedPictures(series()[0], most=2 * 64 * 64 * 2)
     own.frame(0)
     given = np.full((64, 64), 7, dtype=np.uint16)
     own.hold({0: given, 1: given, 2: given})
     assert sorted(own.held) == [0, 1]
     assert own.held[0][0, 0] != 7  # the one read here
-    assert kept(own) is own
+    assert decode_once(own) is own
     assert own.frame(1) is given

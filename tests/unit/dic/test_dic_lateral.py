@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dic.rigid_body.translation import LATERAL_SIGMA, LEAST_LATERAL, lateral_places
+from dic.bodies.axial_displacement import LATERAL_SIGMA, LEAST_LATERAL, lateral_places
 
 T = 1e-5 * np.arange(120)
 PIXEL = 4e-5

@@ -8,7 +8,7 @@ import pytest
 
 from dic import PointOutcome
 from dic.correlation import Correlation, Noise, PictureStack, Shape, correlate
-from dic.correlation import warp as warps
+from dic.correlation import subsets as warps
 from dic.synthetic.speckles import render, speckle_pattern
 
 SIDE = 128

@@ -7,7 +7,7 @@ import pytest
 from synthetic_dic import synthetic_result
 
 from dic import SurfaceHistory
-from dic.surfaces.noise_floor import noise_floor
+from dic.surfaces.surface_history import noise_floor
 
 
 def at_rest(u: np.ndarray, sigma: float = 2e-6) -> SurfaceHistory:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from test_dic_reconstruct import RIG, followed
 
+from dic.bodies import axial_displacement
+from dic.bodies.axial_displacement import Translations, translations
 from dic.bodies.follow import TrackedBody
 from dic.outcome import PointOutcome
-from dic.rigid_body import axial_translations
-from dic.rigid_body.axial_translations import Translations, translations
 from dic.stereo import reconstruct
 from dic.surfaces import SpecimenFrame
 
@@ -42,7 +42,7 @@ def found(monkeypatch: pytest.MonkeyPatch, *, scale: float = 0.0, sigma: float =
         common=None,
     )
     known = (np.zeros((FRAMES, 2)), np.full(FRAMES, SINCE), np.array([0.0, PLACE]))
-    monkeypatch.setattr(axial_translations, "lateral_places", lambda *_: known)
+    monkeypatch.setattr(axial_displacement, "lateral_places", lambda *_: known)
     static = np.arange(FRAMES) < STATIC
     result = translations(body, RIG, FRAME, np.arange(FRAMES) * 1e-5, static, subset=5)
     assert result is not None

@@ -4,7 +4,7 @@ import tracemalloc
 
 import numpy as np
 
-from dic.surfaces.overlap import overlap_correlation, overlap_factor, overlap_matrix
+from dic.correlation.subsets import overlap_correlation, overlap_factor, overlap_matrix
 
 
 def _grid(columns: int, rows: int, step: float = 6.0) -> np.ndarray:

@@ -8,10 +8,10 @@ import pytest
 from test_dic_calibration import BOARD, SIZE, sightings, true_poses
 
 import dic.calibration
-from dic.calibration.pair_order import find_order
+from dic.calibration.refine import find_order
 from kolsky.base.errors import InputError
-from kolsky.shot import calibration_pictures
-from kolsky.shot.calibration_file import read_calibration_toml
+from kolsky.pictures import calibration
+from kolsky.pictures.calibration import read_calibration_toml
 
 N = 8
 SHUFFLED = [3, 0, 6, 1, 7, 2, 4, 5]
@@ -59,13 +59,13 @@ def test_pairs_out_of_order_are_refused_with_the_order_that_would_fit(tmp_path, 
     (tmp_path / "calibration.toml").write_text(TEXT)
     toml, section = read_calibration_toml(tmp_path)
     series = SimpleNamespace(n_frames=N, shape=SIZE[0][::-1], numbers=tuple(range(N)))
-    monkeypatch.setattr(calibration_pictures, "_series", lambda *given: series)
+    monkeypatch.setattr(calibration, "_series", lambda *given: series)
     views = mixed(true_poses(N))
     seen = nullcontext(lambda progress: views)
     monkeypatch.setattr(dic.calibration, "detection_begun", lambda *given: seen)
     with pytest.raises(InputError, match="do not fit two cameras") as refused:
-        calibration_pictures.calibration_of(toml, section, lambda *told: None)
+        calibration.calibration_of(toml, section, lambda *told: None)
     order = ", ".join(str(k) for k in np.argsort(SHUFFLED))
     assert f"beside 0, 1, 2, 3, 4, 5, 6, 7 of camera 0, {order} of camera 1 would fit" in str(refused.value)
     views = sightings(true_poses(N), target=BOARD)  # the same name: what is seen from now on
-    assert calibration_pictures.calibration_of(toml, section, lambda *told: None).rms < 0.1
+    assert calibration.calibration_of(toml, section, lambda *told: None).rms < 0.1

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dic.bodies import past_ends
-from dic.bodies.past_ends import axis_in_picture, past_the_ends, visible_room
 from dic.camera import Camera, StereoRig
+from dic.chain import outliers
+from dic.chain.outliers import axis_in_picture, past_the_ends, visible_room
 from dic.outcome import PointOutcome
 from dic.surfaces import SpecimenFrame
 
@@ -152,5 +152,5 @@ def test_frames_are_judged_alike_one_by_one_and_together(monkeypatch):
     ends = (np.zeros(2), np.array([LENGTH, LENGTH - lower]))
     wanted = [[True, False, False], [True, True, False]]
     for most in (50_000, 1):
-        monkeypatch.setattr(past_ends, "AT_ONCE", most)
+        monkeypatch.setattr(outliers, "AT_ONCE", most)
         assert past_the_ends(body, rig, FRAME, 15, (0.0, -1.0), ends, platen=RIM).tolist() == wanted

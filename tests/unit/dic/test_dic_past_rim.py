@@ -7,8 +7,8 @@ import pytest
 from stereo_scene import FOCAL, RADIUS, SHAPE, rig
 
 from dic.chain import follow_bodies, remarks
+from dic.chain.follow_bodies import CLEAR, before_rim
 from dic.outcome import PointOutcome
-from dic.rigid_body.past_rim import CLEAR, before_rim
 from dic.surfaces import SpecimenFrame
 
 CAMERA = rig().cameras[0]

@@ -9,7 +9,7 @@ from dic import Camera, PointOutcome, StereoRig
 from dic.stereo import reconstruct
 from dic.stereo import reconstruction as subject
 from dic.stereo.reconstruction import narrow_gates
-from dic.tracking.history import Track
+from dic.tracking.inputs import Track
 
 N_FRAMES, N_POINTS = 4, 6
 

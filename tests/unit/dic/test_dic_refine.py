@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from test_dic_cylinder import patch, rig
 
-from dic.calibration.refine import LEAST_GAIN, Refinement, across, moved, prior_root, refine
+from dic.calibration.refine import LEAST_GAIN, Refinement, baseline_normals, prior_root, refine, turn_rig
 
 NOISE = 0.02
 
@@ -28,7 +28,7 @@ def turned(cameras, x):
     R = Rotation.from_rotvec(x[:3]).as_matrix() @ R
     first, second = cameras.cameras
     assert np.allclose(first.rotation @ first.rotation.T, np.eye(3))
-    direction = t / np.linalg.norm(t) + across(t) @ x[3:]
+    direction = t / np.linalg.norm(t) + baseline_normals(t) @ x[3:]
     t = np.linalg.norm(t) * direction / np.linalg.norm(direction)
     return replace(
         cameras,
@@ -39,13 +39,13 @@ def turned(cameras, x):
 def test_a_pose_moves_by_its_turns_and_tilts_and_keeps_its_length():
     x = np.array([1e-3, -2e-3, 3e-3, 4e-3, -5e-3])
     cameras = rig()
-    (R, t), (Q, s) = moved(cameras, x).relative, turned(cameras, x).relative
+    (R, t), (Q, s) = turn_rig(cameras, x).relative, turned(cameras, x).relative
     np.testing.assert_allclose(R, Q, atol=1e-12)
     np.testing.assert_allclose(t, s, atol=1e-15)
     assert np.linalg.norm(t) == pytest.approx(np.linalg.norm(cameras.relative[1]), rel=1e-12)
     base = cameras.relative[1]
-    np.testing.assert_allclose(across(base).T @ base, 0.0, atol=1e-15)
-    np.testing.assert_allclose(across(base).T @ across(base), np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(baseline_normals(base).T @ base, 0.0, atol=1e-15)
+    np.testing.assert_allclose(baseline_normals(base).T @ baseline_normals(base), np.eye(2), atol=1e-12)
 
 
 def test_a_camera_that_was_knocked_is_put_back_as_far_as_the_rays_tell():
@@ -93,7 +93,7 @@ def test_the_prior_is_the_calibrations_covariance_of_turns_and_tilts():
     with_covariance = replace(cameras, covariance=A @ A.T)
     t = cameras.relative[1]
     J = np.zeros((5, 6))
-    J[:3, :3], J[3:, 3:] = np.eye(3), across(t).T / np.linalg.norm(t)
+    J[:3, :3], J[3:, 3:] = np.eye(3), baseline_normals(t).T / np.linalg.norm(t)
     root = prior_root(with_covariance, 3e-4)
     C = J @ (A @ A.T)[-6:, -6:] @ J.T + 9e-8 * np.eye(5)
     np.testing.assert_allclose(root.T @ root, np.linalg.inv(C), rtol=1e-6)

@@ -4,10 +4,22 @@ import numpy as np
 import pytest
 
 from dic.camera import Camera
-from dic.synthetic.lens import Lens, haze, reach_of, weight_table, weights
+from dic.synthetic.paint import Area, Texture
 from dic.synthetic.render import board_series, picture_series
-from dic.synthetic.scene import Instants, Lamp, RevolvedBody, Scene, closed, cylinder, exposures
-from dic.synthetic.texture import Area, Texture
+from dic.synthetic.scene import (
+    Instants,
+    Lamp,
+    Lens,
+    RevolvedBody,
+    Scene,
+    closed,
+    cylinder,
+    exposures,
+    haze,
+    reach_of,
+    weight_table,
+    weights,
+)
 
 PIXEL, DISTANCE, N = 50e-6, 0.3, 48
 FLAT = Lamp(ambient=1.0)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 
+from dic.bodies.axial_displacement import combine_rest, common_sigma, include_static_frames
+from dic.bodies.rest_from_rim import RestGeometry, combine_rims, face_width, find_rim, first_varying
 from dic.images import PictureError
-from dic.rigid_body.axial_displacement import joined_rest, shared, with_rest
-from dic.rigid_body.rest_from_rim import RestGeometry, find_rim, first_varying, glance, joined
 from dic.surfaces import SpecimenFrame
-from dic.synthetic.cylinder import Speckles
+from dic.synthetic.speckles import Speckles
 
 SCALE = 5400.0 / 0.295  # pixels per metre where the cylinder faces the cameras
 RIG = rig()
@@ -27,15 +27,15 @@ def test_the_first_row_that_varies():
 
 
 def test_what_was_seen_and_the_end_are_joined():
-    place, sigma = joined_rest((0.0, 3e-6), (10e-6, 4e-6))
+    place, sigma = combine_rest((0.0, 3e-6), (10e-6, 4e-6))
     assert place == pytest.approx(10e-6 * 9.0 / 25.0)
     assert sigma == pytest.approx(2.4e-6)  # 1 / sqrt(1/9 + 1/16)
-    assert joined_rest((0.0, 3e-6), (20.1e-6, 4e-6)) == (0.0, 3e-6)  # more than four times 5 um apart
+    assert combine_rest((0.0, 3e-6), (20.1e-6, 4e-6)) == (0.0, 3e-6)  # more than four times 5 um apart
 
 
 def test_what_static_frames_share():
-    assert shared(0.5) == 0.008
-    assert shared(5.0) == pytest.approx(np.hypot(0.008, 0.004))  # 0.001 of what is more than 1 px
+    assert common_sigma(0.5) == 0.008
+    assert common_sigma(5.0) == pytest.approx(np.hypot(0.008, 0.004))  # 0.001 of what is more than 1 px
 
 
 def test_the_face_is_seen_at_a_glance_from_below_only():
@@ -43,14 +43,14 @@ def test_the_face_is_seen_at_a_glance_from_below_only():
     behind, meet the plane of the rim 2.5 * 2 / 292.5 mm apart."""
     geometry = RestGeometry(length=6e-3, length_sigma=0.0, radius=5e-3)
     camera = np.array([0.0, 4e-3, 0.3])
-    assert glance(camera, 6e-3, 7.5e-3, geometry) == pytest.approx([2.5e-3 * 2e-3 / 0.2925] * 2)
-    assert glance(camera, 3.9e-3, 7.5e-3, geometry) == (0.0, 0.0)
+    assert face_width(camera, 6e-3, 7.5e-3, geometry) == pytest.approx([2.5e-3 * 2e-3 / 0.2925] * 2)
+    assert face_width(camera, 3.9e-3, 7.5e-3, geometry) == (0.0, 0.0)
     # half as long it has twice the cross-section, unless its end holds to the face
     low = np.array([0.0, 1e-3, 0.3])
-    held, mean = glance(low, 3e-3, 7.5e-3, geometry)
+    held, mean = face_width(low, 3e-3, 7.5e-3, geometry)
     assert held == pytest.approx(2.5e-3 * 2e-3 / 0.2925)
     assert mean == pytest.approx((7.5 - 5 * 2**0.5) * 1e-3 * 2e-3 / 0.2925)
-    assert glance(low, 3e-3, 5e-3, geometry) == (0.0, 0.0)
+    assert face_width(low, 3e-3, 5e-3, geometry) == (0.0, 0.0)
 
 
 def series_of(frame):
@@ -64,11 +64,11 @@ def unreadable(frame):
 def test_cameras_that_disagree_widen_the_rim():
     """Two places of sigma 3 and 4 µm, five and ten times 4 µm apart; half of that is in the mean's sigma."""
     for apart in (19.9e-6, 40e-6):
-        found = joined([0.0, apart], [3e-6, 4e-6])
+        found = combine_rims([0.0, apart], [3e-6, 4e-6])
         assert found.y == pytest.approx(0.5 * apart)
         assert found.sigma == pytest.approx(np.hypot(5e-6 / 2**0.5, 0.5 * apart))  # the mean of 9 and 16
     assert not RestGeometry(length=6e-3, length_sigma=found.sigma, radius=5e-3).known
-    alone = joined([1e-6], [3e-6])
+    alone = combine_rims([1e-6], [3e-6])
     assert (alone.y, alone.sigma, alone.cameras) == (1e-6, 3e-6, 1)
 
 
@@ -117,7 +117,7 @@ def test_the_rim_of_a_body_that_passes_a_specimen_is_found():
 
 def test_static_frames_that_do_not_show_the_body_are_at_rest() -> None:
     """Frames 0 to 2 rest at 6 mm; frame 1 was seen a little off, and stays as it was seen."""
-    index, y, sigma, counts = with_rest(
+    index, y, sigma, counts = include_static_frames(
         np.arange(3), 6e-3, np.array([1, 3]), np.array([6.001e-3, 5e-3]), [1e-6, 3e-6], [4, 9]
     )
     assert index.tolist() == [0, 1, 2, 3]

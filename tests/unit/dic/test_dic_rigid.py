@@ -5,12 +5,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dic import Camera, FrameOutcome, PointOutcome, StereoRig
-from dic.rigid_body.body_motion import BodyMotion, body_motion
-from dic.rigid_body.rigid_motion import rigid_motion
+from dic.bodies.body_motion import BodyMotion, body_motion, rigid_motion
 from dic.stereo import reconstruct
 from dic.stereo.reconstruction import Reconstruction
 from dic.surfaces import SpecimenFrame
-from dic.tracking.history import Track
+from dic.tracking.inputs import Track
 
 SIDE, FACE, SCALE = 7.5e-3, 6.5e-3, 1.0 / 18e3
 """Radius of a flyer, height of its face at rest [m], metres a pixel."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dic.bodies.rim_arc import BLOCKS, block_edge, end_arc
+from dic.bodies.edges import BLOCKS, block_edge, end_arc
 from dic.synthetic.speckles import render, speckle_pattern
 
 SHAPE = (140, 160)

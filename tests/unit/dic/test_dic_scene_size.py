@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from test_dic_reconstruct import RIG, followed
 
+from dic.bodies.axial_displacement import AxialDisplacement, axial_displacement
 from dic.bodies.follow import TrackedBody
 from dic.camera import StereoRig
+from dic.chain.follow_bodies import subsample
 from dic.outcome import PointOutcome
-from dic.rigid_body.axial_displacement import AxialDisplacement, axial_displacement
-from dic.rigid_body.poses import thinned
 from dic.stereo import reconstruct
 from dic.surfaces import SpecimenFrame
 
@@ -70,8 +70,8 @@ def test_the_flyers_displacement_is_in_proportion(scale: float) -> None:
 
 def test_a_body_of_many_points_is_thinned_evenly_and_all_that_is_known_of_them_with_it() -> None:
     body, rig = moving(1.0)
-    assert thinned(body, len(body.points)) is body
-    few = thinned(body, 7)  # of 20: every third
+    assert subsample(body, len(body.points)) is body
+    few = subsample(body, 7)  # of 20: every third
     assert few.points.tolist() == body.points[::3].tolist()
     assert len(few.points) == len(few.cell) == 7
     for track in few.tracks:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from test_dic_scene_size import FRAME, FRAMES, STATIC, moving
 
+from dic.bodies import axial_displacement
+from dic.bodies import axial_displacement as subject
+from dic.bodies.edge_registration import RegisteredEdge
 from dic.outcome import PointOutcome
-from dic.rigid_body import axial_displacement as subject
-from dic.rigid_body import axial_translations
-from dic.rigid_body.edge_registration import RegisteredEdge
 
 FIRST = 8
 """First frame in which its points are seen."""
@@ -37,7 +37,7 @@ def found(
             for k, (own, common) in sorted(edges.items(), reverse=True)
         ]
 
-    monkeypatch.setattr(axial_translations, "registered_edges", registered)
+    monkeypatch.setattr(axial_displacement, "registered_edges", registered)
     static = np.arange(FRAMES) < STATIC
     pictures = (None, None)
     result = subject.axial_displacement(body, rig, FRAME, TIMES, static, subset=5, pictures=pictures)

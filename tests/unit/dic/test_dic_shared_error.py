@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dic.stereo.shared_error import NONE, demeaned, shared_error
+from dic.stereo.reconstruction import NONE, demeaned, shared_error
 
 FloatArray = NDArray[np.float64]
 SUBSET = 15

@@ -10,14 +10,14 @@ import pytest
 import warp as wp
 
 from dic.bodies import follow
-from dic.calibration import checks
-from dic.calibration.projection import SHARED
+from dic.calibration import solve
+from dic.calibration.bundle import SHARED_PARAMETERS
 from dic.correlation import Correlation
 from dic.correlation.kernels import launch
 from dic.correlation.kernels.device import select_device
-from dic.forks import can_fork, forking
-from dic.images.memory import PicturesInMemory
+from dic.images.series import PicturesInMemory
 from dic.outcome import FrameOutcome, PointOutcome
+from dic.processes import allow_forks, can_fork
 from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import rigid
 
@@ -41,7 +41,7 @@ def processes(monkeypatch, *sizes, device="cpu"):
         for k, size in enumerate(sizes)
     ]
     told = []
-    with forking():
+    with allow_forks():
         found = follow.follow_bodies(bodies, None, None, progress=lambda *said: told.append(said))
     assert [[track[:2] for track in tracks] for tracks in found] == [
         [(f"body {k}", 0), (f"body {k}", 1)] for k in range(len(sizes))
@@ -131,10 +131,10 @@ def test_a_mask_is_sent_once_and_again_when_it_has_changed():
 def test_held_out_residuals_are_pooled_and_unknown_where_a_part_cannot_be_solved(monkeypatch):
     views = [SimpleNamespace(pair=pair, camera=camera) for pair in range(5) for camera in (0, 1)]
     fit = SimpleNamespace(rig=None)
-    monkeypatch.setattr(checks, "adjust", lambda rig, kept, *a, **k: SimpleNamespace(rig=len(kept)))
+    monkeypatch.setattr(solve, "adjust", lambda rig, kept, *a, **k: SimpleNamespace(rig=len(kept)))
     # pair k has k + 1 residuals of length k in each camera
-    monkeypatch.setattr(checks, "residuals", lambda rig, view: np.full((view.pair + 1, 1), float(view.pair)))
-    found = checks.held_out(fit, views, np.zeros((SHARED, 0)), 3)
+    monkeypatch.setattr(solve, "residuals", lambda rig, view: np.full((view.pair + 1, 1), float(view.pair)))
+    found = solve.cross_validation_error(fit, views, np.zeros((SHARED_PARAMETERS, 0)), 3)
     squares, count = sum(k**2 * (k + 1) for k in range(5)), sum(k + 1 for k in range(5))
     assert found == pytest.approx(np.sqrt(squares / count), rel=1e-12)
 
@@ -143,8 +143,8 @@ def test_held_out_residuals_are_pooled_and_unknown_where_a_part_cannot_be_solved
             raise ValueError("too little")
         return SimpleNamespace(rig=rig)
 
-    monkeypatch.setattr(checks, "adjust", refused)
-    assert np.isnan(checks.held_out(fit, views, np.zeros((SHARED, 0)), 3))
+    monkeypatch.setattr(solve, "adjust", refused)
+    assert np.isnan(solve.cross_validation_error(fit, views, np.zeros((SHARED_PARAMETERS, 0)), 3))
 
 
 def agreed(n, move):

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks import dic_sigmas
-from dic.correlation.warp import Shape, identity
-from dic.surfaces.overlap import overlap_correlation
-from dic.tracking.matcher import carried_from, enlarged, in_material
-from dic.tracking.references import gradient
+from dic.correlation.subsets import Shape, identity, overlap_correlation
+from dic.tracking.matcher import enlarged, gradient, in_material, inherited_covariance
 
 SIDE = 21
 
@@ -49,13 +47,13 @@ def test_a_track_takes_back_what_its_shape_function_makes_of_the_noise(
     m, t = weights(matched), weights(tracked)
     start = np.eye(2)[None] * 2.0 * (m @ m)
     left = np.eye(2)[None] * (m @ m + (m - t) @ (m - t))
-    found = carried_from(start, np.eye(2)[None] * (t @ t), identity(1))
+    found = inherited_covariance(start, np.eye(2)[None] * (t @ t), identity(1))
     np.testing.assert_allclose(found, left, rtol=1e-9, atol=1e-15)
 
 
 def test_a_track_of_the_same_shape_function_takes_all_of_it_back() -> None:
     C = np.array([[[2.0, 0.5], [0.5, 1.0]]])
-    np.testing.assert_allclose(carried_from(C, 0.5 * C, identity(1)), 0.5 * C, atol=1e-14)
+    np.testing.assert_allclose(inherited_covariance(C, 0.5 * C, identity(1)), 0.5 * C, atol=1e-14)
 
 
 def test_covariances_go_back_to_the_material_by_the_gradient() -> None:

@@ -10,24 +10,20 @@ from scipy.special import ndtr
 from threadpoolctl import threadpool_info
 
 from dic import PointOutcome
+from dic.basics import median
+from dic.bodies.body_motion import MotionPrior, Observations, adjust
 from dic.calibration import TargetNotFound, detect, detect_series
-from dic.calibration.centroids import centroids
-from dic.calibration.corners import quantiles
-from dic.calibration.edges import _upper
-from dic.calibration.projection import View, derivatives, joined, poses_of, seen
+from dic.calibration.bundle import View, derivatives, join_views, poses_of, project_points
+from dic.calibration.dots import _upper, centroids, quantiles
 from dic.calibration.targets import FiducialDots
 from dic.camera import Camera
 from dic.correlation import Correlation, PictureStack, Shape, Templates, correlate
-from dic.correlation.kernels.device import select_device
-from dic.correlation.kernels.prefilter import on_device, on_host, response
-from dic.correlation.kernels.spline import PAD
-from dic.correlation.warp import identity
+from dic.correlation.kernels.device import PAD, on_device, on_host, response, select_device
+from dic.correlation.subsets import identity
 from dic.images import PictureError
-from dic.images.kept import KeptPictures, kept
-from dic.rigid_body.adjustment import MotionPrior, Observations, adjust
-from dic.robust import median
-from dic.stereo.rays import inverse, largest_eigenvalue
-from dic.stereo.synchronisation import _median
+from dic.images.series import DecodedPictures, decode_once
+from dic.stereo.diagnose import _median
+from dic.stereo.geometry import inverse, largest_eigenvalue
 from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking.rigid import _in_view, _nothing
 from kolsky.base.process import single_threaded_libraries
@@ -56,7 +52,7 @@ class Counted:
 def test_pictures_are_read_once_up_to_a_limit():
     grey = np.arange(64, dtype=np.uint8).reshape(8, 8)
     series = Counted([grey, None, grey + 1, grey + 2])
-    found = KeptPictures(series, most=2 * grey.nbytes)
+    found = DecodedPictures(series, most=2 * grey.nbytes)
     for _ in range(3):
         for index in (0, 2, 3):
             np.testing.assert_array_equal(found.frame(index), series.frames[index])
@@ -64,7 +60,7 @@ def test_pictures_are_read_once_up_to_a_limit():
             found.frame(1)
     assert series.read == 1 + 1 + 3 + 3  # two kept, one beyond the limit, one that fails
     assert not found.frame(0).flags.writeable
-    assert kept(found) is found
+    assert decode_once(found) is found
     assert (found.n_frames, found.shape, found.bits) == (4, (8, 8), 8)
 
 
@@ -227,9 +223,11 @@ def test_views_joined_are_the_views_one_by_one():
               np.ones(len(ids)))
         for k, ids in enumerate((np.arange(80), np.arange(5, 30), np.arange(1)))
     ]  # fmt: skip
-    view, (R, t) = joined(views), poses_of(views, poses)
+    view, (R, t) = join_views(views), poses_of(views, poses)
     np.testing.assert_allclose(
-        seen(camera, view, R, t), np.concatenate([seen(camera, v, *poses[v.pair]) for v in views]), rtol=1e-12
+        project_points(camera, view, R, t),
+        np.concatenate([project_points(camera, v, *poses[v.pair]) for v in views]),
+        rtol=1e-12,
     )
     for whole, parts in zip(
         derivatives(camera, view, R, t),

@@ -8,7 +8,7 @@ from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, grid, pictures, rig, tr
 
 from dic.camera import StereoRig
 from dic.correlation import Correlation, Shape
-from dic.correlation.warp import apply, identity
+from dic.correlation.subsets import apply, identity
 from dic.outcome import PointOutcome
 from dic.stereo import Gate, StereoGates, StereoMatch, StereoSearch, match_stereo, triangulate
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from dic import FrameOutcome, PointOutcome, SurfaceHistory, centre_line
+from dic.correlation.subsets import overlap_correlation
 from dic.surfaces import axisymmetry, outline
 from dic.surfaces.outline import rows_of
-from dic.surfaces.overlap import overlap_correlation
 
 RADIUS, HEIGHT, SCALE = 4.75e-3, 6.5e-3, 1.0 / 18e3
 NOISE = np.array([1e-6, 1e-6, 4e-6])

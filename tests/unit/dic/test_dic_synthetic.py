@@ -7,14 +7,21 @@ import pytest
 from dic.calibration.targets import Charuco, Chessboard, FiducialDots
 from dic.camera import Camera
 from dic.images import open_pictures
-from dic.synthetic.boards import board_texture
-from dic.synthetic.lens import Lens
-from dic.synthetic.paint import Paint, flaked, painted, printed_dots, scratched, sprayed_drops
-from dic.synthetic.picture_files import WRITERS
-from dic.synthetic.render import board_series
-from dic.synthetic.scene import RevolvedBody
-from dic.synthetic.sensor import Sensor
-from dic.synthetic.texture import Area, Texture, plain, waves
+from dic.synthetic.paint import (
+    Area,
+    Paint,
+    Texture,
+    board_texture,
+    flaked,
+    painted,
+    plain,
+    printed_dots,
+    scratched,
+    sprayed_drops,
+    waves,
+)
+from dic.synthetic.render import WRITERS, Sensor, board_series
+from dic.synthetic.scene import Lens, RevolvedBody
 
 AREA = Area((0.0, 20e-3), (0.0, 15e-3))
 PITCH = 2e-5

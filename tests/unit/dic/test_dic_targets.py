@@ -7,8 +7,8 @@ from boards import LENS, MATRIX, averaged, cylinder, dots, flat, pixels, pose
 
 from dic import Camera
 from dic.calibration import TARGETS, TargetNotFound, detect
-from dic.calibration.corners import noise_level
-from dic.calibration.projection import View, centroids, seen
+from dic.calibration.bundle import View, centroids, project_points
+from dic.calibration.dots import noise_level
 from dic.calibration.targets import AsymmetricDots, Charuco, Chessboard, DottedCylinder, FiducialDots
 
 HOLLOW = ((2, 2), (7, 2), (2, 5))
@@ -210,7 +210,7 @@ def test_a_dotted_cylinder_is_numbered_from_three_anchors():
         0, 0, ids, g.points[ids], g.normals[ids], g.spread[ids], g.bend[ids], found.pixels, np.ones(n)
     )
     # Eq. (C.2) keeps the first order in patch size over radius, 0.11 here; 10 % of shifts of 0.2 px remain
-    np.testing.assert_allclose(seen(camera, sight, R, t), expected, atol=0.02)
+    np.testing.assert_allclose(project_points(camera, sight, R, t), expected, atol=0.02)
     with pytest.raises(TargetNotFound, match="no dot at the anchor"):
         detect(picture, DottedCylinder(**{**vars(body), "anchors": ((5, 3, 5.0, 5.0), *anchors[1:])}))
     with pytest.raises(TargetNotFound, match="anchors"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dic.correlation import Correlation
-from dic.correlation.warp import apply, identity
+from dic.correlation.subsets import apply, identity
 from dic.images import PictureError
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.synthetic.speckles import render, speckle_pattern

@@ -8,23 +8,33 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from dic.correlation import Correlation, Noise
-from dic.correlation.warp import identity
+from dic.correlation.subsets import identity
 from dic.images import PictureError
 from dic.outcome import FrameOutcome
 from dic.synthetic.speckles import render, speckle_pattern
-from dic.tracking import Tracking
-from dic.tracking.frames import Scene, read
-from dic.tracking.initial_guesses import (
+from dic.tracking import Tracking, _compose_points, enlarged_subset
+from dic.tracking.frame_match import (
+    Neighbours,
     Predictor,
     affine_consensus,
     correlate_windows,
     match_features,
     spread,
 )
-from dic.tracking.matcher import ACROSS, ALONG, RESIDUE, compose, enlarged, excess, local_variance
-from dic.tracking.neighbours import Neighbours
-from dic.tracking.references import References, Template, principal, stretch
-from dic.tracking.update import composed, grown
+from dic.tracking.inputs import Scene, read
+from dic.tracking.matcher import (
+    ACROSS,
+    ALONG,
+    RESIDUE,
+    References,
+    Template,
+    compose,
+    enlarged,
+    excess,
+    local_variance,
+    principal,
+    stretch,
+)
 
 SHAPE = (100, 120)
 
@@ -290,13 +300,13 @@ def test_a_residual_is_kept_through_changes_of_reference() -> None:
         zncc=np.ones(3),
         matcher=SimpleNamespace(excess=lambda zncc, template: np.array([3.0, 1.0])),
     )
-    np.testing.assert_array_equal(composed(here)[2], [3.0, 5.0, np.nan])
+    np.testing.assert_array_equal(_compose_points(here)[2], [3.0, 5.0, np.nan])
 
 
 def test_subsets_grow_with_the_flattening_up_to_the_limit() -> None:
     warp = np.concatenate([affine(np.diag([1.4, value]), 1) for value in (1.0, 0.7, 0.5, 0.25)])
-    assert grown(31, warp, 1.0).tolist() == [31] * 4
-    side = grown(31, warp, 3.0)
+    assert enlarged_subset(31, warp, 1.0).tolist() == [31] * 4
+    side = enlarged_subset(31, warp, 3.0)
     assert (side % 2 == 1).all()
     assert (side[:3] * [1.0, 0.7, 0.5] >= 30.0).all()  # to a step of two pixels
     assert side[3] == 93  # three times

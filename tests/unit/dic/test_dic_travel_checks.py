@@ -8,14 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dic.bodies.carried_region import carry_region
-from dic.bodies.region import Region
+from dic.bodies.axial_displacement import AxialDisplacement
+from dic.bodies.region import Region, carry_region
 from dic.chain.follow_bodies import usable_region
-from dic.chain.settings import ChainError
-from dic.chain.travel_checks import fastest_share, of_travel, uneven_steps
+from dic.chain.inputs import ChainError
+from dic.chain.remarks import fastest_share, of_travel, uneven_steps
 from dic.images.health import frame_health
 from dic.outcome import FrameOutcome
-from dic.rigid_body.axial_displacement import AxialDisplacement
 from dic.synthetic.speckles import render, speckle_pattern
 
 SPEED, FRAME, STATIC = 2.5, 1e-5, 6

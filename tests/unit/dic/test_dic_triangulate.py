@@ -13,8 +13,7 @@ from dic.stereo import (
     projection_error,
     triangulate,
 )
-from dic.stereo.epipolar import epipolar_curve, epipolar_sigma
-from dic.stereo.rays import pixel_slope
+from dic.stereo.geometry import epipolar_curve, epipolar_sigma, pixel_slope
 
 LENS = (-0.18, 0.4, 1e-3, -2e-3, -0.3)
 NOISE0 = np.array([[4e-4, 1e-4], [1e-4, 2e-4]])

@@ -9,14 +9,13 @@ from test_dic_pair_order import TEXT
 
 import dic.calibration
 from dic.calibration import calibrate
-from dic.calibration.result import PairOutcome
+from dic.calibration.views import PairOutcome
 from dic.images import PictureError
-from dic.images.memory import PicturesInMemory
-from dic.images.series import PictureSizeError
+from dic.images.series import PicturesInMemory, PictureSizeError
 from kolsky.base.errors import InputError
+from kolsky.pictures import calibration
+from kolsky.pictures.calibration import read_calibration_toml
 from kolsky.report.pages.calibration import warnings
-from kolsky.shot import calibration_pictures
-from kolsky.shot.calibration_file import read_calibration_toml
 
 
 def test_a_picture_that_cannot_be_used_is_named_with_its_reason():
@@ -49,10 +48,10 @@ def test_a_first_picture_of_another_size_is_refused(tmp_path, wrong, refused):
     views = [[object()] * (8 - wrong) + [odd] * wrong, [object()] * 8]
     series = [SimpleNamespace(shape=(240, 320))] * 2
     if not refused:
-        calibration_pictures._refuse_odd_size(toml, series, views)
+        calibration._refuse_odd_size(toml, series, views)
         return
     with pytest.raises(InputError, match="begins with a picture of 320 x 240 px, 5 of the others"):
-        calibration_pictures._refuse_odd_size(toml, series, views)
+        calibration._refuse_odd_size(toml, series, views)
 
 
 def test_pictures_without_a_partner_are_named(tmp_path, monkeypatch):
@@ -60,14 +59,14 @@ def test_pictures_without_a_partner_are_named(tmp_path, monkeypatch):
     toml, section = read_calibration_toml(tmp_path)
     numbers = {"camera_0": (0, 1, 2, 3), "camera_1": (1, 2, 3)}
     monkeypatch.setattr(
-        calibration_pictures,
+        calibration,
         "_series",
         lambda toml, name, pattern: SimpleNamespace(n_frames=len(numbers[name]), numbers=numbers[name]),
     )
     monkeypatch.setattr(dic.calibration, "detection_begun", lambda *given: pytest.fail("not reached"))
     with pytest.raises(InputError, match="camera 1 has none numbered 0"):
-        calibration_pictures.calibration_of(toml, section, lambda *told: None)
+        calibration.calibration_of(toml, section, lambda *told: None)
     numbers["camera_1"] = (10, 11, 12)
     with pytest.raises(InputError, match="it is not known which are pairs") as error:
-        calibration_pictures.calibration_of(toml, section, lambda *told: None)
+        calibration.calibration_of(toml, section, lambda *told: None)
     assert "has none" not in str(error.value)

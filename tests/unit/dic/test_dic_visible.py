@@ -6,13 +6,10 @@ from epipolar_numpy import points_along, shows
 from stereo_scene import CYLINDER, DISTANCE, FOCAL, SHAPE, grid, pictures, rig
 
 from dic.camera import Camera, StereoRig
-from dic.correlation.warp import identity
+from dic.correlation.subsets import identity
 from dic.stereo import StereoSearch
-from dic.stereo.epipolar_search import search
-from dic.stereo.facet import distance_along
-from dic.stereo.rays import directions
-from dic.stereo.template import subsets
-from dic.stereo.visible import ideal_box, visible_piece
+from dic.stereo.epipolar_search import distance_along, ideal_box, search, subsets, visible_piece
+from dic.stereo.geometry import directions
 
 LIMITS = (0.015, 6.0)
 

@@ -16,7 +16,7 @@ import yaml
 ROOT = Path(__file__).resolve().parents[3]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 RENAMED = {"matplotlib": "matplotlib-base"}
-PACKAGES = ("kolsky", "dic", "explicit", "implicit", "doe")
+PACKAGES = ("kolsky", "dic", "explicit", "doe")
 
 
 def test_the_conda_recipe_has_the_dependencies_of_the_package() -> None:

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
-PACKAGES = ("kolsky", "explicit", "implicit", "doe", "dic")
+PACKAGES = ("kolsky", "explicit", "doe", "dic")
 NAME = re.compile(rf"`~?((?:{'|'.join(PACKAGES)})(?:\.\w+)+)`")
 KEYS_OF_SHOT_TOML = "dic"
 """A table of shot.toml has the name of a package: `dic.subset` is a key."""

@@ -71,19 +71,19 @@ def test_there_is_a_page_for_every_public_module_and_no_other(extensions, tmp_pa
     names = {".".join(f.with_suffix("").parts).removesuffix(".__init__") for f in files}
     assert {name for name in names if not name.endswith("__main__")} < set(modules)
     assert set(kolsky._HOME.values()) < pages  # what `import kolsky` offers
-    assert {"kolsky.readers", "implicit", "dic.stereo"} < pages  # every package
+    assert {"kolsky.readers", "explicit", "dic.stereo"} < pages  # every package
     assert "kolsky.report.scene.scene_data" in pages  # howto/films.md refers to it
-    assert "kolsky.report.scene.geometry" not in pages  # nobody does
+    assert "kolsky.report.scene.scene_data" not in pages  # nobody does
     assert len(pages) < 0.5 * len(modules)
     # a page documents its module, whatever names the package offers
     page = (stale.parent / "explicit.run_batch.rst").read_text(encoding="utf-8")
     assert ".. automodule:: explicit.run_batch\n" in page
     package = (stale.parent / "kolsky.report.scene.rst").read_text(encoding="utf-8")
     assert ":doc:`kolsky.report.scene.scene_data`\n   Scene: " in package
-    assert "``kolsky.report.scene.geometry``\n   Surfaces of the scene" in package
+    assert "``kolsky.report.scene.scene_data``\n   Surfaces of the scene" in package
     # only names in modules without a page may be unknown to a reference
     hidden = re.compile(without_page(modules))
-    assert hidden.fullmatch("kolsky.report.scene.geometry.Surface.points")
+    assert hidden.fullmatch("kolsky.report.scene.scene_data.Surface.points")
     assert not hidden.fullmatch("kolsky.report.scene.scene_data.Scene")
     assert not hidden.fullmatch("kolsky.report.scene.misspelt.Scene")
     assert hidden.fullmatch("Surface")  # a class of geometry.py, as a docstring names it
@@ -94,13 +94,13 @@ def test_there_is_a_page_for_every_public_module_and_no_other(extensions, tmp_pa
     for n, said in enumerate(
         (
             "{py:func}`~dic.files.replacing`",
-            "{py:mod}`here <dic.robust>`",
+            "{py:mod}`here <dic.basics>`",
             "{doc}`x </api/generated/dic.arrays>`",
         )
     ):
         assert REFERENCE.search(said), said
         (folder / f"{n}.md").write_text(f"see {said}.", encoding="utf-8")
-    assert {"dic.files", "dic.robust", "dic.arrays"} < public(modules, folder)
+    assert {"dic.files", "dic.basics"} < public(modules, folder)
     assert "kolsky.report.scene.scene_data" not in public(modules, folder)
 
 

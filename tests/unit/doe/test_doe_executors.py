@@ -14,9 +14,7 @@ import numpy as np
 import pytest
 from dask_processes import dask_processes
 
-from doe.executors import Pace, run_chunks
-from doe.ledger import Ledger
-from doe.ledger_rows import Run
+from doe.ledger import Ledger, Pace, Run, run_chunks
 
 POINTS = ledger_sweep.POINTS[:400]
 

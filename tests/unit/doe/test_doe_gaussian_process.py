@@ -7,8 +7,16 @@ from scipy.stats import multivariate_normal
 
 from doe import Box, sobol
 from doe.surrogates import ProcessSurrogate, SurrogateError
-from doe.surrogates.correlation import CORRELATIONS, squared_differences, with_lengths, with_slopes
-from doe.surrogates.gaussian_process import GaussianProcess, Hyperparameters, _loss, _tail
+from doe.surrogates.process import (
+    CORRELATIONS,
+    GaussianProcess,
+    Hyperparameters,
+    _loss,
+    _tail,
+    squared_differences,
+    with_lengths,
+    with_slopes,
+)
 
 FloatArray = NDArray[np.float64]
 KINDS = sorted(CORRELATIONS)

@@ -6,8 +6,7 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from doe import Box
-from doe.least_squares import STEP, least_squares
-from doe.whitening import Whitening
+from doe.least_squares import STEP, Whitening, least_squares
 
 FloatArray = NDArray[np.float64]
 BOX = Box(("a", "b"), (0.1, 1e-6), (3.0, 1e-3), (False, True))

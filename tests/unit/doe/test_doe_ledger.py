@@ -12,9 +12,7 @@ import ledger_sweep
 import numpy as np
 import pytest
 
-from doe.executors import Pace, run_chunks, shard
-from doe.ledger import Ledger, LedgerError
-from doe.ledger_rows import FIRST_TABLE, Run, run_key
+from doe.ledger import FIRST_TABLE, Ledger, LedgerError, Pace, Run, run_chunks, run_key, shard
 
 ROOT = Path(__file__).resolve().parents[3]
 MODEL = b"\x01" * 32

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from doe import Box, latin_hypercube
-from doe.refine import MOVED, Refinement, refine
+from doe.refine import CONVERGED_MOVE, Refinement, refine
 from doe.surrogates import ProcessSurrogate
 
 FloatArray = NDArray[np.float64]
@@ -64,11 +64,11 @@ def test_the_models_optimum_is_found_in_few_runs() -> None:
     found = refined()
     assert found.converged
     # What it promises: the last runs moved it by no more than 0.2 sigma, and the surrogate is exact there.
-    np.testing.assert_array_less(np.abs(found.x - optimum()), MOVED * found.sigma)
+    np.testing.assert_array_less(np.abs(found.x - optimum()), CONVERGED_MOVE * found.sigma)
     # A grid that resolves the valley (0.2 sigma) over the box would have 10^5 points.
     assert len(found.points) <= 16 + 6 * 6
     last = found.rounds[-1]
-    assert last.moved <= MOVED
+    assert last.moved <= CONVERGED_MOVE
     assert last.predicted == pytest.approx(last.found, abs=1.0)  # far below the 3.84 of an interval
     # Every run is there, in the order it was made, and each is what the function gives.
     assert len(found.points) == 16 + sum(len(each.points) for each in found.rounds)
@@ -96,7 +96,7 @@ def test_an_optimum_on_a_face_of_the_box_is_no_reason_to_go_on() -> None:
     assert found.converged
     assert found.x[1] == pytest.approx(0.3, abs=1e-5)
     best = optimum(upper=(2.0, 0.3))
-    assert abs(found.x[0] - best[0]) < MOVED * found.sigma[0]
+    assert abs(found.x[0] - best[0]) < CONVERGED_MOVE * found.sigma[0]
 
 
 def test_failed_runs_are_left_out() -> None:
@@ -113,7 +113,7 @@ def test_failed_runs_are_left_out() -> None:
     found = refined(run=fragile)
     assert lost > 0
     assert len(found.points) == 16 + sum(len(each.points) for each in found.rounds) - lost
-    np.testing.assert_array_less(np.abs(found.x - optimum()), MOVED * found.sigma)
+    np.testing.assert_array_less(np.abs(found.x - optimum()), CONVERGED_MOVE * found.sigma)
 
 
 def test_a_rough_function_keeps_its_region_wide() -> None:

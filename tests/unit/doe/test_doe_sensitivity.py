@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 from scipy.stats import sobol_indices as scipy_indices
 
-from doe import Box, ResponseSurrogate, latin_hypercube
+from doe import Box, ResponseSurrogate, information, latin_hypercube
 from doe.sensitivity import (
     LinearData,
+    SaltelliSample,
     best_groups,
     best_window,
     history_indices,
     morris,
-    placement,
     sobol_indices,
 )
-from doe.sensitivity.variance import SaltelliSample
 from doe.uncertainty.covariance import SingularInformationError
 
 CIRCLE = Box.of({name: (-np.pi, np.pi) for name in ("x1", "x2", "x3")})
@@ -291,7 +290,7 @@ def test_exchange_finds_what_the_comparison_of_all_finds(monkeypatch: pytest.Mon
     for criterion in ("D", "A"):
         exact = best_groups(groups, 4, criterion=criterion)
         with monkeypatch.context() as patch:
-            patch.setattr(placement, "ALL", 0)
+            patch.setattr(information, "ALL", 0)
             other = best_groups(groups, 4, criterion=criterion)
         assert not other.exhaustive
         assert other.chosen == exact.chosen

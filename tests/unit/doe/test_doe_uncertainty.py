@@ -20,7 +20,7 @@ from doe.uncertainty import (
     verdicts,
 )
 from doe.uncertainty.covariance import SingularInformationError
-from doe.uncertainty.ridge import directions
+from doe.uncertainty.profile import directions
 
 LEVEL = 3.841458820694124  # 95 % point of chi-square with one degree of freedom, tables
 BOX = Box(("x", "y"), (-2.0, -2.0), (3.0, 4.0))

@@ -5,8 +5,7 @@ import pytest
 from scipy import stats
 
 from doe import Box
-from doe.sensitivity import sobol_indices
-from doe.sensitivity.variance import SaltelliSample
+from doe.sensitivity import SaltelliSample, sobol_indices
 
 BOX = Box(("a", "b", "c"), (-np.pi,) * 3, (np.pi,) * 3)
 N, SEED = 256, 7

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from doe.whitening import Whitening
+from doe.least_squares import Whitening
 
 RNG = np.random.default_rng(11)
 SIGMA = RNG.uniform(0.5, 3.0, 9)

@@ -6,24 +6,22 @@ import numpy as np
 import pytest
 
 from explicit import Mesh, Model, PlatenMotion, Sampling, cylinder
-from explicit.arguments import output_of
+from explicit.arguments import SPARE, body_of, fits_on_chip, node_order, output_of
 from explicit.device import select_device
-from explicit.geometry import element_geometry
-from explicit.materials import MarlowLaw, neo_hookean
-from explicit.mesh_arguments import SPARE, body_of, fits_on_chip, node_order
-from explicit.precision import PRECISIONS
-from explicit.time_loop.grouped_tables import GROUP
-from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
-from explicit.time_loop.lanes import WARPS
-from explicit.time_loop.node_sweeps import VALENCE
-from explicit.time_loop.slots import CONTROL_SIZE, Total
-from explicit.time_loop.state_layout import (
+from explicit.layout.lanes import WARPS
+from explicit.layout.state import (
     ON_CHIP_BOUNDARY,
     ON_CHIP_CONTROL,
     ON_CHIP_ELEMENTS,
     ON_CHIP_NODES,
     on_chip_elements,
 )
+from explicit.layout.structs import CONTROL_SIZE, GROUP, Total
+from explicit.materials import MarlowLaw, neo_hookean
+from explicit.mesh import element_geometry
+from explicit.precision import PRECISIONS
+from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
+from explicit.time_loop.node_sweeps import VALENCE
 
 DENSITY = 870.0
 SIZES = [(2, 2), (4, 6), (9, 7), (16, 22), (33, 9)]

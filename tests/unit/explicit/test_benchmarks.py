@@ -13,7 +13,7 @@ import warp as wp
 from benchmarks import counting, deck, limits, peer, problem, solver
 from benchmarks.limit_kernels import fma_kernel, lanes, shared_kernel
 from explicit.device import select_device
-from explicit.elements.shared import isochoric_factor_function
+from explicit.elements.base import isochoric_factor_function
 from explicit.materials import neo_hookean
 from explicit.precision import PRECISIONS
 

@@ -21,12 +21,10 @@ from explicit import (
     cylinder,
     run,
 )
-from explicit.arguments import batch_of
+from explicit.arguments import batch_of, body_of, nodal_mass
 from explicit.device import select_device
-from explicit.geometry import element_geometry
 from explicit.materials import LAWS, bulk_modulus
-from explicit.mesh import Mesh
-from explicit.mesh_arguments import body_of, nodal_mass
+from explicit.mesh import Mesh, element_geometry
 from explicit.precision import PRECISIONS
 from explicit.time_loop.kernel import time_loop_kernel
 

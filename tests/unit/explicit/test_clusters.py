@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from explicit.time_loop.blocks import CLUSTERS, SPREAD, cluster_for, knows_chips
-from explicit.time_loop.lanes import BLOCK
+from explicit.layout.lanes import BLOCK, CLUSTERS, SPREAD, cluster_for, supports_chip_memory
 
 
 @dataclass(frozen=True)
@@ -58,9 +57,9 @@ def test_the_fewest_blocks_on_whose_chips_a_mesh_fits() -> None:
 
 
 def test_on_other_architectures_blocks_share_a_mesh_in_global_memory() -> None:
-    assert knows_chips(Device())
+    assert supports_chip_memory(Device())
     later = Device(arch=100)
-    assert not knows_chips(later)
-    assert not knows_chips(Device(is_cuda=False))
+    assert not supports_chip_memory(later)
+    assert not supports_chip_memory(Device(is_cuda=False))
     assert cluster_for(1, 4 * WORKERS + 1, later, False, {4, 16}.__contains__) == 16
     assert cluster_for(1, 4 * WORKERS + 1, Device(), False, {4, 16}.__contains__) == 4

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from explicit import Model, PlatenMotion, Problem, Samples, Sampling, compile_time_loops, compiling, cylinder
+from explicit import Model, PlatenMotion, Problem, Samples, Sampling, compile_time_loops, cylinder, run_batch
 from explicit.materials import neo_hookean
-from explicit.simd import kept_code, lane_kernel
+from explicit.simd import kernel, lane_kernel
 
 
 @pytest.fixture
 def problem(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[int], Problem]:
     """A batch of some runs, on a machine that knows no time loop."""
-    monkeypatch.setattr(kept_code, "kernel_cache", lambda: tmp_path)
+    monkeypatch.setattr(kernel, "kernel_cache", lambda: tmp_path)
     lane_kernel.cache_clear()
     end = 1e-4
     model = Model(
@@ -63,7 +63,7 @@ def test_nothing_is_done_for_a_gpu(
     def gpu(name: str) -> Any:
         return SimpleNamespace(is_cuda=True)
 
-    monkeypatch.setattr(compiling, "select_device", gpu)
+    monkeypatch.setattr(run_batch, "select_device", gpu)
     assert compile_time_loops([problem(1)], device="cuda") == 0
 
 
@@ -73,6 +73,6 @@ def test_what_cannot_be_loaded_is_an_error(
     def broken(*_: Any, **__: Any) -> None:
         raise RuntimeError("no compiler")
 
-    monkeypatch.setattr(compiling.wp, "load_module", broken)
+    monkeypatch.setattr(run_batch.wp, "load_module", broken)
     with pytest.raises(RuntimeError, match="no compiler"):
         compile_time_loops([problem(1)])

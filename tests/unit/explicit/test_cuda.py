@@ -19,12 +19,11 @@ from explicit import (
     run,
 )
 from explicit.device import select_device
+from explicit.layout.lanes import BLOCK, CLUSTERS
+from explicit.layout.state import ON_CHIP_ELEMENTS
 from explicit.materials import LAWS, MaterialLaw, neo_hookean
 from explicit.relaxation import BergstromBoyce, PronySeries
 from explicit.relaxation.base import RateDependence
-from explicit.time_loop.blocks import CLUSTERS
-from explicit.time_loop.lanes import BLOCK
-from explicit.time_loop.state_layout import ON_CHIP_ELEMENTS
 
 TIMES = np.linspace(5e-6, 2e-4, 40)
 SAMPLES = Samples.of(stiffness_factor=[0.8, 1.0, 1.2], friction=0.3, damping=2.5e-5)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import explicit
-from explicit.deformation import deformation_gradient
-from explicit.geometry import element_geometry
+from explicit.mesh import deformation_gradient, element_geometry
 
 MESH = explicit.cylinder(5e-3, 6e-3, n_radial=4, n_axial=5)
 

@@ -28,10 +28,9 @@ from explicit.materials import LAWS
 from explicit.precision import PRECISIONS
 from kolsky.material.fits.compare import candidates
 from kolsky.material.fits.fit import fit_law
-from kolsky.material.fits.homogeneous import incompressible_stress
+from kolsky.material.fits.homogeneous import Mode, incompressible_stress
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
-from kolsky.material.fits.modes import Mode
-from kolsky.shot.schema.curve import LawSection
+from kolsky.schema.material import LawSection
 
 KNOWLES = '''
 """Power law in I1_bar (Knowles 1977)."""
@@ -42,7 +41,7 @@ from typing import ClassVar
 import numpy as np
 import warp as wp
 
-from explicit.materials.invariants import InvariantLaw
+from explicit.materials.families import InvariantLaw
 from explicit.materials.law import ParameterSpec
 
 

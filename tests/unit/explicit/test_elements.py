@@ -7,15 +7,14 @@ import pytest
 import warp as wp
 
 from explicit import Model, Outcome, PlatenMotion, Samples, Sampling, cylinder, run
+from explicit.arguments import body_of
 from explicit.device import select_device
 from explicit.elements import ELEMENTS, element
-from explicit.elements.gauss import gauss_points
-from explicit.geometry import element_geometry
+from explicit.elements.fbar import gauss_points
+from explicit.layout.structs import GROUP
 from explicit.materials import MarlowLaw, neo_hookean
-from explicit.mesh import Mesh
-from explicit.mesh_arguments import body_of
+from explicit.mesh import Mesh, element_geometry
 from explicit.precision import PRECISIONS
-from explicit.time_loop.grouped_tables import GROUP
 from explicit.time_loop.kernel import time_loop_kernel
 
 RADIUS, LENGTH = 4.75e-3, 6.5e-3

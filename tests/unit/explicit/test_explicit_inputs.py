@@ -25,11 +25,11 @@ from explicit import (
 from explicit.arguments import batch_of
 from explicit.contact import contact_law
 from explicit.device import select_device
-from explicit.geometry import element_geometry
 from explicit.materials import MarlowLaw, bulk_modulus, neo_hookean
+from explicit.mesh import element_geometry
 from explicit.precision import precision
-from explicit.time_loop.boundary import boundary_functions
 from explicit.time_loop.kernel import time_loop_kernel
+from explicit.time_loop.node_sweeps import boundary_functions
 
 
 def motion(start: float = 0.0, n_knots: int = 5) -> PlatenMotion:

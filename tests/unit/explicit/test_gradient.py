@@ -7,8 +7,8 @@ import pytest
 
 from explicit import CharacteristicBar, Model, PlatenMotion, Samples, Sampling, Stepping, cylinder
 from explicit.adjoint import StepSequence, by_curve_stress, by_table, forward_run, gradient
-from explicit.adjoint.steps import ForceSampling
-from explicit.histories import Histories
+from explicit.adjoint.passes import ForceSampling
+from explicit.adjoint.perturbed_runs import Histories
 from explicit.materials import marlow_from_curve, neo_hookean
 
 TIMES = np.linspace(0.0, 9e-4, 13)[1:]

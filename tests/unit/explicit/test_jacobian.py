@@ -7,9 +7,9 @@ import pytest
 
 from explicit import Model, PlatenMotion, Samples, Sampling, Stepping, cylinder
 from explicit.adjoint import gradient
-from explicit.derivatives import jacobian, same_steps
+from explicit.adjoint.perturbed_runs import jacobian, same_steps
 from explicit.materials import neo_hookean
-from explicit.stencils import BACKWARD, CENTRAL, FORWARD, scale_of, stencil_for
+from explicit.model import BACKWARD, CENTRAL, FORWARD, scale_of, stencil_for
 
 TIMES = np.linspace(0.0, 9e-4, 13)[1:]
 SAMPLING = Sampling(force_times=TIMES, surface_times=TIMES[5::6])

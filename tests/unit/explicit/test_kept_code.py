@@ -6,13 +6,13 @@ from typing import Any
 import pytest
 import warp as wp
 
-from explicit.simd import kept_code
-from explicit.simd.kept_code import kept
+from explicit.simd import kernel
+from explicit.simd.kernel import kept
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(kept_code, "kernel_cache", lambda: tmp_path)
+    monkeypatch.setattr(kernel, "kernel_cache", lambda: tmp_path)
     return tmp_path
 
 
@@ -55,21 +55,21 @@ def test_another_constant_function_choice_or_source_is_another_translation(
     assert kept(kernel_of(2), "worker 8 fp64", lambda: "constant") == "constant"
     assert kept(kernel_of(1, twice=True), "worker 8 fp64", lambda: "function") == "function"
     assert kept(kernel_of(1), "worker 16 fp64", lambda: "choice") == "choice"
-    monkeypatch.setattr(kept_code, "_package", lambda: b"another source")
+    monkeypatch.setattr(kernel, "_package", lambda: b"another source")
     assert kept(kernel_of(1), "worker 8 fp64", lambda: "source") == "source"
     assert len(list((folder / "lanes").iterdir())) == 5
 
 
 def test_the_source_of_the_package_is_hashed_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = kept_code._package.__wrapped__()
-    assert before == kept_code._package()
+    before = kernel._package.__wrapped__()
+    assert before == kernel._package()
     read = Path.read_bytes
 
     def changed(path: Path) -> bytes:
         return read(path) + (b"#" if path.name == "two_passes.py" else b"")
 
     monkeypatch.setattr(Path, "read_bytes", changed)
-    assert kept_code._package.__wrapped__() != before
+    assert kernel._package.__wrapped__() != before
 
 
 def test_a_cache_that_cannot_be_written_keeps_nothing(folder: Path) -> None:

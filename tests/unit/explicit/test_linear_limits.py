@@ -3,8 +3,7 @@
 import pytest
 
 from explicit.materials import LAWS
-from explicit.materials.limits import LinearLimit
-from explicit.materials.volumetric import VolumetricLaw
+from explicit.materials.volumetric import LinearLimit, VolumetricLaw
 
 EXACT = 1e-14
 """Round-off of a few operations."""

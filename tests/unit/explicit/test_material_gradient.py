@@ -7,7 +7,7 @@ import pytest
 
 from explicit import Model, PlatenMotion, Samples, Sampling, cylinder
 from explicit.adjoint import forward_run, gradient
-from explicit.histories import Histories
+from explicit.adjoint.perturbed_runs import Histories
 from explicit.materials import AnyLaw
 from explicit.materials.laws import MooneyRivlin, Ogden2, Yeoh
 

@@ -10,9 +10,8 @@ import warp as wp
 from lane_kernels import MAPPINGS, PRECISION, N, inputs, lane_launch, scalar_launch, small_structs
 from lawstates import stretches, turned
 
-from explicit.materials import LAWS, AnyLaw, principal
-from explicit.materials.kernels.volumetric import volumetric_functions
-from explicit.materials.volumetric import VolumetricLaw
+from explicit.materials import LAWS, AnyLaw
+from explicit.materials.volumetric import VolumetricLaw, volumetric_functions
 from explicit.precision import Precision
 from explicit.simd import Mapping
 
@@ -162,11 +161,11 @@ def test_the_tangent_bounds_the_stiffness_and_not_by_much(seed: int) -> None:
     mean = (lam**2).mean(axis=1)
     squared = ((lam**2 - mean[:, None]) ** 2).sum(axis=1)
     largest = (lam**2).max(axis=1)
-    # What `explicit.elements.bounds.shear_bound` makes of the tangent, in the axes of b.
+    # What `explicit.elements.base.shear_bound` makes of the tangent, in the axes of b.
     factor = np.minimum(2.0, 1.0 + (mean + 2.0 / 3.0 * squared / mean) / largest)
     for law, tangent in zip(EXAMPLES, found, strict=True):
         exact = np.array(
-            [principal.largest_curvature(variants(law)[j], x) for j, x in zip(k[2:], lam, strict=True)]
+            [law.largest_curvature(variants(law)[j], x) for j, x in zip(k[2:], lam, strict=True)]
         )
         known = np.isfinite(exact)
         assert known.any()

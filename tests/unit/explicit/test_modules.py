@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 import warp as wp
 
-from explicit import Model, PlatenMotion, Samples, Sampling, ahead_of_time, cylinder, run
-from explicit import modules as aot
+from explicit import Model, PlatenMotion, Samples, Sampling, ahead_of_time, aot, cylinder, run
 from explicit.aot import main
+from explicit.layout.lanes import BLOCK
 from explicit.materials import MarlowLaw, neo_hookean
 from explicit.precision import PRECISIONS
 from explicit.relaxation import BergstromBoyce, PronySeries
 from explicit.time_loop.kernel import time_loop_kernel
-from explicit.time_loop.lanes import BLOCK
 
 ROOT = Path(__file__).resolve().parent.parent.parent.parent
 ONE = ["--contacts", "bonded/bonded", "--precision", "fp32", "--element", "one_point"]

@@ -5,10 +5,10 @@ import gc
 import numpy as np
 import warp as wp
 
-from explicit import one_copy
+from explicit import arguments
+from explicit.arguments import APART, in_one_copy
 from explicit.device import select_device
-from explicit.elements.shared import solid_struct
-from explicit.one_copy import APART, in_one_copy
+from explicit.elements.base import solid_struct
 from explicit.precision import PRECISIONS
 
 
@@ -47,7 +47,7 @@ def test_the_memory_lives_as_long_as_one_of_its_arrays(monkeypatch) -> None:
             made.append(array.ptr)
         return array
 
-    monkeypatch.setattr(one_copy.wp, "array", watched)
+    monkeypatch.setattr(arguments.wp, "array", watched)
     kept = in_one_copy({"a": (np.arange(40.0), wp.float64), "b": (np.arange(9), wp.int32)}, where)["b"]
     assert len(made) == 1
     gc.collect()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from explicit.device import select_device
-from explicit.page_locked import STEP, Pool
+from explicit.drivers import STEP, Pool
 
 
 @pytest.fixture

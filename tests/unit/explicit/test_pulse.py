@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from explicit.bars import Section, elastic_bar, pulse_on_bars, pulse_on_mesh
-from explicit.bars.pulse import mean_about
+from explicit.bars.elastic import mean_about
 
 STEEL = {"radius": 7.5e-3, "youngs_modulus": 190e9, "density": 8048.0}
 BAR = Section(0.25, **STEEL)

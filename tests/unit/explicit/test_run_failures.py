@@ -19,8 +19,8 @@ from explicit import (
     cylinder,
     run,
 )
-from explicit.geometry import element_geometry
 from explicit.materials import neo_hookean
+from explicit.mesh import element_geometry
 
 RADIUS, LENGTH, END = 4.75e-3, 6.5e-3, 8e-4
 TIMES = np.linspace(0.0, END, 41)

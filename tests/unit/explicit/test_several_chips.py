@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 
 from explicit import Mesh, Model, PlatenMotion, cylinder
+from explicit.arguments import body_of, fits_on_several, node_order
 from explicit.device import select_device
-from explicit.materials import MarlowLaw, neo_hookean
-from explicit.mesh_arguments import body_of, fits_on_several, node_order
-from explicit.precision import PRECISIONS, Precision
-from explicit.time_loop.chip_layout import (
-    APART,
+from explicit.layout.lanes import BLOCK
+from explicit.layout.state import (
+    BLOCK_DISTANCE,
     BOUNDARY,
-    apart,
     fits_on_chips,
+    numbers_between_blocks,
     spread_corners,
     spread_nodes,
 )
-from explicit.time_loop.grouped_tables import GROUP
+from explicit.layout.structs import GROUP
+from explicit.materials import MarlowLaw, neo_hookean
+from explicit.precision import PRECISIONS, Precision
 from explicit.time_loop.kernel import TimeLoopKernel, time_loop_kernel
-from explicit.time_loop.lanes import BLOCK
 
 LARGE = [((24, 32), 4), ((40, 28), 4), ((64, 86), 16), ((33, 9), 4)]
 
@@ -40,7 +40,7 @@ def entries(groups: np.ndarray, constants: int) -> np.ndarray:
 
 def parted(numbers: Precision, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Block and place in its shared memory."""
-    return place // apart(numbers), place % apart(numbers)
+    return place // numbers_between_blocks(numbers), place % numbers_between_blocks(numbers)
 
 
 @pytest.mark.parametrize("precision", list(PRECISIONS))
@@ -76,14 +76,17 @@ def test_every_force_is_gathered_once_by_the_node_it_acts_on(
                 assert acts_on[c] == n
                 gathered.append(c)
             else:  # what holds zero, in the node's own block
-                assert (c // apart(numbers), c % apart(numbers)) == (block[n], 4 * BLOCK)
+                assert (c // numbers_between_blocks(numbers), c % numbers_between_blocks(numbers)) == (
+                    block[n],
+                    4 * BLOCK,
+                )
     assert sorted(gathered) == sorted(acts_on)
 
 
 def test_numbers_are_bytes_apart() -> None:
     for numbers in PRECISIONS.values():
-        assert apart(numbers) * numbers.dtype().itemsize == APART == 2**24
-        assert 16 * apart(numbers) < 2**31  # sixteen blocks, by 32-bit integers
+        assert numbers_between_blocks(numbers) * numbers.dtype().itemsize == BLOCK_DISTANCE == 2**24
+        assert 16 * numbers_between_blocks(numbers) < 2**31  # sixteen blocks, by 32-bit integers
 
 
 def test_what_fits() -> None:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import explicit
-from explicit import drivers, shared_run
+from explicit import drivers
 from explicit.device import select_device
 from explicit.materials import neo_hookean
-from explicit.shared_run import ELEMENTS_EACH, SharedRun
-from explicit.simd.team import DONE, MOST_SEATS
+from explicit.simd import team
+from explicit.simd.team import DONE, ELEMENTS_EACH, MOST_SEATS, SharedRun
 
 END = 6e-4
 MANY = ELEMENTS_EACH * MOST_SEATS
@@ -122,7 +122,7 @@ def model(contact: str) -> explicit.Model:
 @pytest.mark.parametrize("contact", ["bonded", "coulomb"])
 def test_a_run_has_the_same_bits_on_any_threads(contact: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """One run, and five of which the last are joined; simulations of a mesh that counts as large."""
-    monkeypatch.setattr(shared_run, "ELEMENTS_EACH", 8)
+    monkeypatch.setattr(team, "ELEMENTS_EACH", 8)
     times = np.linspace(0.0, END, 25)
     sampling = explicit.Sampling(times, times, ledger_every=3)
     for n in (1, 5):

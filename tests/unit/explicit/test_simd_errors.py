@@ -12,10 +12,10 @@ import pytest
 import warp as wp
 from lane_kernels import MAPPINGS, lanes_of, small_structs
 
+from explicit.layout.lanes import lane_functions
+from explicit.layout.structs import entry_function, four_function
 from explicit.precision import PRECISIONS
-from explicit.simd import Mapping, kept_code, lane_kernel
-from explicit.time_loop.grouped_tables import entry_function, four_function
-from explicit.time_loop.lanes import lane_functions
+from explicit.simd import Mapping, kernel, lane_kernel
 
 NUMBERS = PRECISIONS["fp64"]
 STRUCTS = small_structs(NUMBERS)
@@ -31,7 +31,7 @@ one = wp.float64(1.0)
 @pytest.fixture(autouse=True)
 def nothing_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """A kept translation would be found, and not refused, by the next process."""
-    monkeypatch.setattr(kept_code, "kernel_cache", lambda: tmp_path)
+    monkeypatch.setattr(kernel, "kernel_cache", lambda: tmp_path)
     yield
     assert not list(tmp_path.rglob("*.inc"))
 

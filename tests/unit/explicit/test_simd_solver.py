@@ -22,17 +22,16 @@ from explicit import (
     cylinder,
     run,
 )
-from explicit.arguments import batch_of, output_of, state_of
+from explicit.arguments import batch_of, body_of, output_of, state_of
 from explicit.device import select_device
 from explicit.drivers import LARGE_MESH, packs
 from explicit.materials import MarlowLaw, neo_hookean
-from explicit.mesh_arguments import body_of
+from explicit.platens import Support
 from explicit.precision import PRECISIONS
 from explicit.relaxation import BergstromBoyce, PronySeries
 from explicit.relaxation.base import RateDependence
 from explicit.simd import PACK_BYTES, Mapping, lane_kernel
-from explicit.simd.team import alone
-from explicit.support import Support
+from explicit.simd.team import single_thread_team
 from explicit.time_loop.kernel import time_loop_kernel
 
 RADIUS, LENGTH, END = 4.75e-3, 6.5e-3, 8e-4
@@ -184,7 +183,7 @@ def launch(
             wp.launch(made, 1, [body, batch, *given, team], device=where, block_dim=1)
 
         if threads == 1:
-            share(alone())
+            share(single_thread_team())
         else:
             assert launch_shared(share, FullSeats(model.mesh.n_elements, threads, where, patience)) > 0
         first += count

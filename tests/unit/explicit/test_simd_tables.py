@@ -22,10 +22,10 @@ from lane_kernels import (
     small_structs,
 )
 
+from explicit.layout.lanes import lane_functions
+from explicit.layout.structs import GROUP, entry_function, four_function, grouped
 from explicit.precision import Precision
 from explicit.simd import Mapping
-from explicit.time_loop.grouped_tables import GROUP, entry_function, four_function, grouped
-from explicit.time_loop.lanes import lane_functions
 
 EVERY = [pytest.param(p, m, id=f"{p.name}-{m or 'warp'}") for p in PRECISION for m in (*MAPPINGS, None)]
 FAR = 1_000_000_000

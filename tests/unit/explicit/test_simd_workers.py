@@ -20,10 +20,10 @@ from lane_kernels import (
     small_structs,
 )
 
+from explicit.layout.lanes import lane_functions
+from explicit.layout.state import state_layout
 from explicit.precision import Precision
 from explicit.simd import Mapping
-from explicit.time_loop.lanes import lane_functions
-from explicit.time_loop.state_layout import state_layout
 
 BOTH = [pytest.param(p, m, id=f"{p.name}-{m}") for p in PRECISION for m in MAPPINGS]
 

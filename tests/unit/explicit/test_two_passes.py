@@ -11,12 +11,12 @@ import warp as wp
 from lane_kernels import ELEMENTS, MAPPINGS, PRECISION, N, inputs, lane_launch, scalar_launch, small_structs
 
 from explicit import Model, PlatenMotion, Samples, Sampling, Stepping, cylinder, run
+from explicit.layout.lanes import lane_functions
+from explicit.layout.structs import four_function
 from explicit.materials import neo_hookean
 from explicit.precision import PRECISIONS, Precision
-from explicit.simd import Mapping, control, kernel, lane_kernel
-from explicit.simd.two_passes import BLOCK, Loop, divided
-from explicit.time_loop.grouped_tables import four_function
-from explicit.time_loop.lanes import lane_functions
+from explicit.simd import Mapping, kernel, lane_kernel, statements
+from explicit.simd.memory import BLOCK, Loop, divided
 
 BOTH = [pytest.param(p, m, id=f"{p.name}-{m}") for p in PRECISION for m in MAPPINGS]
 
@@ -31,7 +31,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
         found.append(lines is not None)
         return lines
 
-    monkeypatch.setattr(control, "divided", watched)
+    monkeypatch.setattr(statements, "divided", watched)
     monkeypatch.setattr(kernel, "kept", lambda time_loop, choice, translate: translate())
     lane_kernel.cache_clear()
     return found
@@ -150,7 +150,7 @@ def test_a_simulation_has_the_bits_of_one_pass(n: int, monkeypatch: pytest.Monke
     for change in (None, lambda loop: None):
         lane_kernel.cache_clear()
         if change is not None:
-            monkeypatch.setattr(control, "divided", change)
+            monkeypatch.setattr(statements, "divided", change)
         results.append(run(model, samples, sampling, stepping=Stepping(), threads=1))
     lane_kernel.cache_clear()
     two, one = results

@@ -3,12 +3,10 @@
 import numpy as np
 
 from explicit.materials import LAWS
-from implicit.conditions import Fixed, Prescribed
-from implicit.laws.solid import Isotropic
-from implicit.laws.volumetric import bulk
-from implicit.meshes import box, rectangle
-from implicit.model import Model
-from implicit.newton import Newton
+from kolsky.equilibrium.meshes import box, rectangle
+from kolsky.equilibrium.model import Fixed, Model, Prescribed
+from kolsky.equilibrium.solid import Isotropic, bulk
+from kolsky.equilibrium.solve import Newton
 
 MOONEY = Isotropic(LAWS["mooney_rivlin"].of([9e3, 3.5e3, 400.0]), bulk(2e5))
 TIGHT = Newton(tolerance=1e-12)

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS
-from implicit.arc_length import ArcPath, follow
-from implicit.conditions import Fixed, NodalForce, Pressure
-from implicit.laws.solid import Isotropic
-from implicit.laws.volumetric import bulk
-from implicit.meshes import rectangle
-from implicit.model import Model
-from implicit.outcome import Outcome
+from kolsky.equilibrium.arc_length import ArcPath, follow
+from kolsky.equilibrium.meshes import rectangle
+from kolsky.equilibrium.model import Fixed, Model, NodalForce, Pressure
+from kolsky.equilibrium.solid import Isotropic, bulk
+from kolsky.equilibrium.solution import Outcome
 
 MU = 2e5
 

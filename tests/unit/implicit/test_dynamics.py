@@ -6,15 +6,11 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS
-from implicit.conditions import Coupled, Fixed, Gravity, NodalForce, Prescribed
-from implicit.dynamics.inertia import element_masses
-from implicit.dynamics.march import march
-from implicit.dynamics.relaxation import Prony
-from implicit.laws.solid import Isotropic
-from implicit.laws.volumetric import bulk
-from implicit.meshes import box, rectangle
-from implicit.model import Model
-from implicit.solve import solve
+from kolsky.equilibrium.dynamics import Prony, element_masses, march
+from kolsky.equilibrium.meshes import box, rectangle
+from kolsky.equilibrium.model import Coupled, Fixed, Gravity, Model, NodalForce, Prescribed
+from kolsky.equilibrium.solid import Isotropic, bulk
+from kolsky.equilibrium.solve import solve
 
 MU, K, RHO = 2e5, 1.5e6, 1000.0
 RUBBER = Isotropic(LAWS["neo_hookean"].of([MU]), bulk(K))

@@ -7,21 +7,20 @@ import pytest
 from scipy.optimize import brentq
 
 from explicit.materials import LAWS
-from implicit.conditions import (
+from kolsky.equilibrium.meshes import rectangle
+from kolsky.equilibrium.model import (
     Coupled,
     Fixed,
     Gravity,
+    Model,
     NodalForce,
     Prescribed,
     Pressure,
     RigidPlane,
     Traction,
 )
-from implicit.laws.solid import CompressibleNeoHookean, Isotropic
-from implicit.laws.volumetric import bulk
-from implicit.meshes import rectangle
-from implicit.model import Model
-from implicit.solve import solve
+from kolsky.equilibrium.solid import CompressibleNeoHookean, Isotropic, bulk
+from kolsky.equilibrium.solve import solve
 from tests.unit.implicit.models import MOONEY, TIGHT, sliding
 
 COUPLED = CompressibleNeoHookean(9e3, 4e4)

@@ -5,9 +5,8 @@ from math import factorial
 import numpy as np
 import pytest
 
-from implicit.elements import ELEMENTS, element
-from implicit.elements.quadrature import hypercube_rule, simplex_rule
-from implicit.meshes import box
+from kolsky.equilibrium.elements import ELEMENTS, element, hypercube_rule, simplex_rule
+from kolsky.equilibrium.meshes import box
 
 EVERY = pytest.mark.parametrize("name", sorted(ELEMENTS))
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from implicit.elements import ELEMENTS
-from implicit.meshes import Mesh, box, cross, dog_bone, from_pyvista, rectangle
+from kolsky.equilibrium.elements import ELEMENTS
+from kolsky.equilibrium.meshes import Mesh, box, cross, dog_bone, from_pyvista, rectangle
 
 
 def area(mesh: Mesh) -> float:

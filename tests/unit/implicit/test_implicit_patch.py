@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS
-from implicit.conditions import Prescribed
-from implicit.elements import ELEMENTS
-from implicit.laws.solid import CompressibleNeoHookean, Isotropic
-from implicit.laws.volumetric import bulk
-from implicit.meshes import Mesh, box
-from implicit.model import Model
-from implicit.solve import solve
+from kolsky.equilibrium.elements import ELEMENTS
+from kolsky.equilibrium.meshes import Mesh, box
+from kolsky.equilibrium.model import Model, Prescribed
+from kolsky.equilibrium.solid import CompressibleNeoHookean, Isotropic, bulk
+from kolsky.equilibrium.solve import solve
 
 MOONEY = Isotropic(LAWS["mooney_rivlin"].of([9e3, 3.5e3, 400.0]), bulk(2e5))
 

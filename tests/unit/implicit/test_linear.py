@@ -6,11 +6,9 @@ import scipy.linalg
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import LinearOperator
 
-from implicit.integration.pattern import Pattern
-from implicit.linear.amg import AGED, Hierarchy
-from implicit.linear.base import SingularError
-from implicit.linear.solvers import MultifrontalSolver, SparseSolver, linear_solver
-from implicit.meshes import box
+from kolsky.equilibrium.linear.base import Pattern, SingularError
+from kolsky.equilibrium.linear.solvers import AGED, Hierarchy, MultifrontalSolver, SparseSolver, linear_solver
+from kolsky.equilibrium.meshes import box
 
 MESH = box((3.0, 2.0, 1.0), (6, 4, 2), kind="hex8")
 DOFS = (MESH.cells[..., None] * 3 + np.arange(3)).reshape(len(MESH.cells), -1)
@@ -42,7 +40,9 @@ def elements(kind: str):
 @pytest.mark.parametrize("kind", ["definite", "indefinite", "not symmetric"])
 @pytest.mark.parametrize("name", ["multifrontal", "superlu"])
 def test_against_a_dense_solver(name, kind, coupled, monkeypatch):
-    monkeypatch.setattr("implicit.linear.dissection.LEAF_COMPONENTS", 60)  # several levels of fronts
+    monkeypatch.setattr(
+        "kolsky.equilibrium.linear.multifrontal.LEAF_COMPONENTS", 60
+    )  # several levels of fronts
     places, K = pattern(coupled), elements(kind)
     dense = np.zeros((places.count, places.count))
     for local, block in zip(places.index[DOFS], K, strict=True):
@@ -105,9 +105,9 @@ def test_multigrid_is_taken_where_factors_are_too_large(monkeypatch):
     # by hand: every unknown keeps a row of its front
     rows = np.concatenate([np.full(f.eliminated, len(f.unknowns)) for f in solver.fronts])
     assert solver.bytes == 8 * rows.sum()
-    monkeypatch.setattr("implicit.linear.solvers.MANY", 10)
+    monkeypatch.setattr("kolsky.equilibrium.linear.solvers.MANY", 10)
     assert isinstance(linear_solver("auto", places, MESH.points, MESH.cells), MultifrontalSolver)
-    monkeypatch.setattr("implicit.linear.solvers.LARGEST", 8 * rows.sum() - 1)
+    monkeypatch.setattr("kolsky.equilibrium.linear.solvers.LARGEST", 8 * rows.sum() - 1)
     assert isinstance(linear_solver("auto", places, MESH.points, MESH.cells), SparseSolver)
 
 
@@ -164,14 +164,14 @@ def test_a_hierarchy_that_misleads_is_made_again(monkeypatch):
             return LinearOperator((places.count, places.count), matvec=lambda x: sign * x.ravel())
 
     factors._hierarchy._levels = Misleading()
-    monkeypatch.setattr("implicit.linear.amg.ITERATIONS", 60)
+    monkeypatch.setattr("kolsky.equilibrium.linear.solvers.ITERATIONS", 60)
     np.testing.assert_allclose(factors.solve(right), expected, rtol=1e-6, atol=1e-12)
 
 
 @pytest.mark.parametrize("entries", [20_000_000, 500])
 def test_a_matrix_in_groups_of_cells_is_the_sum_of_all(monkeypatch, entries):
     """SciPy's sum of the same triples; two components may share an unknown."""
-    monkeypatch.setattr("implicit.integration.pattern.ENTRIES", entries)
+    monkeypatch.setattr("kolsky.equilibrium.linear.base.ENTRIES", entries)
     draw = np.random.default_rng(2)
     index = np.concatenate([np.arange(50), [3, 4, 4], np.full(17, -1)])
     dofs = draw.integers(0, len(index), size=(40, 12))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from explicit.device import select_device
-from implicit.equations import Equations
-from implicit.integration.points import Points
-from implicit.sensitivity import direct
-from implicit.solve import solve
+from kolsky.equilibrium.equations import Equations
+from kolsky.equilibrium.points import Points
+from kolsky.equilibrium.sensitivity import direct
+from kolsky.equilibrium.solve import solve
 from tests.unit.implicit.models import PULL, TIGHT, clamped
 
 MODELS = {

@@ -4,14 +4,10 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS
-from implicit.conditions import Fixed, Prescribed
-from implicit.laws.solid import Isotropic
-from implicit.laws.volumetric import bulk
-from implicit.meshes import box
-from implicit.model import Model
-from implicit.newton import Newton
-from implicit.quasi_newton import PAIRS, KeptTangent
-from implicit.solve import continued, solve
+from kolsky.equilibrium.meshes import box
+from kolsky.equilibrium.model import Fixed, Model, Prescribed
+from kolsky.equilibrium.solid import Isotropic, bulk
+from kolsky.equilibrium.solve import PAIRS, Newton, QuasiNewtonTangent, continued, solve
 
 
 class Doubled:
@@ -29,7 +25,7 @@ def test_the_formula_is_that_of_bfgs() -> None:
     rng = np.random.default_rng(3)
     A = rng.normal(size=(5, 5))
     A = A @ A.T + np.eye(5)
-    H, kept = 0.5 * np.eye(5), KeptTangent(Doubled(), learns=True)
+    H, kept = 0.5 * np.eye(5), QuasiNewtonTangent(Doubled(), learns=True)
     for step in rng.normal(size=(3, 5)):
         change = A @ step
         kept.learn(step, change)
@@ -42,7 +38,7 @@ def test_the_formula_is_that_of_bfgs() -> None:
 
 def test_what_would_spoil_the_formula_is_not_learnt() -> None:
     step, residual = np.array([1.0, 0.0]), np.array([1.0, 2.0])
-    falling, still = KeptTangent(Doubled(), learns=True), KeptTangent(Doubled(), learns=False)
+    falling, still = QuasiNewtonTangent(Doubled(), learns=True), QuasiNewtonTangent(Doubled(), learns=False)
     falling.learn(step, -step)
     still.learn(step, 3.0 * step)
     for kept in (falling, still):
@@ -51,7 +47,7 @@ def test_what_would_spoil_the_formula_is_not_learnt() -> None:
 
 
 def test_only_the_last_pairs_are_remembered() -> None:
-    kept = KeptTangent(Doubled(), learns=True)
+    kept = QuasiNewtonTangent(Doubled(), learns=True)
     axes = np.eye(PAIRS + 1)
     for axis in axes:
         kept.learn(axis, 4.0 * axis)

@@ -4,16 +4,12 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS
-from implicit.conditions import Fixed, Gravity, Pressure
-from implicit.equations import Equations
-from implicit.laws.solid import Isotropic
-from implicit.laws.volumetric import bulk
-from implicit.meshes import box
-from implicit.model import Model
-from implicit.reduction.model import ReducedModel, reduce
-from implicit.reduction.pod import decompose, independent
-from implicit.reduction.sampling import Sample, choose
-from implicit.solve import solve
+from kolsky.equilibrium.equations import Equations
+from kolsky.equilibrium.meshes import box
+from kolsky.equilibrium.model import Fixed, Gravity, Model, Pressure
+from kolsky.equilibrium.reduction import ReducedModel, Sample, choose, decompose, independent, reduce
+from kolsky.equilibrium.solid import Isotropic, bulk
+from kolsky.equilibrium.solve import solve
 
 RUBBER = Isotropic(LAWS["neo_hookean"].of([2e5]), bulk(1.5e6))
 PRESSED = (Fixed("left"), Gravity(1000.0, (0.0, 0.0, -9.81), "weight"), Pressure("top", "p"))

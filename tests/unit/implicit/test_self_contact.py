@@ -6,18 +6,14 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS
-from implicit.conditions import Fixed, Prescribed, RigidPlane, SelfContact
-from implicit.dynamics.inertia import Scheme
-from implicit.dynamics.march import march
-from implicit.laws.solid import Isotropic
-from implicit.laws.volumetric import bulk
-from implicit.loads.surface_contact import SurfaceContact, surface_contacts
-from implicit.meshes import Mesh, box, grid, rectangle
-from implicit.model import Model
-from implicit.newton import Newton
-from implicit.outcome import Outcome
-from implicit.sensitivity import direct
-from implicit.solve import solve
+from kolsky.equilibrium.dynamics import Scheme, march
+from kolsky.equilibrium.meshes import Mesh, box, grid, rectangle
+from kolsky.equilibrium.model import Fixed, Model, Prescribed, RigidPlane, SelfContact
+from kolsky.equilibrium.sensitivity import direct
+from kolsky.equilibrium.solid import Isotropic, bulk
+from kolsky.equilibrium.solution import Outcome
+from kolsky.equilibrium.solve import Newton, solve
+from kolsky.equilibrium.surface_contact import SurfaceContact, surface_contacts
 
 MU, K = 2e5, 4e5
 RUBBER = Isotropic(LAWS["neo_hookean"].of([MU]), bulk(K))

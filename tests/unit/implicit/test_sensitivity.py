@@ -4,14 +4,11 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS
-from implicit.conditions import Coupled, Fixed, Pressure, RigidPlane
-from implicit.laws.solid import Isotropic
-from implicit.laws.volumetric import bulk
-from implicit.meshes import rectangle
-from implicit.model import Model
-from implicit.second import second
-from implicit.sensitivity import adjoint, direct
-from implicit.solve import solve
+from kolsky.equilibrium.meshes import rectangle
+from kolsky.equilibrium.model import Coupled, Fixed, Model, Pressure, RigidPlane
+from kolsky.equilibrium.sensitivity import adjoint, direct, second
+from kolsky.equilibrium.solid import Isotropic, bulk
+from kolsky.equilibrium.solve import solve
 from tests.unit.implicit.models import MOONEY, PULL, TIGHT, clamped, sliding
 
 PRESSED = rectangle((1.0, 1.0), (1, 1), kind="quad9")

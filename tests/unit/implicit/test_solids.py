@@ -6,9 +6,14 @@ import warp as wp
 
 from explicit.materials import LAWS
 from explicit.materials.volumetric import VolumetricLaw
-from implicit.laws.kernels.tensors import mat99
-from implicit.laws.solid import CompressibleNeoHookean, Isotropic
-from implicit.laws.volumetric import PARAMETERS, Volumetric, bulk
+from kolsky.equilibrium.point_kernels import mat99
+from kolsky.equilibrium.solid import (
+    VOLUMETRIC_PARAMETERS,
+    CompressibleNeoHookean,
+    Isotropic,
+    Volumetric,
+    bulk,
+)
 
 DEFORMATIONS = np.array(
     [
@@ -104,9 +109,9 @@ def test_the_coupled_energy_by_hand():
     np.testing.assert_allclose(P[0, [0, 4]], [2.0 * 1.5 + 1.5 * log, 3.0 * log], rtol=1e-14)
 
 
-@pytest.mark.parametrize("form", sorted(PARAMETERS))
+@pytest.mark.parametrize("form", sorted(VOLUMETRIC_PARAMETERS))
 def test_volumetric_forms_are_derivatives_of_their_energy(form):
-    volumetric = Volumetric(form, (3e5, 2e5, 1e5)[: len(PARAMETERS[form])])
+    volumetric = Volumetric(form, (3e5, 2e5, 1e5)[: len(VOLUMETRIC_PARAMETERS[form])])
     J, h = np.array([0.6, 0.95, 1.0, 1.1, 1.7]), 1e-5
     slope = (volumetric.energy(J + h) - volumetric.energy(J - h)) / (2.0 * h)
     np.testing.assert_allclose(volumetric.slope(J), slope, atol=1e-3, rtol=1e-8)

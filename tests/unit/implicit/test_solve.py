@@ -5,13 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from implicit.conditions import Coupled, Fixed, Prescribed, Pressure, RigidPlane
-from implicit.laws.solid import CompressibleNeoHookean
-from implicit.meshes import rectangle
-from implicit.model import Model
-from implicit.newton import Newton
-from implicit.outcome import Outcome
-from implicit.solve import solve
+from kolsky.equilibrium.meshes import rectangle
+from kolsky.equilibrium.model import Coupled, Fixed, Model, Prescribed, Pressure, RigidPlane
+from kolsky.equilibrium.solid import CompressibleNeoHookean
+from kolsky.equilibrium.solution import Outcome
+from kolsky.equilibrium.solve import Newton, solve
 from tests.unit.implicit.models import MOONEY, PULL, TIGHT, clamped, sliding
 
 

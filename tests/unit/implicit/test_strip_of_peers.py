@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.implicit import SIZE, felupe, strip
-from implicit.solve import solve
+from kolsky.equilibrium.solve import solve
 
 FILE = Path(__file__).resolve().parents[2] / "reference" / "J_strip.csv"
 TABLE = np.array([line.split(",") for line in FILE.read_text(encoding="utf-8").splitlines()[1:]])

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 from test_objective import NOISE_SHAPE, linear, objective
 
-from doe.whitening import Whitening
-from kolsky.inverse.block_covariance import correlated_in_blocks
-from kolsky.inverse.common_errors import most_likely_amplitude, slow_patterns, without_common
-from kolsky.inverse.objective import Objective
+from doe.least_squares import Whitening
+from kolsky.inverse.objective import (
+    Objective,
+    correlated_in_blocks,
+    most_likely_amplitude,
+    residual_without_common,
+    slow_patterns,
+)
 
 
 def seen(points_per_frame: int = 4) -> Objective:
@@ -82,7 +86,7 @@ def test_what_common_errors_explain_is_taken_off_as_a_dense_inverse_would() -> N
     rng = np.random.default_rng(7)
     common, own, r = rng.normal(size=(3, 20)), rng.uniform(0.5, 2.0, 20), rng.normal(size=20)
     D, C = np.diag(own**2), np.diag(own**2) + common.T @ common
-    left, variance = without_common(r, common, own)
+    left, variance = residual_without_common(r, common, own)
     np.testing.assert_allclose(left, D @ np.linalg.solve(C, r), rtol=1e-9)
     np.testing.assert_allclose(variance, np.diag(D - D @ np.linalg.solve(C, D)), rtol=1e-9)
 

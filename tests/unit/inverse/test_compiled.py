@@ -7,7 +7,7 @@ import pytest
 
 import explicit
 from doe import Box
-from kolsky.inverse.compiled import MANY, compile_for
+from kolsky.inverse.staged_runs import RUNS_OF_A_DESIGN, compile_for
 
 
 def test_it_asks_for_what_it_will_run(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -37,7 +37,7 @@ def test_it_asks_for_what_it_will_run(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     compile_for(stages)
     one = {"damping": [2e-5], "stiffness_factor": [0.5]}
-    many = {name: value * MANY for name, value in one.items()}
+    many = {name: value * RUNS_OF_A_DESIGN for name, value in one.items()}
     assert asked["problems"] == [("one_point", one), ("one_point", many)]
     assert asked["also"] == [("fbar", one)]
     assert (asked["device"], asked["threads"]) == ("cpu", 2)

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from kolsky.inverse import gauss_newton
-from kolsky.inverse.early_run import LIKELY, EarlyRun
-from kolsky.inverse.forward import Numerics
-from kolsky.inverse.graded_mesh import graded
-from kolsky.inverse.idle_core import begun_in_thread
+from kolsky.inverse.forward import Numerics, graded
 from kolsky.inverse.objective import Objective
+from kolsky.inverse.work import PROBABLY_CONFIRMED, EarlyRun, start_in_thread
 from tests.unit.inverse.test_several_parameters import MadeUp, ringing
 
 REFINED = (64, 86)
@@ -26,7 +24,7 @@ def test_work_that_is_begun_goes_on_when_the_caller_has_returned() -> None:
         where.append(threading.current_thread() is threading.main_thread())
         return 7
 
-    found = begun_in_thread(work)
+    found = start_in_thread(work)
     assert where == []
     go.set()
     assert found() == found() == 7
@@ -36,7 +34,7 @@ def test_work_that_is_begun_goes_on_when_the_caller_has_returned() -> None:
         raise ValueError("lost")
 
     with pytest.raises(ValueError, match="lost"):
-        begun_in_thread(fails)()
+        start_in_thread(fails)()
 
 
 def chosen(**numerics: Any) -> Any:
@@ -93,12 +91,12 @@ def test_it_is_begun_beside_the_run_that_is_probably_the_last(monkeypatch: pytes
         begun.clear()
         steps.clear()
         shift = np.array([1e-3, 0.0])
-        return gauss_newton._on_refined(made, one, slope, start, None, shift=shift, final=final)[0]
+        return gauss_newton._chord_steps(made, one, slope, start, None, shift=shift, final=final)[0]
 
     last = found(final=True)
     assert last.confirmed
     # Behind a long step nobody knows; behind a short one the run is that of the answer.
-    assert len(begun) == sum(moved <= LIKELY for moved in steps[:-1])
+    assert len(begun) == sum(moved <= PROBABLY_CONFIRMED for moved in steps[:-1])
     assert len(begun) < len(steps)
     np.testing.assert_array_equal(begun[-1], last.x)
     # Where the path is moved behind it, it is not the answer's run.

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from doe import Box
+from kolsky.inverse.coarse_search import at_inner_face, on_edge
 from kolsky.inverse.estimates import estimates, held_values
-from kolsky.inverse.method_comparison import Method, disagreements
-from kolsky.inverse.optimum import at_inner_face, on_edge
-from kolsky.inverse.result import Estimate, Verdict
+from kolsky.inverse.result import Estimate, Method, Verdict, disagreements
 
 BOX = Box.of({"stiffness_factor": (1.0, 2.0), "friction": (0.0, 4.0)})
 

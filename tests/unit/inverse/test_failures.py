@@ -19,14 +19,12 @@ from explicit import Outcome, Response
 from kolsky.cli import app
 from kolsky.identification import identify
 from kolsky.inverse.forward import Forward, Numerics
-from kolsky.inverse.prepared_shot import PreparedShot, prepare_shot
+from kolsky.inverse.problem import PreparedShot, Settings, prepare_shot
 from kolsky.inverse.result import Identification
-from kolsky.inverse.settings import Settings
 from kolsky.inverse.simulate import simulate, write_simulation
 from kolsky.report.pages.identification import render
 from kolsky.results.hdf5 import read_identification, write_identification
-from kolsky.results.summary import to_json
-from kolsky.results.tables import write_csv
+from kolsky.results.tables import to_json, write_csv
 from kolsky.shot.load import load_shot
 
 runner = CliRunner()

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from doe import Box
-from kolsky.inverse.free_parameters import ASKED, EXACT, SLIDES, choose
-from kolsky.inverse.search import untold
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import EXACT, HELD_AS_ASKED, SLIDES, Settings, choose
+from kolsky.inverse.search import not_identifiable
 
 
 def shot(faces: str = "bonded", side: str = "bonded", **uncertainty: float) -> Any:
@@ -56,7 +55,7 @@ def test_declared_uncertainties_are_priors_and_zero_is_exact() -> None:
 def test_what_the_user_says_counts() -> None:
     held = choose(Settings(hold=("poisson",), held={"damping": 30e-6}), shot())
     assert list(held.free) == ["stiffness_factor"]
-    assert held.reasons == {"damping": ASKED, "poisson": ASKED}
+    assert held.reasons == {"damping": HELD_AS_ASKED, "poisson": HELD_AS_ASKED}
     assert held.settings.held == {"damping": 30e-6}
     named = choose(Settings(free={"stiffness_factor": None}), shot(poisson=2e-4))
     assert list(named.free) == ["stiffness_factor"]
@@ -82,10 +81,10 @@ def test_what_the_data_do_not_tell() -> None:
     box = Box.of({"stiffness_factor": (0.5, 1.5), "poisson": (0.49, 0.4999), "damping": (0.0, 1e-4)})
     x = np.array([1.5, 0.499, 2e-5])
     seen = np.array([9.0, 1e-5, 2.49e-5])  # four sigma are just the range; the stiffness is never held
-    assert untold(box, x, seen) == {}
-    assert untold(box, x, np.array([9.0, 1e-5, 2.51e-5])) == {
+    assert not_identifiable(box, x, seen) == {}
+    assert not_identifiable(box, x, np.array([9.0, 1e-5, 2.51e-5])) == {
         "damping": "held because the data do not tell it"
     }
-    assert "poisson" in untold(box, x, np.array([9.0, np.inf, 1e-6]))
-    at = untold(box, np.array([1.0, 0.4999, 2e-5]), seen)
+    assert "poisson" in not_identifiable(box, x, np.array([9.0, np.inf, 1e-6]))
+    at = not_identifiable(box, np.array([1.0, 0.4999, 2e-5]), seen)
     assert at == {"poisson": "held because its optimum lies at the bound 0.4999 of its design"}

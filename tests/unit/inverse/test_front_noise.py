@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kolsky.inverse.front_noise import data_change, front_modes
+from kolsky.inverse.coarse_search import data_change, front_modes
 from kolsky.inverse.observations import Prediction
 
 

@@ -8,12 +8,11 @@ import pytest
 
 from explicit.simd import lane_kernel
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.idle_core import SWITCH, IdleCore, leaves_a_core
-from kolsky.inverse.prepared_shot import prepare_shot
+from kolsky.inverse.problem import Settings, prepare_shot
 from kolsky.inverse.search import search_shot
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.work import SWITCH_INTERVAL, IdleCore, leaves_a_core
 from kolsky.shot.load import load_shot
-from kolsky.uncertainty.mesh_runs import mesh_change
+from kolsky.uncertainty.mesh_error import mesh_change
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 
@@ -71,7 +70,7 @@ def test_errors_are_raised_and_the_interpreter_is_as_before() -> None:
 
     with pytest.raises(ImportError, match="no such library"), IdleCore([fail]).used(idle=True):
         pass
-    assert within == [pytest.approx(SWITCH)]  # Python keeps whole microseconds
+    assert within == [pytest.approx(SWITCH_INTERVAL)]  # Python keeps whole microseconds
     with pytest.raises(ValueError, match="the run"), IdleCore([fail]).used(idle=True):
         raise ValueError("the run")
     assert sys.getswitchinterval() == before

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.prepared_shot import prepare_shot
+from kolsky.inverse.problem import prepare_shot
 from kolsky.shot.load import load_shot
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"

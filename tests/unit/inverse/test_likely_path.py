@@ -11,13 +11,11 @@ from test_several_parameters import COARSE, NOISE, TIME, TRUTH, MadeUp, ringing
 
 from doe import Box
 from kolsky.bars.flyer.path import FlyerPath
-from kolsky.inverse.coarse_search import CoarseOptimum
-from kolsky.inverse.likely_path import credible, likely_amplitudes
+from kolsky.inverse.coarse_search import CoarseOptimum, CorrectedSurrogate, search
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
-from kolsky.inverse.optimum import CorrectedSurrogate, search
-from kolsky.inverse.path_modes import PathModes
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.path_noise import PathModes, credible, likely_amplitudes
+from kolsky.inverse.problem import Settings
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum, follow_front, search_meshes_for_one
 

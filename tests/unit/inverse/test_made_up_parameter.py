@@ -23,8 +23,8 @@ from kolsky.inverse.parameters import (
     parameter,
     require_effect,
 )
-from kolsky.inverse.prepared_shot import prepare_shot
-from kolsky.report.nomenclature import axis_label, in_words, name_of
+from kolsky.inverse.problem import prepare_shot
+from kolsky.results.nomenclature import axis_label, in_words, name_of
 from kolsky.shot.load import load_shot
 from kolsky.studies.local_sensitivity import ObservationGrid, local_sensitivity
 from kolsky.studies.sweep import sweep, write_sweep

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from explicit.mesh_arguments import nodal_mass
+from explicit.arguments import nodal_mass
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.prepared_shot import prepare_shot
+from kolsky.inverse.problem import prepare_shot
 from kolsky.shot.load import load_shot
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"

@@ -8,15 +8,14 @@ import pytest
 from synthetic import CHECKS, synthetic
 
 from kolsky.base.apparatus import Interface
-from kolsky.inverse.method_comparison import AGREEMENT, LEAST_SQUARES, SIMPLEX, Method, disagreements
-from kolsky.inverse.result import Identification
-from kolsky.inverse.settings import Settings
-from kolsky.report.numbers import NOTHING
+from kolsky.inverse.problem import Settings
+from kolsky.inverse.result import AGREEMENT, LEAST_SQUARES, SIMPLEX, Identification, Method, disagreements
 from kolsky.report.pages.identification import render
-from kolsky.report.printed import details
 from kolsky.results.hdf5 import read_identification, write_identification
-from kolsky.results.summary import to_json
-from kolsky.uncertainty.warnings.collect import collect_warnings
+from kolsky.results.numbers import NOTHING
+from kolsky.results.printed import details
+from kolsky.results.tables import to_json
+from kolsky.uncertainty.warnings import collect_warnings
 
 
 def method(name: str, value: float, *, half_width: float = 0.02) -> Method:

@@ -10,9 +10,8 @@ from scipy.interpolate import CubicSpline
 from explicit import EnergyLedger, Outcome, Response
 from kolsky.bars.signals.transducers import ForceBins, bin_force
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.inverse.misfit import residuals, terms
-from kolsky.inverse.observations import Observations, Prediction, observe, predict
-from kolsky.inverse.side_surface import free_part, radius_at
+from kolsky.inverse.observations import Observations, Prediction, free_part, observe, predict, radius_at
+from kolsky.inverse.run_table import residuals, terms
 
 RADIUS, LENGTH = 4.75e-3, 6.5e-3
 FRAMES = 1e-4 * np.arange(6)

@@ -7,10 +7,10 @@ import pytest
 from test_objective import NOISE_FORCE, linear, objective
 
 from doe import Box
-from kolsky.inverse.linear_step import gauss_newton_step, linear_step
-from kolsky.inverse.optimum import CorrectedSurrogate, search
-from kolsky.inverse.prior import Prior
-from kolsky.uncertainty.reduced_likelihood import full_likelihood
+from kolsky.inverse.coarse_search import CorrectedSurrogate, search
+from kolsky.inverse.gauss_newton import gauss_newton_step, linear_step
+from kolsky.inverse.objective import Prior
+from kolsky.uncertainty.profiles import full_likelihood
 
 MEAN, SIGMA = np.array([0.3, 5.0]), np.array([0.02, np.inf])
 TRUTH = np.array([0.32, 1.1])

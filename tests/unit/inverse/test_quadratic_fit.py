@@ -12,9 +12,8 @@ from doe import Box
 from kolsky.base.records import ForceHistory
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.observations import Prediction, observe
-from kolsky.inverse.quadratic_fit import EDGE, search_by_quadratic
-from kolsky.inverse.refined_search import confirms
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings
+from kolsky.inverse.refined_search import EDGE, confirms, search_by_quadratic
 from kolsky.inverse.staged_runs import StagedRuns
 
 BOX = Box(("stiffness_factor", "friction"), (0.8, 0.0), (1.6, 1.0), (False, False))

@@ -9,15 +9,26 @@ from test_objective import objective
 from test_several_parameters import FINE, SHIFT, TRUTH, MadeUp, ringing
 
 from doe import Box
+from kolsky.inverse.coarse_search import jacobian
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.gauss_newton import MISLED, MOST_RUNS, _on_refined, _with_surrogate
+from kolsky.inverse.gauss_newton import (
+    MISLED,
+    MOST_RUNS,
+    OWN_DIFFERENCE_STEP,
+    _chord_steps,
+    _with_surrogate,
+    descend,
+    difference_points,
+    differences,
+    judge_run,
+    refined_slopes,
+    run_deviance,
+    run_points_refined,
+)
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
-from kolsky.inverse.optimum import jacobian
-from kolsky.inverse.refined_descent import APART, descend, differences, neighbours, slopes_beside
-from kolsky.inverse.refined_run import completed_apart, cost, judged
+from kolsky.inverse.problem import Settings
 from kolsky.inverse.refined_search import CONFIRMED
-from kolsky.inverse.settings import Settings
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
 
 STEP = 1e-6 * np.array([1.0, 0.01])
@@ -30,7 +41,7 @@ def slopes_at(x: np.ndarray) -> np.ndarray:
 
 def test_neighbours_keep_to_the_box_and_differences_are_exact_for_a_linear_response() -> None:
     box = Box.of({"a": (0.0, 1.0), "b": (10.0, 30.0)})
-    up, down = neighbours(box, np.array([0.98, 12.0]), np.array([0.05, 7.0]))
+    up, down = difference_points(box, np.array([0.98, 12.0]), np.array([0.05, 7.0]))
     np.testing.assert_allclose(up, [[1.0, 12.0], [0.98, 14.0]])  # at the face; a tenth of the edge
     np.testing.assert_allclose(down, [[0.93, 12.0], [0.98, 10.0]])
     A = np.array([[1.0, -2.0], [3.0, 0.5], [0.0, 4.0]])
@@ -40,14 +51,14 @@ def test_neighbours_keep_to_the_box_and_differences_are_exact_for_a_linear_respo
 def test_slopes_are_taken_a_quarter_of_sigma_beside_a_run() -> None:
     made: Any = MadeUp()
     one = Objective(made.observations, np.empty(0, dtype=bool))
-    run = judged(made, one, slopes_at(TRUTH), TRUTH, completed_apart(made, TRUTH[None])[0], None)
+    run = judge_run(made, one, slopes_at(TRUTH), TRUTH, run_points_refined(made, TRUTH[None])[0], None)
     asked: list[np.ndarray] = []
     vectors = made.vectors
     made.vectors = lambda stage, points, *rest: asked.append(points) or vectors(stage, points, *rest)
-    found = slopes_beside(made, one, run)
+    found = refined_slopes(made, one, run)
     np.testing.assert_allclose(found, slopes_at(TRUTH), atol=0.01 * abs(slopes_at(TRUTH)).max(axis=0).max())
     away = np.diag((asked[0][:2] - asked[0][2:]) / 2.0)
-    np.testing.assert_allclose(away, APART * run.step.sigma, rtol=1e-9)
+    np.testing.assert_allclose(away, OWN_DIFFERENCE_STEP * run.step.sigma, rtol=1e-9)
     assert set(made.points) == {FINE}
 
 
@@ -59,13 +70,13 @@ def test_slopes_that_point_uphill_are_given_up_for_the_own_ones(sign: float) -> 
     sigma = np.sqrt(np.diag(one.covariance(slopes_at(TRUTH), ringing(TRUTH)[0])))
     start = TRUTH + np.array([0.0, 8.0 * sign]) * sigma
     wrong = slopes_at(TRUTH) * [1.0, -1.0]
-    last, _ = _on_refined(made, one, wrong, start, None, shift=np.zeros(2))
+    last, _ = _chord_steps(made, one, wrong, start, None, shift=np.zeros(2))
     assert not last.confirmed
     assert made.points[FINE] < MOST_RUNS
     assert made.points[FINE] >= 1 + MISLED
     run, slope = descend(made, one, wrong, last)
     assert run.confirmed
-    assert cost(run) < cost(last)
+    assert run_deviance(run) < run_deviance(last)
     # It stops where a full Gauss-Newton step with the mesh's own slopes is short.
     full = np.linalg.lstsq(slopes_at(run.x), one.data - ringing(run.x)[0], rcond=None)[0]
     assert (np.abs(full) <= 1.5 * CONFIRMED * sigma).all()
@@ -78,7 +89,7 @@ def test_routes_and_profiles_have_the_slopes_of_the_answer() -> None:
     made.rng = np.random.default_rng(5)
     one = Objective(made.observations, np.empty(0, dtype=bool))
     slope = slopes_at(TRUTH)
-    run = judged(made, one, slope, TRUTH, completed_apart(made, TRUTH[None])[0], None)
+    run = judge_run(made, one, slope, TRUTH, run_points_refined(made, TRUTH[None])[0], None)
     coarse = MeshOptimum(TRUTH + SHIFT, run.step.sigma, 0.0, converged=True)
     _, fine = _with_surrogate(made, run, slope, ringing(TRUTH)[0], coarse)
     size = abs(slope).max(axis=0)
@@ -92,7 +103,7 @@ def test_a_lost_run_beside_keeps_what_there_is(monkeypatch: pytest.MonkeyPatch) 
     made: Any = MadeUp()
     one = Objective(made.observations, np.empty(0, dtype=bool))
     wrong = slopes_at(TRUTH) * [1.0, -1.0]
-    last, _ = _on_refined(made, one, wrong, TRUTH + 1e-5, None, shift=np.zeros(2))
+    last, _ = _chord_steps(made, one, wrong, TRUTH + 1e-5, None, shift=np.zeros(2))
     lost = np.full((4, len(ringing(TRUTH)[0])), np.nan)
     monkeypatch.setattr(made, "vectors", lambda stage, points, *rest: lost)
     assert descend(made, one, wrong, last) == (last, wrong)
@@ -129,20 +140,24 @@ def test_a_step_that_rises_is_halved_until_it_does_not() -> None:
     """At 0 the force is 0.6 and its slope 1: a step of -0.6 to where it is 0.72, half of it to 0.48."""
     made: Any = Hump()
     one = objective(np.zeros(10), np.empty(0))
-    start = judged(made, one, np.ones((10, 1)), np.zeros(1), completed_apart(made, np.zeros((1, 1)))[0], None)
+    start = judge_run(
+        made, one, np.ones((10, 1)), np.zeros(1), run_points_refined(made, np.zeros((1, 1)))[0], None
+    )
     run, _ = descend(made, one, np.full((10, 1), 7.0), start)
     assert made.visited[:3] == pytest.approx([0.0, -0.6, -0.3], abs=1e-6)
-    assert cost(run) <= cost(start) + 20.0 * np.log(0.48 / 0.6) + 1e-9
+    assert run_deviance(run) <= run_deviance(start) + 20.0 * np.log(0.48 / 0.6) + 1e-9
 
 
 def test_a_trial_that_is_lost_is_no_better_point() -> None:
     """The step of -0.6, the second run, folds; half of it is tried next."""
     made: Any = Hump()
     one = objective(np.zeros(10), np.empty(0))
-    start = judged(made, one, np.ones((10, 1)), np.zeros(1), completed_apart(made, np.zeros((1, 1)))[0], None)
+    start = judge_run(
+        made, one, np.ones((10, 1)), np.zeros(1), run_points_refined(made, np.zeros((1, 1)))[0], None
+    )
     made.lost = {2}
     run, _ = descend(made, one, np.full((10, 1), 7.0), start)
     assert made.visited[1:3] == pytest.approx([-0.6, -0.3], abs=1e-6)
-    assert cost(run) < cost(start)
+    assert run_deviance(run) < run_deviance(start)
     made.visited, made.lost = [], set(range(1, 99))
     assert descend(made, one, np.full((10, 1), 7.0), start)[0].x == start.x

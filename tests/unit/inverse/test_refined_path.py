@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.path_modes import MovedFront, PathModes
-from kolsky.inverse.refined_path import MOST_MOVES, SAME, follow_on_refined, patterns_anew
+from kolsky.inverse.gauss_newton import AMPLITUDES_STAY, MOST_MOVES, follow_on_refined, patterns_at_refined
+from kolsky.inverse.path_noise import MovedFront, PathModes
 
 PATTERN = np.array([[3.0, 0.0, -4.0]])  # of the surrogate's mesh, in units of the noise: 5 in all
 SETTINGS = SimpleNamespace(numerics=Numerics(), refined_mesh=(64, 86))
@@ -134,7 +134,7 @@ def test_with_patterns_of_the_refined_mesh_one_move_is_all() -> None:
 
 def test_the_weights_have_the_new_patterns_though_the_path_stays() -> None:
     stages = mesh(ratio=1.2, true=1.0, begun=1.0, graded=1.2)
-    assert abs(next_path(1.0, ratio=1.2, true=1.0, graded=1.2) - 1.0) < SAME
+    assert abs(next_path(1.0, ratio=1.2, true=1.0, graded=1.2) - 1.0) < AMPLITUDES_STAY
     follow_on_refined(stages, Weighed(), np.zeros((3, 1)), stages.run(), stages.search)
     assert len(stages.searches) == 1
     assert np.abs(stages.observations.front_noise) == pytest.approx(1.2 * np.abs(PATTERN))
@@ -172,7 +172,7 @@ def test_new_patterns_are_of_the_same_path() -> None:
         return [SimpleNamespace(force_bins=rows[:, :2], Z=rows[:, 2:])]
 
     stages = SimpleNamespace(settings=SETTINGS, observations=Seen(), under_other_motions=under_other_motions)
-    again = patterns_anew(stages, front, np.zeros(1))  # type: ignore[arg-type]
+    again = patterns_at_refined(stages, front, np.zeros(1))  # type: ignore[arg-type]
     assert again is not None
     assert again.path.jerk == pytest.approx(front.path.jerk)
     assert again.offset == pytest.approx(2.0 * front.offset)

@@ -9,7 +9,7 @@ import pytest
 
 from doe import Box
 from kolsky.inverse import refined_search
-from kolsky.inverse.refined_search import _wider, search_by_single_runs
+from kolsky.inverse.refined_search import _wider_box, search_by_single_runs
 
 WHOLE = Box.of({"stiffness_factor": (0.5, 2.5)})
 
@@ -26,7 +26,7 @@ WHOLE = Box.of({"stiffness_factor": (0.5, 2.5)})
 def test_half_the_edges_more_inside_the_whole_box(
     bounds: tuple[float, float], wider: tuple[float, float]
 ) -> None:
-    found = _wider(Box.of({"stiffness_factor": bounds}), WHOLE)
+    found = _wider_box(Box.of({"stiffness_factor": bounds}), WHOLE)
     assert (found.lower[0], found.upper[0]) == pytest.approx(wider, rel=1e-12)
     assert found.names == WHOLE.names
 

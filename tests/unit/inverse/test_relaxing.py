@@ -10,16 +10,21 @@ import pytest
 from pydantic import ValidationError
 
 from explicit.relaxation import BergstromBoyce, PronySeries
-from kolsky.base.relaxation import NETWORK, Relaxation, prony_names
+from kolsky.base.apparatus import NETWORK_CONSTANTS, Relaxation, prony_names
 from kolsky.inverse.forward import Forward, Numerics
-from kolsky.inverse.free_parameters import choose
-from kolsky.inverse.parameters import PARAMETERS, require_declared
-from kolsky.inverse.prepared_shot import prepare_shot
-from kolsky.inverse.relaxing import parsed_kind, reference_words, same_bulk, what_relaxes, with_relaxation
-from kolsky.inverse.search_coordinates import from_search, search_box, to_search
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.parameters import (
+    PARAMETERS,
+    parsed_kind,
+    reference_words,
+    require_declared,
+    same_bulk,
+    what_relaxes,
+    with_relaxation,
+)
+from kolsky.inverse.problem import Settings, choose, prepare_shot
+from kolsky.inverse.valleys import from_search, search_box, to_search
+from kolsky.schema.material import RelaxationSection, declared_relaxation
 from kolsky.shot.load import load_shot
-from kolsky.shot.schema.relaxation import RelaxationSection, declared_relaxation
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.shot_file import toml_text
 
@@ -85,7 +90,7 @@ def test_the_table_is_read_in_si_and_its_sigmas_stand_with_the_others() -> None:
     assert found["uncertainty"] == pytest.approx({"prony_time_1": 5e-5})
     assert found["relaxation"].free_names == ("prony_strength_1", "prony_time_1")
     network = section(kind="bergstrom_boyce", ratio=0.5, resistance="8 kPa").declared()
-    assert tuple(network.values) == NETWORK
+    assert tuple(network.values) == NETWORK_CONSTANTS
     assert (network.values["creep_resistance"], network.free_names) == (8e3, ())
     assert declared_relaxation(None, None) == {"relaxation": None, "uncertainty": {}}
 

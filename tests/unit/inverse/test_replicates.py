@@ -8,8 +8,8 @@ import pytest
 
 from doe import Box
 from kolsky.inverse import staged_runs
-from kolsky.inverse.completed_runs import Replicates
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings
+from kolsky.inverse.run_table import Replicates
 from kolsky.inverse.staged_runs import StagedRuns
 
 

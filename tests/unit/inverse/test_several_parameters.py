@@ -11,18 +11,22 @@ from doe import Box
 from explicit import Ending, Outcome
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.gauss_newton import _on_refined
-from kolsky.inverse.linear_step import Step
+from kolsky.inverse.gauss_newton import (
+    LONGEST,
+    RefinedRun,
+    Step,
+    _chord_steps,
+    extrapolated_start,
+    lengthening,
+)
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
-from kolsky.inverse.refined_run import RefinedRun
+from kolsky.inverse.problem import Settings
 from kolsky.inverse.refined_search import CONFIRMED
-from kolsky.inverse.refined_steps import LONGEST, foretold, lengthening
 from kolsky.inverse.run_table import RunTable
-from kolsky.inverse.search_coordinates import from_search, search_box, to_search
-from kolsky.inverse.settings import Settings
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum, search_meshes, starts
+from kolsky.inverse.valleys import from_search, search_box, to_search
 
 BOX = Box.of({"stiffness_factor": (0.75, 1.5), "poisson": (0.49, 0.4999)})
 COARSE, FINE = (16, 22), (64, 86)
@@ -118,7 +122,7 @@ def test_steps_with_the_coarse_slopes_end_at_the_least_squares_of_the_refined_me
         [(ringing(start - SHIFT + d) - ringing(start - SHIFT - d))[0] / (2.0 * d.sum()) for d in np.diag(h)]
     )
     beside, none = np.array([1.2, 0.499]), np.zeros(2)
-    found, other = _on_refined(made, one, slope, start, beside, shift=none)
+    found, other = _chord_steps(made, one, slope, start, beside, shift=none)
     assert found.confirmed
     assert made.points[FINE] <= 5
     # The counterpart of the other point has moved with the stiffness, and nothing else of it.
@@ -141,9 +145,9 @@ def test_from_a_foretold_start_the_other_point_is_run_at_once() -> None:
     slope = np.column_stack(
         [(ringing(TRUTH + d) - ringing(TRUTH - d))[0] / (2.0 * d.sum()) for d in np.diag(h)]
     )
-    best, _ = _on_refined(made, one, slope, TRUTH, None, shift=-SHIFT)
+    best, _ = _chord_steps(made, one, slope, TRUTH, None, shift=-SHIFT)
     made.points.clear()
-    found, other = _on_refined(made, one, slope, best.x, np.array([1.2, 0.499]), shift=-SHIFT)
+    found, other = _chord_steps(made, one, slope, best.x, np.array([1.2, 0.499]), shift=-SHIFT)
     assert found.confirmed
     assert made.points[FINE] == 2
     assert other is not None
@@ -158,11 +162,13 @@ def test_the_refined_optimum_is_foretold_by_richardson() -> None:
         return MeshOptimum(limit + size / n**2, np.ones(2), 0.0, converged)
 
     optima = {(10, 13): optimum(10), (20, 26): optimum(20)}
-    np.testing.assert_allclose(foretold(optima, (20, 26), (40, 52)), optimum(40).x, rtol=1e-14)
+    np.testing.assert_allclose(extrapolated_start(optima, (20, 26), (40, 52)), optimum(40).x, rtol=1e-14)
     # One that did not come to rest, or that is alone, foretells nothing.
     optima[10, 13] = optimum(10, converged=False)
-    np.testing.assert_array_equal(foretold(optima, (20, 26), (40, 52)), optimum(20).x)
-    np.testing.assert_array_equal(foretold({(20, 26): optimum(20)}, (20, 26), (40, 52)), optimum(20).x)
+    np.testing.assert_array_equal(extrapolated_start(optima, (20, 26), (40, 52)), optimum(20).x)
+    np.testing.assert_array_equal(
+        extrapolated_start({(20, 26): optimum(20)}, (20, 26), (40, 52)), optimum(20).x
+    )
 
 
 class Chord:
@@ -191,7 +197,7 @@ def test_a_step_that_makes_the_misfit_worse_by_more_than_four_is_halved(
     q = np.exp(rise / 20.0)
     slope = np.full((10, 1), 1.0 / (1.0 + q))
     one = objective(np.zeros(10), np.empty(0))
-    _on_refined(made, one, slope, np.array([-10.0]), None, shift=np.zeros(1))
+    _chord_steps(made, one, slope, np.array([-10.0]), None, shift=np.zeros(1))
     third = 0.5 * (-10.0 + 10.0 * q) if taken_back else -10.0 * q**2
     assert made.visited[:3] == pytest.approx([-10.0, 10.0 * q, third], rel=1e-6)
 

@@ -8,7 +8,15 @@ from test_likely_path import Onset, off_by
 from test_several_parameters import TIME, TRUTH
 
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.summits import AHEAD, FARTHEST, STRIDE, climb, likeliest, margin, strides_beside
+from kolsky.inverse.valleys import (
+    AHEAD,
+    FARTHEST,
+    STRIDE,
+    climb_summit,
+    likeliest_summit,
+    margin,
+    strides_beside,
+)
 
 
 def turns(x: np.ndarray) -> float:
@@ -19,7 +27,7 @@ def turns(x: np.ndarray) -> float:
 def climbed(made: Any, floor: np.ndarray) -> Any:
     numerics = made.settings.numerics
     (runs,) = made.under_other_motions(floor[None], made.front_deviations(20), numerics)
-    return climb(made, floor, runs, numerics, np.empty(0, dtype=bool))
+    return climb_summit(made, floor, runs, numerics, np.empty(0, dtype=bool))
 
 
 @pytest.mark.parametrize("share", [1.0, -1.5, 2.5])
@@ -80,6 +88,6 @@ def test_the_margin_is_of_the_next_valley() -> None:
 def test_the_likeliest_floor_is_climbed_and_its_margin_told() -> None:
     made: Any = Onset(np.array([2.0, -1.5]))
     floors = np.array([off_by(share).x for share in (-3.5, 1.0, 4.0)])
-    found = likeliest(made, floors, made.settings.numerics, np.empty(0, dtype=bool))
+    found = likeliest_summit(made, floors, made.settings.numerics, np.empty(0, dtype=bool))
     assert turns(found.x) == pytest.approx(turns(TRUTH), abs=0.02)
     assert 100.0 < found.margin < np.inf

@@ -4,8 +4,7 @@ import numpy as np
 
 from doe import Box
 from explicit import Ending, Outcome
-from kolsky.inverse.misfit import Terms
-from kolsky.inverse.run_table import RunTable
+from kolsky.inverse.run_table import RunTable, Terms
 
 
 def terms(phi: float) -> Terms:

@@ -12,11 +12,10 @@ from shot_folders import shot_in
 import kolsky
 from kolsky.base.apparatus import Bar
 from kolsky.base.errors import InputError
-from kolsky.inverse.forward import Numerics
+from kolsky.inverse.forward import Numerics, at_transducer
 from kolsky.inverse.observations import predict
-from kolsky.inverse.prepared_shot import prepare_shot
+from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.simulate import simulate
-from kolsky.inverse.transducer_place import at_transducer
 
 BAR = Bar(15e-3, 0.5, 190e9, 8048.0)
 DEPTH = 0.1
@@ -36,12 +35,12 @@ def made(depth: float, bar: Bar | None = BAR) -> Any:
 
 def test_a_pulse_passes_and_comes_back_as_tension(monkeypatch: pytest.MonkeyPatch) -> None:
     """A pulse shorter than the way to the far end: later by d, and by T - d as tension; T + d compression."""
-    from kolsky.inverse import transducer_place
+    from kolsky.inverse import forward
 
     times = np.linspace(0.0, 4e-4, 40_001)
     pulse = np.exp(-(((times - 3e-5) / 5e-6) ** 2))
     impulse = np.concatenate([[0.0], np.cumsum(0.5 * (pulse[1:] + pulse[:-1]) * np.diff(times))])
-    monkeypatch.setattr(transducer_place, "replace", lambda response, **new: SimpleNamespace(**new))
+    monkeypatch.setattr(forward, "replace", lambda response, **new: SimpleNamespace(**new))
     response = SimpleNamespace(
         force_times=times, force_transmission=pulse[None], impulse_transmission=impulse[None]
     )

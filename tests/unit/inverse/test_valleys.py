@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from kolsky.base.records import MaterialCurve
+from kolsky.inverse.objective import Prior
 from kolsky.inverse.observations import Prediction
-from kolsky.inverse.prior import Prior
 from kolsky.inverse.valleys import (
     MOST_LEVELS,
     MOTIONS,
     PHASE,
+    deviance_with_path_noise,
     equal_steps,
-    judged,
     likely_valleys,
     local_minima,
     oscillations,
@@ -117,7 +117,9 @@ def test_motions_enough_for_every_pattern_of_an_onset() -> None:
             return list(seen)
 
     made: Any = Onset()
-    found = judged(made, np.zeros((2, 1)), made.under_other_motions(MOTIONS), np.empty(0, dtype=bool))
+    found = deviance_with_path_noise(
+        made, np.zeros((2, 1)), made.under_other_motions(MOTIONS), np.empty(0, dtype=bool)
+    )
     assert found[1] - found[0] > 105.0
 
 
@@ -145,7 +147,7 @@ class Ringing:
 def test_what_the_motions_noise_explains_does_not_speak_against_a_valley() -> None:
     made: Any = Ringing()
     points, inside = np.zeros((3, 1)), np.empty(0, dtype=bool)
-    found = judged(made, points, made.under_other_motions(MOTIONS), inside)
+    found = deviance_with_path_noise(made, points, made.under_other_motions(MOTIONS), inside)
     assert found[0] < found[1] - 50.0
     assert found[2] == np.inf
     # By its own residual alone the second is no worse: both have nearly the same mean square.
@@ -159,5 +161,5 @@ def test_the_prior_counts_where_valleys_are_compared() -> None:
     first: Any = Ringing()
     runs = first.under_other_motions(MOTIONS)
     known: Any = Ringing(Prior(np.array([6.0]), np.array([2.0])))
-    with_prior, without = (judged(one, points, runs, inside)[:2] for one in (known, first))
+    with_prior, without = (deviance_with_path_noise(one, points, runs, inside)[:2] for one in (known, first))
     np.testing.assert_allclose(with_prior - without, 9.0)

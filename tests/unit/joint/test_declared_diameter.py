@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.joint.declared import with_outlines
+from kolsky.uncertainty.budgets import outlines_with_diameter
 
 
 def test_only_outlines_placed_by_a_radius_move() -> None:
@@ -16,5 +16,5 @@ def test_only_outlines_placed_by_a_radius_move() -> None:
     ]
     data: list[Any] = [SimpleNamespace(objective=SimpleNamespace(n_force=1))] * 2
     change = np.array([3.0, 6e-6, 7e-6, 4.0, 9e-6, 8e-6, 5.0])
-    found = with_outlines(change, shots, data, (3, 6), np.array([1e-3, 2e-3]))
+    found = outlines_with_diameter(change, shots, data, (3, 6), np.array([1e-3, 2e-3]))
     np.testing.assert_allclose(found, [3.0, 6e-6, 7e-6, 4.0, 1e-6, 0.0, 5.0], atol=1e-18)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from kolsky.base.records import CentreLine
-from kolsky.joint.declared import _moved_places
+from kolsky.uncertainty.budgets import _place_change
 
 
 def test_a_higher_outline_is_compared_with_a_wider_model() -> None:
@@ -21,7 +21,7 @@ def test_a_higher_outline_is_compared_with_a_wider_model() -> None:
         data.append(SimpleNamespace(objective=SimpleNamespace(n_force=1), observations=seen, counted=counted))
     stack = SimpleNamespace(data=np.zeros(8), shots=data, ends=(4, 8))
     problem: Any = SimpleNamespace(stack=stack)
-    moved = _moved_places(problem, np.array([0.0, 3e-6]), "y_offset")
+    moved = _place_change(problem, np.array([0.0, 3e-6]), "y_offset")
     np.testing.assert_allclose(moved, [0.0] * 5 + [1.5e-6] * 3, rtol=1e-9, atol=1e-18)
-    axis = _moved_places(problem, np.array([1e-6, 0.0]), "Z_offset")
+    axis = _place_change(problem, np.array([1e-6, 0.0]), "Z_offset")
     np.testing.assert_allclose(axis, [0.0] + [-1e-6] * 3 + [0.0] * 4, atol=1e-18)

@@ -11,12 +11,11 @@ from typer.testing import CliRunner
 from kolsky.base.errors import InputError
 from kolsky.cli.commandline import app
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.relaxing import with_relaxation
-from kolsky.joint.hdf5 import read_joint_hdf5, write_joint_hdf5
-from kolsky.joint.identify_shots import identify_shots
-from kolsky.joint.output import to_json
-from kolsky.joint.records import CurveFound, JointResult, JointSettings, ModelChoice
+from kolsky.inverse.joint_result import CurveFound, JointResult, JointSettings, ModelChoice
+from kolsky.inverse.parameters import with_relaxation
+from kolsky.joint_identification import identify_shots
 from kolsky.report.study_folder import write_joint_results
+from kolsky.results.joint import read_joint_hdf5, to_json, write_joint_hdf5
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
 

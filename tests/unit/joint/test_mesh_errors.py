@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from kolsky.inverse.forward import Numerics
-from kolsky.joint import mesh_errors
-from kolsky.joint.mesh_errors import mesh_change
+from kolsky.uncertainty import mesh_error
+from kolsky.uncertainty.mesh_error import joint_mesh_change
 
 SETTINGS = SimpleNamespace(refined_mesh=(32, 43))
 
@@ -46,14 +46,14 @@ def problem(lost: dict[str, int], *, faces: str = "bonded") -> Any:
 
 @pytest.fixture(autouse=True)
 def one_window(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mesh_errors, "_windows", lambda stack: np.zeros(4, int))
+    monkeypatch.setattr(mesh_error, "_joint_windows", lambda stack: np.zeros(4, int))
 
 
 FOUND: Any = SimpleNamespace(x=np.ones(1), vector=np.full(4, 4.0))
 
 
 def test_graded_runs_of_all_shots_tell_the_error() -> None:
-    change = mesh_change(problem({}), FOUND)
+    change = joint_mesh_change(problem({}), FOUND)
     assert change.lost == ()
     assert change.graded is not None
     np.testing.assert_array_equal(change.graded.graded, np.ones(4))
@@ -63,7 +63,7 @@ def test_graded_runs_of_all_shots_tell_the_error() -> None:
 
 @pytest.mark.parametrize("mesh", [(20, 27), (32, 43)])
 def test_a_graded_run_that_one_shot_has_lost_is_said(mesh: tuple[int, int]) -> None:
-    change = mesh_change(problem({str(mesh): 1}), FOUND)
+    change = joint_mesh_change(problem({str(mesh): 1}), FOUND)
     assert change.graded is None
     (lost,) = change.lost
     assert lost.is_graded
@@ -72,17 +72,17 @@ def test_a_graded_run_that_one_shot_has_lost_is_said(mesh: tuple[int, int]) -> N
 
 
 def test_the_other_element_that_is_lost_is_said_and_graded_runs_stay() -> None:
-    change = mesh_change(problem({"fbar": 0}), FOUND)
+    change = joint_mesh_change(problem({"fbar": 0}), FOUND)
     assert change.element is None
     assert change.graded is not None
     assert [(run.is_graded, run.why) for run in change.lost] == [(False, "of slow")]
 
 
 def test_sliding_shots_have_no_graded_runs_on_purpose() -> None:
-    change = mesh_change(problem({"(32, 43)": 1}, faces="coulomb"), FOUND)
+    change = joint_mesh_change(problem({"(32, 43)": 1}, faces="coulomb"), FOUND)
     assert (change.graded, change.lost) == (None, ())
 
 
 def test_a_run_of_the_search_that_is_lost_is_refused() -> None:
     with pytest.raises(ValueError, match="did not complete: refine --mesh"):
-        mesh_change(problem({"(16, 22)": 0}), FOUND)
+        joint_mesh_change(problem({"(16, 22)": 0}), FOUND)

@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from doe.whitening import Whitening
+from doe.least_squares import Whitening
 from kolsky.base.apparatus import Interface
+from kolsky.inverse import joint_search
 from kolsky.inverse.forward import Numerics
-from kolsky.joint import finish
-from kolsky.joint.mesh_errors import mesh_change
-from kolsky.joint.optimum import Optimum
-from kolsky.joint.refined_patterns import with_patterns_anew
-from kolsky.joint.runs import kind_of
+from kolsky.inverse.joint_runs import kind_of
+from kolsky.inverse.joint_search import Optimum, with_refined_patterns
+from kolsky.uncertainty.mesh_error import joint_mesh_change
 
 NUMERICS = Numerics(mesh=(8, 10))
 REFINED = (16, 22)
@@ -93,7 +92,7 @@ def optimum(made: Made, *, confirmed: bool = True) -> Optimum:
 def test_the_mesh_error_is_that_of_the_refined_mesh() -> None:
     """Errors of second order on graded meshes: Richardson's is exact, whatever the refined mesh does."""
     made = Made()
-    change = mesh_change(made, optimum(made))  # type: ignore[arg-type]
+    change = joint_mesh_change(made, optimum(made))  # type: ignore[arg-type]
     np.testing.assert_allclose(change.error, [0.3, -0.1], rtol=1e-9)
     assert change.element is not None
     np.testing.assert_allclose(change.element, [-2.0 * 0.3 * 4.0, 2.0 * 0.1 * 4.0])
@@ -103,7 +102,7 @@ def test_the_mesh_error_is_that_of_the_refined_mesh() -> None:
 def test_patterns_are_made_at_the_refined_optimum_and_the_search_goes_on_with_them() -> None:
     """With them the second datum has no weight left: the first alone, 3 = x + 1 + 0.3, says x = 1.7."""
     made = Made()
-    found = with_patterns_anew(made, optimum(made))  # type: ignore[arg-type]
+    found = with_refined_patterns(made, optimum(made))  # type: ignore[arg-type]
     assert made.learnt == [(1.9, (10, 14), 5.0)]
     np.testing.assert_allclose(found.x, 1.7, atol=1e-6)
     np.testing.assert_allclose(found.start, 1.5)  # where the search's own mesh has its optimum
@@ -117,7 +116,7 @@ def test_patterns_are_made_at_the_refined_optimum_and_the_search_goes_on_with_th
 def test_what_has_no_patterns_of_a_fine_mesh_stays_as_it_is(given: dict[str, Any], confirmed: bool) -> None:
     made = Made(**given)
     before = optimum(made, confirmed=confirmed)
-    assert with_patterns_anew(made, before) is before  # type: ignore[arg-type]
+    assert with_refined_patterns(made, before) is before  # type: ignore[arg-type]
     assert not made.learnt
 
 
@@ -137,11 +136,11 @@ def test_patterns_with_which_the_search_does_not_rest_are_put_back(
     def scattered(problem: Any, found: Optimum) -> Optimum:
         return replace(found, confirmed=anew if problem.stack is stacks["anew"] else old)
 
-    monkeypatch.setattr(finish, "with_patterns_anew", with_patterns)
-    monkeypatch.setattr(finish, "scattered", scattered)
+    monkeypatch.setattr(joint_search, "with_patterns_anew", with_patterns)
+    monkeypatch.setattr(joint_search, "with_scatter", scattered)
     said: list[str] = []
-    found = finish.finished(made, before, said)  # type: ignore[arg-type]
-    assert said == ([] if kept == "anew" else [finish.COARSE_PATTERNS])
+    found = joint_search.with_patterns_and_scatter(made, before, said)  # type: ignore[arg-type]
+    assert said == ([] if kept == "anew" else [joint_search.COARSE_PATTERNS])
     assert made.stack is stacks[kept]
     assert found.x.tolist() == [1.7 if kept == "anew" else 1.9]
     assert found.confirmed == (anew or old)

@@ -6,10 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from doe.whitening import Whitening
+from doe.least_squares import Whitening
 from kolsky.inverse.forward import Numerics
-from kolsky.joint.optimum import Optimum
-from kolsky.joint.refined_steps import BORROWED, STEPS, WORSE, refined_optimum, secant
+from kolsky.inverse.joint_search import (
+    COARSE_SLOPE_RUNS,
+    MOST_RUNS,
+    WORSE_STEP,
+    Optimum,
+    refined_optimum,
+    secant,
+)
 
 TRUE = np.array([0.3, -0.2])
 SLOPES = np.array([[20.0, 0.0], [0.0, 50.0], [10.0, 10.0]])
@@ -87,15 +93,15 @@ def test_slopes_that_grope_are_taken_anew() -> None:
     found = refined(made, np.array([0.9, 0.9]), steep)
     assert found.confirmed
     assert made.batches == 1
-    assert len(made.runs) == BORROWED + 1
+    assert len(made.runs) == COARSE_SLOPE_RUNS + 1
 
 
 def test_a_misfit_that_jumps_is_not_confirmed_and_ends() -> None:
     made = Made(rough=3.0)
     found = refined(made, np.array([0.5, 0.5]), SLOPES)
     assert not found.confirmed
-    assert len(made.runs) == STEPS
-    assert made.deviance(found.vector) <= min(made.costs) + WORSE
+    assert len(made.runs) == MOST_RUNS
+    assert made.deviance(found.vector) <= min(made.costs) + WORSE_STEP
 
 
 def test_a_lost_run_is_refused() -> None:

@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from doe.whitening import Whitening
-from kolsky.joint.scatter import LARGEST, estimated, expanded, restricted_deviance
+from doe.least_squares import Whitening
+from kolsky.inverse.joint_search import LARGEST, expanded_scatter, restricted_deviance, restricted_scatter
 
 VALUES = np.array([1.02, 1.10, 1.05, 1.13, 0.98])
 SIGMA = 0.02
@@ -34,7 +34,7 @@ def test_the_deviance_of_a_mean_is_that_of_the_textbook() -> None:
 
 
 def test_the_scatter_is_what_is_left_of_the_variance() -> None:
-    found = estimated(*problem(VALUES))
+    found = restricted_scatter(*problem(VALUES))
     # restricted maximum likelihood of a balanced design: s^2 = variance (n - 1) less sigma^2
     assert found.value == pytest.approx(np.sqrt(VALUES.var(ddof=1) - SIGMA**2), rel=1e-3)
     squares, least = ((VALUES - VALUES.mean()) ** 2).sum(), VALUES.var(ddof=1)
@@ -47,7 +47,7 @@ def test_the_scatter_is_what_is_left_of_the_variance() -> None:
 
 def test_shots_that_agree_have_none() -> None:
     close = 1.05 + 0.5 * SIGMA * np.array([-1.0, 1.0, 0.0, 1.0, -1.0])
-    found = estimated(*problem(close))
+    found = restricted_scatter(*problem(close))
     assert found.value == 0.0
     assert found.interval[0] == 0.0
     v, squares = SIGMA**2 + found.interval[1] ** 2, ((close - close.mean()) ** 2).sum()
@@ -57,8 +57,8 @@ def test_shots_that_agree_have_none() -> None:
 
 def test_few_shots_widen_the_interval_by_students_t() -> None:
     level = norm.cdf(2.0)
-    assert expanded(0.03, 0.0, 3) == pytest.approx(0.06)
-    assert expanded(0.03, 0.03, 3) == pytest.approx(0.03 * student.ppf(level, 2))
+    assert expanded_scatter(0.03, 0.0, 3) == pytest.approx(0.06)
+    assert expanded_scatter(0.03, 0.03, 3) == pytest.approx(0.03 * student.ppf(level, 2))
     # half of the variance between the shots: (n - 1) (sigma / between)^4 = 2 x 4 degrees of freedom
-    assert expanded(0.03, 0.03 / np.sqrt(2.0), 3) == pytest.approx(0.03 * student.ppf(level, 8))
-    assert expanded(0.0, 0.0, 3) == 0.0
+    assert expanded_scatter(0.03, 0.03 / np.sqrt(2.0), 3) == pytest.approx(0.03 * student.ppf(level, 8))
+    assert expanded_scatter(0.0, 0.0, 3) == 0.0

@@ -12,12 +12,12 @@ from explicit.materials import neo_hookean
 from explicit.relaxation import PronySeries, prony_stress
 from kolsky.base.errors import InputError
 from kolsky.cli import app
-from kolsky.joint.slow_dynamics import analyse, shot_modulus
-from kolsky.joint.slow_schema import read_slow_list, read_slow_tests
+from kolsky.inverse.slow_tests import read_slow_list, read_slow_tests
+from kolsky.material.relaxation.rate_fit import apparent_moduli
 from kolsky.material.relaxation.temperature import wlf
-from kolsky.material.relaxation.time_scales import apparent_moduli
 from kolsky.report.canvas import build
 from kolsky.report.figures import RELAXATIONS
+from kolsky.studies.rate_dependence import analyse_rate_dependence, shot_modulus
 
 LAW, SERIES = neo_hookean(20e3), PronySeries((0.4,), (0.5,))
 LIST = """format = 1
@@ -130,7 +130,7 @@ def test_from_files_to_the_constants(tmp_path):
 
 def test_an_elastic_sweep_is_left_out_and_refused_beside_shots(tmp_path):
     path = written(tmp_path, elastic=True)
-    found = analyse(read_slow_list(path), [shot([0.0, 0.2], [0.0, 1e4])], at_most=1)
+    found = analyse_rate_dependence(read_slow_list(path), [shot([0.0, 0.2], [0.0, 1e4])], at_most=1)
     assert [test.label for test in found.tests] == ["hold"]
     assert any("is not determined" in said and "not in the fit" in said for said in found.remarks)
     assert [one.label for one in found.moduli] == ["hold", "shot"]

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from explicit.materials import neo_hookean
+from kolsky.base.apparatus import NETWORK_CONSTANTS, Relaxation, prony_names
 from kolsky.base.errors import InputError
-from kolsky.base.relaxation import NETWORK, Relaxation, prony_names
-from kolsky.joint.slow_prediction import measured, predicted
-from kolsky.joint.slow_schema import read_slow_tests
+from kolsky.inverse.slow_tests import read_slow_tests, slow_measured, slow_predicted
 from kolsky.material.relaxation.evidence import DynamicTest, HistoryTest
 
 LIST = """format = 1
@@ -63,7 +62,7 @@ def test_a_list_is_read_in_si_tension_positive(tmp_path: Path) -> None:
     assert isinstance(dma, DynamicTest)
     np.testing.assert_allclose(dma.angular_frequency, 2.0 * np.pi * np.array([1.0, 10.0]))
     np.testing.assert_allclose(dma.sigma, [1200.0, 1280.0, 20.0, 40.0])
-    values, sigma = measured((held, ramp, dma))
+    values, sigma = slow_measured((held, ramp, dma))
     assert len(values) == len(sigma) == 2 + 2 + 4
 
 
@@ -98,26 +97,28 @@ def test_predictions_of_a_branch_are_those_of_the_closed_form() -> None:
     ones = np.ones(2)
     dma = DynamicTest(omega, ones, ones, ones, ones)
     held = HistoryTest.relaxation([0.02], [-1.0], [1.0], stretch=0.8)
-    found = predicted((dma, held), law, series, {"stiffness_factor": 1.1, "prony_strength_1": 0.5})
+    found = slow_predicted((dma, held), law, series, {"stiffness_factor": 1.1, "prony_strength_1": 0.5})
     x = omega * 0.01
     young = 1.1 * 60e3
     np.testing.assert_allclose(found[:2], young * (1.0 + 0.5 * x**2 / (1.0 + x**2)))
     np.testing.assert_allclose(found[2:4], young * 0.5 * x / (1.0 + x**2))
     # P = m mu (lam - lam^-2) of the long-term law
     slow = 1.1 * 20e3 * (0.8 - 0.8**-2)
-    assert predicted((held,), law, None, {"stiffness_factor": 1.1})[0] == pytest.approx(slow)
+    assert slow_predicted((held,), law, None, {"stiffness_factor": 1.1})[0] == pytest.approx(slow)
     # after two relaxation times the branch holds exp(-2) of its stress
     assert found[4] / slow == pytest.approx(1.0 + 0.5 * np.exp(-2.0), rel=1e-9)
 
 
 def test_a_network_has_no_moduli_and_is_at_rest_the_law() -> None:
     law = neo_hookean(20e3)
-    network = Relaxation("bergstrom_boyce", dict(zip(NETWORK, (0.5, 8e3, 4.0, -1.0, 0.01), strict=True)))
+    network = Relaxation(
+        "bergstrom_boyce", dict(zip(NETWORK_CONSTANTS, (0.5, 8e3, 4.0, -1.0, 0.01), strict=True))
+    )
     held = HistoryTest.relaxation([0.0], [-1.0], [1.0], stretch=0.9)
-    found = predicted((held,), law, network, {"stiffness_factor": 1.2, "creep_ratio": 0.25})
+    found = slow_predicted((held,), law, network, {"stiffness_factor": 1.2, "creep_ratio": 0.25})
     # before it creeps both networks stand together: 1 + s
     assert found[0] == pytest.approx(1.25 * 1.2 * 20e3 * (0.9 - 0.9**-2), rel=1e-6)
     ones = np.ones(1)
     with pytest.raises(ValueError, match="leave the test out, or fit a Prony series"):
-        predicted((DynamicTest(ones, ones, ones, ones, ones),), law, network, {})
-    assert predicted((), law, network, {}).size == 0
+        slow_predicted((DynamicTest(ones, ones, ones, ones, ones),), law, network, {})
+    assert slow_predicted((), law, network, {}).size == 0

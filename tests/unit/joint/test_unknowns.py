@@ -5,8 +5,8 @@ import pytest
 
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.forward import Numerics
-from kolsky.joint.records import JointSettings
-from kolsky.joint.unknowns import Unknowns, node_strains, smoothness, with_factors
+from kolsky.inverse.joint_result import JointSettings
+from kolsky.inverse.joint_runs import Unknowns, node_strains, smoothness, with_factors
 
 STRETCH = np.linspace(1.0, 0.4, 13)
 CURVE = MaterialCurve(STRETCH, 1e4 * (STRETCH - STRETCH**-2.0), np.ones(13))

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
+from kolsky.inverse.joint_result import RANGE, as_not_seen, interval, needed_strength
 from kolsky.inverse.result import Estimate, Verdict
-from kolsky.joint.unseen import RANGE, interval, needed, unseen
 
 SOURCES = ("force and shape", "scatter between shots")
 STRENGTH = Estimate(
@@ -19,7 +19,7 @@ TIME = Estimate(
 
 
 def test_a_strength_keeps_its_upper_limit_and_is_never_negative() -> None:
-    found = unseen(STRENGTH)
+    found = as_not_seen(STRENGTH)
     assert found == replace(STRENGTH, outcome=Verdict.NOT_SEEN)
     assert found.sigma == pytest.approx(0.05)  # 3-4-5
     assert interval(found, 2.0 * found.sigma) == pytest.approx((0.0, 0.104))
@@ -27,7 +27,7 @@ def test_a_strength_keeps_its_upper_limit_and_is_never_negative() -> None:
 
 def test_a_time_of_no_branch_is_anywhere_in_its_range() -> None:
     """No correction, and the standard deviation of a range whose values are evenly likely."""
-    found = unseen(TIME)
+    found = as_not_seen(TIME)
     assert found.value == pytest.approx(2e-5)  # 130 us less the correction of 110
     assert (found.mesh_correction, found.mesh_shift, found.sigma_numerical) == (0.0, 0.0, 0.0)
     assert found.sigma == pytest.approx((5e-3 - 2e-5) / 12.0**0.5)
@@ -40,17 +40,17 @@ def test_a_time_of_no_branch_is_anywhere_in_its_range() -> None:
 
 def test_what_does_not_relax_stays_as_it_is() -> None:
     m = replace(TIME, name="stiffness_factor", unit="1")
-    assert unseen(m) is m
+    assert as_not_seen(m) is m
     assert interval(m, 1e-4) == pytest.approx((3e-5, 2.3e-4))
 
 
 def test_it_says_which_strength_would_be_seen() -> None:
-    weak = {e.name: unseen(e) for e in (STRENGTH, TIME)}
-    (said,) = needed(weak)
+    weak = {e.name: as_not_seen(e) for e in (STRENGTH, TIME)}
+    (said,) = needed_strength(weak)
     assert "prony_strength_1 and what depends on it are not seen: it takes a strength above 0.1, 2 " in said
     assert "without one prony_time_1 has no value" in said
-    assert "has no value" not in needed({"prony_strength_1": weak["prony_strength_1"]})[0]
+    assert "has no value" not in needed_strength({"prony_strength_1": weak["prony_strength_1"]})[0]
     # One that is seen, and one that something else speaks against.
-    assert needed({"prony_strength_1": STRENGTH, "prony_time_1": TIME}) == []
+    assert needed_strength({"prony_strength_1": STRENGTH, "prony_time_1": TIME}) == []
     strong = replace(weak["prony_strength_1"], value=0.11)
-    assert needed({"prony_strength_1": strong}) == []
+    assert needed_strength({"prony_strength_1": strong}) == []

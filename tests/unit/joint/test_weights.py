@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from doe.whitening import Whitening
+from doe.least_squares import Whitening
 from kolsky.bars.signals.transducers import ForceBins
 from kolsky.base.records import CentreLine, ForceHistory
+from kolsky.inverse.joint_problem import CLOCK, ShotData, Stack, bounded_step, covariance, information
 from kolsky.inverse.observations import Observations
-from kolsky.joint.answer import _own
-from kolsky.joint.weights import CLOCK, ShotData, Stack, bounded_step, covariance, information
+from kolsky.joint_identification import _shot_unknown
 
 WIDE = np.array([1e3])
 """Ranges of the unknowns, far beyond what the data leave."""
@@ -76,7 +76,7 @@ def test_the_most_likely_amount_of_a_pattern() -> None:
     # One datum of variance 1 + 4 with the pattern 2: amount 2 r / 5, and 1 - 4/5 of its variance is left.
     weights = Whitening(np.array([1.0]), np.array([[2.0]]))
     objective: Any = SimpleNamespace(whitening=lambda: weights)
-    amount, left = _own(np.array([2.0]), weights.precision(np.array([[-3.0]]))[0], objective)
+    amount, left = _shot_unknown(np.array([2.0]), weights.precision(np.array([[-3.0]]))[0], objective)
     assert amount == pytest.approx(2.0 * 3.0 / 5.0)
     assert left == pytest.approx(np.sqrt(0.2))
 

@@ -6,15 +6,18 @@ from scipy.stats import t as student
 
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.forward import curve_replicates
-from kolsky.material.curves.band import (
+from kolsky.material.reference_curve import Treatment, reference_curve
+from kolsky.material.uniaxial import (
     CurveBand,
+    Toe,
+    UniaxialTest,
     apparent_modulus,
+    correct_toe,
+    loading_ramps,
     mean_of_repeats,
     resample,
     student_factor,
 )
-from kolsky.material.curves.uniaxial import Toe, UniaxialTest, correct_toe, loading_ramps
-from kolsky.material.reference_curve import Treatment, reference_curve
 
 STRAIN = np.linspace(0.005, 0.5, 100)
 E = 60e3

@@ -7,10 +7,10 @@ import pytest
 
 from explicit.materials import MarlowLaw, neo_hookean
 from kolsky.base.apparatus import Specimen
-from kolsky.material.curves.band import CurveBand
 from kolsky.material.end_friction.correct import correct_friction
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction
-from kolsky.material.end_friction.slow_test import SlowNumerics, slow_tests
+from kolsky.material.slow_compression import SlowNumerics, slow_tests
+from kolsky.material.uniaxial import CurveBand
 
 REFERENCE = Path(__file__).resolve().parents[2] / "reference"
 SPECIMEN = Specimen(diameter=9.5e-3, length=6.5e-3, density=870.0)

@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS, bulk_modulus
-from kolsky.material.compression.body import AT_REST, Body, Deformation, isochoric_stress, isochoric_tangent
-from kolsky.material.compression.march import compress
-from kolsky.material.compression.mesh import HalfCylinder
-from kolsky.material.compression.result import NoEquilibriumError
-from kolsky.material.end_friction.models import CONTINUATIONS, NodesLaw, NodesModel, measure
+from kolsky.material.end_friction.compression import NoEquilibriumError, compress
+from kolsky.material.end_friction.cylinder import (
+    UNDEFORMED,
+    Body,
+    Deformation,
+    HalfCylinder,
+    isochoric_stress,
+    isochoric_tangent,
+)
+from kolsky.material.end_friction.problem import CONTINUATIONS, NodesLaw, NodesModel, measure
 
 REFERENCE = Path(__file__).resolve().parents[2] / "reference"
 POISSON = 0.495
@@ -81,7 +86,7 @@ def test_derivatives_are_those_of_differences():
 
 def test_the_tangent_is_the_derivative_of_the_stress():
     rng = np.random.default_rng(3)
-    F = AT_REST + 0.3 * (rng.random((1, 40, 5)) - 0.5)
+    F = UNDEFORMED + 0.3 * (rng.random((1, 40, 5)) - 0.5)
     law = LAWS["ogden2"].example()
     state = Deformation.of(F)
     assert state.valid

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from kolsky.material.compression.contact_points import ContactPoints
-from kolsky.material.compression.mesh import HalfCylinder
+from kolsky.material.end_friction.compression import ContactPoints
+from kolsky.material.end_friction.cylinder import HalfCylinder
 
 MESH = HalfCylinder(4e-3, 3e-3, 3, 4)
 

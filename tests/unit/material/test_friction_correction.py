@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 
 from kolsky.base.apparatus import Specimen
-from kolsky.material.curves.band import CurveBand
 from kolsky.material.end_friction import correct, fits
-from kolsky.material.end_friction.correct import _correction, correct_friction
-from kolsky.material.end_friction.fits import Found, bic, weighed
+from kolsky.material.end_friction.correct import _correction, cause_of_misfit, correct_friction, mesh_change
+from kolsky.material.end_friction.fits import ModelOptimum, bic, local_rms, model_weights, on_refined_mesh
 from kolsky.material.end_friction.problem import CorrectionNumerics, EndFriction, MeasuredSpecimen
-from kolsky.material.end_friction.refine import locally, on_refined_mesh
-from kolsky.material.end_friction.remarks import cause_of_misfit
-from kolsky.material.end_friction.specimen_fit import mesh_change
+from kolsky.material.uniaxial import CurveBand
 
 N = 16
 STRAIN = np.linspace(0.05, 0.5, N)
@@ -61,7 +58,7 @@ def found(test, off=0.0, theta=0.0, refined=True):
     J = np.ones((N, 1)) / test.noise[:, None]
     missed = np.log(made.stress / test.stress)
     mesh = test.mesh_error(model, x, made) if refined else None
-    return Found(model, x, made, J, float(np.sum((missed / test.noise) ** 2)), 3, missed, mesh)
+    return ModelOptimum(model, x, made, J, float(np.sum((missed / test.noise) ** 2)), 3, missed, mesh)
 
 
 def band(noise=0.0, mode=None):
@@ -147,7 +144,7 @@ def test_weights_are_those_of_schwarz():
     expected = np.array([20.0 / scale + 4 * np.log(N), 24.0 / scale + 2 * np.log(N)])
     np.testing.assert_allclose(bic(laws, test), expected)
     ratio = np.exp(-0.5 * (expected[0] - expected[1]))
-    np.testing.assert_allclose(weighed(laws, test), [ratio / (1 + ratio), 1 / (1 + ratio)])
+    np.testing.assert_allclose(model_weights(laws, test), [ratio / (1 + ratio), 1 / (1 + ratio)])
 
 
 def test_a_fit_moves_to_its_own_refined_mesh():
@@ -224,7 +221,7 @@ def test_a_law_that_would_lose_its_stress_keeps_its_fit():
 def test_a_law_without_stress_at_some_strain_is_a_failed_one(monkeypatch):
     test = made_test()
     bad = replace(found(test), model=Falling(), theta=np.array([0.01]))
-    monkeypatch.setattr(correct, "tested", lambda *a: test)
+    monkeypatch.setattr(correct, "checked_test", lambda *a: test)
     monkeypatch.setattr(correct, "on_refined_mesh", lambda found, test: (found, test))
     monkeypatch.setattr(correct, "fit_nodes", lambda test: [found(test), bad])
     monkeypatch.setattr(correct, "described", lambda *a: SimpleNamespace(weight=1.0))
@@ -247,7 +244,7 @@ def test_a_law_past_its_bound_stays_at_it():
 def test_the_size_of_a_mesh_error_is_its_root_mean_square_over_laws_and_neighbours():
     first, second = np.array([0.0, 3.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0, 2.0])
     # Squares' means: 0, 5, 0, 2; each with its neighbours, the ends twice.
-    np.testing.assert_allclose(locally([first, second]) ** 2, [5 / 3, 5 / 3, 7 / 3, 4 / 3])
+    np.testing.assert_allclose(local_rms([first, second]) ** 2, [5 / 3, 5 / 3, 7 / 3, 4 / 3])
 
 
 def test_constants_move_with_the_mesh():
@@ -269,7 +266,7 @@ def test_a_refusal_names_where_the_test_is_missed(where, words):
 @pytest.mark.parametrize(("misfit", "refused"), [(0.0299, False), (0.0301, True)])
 def test_a_test_that_no_law_meets_is_refused(misfit, refused, monkeypatch):
     test = made_test()
-    monkeypatch.setattr(correct, "tested", lambda *a: test)
+    monkeypatch.setattr(correct, "checked_test", lambda *a: test)
     monkeypatch.setattr(correct, "on_refined_mesh", lambda found, test: (found, test))
     monkeypatch.setattr(correct, "fit_nodes", lambda test: [found(test, theta=misfit)])
     monkeypatch.setattr(correct, "described", lambda *a: SimpleNamespace(weight=1.0))
@@ -294,7 +291,9 @@ def test_more_nodes_are_tried_until_the_residual_is_noise(monkeypatch):
     def fitted(test, model, start):
         counts.append(model.nodes.size)
         chi2 = {5: 40.0, 7: 23.0, 10: 1.0}[model.nodes.size]  # 16 points: 24 is the limit
-        return Found(model, np.zeros(model.nodes.size), None, np.zeros((N + 3, 1)), chi2, 1, np.zeros(N))
+        return ModelOptimum(
+            model, np.zeros(model.nodes.size), None, np.zeros((N + 3, 1)), chi2, 1, np.zeros(N)
+        )
 
     monkeypatch.setattr(fits, "fit_model", fitted)
     fits.fit_nodes(made_test(), continuations=("tangent",))

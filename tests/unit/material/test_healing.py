@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from kolsky.material.fits.healing import healing
+from kolsky.material.fits.properties import healing
 
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "tests" / "validation"))

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from kolsky.material.curves.holds import remarks_of, without_hold
-from kolsky.material.curves.uniaxial import UniaxialTest, loading_ramps
 from kolsky.material.reference_curve import Treatment, reference_curve
+from kolsky.material.uniaxial import UniaxialTest, divide_ramp_and_hold, loading_ramps, remarks_of
 
 
 def record(*, held=1000.0, noise=0.0, timed=True, seed=4):
@@ -21,7 +20,7 @@ def record(*, held=1000.0, noise=0.0, timed=True, seed=4):
 @pytest.mark.parametrize("noise", [0.0, 3e-4])
 def test_a_ramp_ends_where_its_strain_is_reached(noise):
     test = record(noise=noise)
-    ramp, hold = without_hold(test, loading_ramps(test)[0])
+    ramp, hold = divide_ramp_and_hold(test, loading_ramps(test)[0])
     # 0.5 % of the range before the end is reached at 9.95 s: the sample of 10.0 s, or with noise one beside.
     assert 99 <= ramp.stop - 1 <= 101
     assert hold is not None
@@ -36,7 +35,7 @@ def test_a_ramp_ends_where_its_strain_is_reached(noise):
 def test_a_steady_ramp_holds_nothing():
     time = np.linspace(0.0, 10.0, 1001)
     test = UniaxialTest("s1", 0.02 * time, 1e3 * time, compression=True, time=time)
-    ramp, hold = without_hold(test, slice(0, 1001))
+    ramp, hold = divide_ramp_and_hold(test, slice(0, 1001))
     assert hold is None
     assert ramp == slice(0, 1001)
 
@@ -44,11 +43,11 @@ def test_a_steady_ramp_holds_nothing():
 @pytest.mark.parametrize(("held", "found"), [(0.4, False), (0.6, True)])
 def test_a_hold_is_five_per_cent_of_the_ramp(held, found):
     """Of 10 s; the ramp ends at its sample of 10 s."""
-    assert (without_hold(record(held=held), slice(0, 101))[1] is not None) is found
+    assert (divide_ramp_and_hold(record(held=held), slice(0, 101))[1] is not None) is found
 
 
 def test_without_times_samples_count():
-    _, hold = without_hold(record(timed=False), slice(0, 101))
+    _, hold = divide_ramp_and_hold(record(timed=False), slice(0, 101))
     assert hold is not None
     assert hold.duration is None
     assert hold.samples == 201
@@ -56,7 +55,7 @@ def test_without_times_samples_count():
 
 
 def test_a_hold_without_relaxation_is_not_told():
-    _, hold = without_hold(record(), slice(0, 101))
+    _, hold = divide_ramp_and_hold(record(), slice(0, 101))
     assert hold is not None
     for last, told in ((0.995, 0), (0.985, 1)):
         assert len(remarks_of("s1", type(hold)(0.2, 1.0, 9, 100.0, 100.0 * last))) == told

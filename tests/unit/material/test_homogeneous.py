@@ -8,9 +8,11 @@ from explicit.materials.laws.mooney_rivlin import MooneyRivlin
 from explicit.materials.laws.neo_hookean import NeoHookean
 from explicit.materials.laws.ogden import Ogden2
 from explicit.materials.volumetric import VolumetricLaw
-from kolsky.material.fits.homogeneous import compressible_stress, free_stretch, incompressible_stress
-from kolsky.material.fits.modes import (
+from kolsky.material.fits.homogeneous import (
     Mode,
+    compressible_stress,
+    free_stretch,
+    incompressible_stress,
     logarithmic_strain,
     mode_named,
     nominal_of_true,

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS
-from kolsky.material.fits import goodness
+from kolsky.material.fits import fit
 from kolsky.material.fits.compare import candidates, compare_laws
 from kolsky.material.fits.fit import FitOutcome, fit_law
-from kolsky.material.fits.homogeneous import compressible_stress, incompressible_stress
+from kolsky.material.fits.homogeneous import Mode, compressible_stress, incompressible_stress
 from kolsky.material.fits.homogeneous_test import HomogeneousTest, mean_test
-from kolsky.material.fits.modes import Mode
-from kolsky.material.fits.residuals import Weighting
+from kolsky.material.fits.search import Weighting
 
 STRETCH = np.concatenate([np.linspace(0.5, 0.97, 16), np.linspace(1.03, 1.6, 16)])
 SHEAR = np.linspace(0.05, 0.8, 12)
@@ -204,12 +203,12 @@ def test_no_law_is_said():
 
 def test_criteria_by_hand():
     r, T = np.array([1.0, -1.0, 2.0]), np.array([1.0, 2.0, 6.0])
-    assert goodness.rmse(r) == pytest.approx(np.sqrt(2.0))
-    assert goodness.r_squared(r, T) == pytest.approx(1.0 - 6.0 / 14.0)
-    assert goodness.aic(6.0, 3, 2) == pytest.approx(3.0 * np.log(2.0) + 4.0)
-    assert goodness.bic(6.0, 3, 2) == pytest.approx(3.0 * np.log(2.0) + 2.0 * np.log(3.0))
-    assert goodness.aic(6.0, 3, 2, known_noise=True) == 10.0
-    assert goodness.durbin_watson(r) == pytest.approx((4.0 + 9.0) / 6.0)
+    assert fit.rmse(r) == pytest.approx(np.sqrt(2.0))
+    assert fit.r_squared(r, T) == pytest.approx(1.0 - 6.0 / 14.0)
+    assert fit.aic(6.0, 3, 2) == pytest.approx(3.0 * np.log(2.0) + 4.0)
+    assert fit.bic(6.0, 3, 2) == pytest.approx(3.0 * np.log(2.0) + 2.0 * np.log(3.0))
+    assert fit.aic(6.0, 3, 2, known_noise=True) == 10.0
+    assert fit.durbin_watson(r) == pytest.approx((4.0 + 9.0) / 6.0)
 
 
 def test_a_comparison_orders_judges_and_explains():

@@ -10,10 +10,9 @@ from explicit.materials.laws.gent import Gent
 from explicit.materials.laws.mooney_rivlin import MooneyRivlin
 from explicit.materials.laws.ogden import Ogden1
 from explicit.materials.laws.yeoh import ReducedPolynomial
-from kolsky.material.fits.homogeneous import incompressible_stress
+from kolsky.material.fits.compare import Stability, drucker, least_stiffness, stable_over
+from kolsky.material.fits.homogeneous import Mode, incompressible_stress
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
-from kolsky.material.fits.modes import Mode
-from kolsky.material.fits.stability import Stability, drucker, least_stiffness, stable_over
 
 EVERY = pytest.mark.parametrize("law", [c.example() for c in LAWS.values()], ids=list(LAWS))
 

@@ -9,19 +9,24 @@ from scipy.stats import chi2, norm
 from explicit.relaxation import PronySeries
 from kolsky.base.apparatus import Specimen
 from kolsky.material import reference_curve as reference
-from kolsky.material.curves.band import CurveBand, apparent_modulus, student_factor
-from kolsky.material.curves.uniaxial import Toe, UniaxialTest, correct_toe, loading_ramps
 from kolsky.material.end_friction.problem import EndFriction
-from kolsky.material.fits.compare import Candidate, Comparison, Row
+from kolsky.material.fits.compare import Candidate, Comparison, PathStability, Row, Stability
 from kolsky.material.fits.fit import FitOutcome
-from kolsky.material.fits.modes import Mode
-from kolsky.material.fits.stability import PathStability, Stability
+from kolsky.material.fits.homogeneous import Mode
 from kolsky.material.reference_curve import Treatment, reference_curve
-from kolsky.material.relaxation import prony_fit
+from kolsky.material.relaxation import rate_fit as prony_fit
 from kolsky.material.relaxation.creep_fit import CreepFit
 from kolsky.material.relaxation.evidence import HistoryTest, RateModel
-from kolsky.material.relaxation.rate_fit import RateFit, RateVerdict
-from kolsky.material.relaxation.time_scales import apparent_moduli
+from kolsky.material.relaxation.rate_fit import RateFit, RateVerdict, apparent_moduli
+from kolsky.material.uniaxial import (
+    CurveBand,
+    Toe,
+    UniaxialTest,
+    apparent_modulus,
+    correct_toe,
+    loading_ramps,
+    student_factor,
+)
 
 STRAIN = np.linspace(0.01, 0.4, 100)
 SPECIMEN = Specimen(diameter=9.5e-3, length=6.5e-3, density=1000.0)

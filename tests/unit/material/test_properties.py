@@ -7,14 +7,13 @@ import pytest
 
 from explicit.materials import LAWS, bulk_modulus
 from explicit.materials.volumetric import VolumetricLaw
-from kolsky.material.curves.properties import fracture, poissons_ratio, recovery, youngs_modulus
 from kolsky.material.fits import fit
+from kolsky.material.fits.compare import Stability, drucker, least_compressible_stiffness
 from kolsky.material.fits.fit import FitOutcome, fit_law
-from kolsky.material.fits.homogeneous import compressible_stress, free_stretch
+from kolsky.material.fits.homogeneous import Mode, compressible_stress, free_stretch
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
-from kolsky.material.fits.modes import Mode
+from kolsky.material.fits.properties import fracture, poissons_ratio, recovery, youngs_modulus
 from kolsky.material.fits.search import search
-from kolsky.material.fits.stability import Stability, drucker, least_compressible_stiffness
 from kolsky.material.fits.tables import remarks
 
 
@@ -142,7 +141,7 @@ def test_a_soft_volume_loses_stability_where_an_incompressible_solid_keeps_it():
 
 
 def test_free_searches_are_never_worse_than_bounded_ones():
-    from kolsky.material.fits.residuals import residuals_of
+    from kolsky.material.fits.search import residuals_of
 
     lam = np.linspace(1.1, 4.0, 15)
     test = HomogeneousTest("t", Mode.UNIAXIAL, lam, 1e4 * (lam - lam**-2) * (1 + 0.1 * np.sin(3 * lam)))

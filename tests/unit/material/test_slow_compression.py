@@ -11,12 +11,12 @@ from shot_folders import shot_in
 from typer.testing import CliRunner
 
 from explicit.materials import LAWS
-from explicit.materials.invariants import InvariantLaw
+from explicit.materials.families import InvariantLaw
 from kolsky.base.apparatus import Specimen
 from kolsky.cli import app
-from kolsky.inverse import slow
+from kolsky.inverse import simulate
 from kolsky.material import slow_compression as module
-from kolsky.material.end_friction.slow_test import SlowNumerics
+from kolsky.material.slow_compression import SlowNumerics
 from kolsky.virtual.material import uniaxial_stress
 
 SPECIMEN = Specimen(9.5e-3, 6.5e-3, 870.0)
@@ -83,7 +83,7 @@ def test_what_cannot_be_reached_is_refused(monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_test_that_is_not_at_rest_is_said() -> None:
     def said(**changed: float) -> list[str]:
         fine = {"kinetic_share": 0.005, "face_difference": 0.005, "past_data": 0.005}
-        return slow.doubts(SimpleNamespace(test=SimpleNamespace(**{**fine, **changed})))  # type: ignore[arg-type]
+        return simulate.slow_test_warnings(SimpleNamespace(test=SimpleNamespace(**{**fine, **changed})))  # type: ignore[arg-type]
 
     assert said() == []
     assert "not at rest" in said(kinetic_share=0.011)[0]

@@ -9,12 +9,16 @@ import pytest
 
 from explicit.materials import LAWS
 from kolsky.base.apparatus import Specimen
-from kolsky.material.fits.homogeneous import incompressible_stress
-from kolsky.material.fits.homogeneous_files import Columns, means_by_mode, named_apart, read_homogeneous_test
-from kolsky.material.fits.homogeneous_test import HomogeneousTest
-from kolsky.material.fits.modes import Mode
+from kolsky.material.fits.homogeneous import Mode, incompressible_stress
+from kolsky.material.fits.homogeneous_test import (
+    Columns,
+    HomogeneousTest,
+    means_by_mode,
+    read_homogeneous_test,
+    with_unique_names,
+)
 from kolsky.material.fits.tables import remarks
-from kolsky.material.reference_curve_files import read_uniaxial_test
+from kolsky.material.reference_curve import read_uniaxial_test
 
 SPECIMEN = Specimen(diameter=10e-3, length=5e-3, density=0.0)
 AREA = np.pi * (5e-3) ** 2
@@ -78,7 +82,7 @@ def test_means_keep_tension_and_compression_apart() -> None:
     mean, alone = means_by_mode(tests, 9)
     assert (mean.name, alone.name) == ("mean of 2 uniaxial", "b")
     np.testing.assert_allclose(mean.stress, neo_hookean("m", mean.deformation).stress, rtol=1e-12)
-    assert [test.name for test in named_apart([tests[0], tests[0], tests[1]])] == [
+    assert [test.name for test in with_unique_names([tests[0], tests[0], tests[1]])] == [
         "uniaxial a (1)",
         "uniaxial a (2)",
         "b",

@@ -8,16 +8,16 @@ import pytest
 from explicit.materials import neo_hookean
 from explicit.relaxation import PronySeries
 from kolsky.material.relaxation.evidence import DynamicTest, HistoryTest, RateModel
-from kolsky.material.relaxation.prony_fit import fit_prony
-from kolsky.material.relaxation.time_scales import (
+from kolsky.material.relaxation.rate_fit import (
     ApparentModuli,
     apparent_moduli,
     dynamic_modulus,
+    fit_prony,
     fitted_modulus,
 )
 from kolsky.report.canvas import build
 from kolsky.report.figures import MODULI
-from kolsky.report.figures.rate_curves import TimeScales
+from kolsky.report.figures.rates import TimeScales
 
 LAW, YOUNG = neo_hookean(20e3), 60e3
 MODEL = RateModel(1.1, PronySeries((0.4,), (0.05,)))

@@ -9,7 +9,7 @@ from explicit.materials import neo_hookean
 from explicit.relaxation import BergstromBoyce, PronySeries, bergstrom_boyce_stress
 from kolsky.material.relaxation.creep_fit import NAMES, fit_bergstrom_boyce
 from kolsky.material.relaxation.evidence import DynamicTest, Evidence, HistoryTest, RateModel
-from kolsky.material.relaxation.prony_fit import fit_prony, required_branches
+from kolsky.material.relaxation.rate_fit import fit_prony, required_branches
 
 LAW = neo_hookean(20e3)
 TRUTH = RateModel(1.1, PronySeries((0.4, 0.25), (3e-3, 0.2)))

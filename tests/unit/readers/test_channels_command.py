@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 from kolsky.base.errors import InputError
 from kolsky.cli import app
 from kolsky.readers.contents import Layout
+from kolsky.schema.fields import LayoutSection
 from kolsky.shot.load import load_shot
-from kolsky.shot.schema.section import LayoutSection
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 runner = CliRunner()

@@ -12,8 +12,7 @@ from typer.testing import CliRunner
 
 from kolsky.base.errors import InputError
 from kolsky.cli import app
-from kolsky.readers.found_layout import PLAIN, found_layout, layout_in_words
-from kolsky.readers.table import Column, read_table
+from kolsky.readers.table import PLAIN, Column, detect_layout, layout_in_words, read_table
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel
 
@@ -88,10 +87,10 @@ def test_a_shot_of_such_exports_works_unattended(
 
 def test_plain_tables_are_what_they_were_and_nothing_is_said(tmp_path: Path) -> None:
     for name in TABLES:
-        assert found_layout(OPEN_01 / name, (OPEN_01 / name).read_bytes()) is PLAIN
+        assert detect_layout(OPEN_01 / name, (OPEN_01 / name).read_bytes()) is PLAIN
         assert layout_in_words(OPEN_01 / name) == ""
     (tmp_path / "one.csv").write_text("F\n1\n2\n3\n", encoding="utf-8")  # one column has no delimiter
-    assert found_layout(tmp_path / "one.csv", b"F\n1\n2\n3\n") is PLAIN
+    assert detect_layout(tmp_path / "one.csv", b"F\n1\n2\n3\n") is PLAIN
 
 
 ROWS = [f"{i};0,{10 + i}" for i in range(12)]

@@ -7,8 +7,8 @@ import pytest
 
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Channel, Clock
-from kolsky.readers.judge import changing, finite, unclipped
-from kolsky.readers.signalunits import si_unit, split_unit, time_factor
+from kolsky.readers.header import si_unit, split_unit, time_factor
+from kolsky.readers.recordings import check_changing, check_finite, check_unclipped
 
 FILE = Path("a.csv")
 
@@ -32,24 +32,24 @@ def flat_top(top: int, *, elsewhere: int = 1, level: float = 1.0) -> np.ndarray:
 
 def test_a_sample_at_the_stated_full_scale_is_clipped() -> None:
     values = np.array([0.0, 0.5, -1.999, 0.1])
-    unclipped(FILE, channel(values), values, "V", 2.0)
+    check_unclipped(FILE, channel(values), values, "V", 2.0)
     for value in (2.0, -2.0):
         values[2] = value
-        assert "a.csv line 4: channel 'CH1' is clipped" in refused(unclipped, values, "V", 2.0)
+        assert "a.csv line 4: channel 'CH1' is clipped" in refused(check_unclipped, values, "V", 2.0)
 
 
 @pytest.mark.parametrize("level", [1.0, -1.0])
 def test_eight_equal_samples_at_an_extreme_are_a_flat_top(level: float) -> None:
-    unclipped(FILE, channel(flat_top(7)), flat_top(7, level=level), "V", None)
-    said = refused(unclipped, flat_top(8, level=level), "V", None)
+    check_unclipped(FILE, channel(flat_top(7)), flat_top(7, level=level), "V", None)
+    said = refused(check_unclipped, flat_top(8, level=level), "V", None)
     assert "8 equal samples at its extreme" in said
     assert "line 102:" in said  # the first of them
 
 
 def test_a_flat_top_is_four_times_longer_than_runs_elsewhere() -> None:
     """Coarse digits make runs of five anywhere: nineteen at the top are not clipped, twenty are."""
-    unclipped(FILE, channel(flat_top(19)), flat_top(19, elsewhere=5), "V", None)
-    assert "elsewhere at most 5" in refused(unclipped, flat_top(20, elsewhere=5), "V", None)
+    check_unclipped(FILE, channel(flat_top(19)), flat_top(19, elsewhere=5), "V", None)
+    assert "elsewhere at most 5" in refused(check_unclipped, flat_top(20, elsewhere=5), "V", None)
 
 
 def test_a_signal_that_begins_near_an_extreme_is_quiet_there_not_clipped() -> None:
@@ -58,16 +58,16 @@ def test_a_signal_that_begins_near_an_extreme_is_quiet_there_not_clipped() -> No
         pulse = np.linspace(0.3, 1.0, 100)
         values = np.concatenate([begin + 1e-3 * np.arange(4), pulse, pulse[::-1], np.zeros(12), [0.05]])
         if ok:
-            unclipped(FILE, channel(values), values, "V", None)
+            check_unclipped(FILE, channel(values), values, "V", None)
         else:
-            assert "12 equal samples at its extreme 0 V" in refused(unclipped, values, "V", None)
+            assert "12 equal samples at its extreme 0 V" in refused(check_unclipped, values, "V", None)
 
 
 def test_missing_and_constant_samples() -> None:
     values = np.array([0.0, 1.0, np.nan, np.inf])
-    assert "line 4: channel 'CH1' is nan, the first of 2" in refused(finite, values)
-    assert "is 0.25 in all 5 samples" in refused(changing, np.full(5, 0.25))
-    changing(FILE, channel(values), np.array([0.25, 0.25, 0.2500001]))
+    assert "line 4: channel 'CH1' is nan, the first of 2" in refused(check_finite, values)
+    assert "is 0.25 in all 5 samples" in refused(check_changing, np.full(5, 0.25))
+    check_changing(FILE, channel(values), np.array([0.25, 0.25, 0.2500001]))
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,7 @@ import readerfiles as files
 from typer.testing import CliRunner
 
 from kolsky.cli import app
-from kolsky.readers.formats import FORMATS
-from kolsky.readers.recordings import read_recordings
+from kolsky.readers.recordings import FORMATS, read_recordings
 
 ROOT = Path(__file__).resolve().parents[3]
 BATTERY = ("test_readers_recordings.py", "test_readers_malformed.py")
@@ -69,7 +68,7 @@ def write(path):
 
 def pytest_configure(config):
     import readerfiles as files
-    from kolsky.readers.formats import FORMATS
+    from kolsky.readers.recordings import FORMATS
 
     FORMATS["madeup"] = new_reader
     files.FILES["madeup"] = files.Made(write, "a.made", ("CH1", "CH2"))

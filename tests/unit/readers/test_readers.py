@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 
 from kolsky.base.errors import InputError
+from kolsky.readers.measured_tables import read_flyer, read_frame_times, read_outline, read_uniaxial
 from kolsky.readers.recordings import read_scope
-from kolsky.readers.shot_tables import (
-    read_flyer,
-    read_frame_times,
-    read_outline,
-    read_uniaxial,
-)
 from kolsky.readers.table import Column, read_table
 
 T, V = Column("t (ms)", 1e-3), Column("CH 2", 1e-3)

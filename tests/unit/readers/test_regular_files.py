@@ -15,7 +15,7 @@ from dic.images.series import PictureError
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import head_of
 from kolsky.readers.hdf5 import inside
-from kolsky.studies.design_file import read_design
+from kolsky.studies.sweep import read_design
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are pipes with names on POSIX only")
 

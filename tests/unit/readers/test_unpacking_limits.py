@@ -16,10 +16,10 @@ from kolsky.base.errors import InputError
 from kolsky.base.hdf5 import Format, reading, take
 from kolsky.readers import delimited, excel
 from kolsky.readers.contents import LARGEST_SAMPLE, Layout
-from kolsky.readers.gmsh_mesh import read_gmsh
 from kolsky.readers.matlab import DamagedError, variables
+from kolsky.readers.meshes import read_gmsh
 from kolsky.readers.recordings import list_channels, read_recordings
-from kolsky.shot.schema.reading import DEEPEST, LONGEST_LINE, parse_toml
+from kolsky.schema.shot_file import DEEPEST, LONGEST_LINE, parse_toml
 
 
 def test_variables_share_one_limit(tmp_path: Path) -> None:
@@ -82,7 +82,7 @@ def test_colours_become_grey_by_a_rule_that_is_said(tmp_path: Path) -> None:
     """Red 12, green 17, blue 10 are 0.299 * 12 + 0.587 * 17 + 0.114 * 10 = 14.7."""
     import cv2
 
-    from dic.images.facts import declared, of_colours
+    from dic.images import declared, of_colours
 
     grey = np.random.default_rng(1).integers(0, 255, (8, 9)).astype(np.uint8)
     colours = np.repeat(grey[..., None], 3, axis=2)

@@ -10,8 +10,8 @@ import xlwt
 
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Layout
+from kolsky.readers.header import split_unit
 from kolsky.readers.recordings import list_channels, read_recordings
-from kolsky.readers.signalunits import split_unit
 
 
 def test_an_old_workbook_needs_one_filled_sheet_or_a_name(tmp_path):

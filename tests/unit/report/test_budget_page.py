@@ -7,9 +7,8 @@ import numpy as np
 
 from kolsky.report.pages.budget import write_page
 from kolsky.report.study_folder import write_budget_results
-from kolsky.studies.budget.campaign import plan_campaign
 from kolsky.studies.budget.factors import Factor
-from kolsky.studies.budget.records import Budget, Source
+from kolsky.studies.budget.records import Budget, Source, plan_campaign
 
 
 def test_page_says_what_does_not_add_up_and_what_is_not_known(tmp_path: Path) -> None:

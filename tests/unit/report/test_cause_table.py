@@ -5,12 +5,11 @@ from pathlib import Path
 
 from synthetic import synthetic
 
-from kolsky.inverse.cause_results import CauseFinding
-from kolsky.inverse.result import Identification
-from kolsky.report.pages.causes import cause_table
-from kolsky.report.printed import details
+from kolsky.inverse.result import CauseFinding, Identification
+from kolsky.report.pages.identification import cause_table
 from kolsky.results.hdf5 import read_identification, write_identification
-from kolsky.results.summary import to_json
+from kolsky.results.printed import details
+from kolsky.results.tables import to_json
 
 LATE = CauseFinding(
     key="flyer.time",

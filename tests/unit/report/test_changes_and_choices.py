@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from synthetic import synthetic
 
-from kolsky.report import numbers
-from kolsky.report.display_units import in_display_units
-from kolsky.report.nomenclature import in_words, short
 from kolsky.report.pages.uncertainty import changes, choices, parts
+from kolsky.results import numbers
+from kolsky.results.display import in_display_units
+from kolsky.results.nomenclature import in_words, short
 
 
 def test_changes_are_the_parts_of_the_interval() -> None:

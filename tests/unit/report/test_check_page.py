@@ -9,10 +9,10 @@ from barrecord import classical_shot
 from matplotlib import pyplot as plt
 from shot_folders import OPEN_01
 
+from kolsky.pictures.picture_set import PictureChanges
 from kolsky.report.figures import CHECKS, PICTURE_CHECKS, figures_of
 from kolsky.report.pages.check import render
 from kolsky.shot.load import load_shot
-from kolsky.shot.picture_changes import PictureChanges
 from kolsky.shot.records import PicturedShot, ShotBase
 
 

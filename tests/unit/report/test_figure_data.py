@@ -10,8 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from synthetic import RESULTS
 
-from kolsky.report.canvas import build
-from kolsky.report.figure_data import COLUMNS, write_data
+from kolsky.report.canvas import DATA_COLUMNS, build, write_data
 from kolsky.report.figures import REGISTRY
 
 
@@ -27,7 +26,7 @@ def column(rows: list[dict[str, str]], name: str) -> list[float]:
 def test_the_force_of_the_report(tmp_path: Path) -> None:
     result = RESULTS["one"]
     rows = table(write_data(tmp_path / "force.csv", build(REGISTRY["force"], result)))
-    assert tuple(rows[0]) == COLUMNS
+    assert tuple(rows[0]) == DATA_COLUMNS
     simulated = [row for row in rows if row["panel"] == "force" and row["series"] == "simulated"]
     c = result.comparison
     np.testing.assert_allclose(column(simulated, "x"), 1e3 * c.force_time, rtol=1e-8)  # nine digits written

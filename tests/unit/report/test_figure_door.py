@@ -16,7 +16,7 @@ from kolsky.report import figures
 from kolsky.report.figures import RECORDINGS, REGISTRY, by_name
 from kolsky.report.pages.identification import render
 from kolsky.report.result_folder import PAGE, write_identify_page
-from kolsky.shot.recorded import Recorded
+from kolsky.shot.recordings import ShotRecordings
 
 ROOT = Path(__file__).parents[3]
 PEAK_FORCE = '''
@@ -99,7 +99,7 @@ def test_a_command_saves_it_with_its_data(
     folder = tmp_path / "results"
     folder.mkdir()
     nothing = np.zeros(0)
-    recordings = Recorded(
+    recordings = ShotRecordings(
         time=nothing, value=nothing, unit="V", baseline=None, zero=0.0, window=(0.0, 1e-3), symmetry_end=None,
         motion=SimpleNamespace(is_velocity=False),
     )  # fmt: skip

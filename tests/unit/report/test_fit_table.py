@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 from synthetic import synthetic
 
-from kolsky.report.fit_table import NOT_RECORDED, fit_line, fit_tables, printed_fit
-from kolsky.results.summary import to_json
+from kolsky.results.identification_rows import _NOT_RECORDED, fit_line, fit_tables, printed_fit
+from kolsky.results.tables import to_json
 
 RESULT = synthetic(nodes=False)
 FORCE, OUTLINE = RESULT.fit
@@ -45,8 +45,8 @@ def test_tables_of_a_page() -> None:
 
 def test_a_file_without_them_says_so() -> None:
     old = replace(RESULT, fit=(), clocks=())
-    assert fit_line(old) == f"fit: {NOT_RECORDED}"
-    assert printed_fit(old, {}) == {"goodness of fit": NOT_RECORDED}
+    assert fit_line(old) == f"fit: {_NOT_RECORDED}"
+    assert printed_fit(old, {}) == {"goodness of fit": _NOT_RECORDED}
     assert (to_json(old)["fit"], to_json(old)["clocks"]) == (None, None)
 
 

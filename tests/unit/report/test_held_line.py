@@ -5,11 +5,11 @@ from pathlib import Path
 
 from synthetic import synthetic
 
-from kolsky.inverse.uncertainty_results import HeldAnswer
-from kolsky.report import printed
-from kolsky.report.held_line import held_line
+from kolsky.inverse.result import HeldAnswer
+from kolsky.results import printed
 from kolsky.results.hdf5 import read_identification, write_identification
-from kolsky.results.summary import to_json
+from kolsky.results.identification_rows import held_line
+from kolsky.results.tables import to_json
 
 HELD = HeldAnswer(
     name="stiffness_factor",

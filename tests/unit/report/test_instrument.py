@@ -13,9 +13,8 @@ from synthetic import synthetic
 
 from kolsky.report.canvas import inline_svg
 from kolsky.report.figures import REGISTRY
-from kolsky.report.pages.identification import render
-from kolsky.report.pages.instrument import instrument, numbers
-from kolsky.shot.picture_film import part_of_picture
+from kolsky.report.pages.identification import instrument, instrument_numbers, render
+from kolsky.shot.recordings import part_of_picture
 
 RESULT = synthetic()
 
@@ -26,7 +25,7 @@ def page() -> str:
 
 
 def test_numbers_are_those_of_the_comparison_in_a_readers_units() -> None:
-    found, c, line = numbers(RESULT, None), RESULT.comparison, RESULT.comparison.centre_line
+    found, c, line = instrument_numbers(RESULT, None), RESULT.comparison, RESULT.comparison.centre_line
     np.testing.assert_allclose(found["force"]["time"], 1e3 * c.force_time, atol=0.5e-5)
     np.testing.assert_allclose(found["force"]["measured"], c.force_measured, atol=0.5e-4)
     np.testing.assert_allclose(found["force"]["sigma"], c.force_sigma, atol=0.5e-4)
@@ -49,7 +48,7 @@ def test_numbers_are_those_of_the_comparison_in_a_readers_units() -> None:
 def test_a_number_that_is_none_is_no_number_of_the_page() -> None:
     c = RESULT.comparison
     lost = replace(RESULT, comparison=replace(c, force_model=np.full_like(c.force_model, np.nan)))
-    assert set(numbers(lost, None)["force"]["model"]) == {None}
+    assert set(instrument_numbers(lost, None)["force"]["model"]) == {None}
     text = str(instrument(lost, None))
     assert "NaN" not in text
     assert json.loads(text)["force"]["model"][0] is None

@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 from synthetic import synthetic
 
-from kolsky.inverse.result import Estimate, Identification, Verdict
-from kolsky.inverse.uncertainty_results import Declaration, ParameterProfile
-from kolsky.report import numbers
-from kolsky.report.display_units import in_display_units
+from kolsky.inverse.result import Declaration, Estimate, Identification, ParameterProfile, Verdict
 from kolsky.report.figures.base import weighted_chi2
 from kolsky.report.pages.calibration import summary
-from kolsky.report.pages.identification_tables import answer, check_run
-from kolsky.report.pages.rate_tables import mean_and_scatter
+from kolsky.report.pages.identification import answer_row, check_run_rows
+from kolsky.report.pages.rates import mean_and_scatter
 from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables, parts
 from kolsky.report.pages.waves import answers, quantity
-from kolsky.report.printed import answer as printed_answer
+from kolsky.results import numbers
+from kolsky.results.display import in_display_units
+from kolsky.results.printed import answer as printed_answer
 
 MADE = synthetic()
 """One free parameter, m = 1.12."""
@@ -54,7 +53,7 @@ def profile(together: float, alone: float) -> ParameterProfile:
 
 
 def test_a_budget_adds_squares_and_gives_shares_of_the_variance() -> None:
-    shown = answer(estimate())
+    shown = answer_row(estimate())
     assert (shown["value"], shown["uncertainty"], shown["combined"]) == ("100", "26", "13.0")
     assert shown["interval"] == ["74", "126"]  # 100 ± 2 · 13
     assert shown["relative"] == "26 %"
@@ -67,7 +66,7 @@ def test_a_budget_adds_squares_and_gives_shares_of_the_variance() -> None:
 
 
 def test_declared_and_several_numerical_parts_have_lines_of_their_own() -> None:
-    shown = answer(
+    shown = answer_row(
         estimate(
             sigma_numerical=5.0,
             numerical_parts={"mesh": 3.0, "roughness": 4.0},
@@ -85,7 +84,7 @@ def test_declared_and_several_numerical_parts_have_lines_of_their_own() -> None:
 
 @pytest.mark.parametrize(("whole", "adds_up"), [(5.09, True), (5.11, False), (4.91, True), (4.89, False)])
 def test_parts_add_up_to_two_percent(whole: float, adds_up: bool) -> None:
-    assert answer(estimate(sigma_noise=whole))["sums_up"] is adds_up
+    assert answer_row(estimate(sigma_noise=whole))["sums_up"] is adds_up
 
 
 def test_the_line_of_the_terminal_has_k_2() -> None:
@@ -96,8 +95,8 @@ def test_the_line_of_the_terminal_has_k_2() -> None:
 def test_the_energy_imbalance_is_a_percentage() -> None:
     ledger, response = MADE.response.energy, MADE.response
     off = replace(ledger, external=ledger.external + 0.01 * ledger.external.max())
-    rows = dict(check_run(replace(MADE, response=replace(response, energy=off))))
-    before = dict(check_run(MADE))["worst energy imbalance"]
+    rows = dict(check_run_rows(replace(MADE, response=replace(response, energy=off))))
+    before = dict(check_run_rows(MADE))["worst energy imbalance"]
     assert rows["worst energy imbalance"] != before
     assert rows["time reached"].startswith(numbers.plain(1e3 * float(response.end_times[0])))
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 from synthetic import synthetic
 
-from kolsky.report import printed
+from kolsky.pictures.specimen_length import RimAtRest, conditioned_length
 from kolsky.report.pages.identification import render
+from kolsky.results import printed
 from kolsky.results.hdf5 import read_identification, write_identification
-from kolsky.results.summary import to_json
-from kolsky.shot.length_by_pictures import RimAtRest, conditioned_length
+from kolsky.results.tables import to_json
 
 LENGTH = conditioned_length(RimAtRest(8e-6, 6e-6), declared=6e-3, sigma=8e-6, y_sigma=0.0)
 

@@ -17,8 +17,7 @@ from wavesmaker import made_result
 from dic import PointOutcome, SurfaceHistory
 from kolsky.prediction.predict import predict, read_test
 from kolsky.report.ipython import SHOWN, register_with
-from kolsky.report.notebook import html, to_dataframe, to_xarray
-from kolsky.report.table_views import WRITERS
+from kolsky.report.notebook import WRITERS, html, to_dataframe, to_xarray
 from kolsky.results.tables import tables
 from kolsky.shot.load import load_shot
 from kolsky.studies.rates.comparison import compare

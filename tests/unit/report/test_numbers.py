@@ -2,7 +2,8 @@
 
 import pytest
 
-from kolsky.report import numbers, plain_text
+from kolsky.results import numbers
+from kolsky.results import numbers as plain_text
 
 
 @pytest.mark.parametrize(
@@ -80,5 +81,5 @@ def test_rounding_at_a_power_of_ten(value: float, last: int, expected: str) -> N
 
 
 def test_a_terminal_gets_plain_characters() -> None:
-    assert plain_text.plain("−2.50 × 10⁻⁵ µs") == "-2.50e-5 us"
-    assert plain_text.plain(numbers.NOTHING) == "unknown"
+    assert plain_text.plain_sentence("−2.50 × 10⁻⁵ µs") == "-2.50e-5 us"
+    assert plain_text.plain_sentence(numbers.NOTHING) == "unknown"

@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 from synthetic import RESULTS
 
-from dic.forks import beside, can_fork
-from kolsky.inverse.check_run import CheckRun
-from kolsky.inverse.result import Identification
+from dic.processes import background, can_fork
+from kolsky.inverse.result import CheckRun, Identification
 from kolsky.report import canvas, page_process
 from kolsky.report.figures import CHECK_RUNS
 from kolsky.report.pages.identification import render
+from kolsky.report.picture_views import SurfaceView
 from kolsky.report.result_folder import write_identify_results
-from kolsky.report.surface_view import SurfaceView
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="no forks here")
 
@@ -106,7 +105,7 @@ def test_only_a_process_beside_this_one_stands_back() -> None:
     usual = os.getpriority(os.PRIO_PROCESS, 0)
     work = page_process.standing_back(lambda k: f"{k} {os.getpriority(os.PRIO_PROCESS, 0) - usual}")
     assert work(0) == "0 0"
-    with beside(lambda: (work(1), work(2)), fork=True) as there:
+    with background(lambda: (work(1), work(2)), fork=True) as there:
         assert there() == (f"1 {page_process.PATIENCE}", f"2 {page_process.PATIENCE}")
     assert os.getpriority(os.PRIO_PROCESS, 0) == usual
 

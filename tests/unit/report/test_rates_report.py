@@ -11,16 +11,13 @@ import numpy as np
 import pytest
 from ratedshots import DIAMETER, SHEAR, baseline, rated
 
-from kolsky.inverse.result import Verdict
-from kolsky.inverse.uncertainty_results import Declaration
+from kolsky.inverse.result import Declaration, Verdict
 from kolsky.report.canvas import build, save_figures
 from kolsky.report.figures.base import label_text
 from kolsky.report.pages.rates import figures_of, render
-from kolsky.studies.rates.at_strain import Baselines
-from kolsky.studies.rates.comparison import compare
-from kolsky.studies.rates.output import summary, write_csv, write_hdf5
+from kolsky.studies.rates.comparison import Baselines, compare
+from kolsky.studies.rates.output import summary, tables, write_csv, write_hdf5
 from kolsky.studies.rates.records import RateReport
-from kolsky.studies.rates.tables import tables
 
 EVIL = '<script>alert("x")</script> ../../x $\\alpha_{'
 RATES = np.geomspace(100.0, 1000.0, 5)

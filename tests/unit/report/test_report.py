@@ -20,14 +20,13 @@ from kolsky.base.records import CentreLine
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Identification, Verdict
 from kolsky.report.canvas import build, inline_svg, save_figures
-from kolsky.report.display_units import in_display_units
 from kolsky.report.figures import REGISTRY
 from kolsky.report.figures.comparison import cells, chosen_frames
 from kolsky.report.free_labels import overlaps
-from kolsky.report.nomenclature import name_of
-from kolsky.report.pages.identification import flattened, render, write_report
+from kolsky.report.pages.identification import _flattened, render, write_report
 from kolsky.report.paraview import write_vtu
-from kolsky.report.recorded_words import QUALITY, label
+from kolsky.results.display import QUALITY, in_display_units, recorded_label
+from kolsky.results.nomenclature import name_of
 
 ROOT = Path(__file__).parents[3]
 
@@ -106,7 +105,7 @@ def test_saved_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_no_figures_are_loaded_before_a_report_is_written() -> None:
     code = (
-        "import sys, kolsky.report, kolsky.report.printed; "
+        "import sys, kolsky.report, kolsky.results.printed; "
         "print({'matplotlib', 'pyvista'} & set(sys.modules))"
     )
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
@@ -274,16 +273,16 @@ def test_written_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_provenance_is_flattened_and_kept_whole() -> None:
     nested = {"a": {"b": 1.0 / 3.0, "c": [1, 2]}, "d": True, "e": [{"f": None}], "g": "x"}
-    assert flattened(nested) == [
+    assert _flattened(nested) == [
         ("a.b", "0.333333"),
         ("a.c", "1, 2"),
         ("d", "yes"),
         ("e[0].f", "default"),
         ("g", "x"),
     ]
-    assert flattened({"window_s": [0.0, 1.5e-3]}) == [("simulated window", "0 to 1.5 ms")]
+    assert _flattened({"window_s": [0.0, 1.5e-3]}) == [("simulated window", "0 to 1.5 ms")]
     settings = {"free": {"friction": None, "damping": [0.0, 1e-4]}, "refined_mesh": [48, 64]}
-    assert flattened(settings) == [
+    assert _flattened(settings) == [
         ("free: Coulomb friction between specimen and platens f", "default bounds"),
         ("free: stiffness-proportional damping β", "0 to 100 µs"),
         ("refined mesh", "48 × 64"),
@@ -300,7 +299,7 @@ def test_every_parameter_has_a_name_and_its_unit() -> None:
 
 def test_every_check_and_quality_has_words() -> None:
     result = RESULTS["one"]
-    assert not [key for key in result.provenance["checks"] if label(key) == key]
+    assert not [key for key in result.provenance["checks"] if recorded_label(key) == key]
     assert set(result.surrogate) <= set(QUALITY)
 
 

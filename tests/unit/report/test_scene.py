@@ -22,10 +22,20 @@ from kolsky.inverse.result import Identification
 from kolsky.report.figures import REGISTRY
 from kolsky.report.scene import drawing, stills
 from kolsky.report.scene.drawing import CannotRender, picture
-from kolsky.report.scene.fields import FIELDS, Solid, smallest_stretch
 from kolsky.report.scene.film import evenly_spaced, write_film, write_stills
-from kolsky.report.scene.geometry import ELEVATION, Surface, lifted, platens, simulated
-from kolsky.report.scene.scene_data import SceneDataMissing, has_scene, scene_of
+from kolsky.report.scene.scene_data import (
+    ELEVATION,
+    FIELDS,
+    SceneDataMissing,
+    Solid,
+    Surface,
+    has_scene,
+    lifted,
+    platens,
+    scene_of,
+    simulated,
+    smallest_stretch,
+)
 
 SOLID = Solid(neo_hookean(1e5), VolumetricLaw(1e7), 1.1)
 rendering = pytest.mark.skipif(not drawing.renders(), reason="VTK has nothing to draw with here")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from kolsky.report.typography import typeset, upper_first, with_subscripts
+from kolsky.results.nomenclature import typeset, upper_first, with_subscripts
 
 
 @pytest.mark.parametrize(

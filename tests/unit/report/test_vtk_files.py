@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import pyvista
 
-from kolsky.report.vtk_files import QUAD, TRIANGLE, write_grid, write_series, write_surface
+from kolsky.report.paraview import QUAD, TRIANGLE, write_grid, write_series, write_surface
 
 POINTS = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 3.0, 0.0], [0.0, 3.0, 0.1]])
 FIELDS = {

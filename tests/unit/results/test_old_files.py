@@ -13,8 +13,8 @@ from hdf5_contents import contents
 
 from dic.outcome import FrameOutcome, PointOutcome
 from kolsky.inverse.result import Verdict
+from kolsky.pictures.dic_file import read_stereo_result, stored_key, write_stereo_result
 from kolsky.results.hdf5 import read_identification, write_identification
-from kolsky.shot.surfaces_file import read_stereo_result, stored_key, write_stereo_result
 
 DATA = Path(__file__).parents[2] / "data" / "results"
 SENSITIVITY = ("/amount", "/moves/", "/visible", "/alike")

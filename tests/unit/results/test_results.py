@@ -17,8 +17,7 @@ from dic.files import replacing
 from kolsky.base.errors import InputError
 from kolsky.inverse.result import Identification
 from kolsky.results.hdf5 import read_identification, write_identification
-from kolsky.results.summary import to_json
-from kolsky.results.tables import ends, write_csv
+from kolsky.results.tables import end_columns, to_json, write_csv
 
 CASES: dict[str, Callable[[], Identification]] = {
     "one parameter": synthetic,
@@ -329,7 +328,7 @@ def test_ends_of_runs_as_columns() -> None:
     outcomes = ["COMPLETED"] * count
     elements, places = np.full(count, -1), np.full((count, 2), np.nan)
     outcomes[1], elements[1], places[1] = "INVERTED", 0, (1.5e-3, 2.5e-3)
-    columns = ends(
+    columns = end_columns(
         replace(
             design,
             outcomes=tuple(outcomes),

@@ -10,21 +10,21 @@ import pytest
 from synthetic import synthetic
 
 from kolsky.base.errors import InputError
-from kolsky.inverse.result import Identification
-from kolsky.inverse.uncertainty_results import (
+from kolsky.inverse.result import (
     Declaration,
+    Identification,
     PairMap,
     ParameterProfile,
     PosteriorSummary,
     Variation,
 )
 from kolsky.report.canvas import build
-from kolsky.report.display_units import in_display_units
 from kolsky.report.figures import REGISTRY
 from kolsky.report.pages.identification import render
 from kolsky.report.pages.uncertainty import choices
+from kolsky.results.display import in_display_units
 from kolsky.results.hdf5 import read_identification, write_identification
-from kolsky.results.summary import to_json
+from kolsky.results.tables import to_json
 
 NAMES = ("stiffness_factor", "damping")
 

@@ -11,15 +11,13 @@ from kolsky.bars.reduction.analyse import analyse
 from kolsky.base.records import CentreLine
 from kolsky.identification import identify
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.prepared_shot import prepare_shot
+from kolsky.inverse.problem import Settings, prepare_shot
 from kolsky.inverse.result import Verdict
-from kolsky.inverse.settings import Settings
 from kolsky.inverse.simulate import simulate, write_simulation
 from kolsky.report.pages.identification import render
-from kolsky.report.printed import answer, details
 from kolsky.results.hdf5 import read_identification, write_identification
-from kolsky.results.summary import to_json
-from kolsky.results.tables import write_csv
+from kolsky.results.printed import answer, details
+from kolsky.results.tables import to_json, write_csv
 from kolsky.shot.bar_driven import bar_force, driven_by_waves
 from kolsky.shot.summary import summarise
 

@@ -7,7 +7,7 @@ import pytest
 from barshots import INTERVAL, ONE, bar_shot, gauge, strains, write_toml
 
 from kolsky.bars.reduction.varied_test import station_of
-from kolsky.bars.signals.elastic_limit import LARGEST_STRAIN, check_elastic
+from kolsky.bars.signals.stations import LARGEST_STRAIN, check_elastic
 from kolsky.base.apparatus import Bar
 from kolsky.base.errors import InputError
 from kolsky.shot.bars import load_waves

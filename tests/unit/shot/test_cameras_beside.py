@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from dic.forks import can_fork, forking
-from kolsky.shot import rig
+from dic.processes import allow_forks, can_fork
+from kolsky.pictures import rig
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="one core, or no copies of processes here")
 
@@ -28,14 +28,14 @@ def test_who_works_out_the_cameras(
     monkeypatch: pytest.MonkeyPatch, cores: int, forks: bool, here: bool
 ) -> None:
     monkeypatch.setattr(rig, "calibration_begun", begun)
-    monkeypatch.setattr(rig, "_cropped", lambda pictures, found: found)
+    monkeypatch.setattr(rig, "_crop_to_pictures", lambda pictures, found: found)
     monkeypatch.setattr(rig, "cores", lambda: cores)
     if not forks:
         monkeypatch.setattr(rig, "allowed", lambda: False)
     section = SimpleNamespace(file=None)
     pictures: Any = SimpleNamespace(toml=SimpleNamespace(declared=SimpleNamespace(calibration=section)))
     told: list[tuple[str, int, int]] = []
-    with forking(), rig.calibrated_beside(pictures) as cameras:
+    with allow_forks(), rig.calibrate_in_background(pictures) as cameras:
         found = cameras(lambda *said: told.append(said))
     assert (found.rig == os.getpid()) is here
     assert told == ([("calibration", 1, 1)] if here else [])

@@ -11,13 +11,13 @@ import pytest
 from kolsky.base.apparatus import Transducer
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine, FlyerMotion, Recording
-from kolsky.readers.shot_tables import FlyerTable, FrameTimes, UniaxialTable
+from kolsky.pictures.frames import body_moves, flyer_covers, flyer_moves, frames_agree, sound_at_rest
+from kolsky.readers.measured_tables import FlyerTable, FrameTimes, UniaxialTable
 from kolsky.shot.curve import check_curve
 from kolsky.shot.force import check_baseline, check_range, check_sign, check_signal
-from kolsky.shot.frames import body_moves, flyer_covers, flyer_moves, frames_agree, sound_at_rest
+from kolsky.shot.load import window
 from kolsky.shot.outline import check_outline
 from kolsky.shot.records import ForceChannel
-from kolsky.shot.window import window
 
 FILE = Path("file.csv")
 LENGTH, DIAMETER = 5e-3, 8e-3

@@ -8,8 +8,8 @@ import pytest
 
 from explicit.contact import CONTACT_LAWS
 from kolsky.base.errors import InputError
+from kolsky.schema.apparatus import CONTACT_KEYS, keys_read
 from kolsky.shot.load import load_shot
-from kolsky.shot.schema.apparatus import CONTACT_KEYS, keys_read
 from kolsky.shot.summary import summarise
 
 OPEN_01 = Path(__file__).resolve().parents[3] / "runs" / "open-01"

@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 from dic.outcome import PointOutcome
 from kolsky.base.errors import InputError
 from kolsky.cli import app
-from kolsky.readers.dic_export import PointState, matching, read
-from kolsky.readers.dic_layouts import LAYOUTS
+from kolsky.readers.dic_export import LAYOUTS, PointState, matching, read
 from kolsky.shot.load import load_shot
 from kolsky.shot.surface import (
     cylinder_placement,

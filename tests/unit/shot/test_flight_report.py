@@ -9,13 +9,13 @@ import pytest
 from synthetic import LENGTH, displacement
 from synthetic_dic import STATIC, synthetic_result
 
-from dic.output.csv import write_history
-from kolsky.bars.flyer import flight_report
-from kolsky.bars.flyer.flight_report import SHARE, FlightOfSpecimen, flight_of
+from dic.output import write_history
+from kolsky.bars.flyer import flight
+from kolsky.bars.flyer.flight import SHARE, FlightOfSpecimen, flight_of
 from kolsky.base.records import Recording
-from kolsky.shot.surfaces_file import read_stereo_result, write_stereo_result
-from kolsky.shot.window import window
-from kolsky.uncertainty.warnings.inputs import symmetry
+from kolsky.pictures.dic_file import read_stereo_result, write_stereo_result
+from kolsky.shot.load import window
+from kolsky.uncertainty.warnings import symmetry_warning
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_velocity_is_the_slope_of_the_displacement(straight):
     speed = (displacement(t + h) - displacement(t - h)) / (2.0 * h)
     velocity, sigma = straight.flight.velocity(t)
     assert np.abs((velocity[:, 0] - speed) / sigma[:, 0]).max() < 5.0  # one smooth history
-    said = flight_report.summary(straight)
+    said = flight.summary(straight)
     there = straight.flight.toward.velocity([said["separation_s"]])[0]
     assert said["flyer_velocity_m_s"] == there == velocity[:, 0].max(initial=there)
 
@@ -51,12 +51,12 @@ def test_velocity_is_the_slope_of_the_displacement(straight):
 def test_a_straight_flight_keeps_its_symmetry(straight):
     assert straight.symmetry is not None
     assert straight.end is None
-    assert flight_report.summary(straight)["velocity_angle_rad"] < SHARE
-    assert "lasts to the last frame" in flight_report.printed(straight)["symmetry"]
+    assert flight.summary(straight)["velocity_angle_rad"] < SHARE
+    assert "lasts to the last frame" in flight.printed(straight)["symmetry"]
 
 
 def test_what_is_not_measured_is_empty(result, straight, tmp_path):
-    table = flight_report.columns(straight)
+    table = flight.columns(straight)
     posed = straight.time >= result.t[12]  # the first frame whose pose is known
     assert not np.isnan(table["velocity toward the specimen (m/s)"]).any()
     assert np.isnan(table["velocity along x (m/s)"][~posed]).all()
@@ -77,13 +77,13 @@ def test_symmetry_ends_where_the_flyer_drifts_away(result):
     true = found.time[np.argmax(share > SHARE)]
     # later by what it takes to exceed the share by two sigmas, some frames of 33 us
     assert true <= found.end <= true + 6.0 * np.diff(result.t)[0]
-    assert "ends at" in flight_report.printed(found)["symmetry"]
+    assert "ends at" in flight.printed(found)["symmetry"]
 
 
 def test_the_file_has_the_flight_and_is_still_read(result, straight, tmp_path):
     path = tmp_path / "dic.h5"
     write_stereo_result(path, result)
-    flight_report.add_to(path, straight)
+    flight.add_to(path, straight)
     with h5py.File(path) as file:
         group = file["entry/flight"]
         np.testing.assert_array_equal(group["time"][()], straight.time)
@@ -96,7 +96,7 @@ def test_the_file_has_the_flight_and_is_still_read(result, straight, tmp_path):
 def test_no_flight_says_why(result, missing):
     found = flight_of(replace(result, **{missing: None}), LENGTH)
     assert isinstance(found, str)
-    assert "not known" in flight_report.printed(found)["flyer's flight"]
+    assert "not known" in flight.printed(found)["flyer's flight"]
 
 
 def test_the_window_ends_with_symmetry(result, tmp_path):
@@ -110,9 +110,9 @@ def test_the_window_ends_with_symmetry(result, tmp_path):
     ended = window(toml, t, t[-1], scope, t, symmetry_end=float(t[30]))
     assert whole == (t[STATIC - 1], t[-1])
     assert ended == (t[STATIC - 1], t[29])
-    assert "where the flyer leaves" in next(symmetry({"symmetry_end": t[30], "window_end": ended[1]}))
-    assert "end the window there" in next(symmetry({"symmetry_end": t[30], "window_end": t[-1]}))
-    assert not list(symmetry({"symmetry_end": np.inf, "window_end": t[-1]}))
+    assert "where the flyer leaves" in next(symmetry_warning({"symmetry_end": t[30], "window_end": ended[1]}))
+    assert "end the window there" in next(symmetry_warning({"symmetry_end": t[30], "window_end": t[-1]}))
+    assert not list(symmetry_warning({"symmetry_end": np.inf, "window_end": t[-1]}))
 
 
 def test_a_short_swing_is_no_end_of_symmetry(result):
@@ -131,6 +131,6 @@ def test_a_short_swing_is_no_end_of_symmetry(result):
 
 def test_another_direction_must_last_as_long_as_the_first_took():
     time = 10e-6 * np.arange(50)
-    assert flight_report.frames_in(100e-6, time) == 11  # eleven frames, ten steps
-    assert flight_report.frames_in(95e-6, time) == 11
-    assert flight_report.frames_in(1e-6, time) == 3
+    assert flight.frames_in(100e-6, time) == 11  # eleven frames, ten steps
+    assert flight.frames_in(95e-6, time) == 11
+    assert flight.frames_in(1e-6, time) == 3

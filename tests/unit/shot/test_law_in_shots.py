@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from explicit.materials import LAWS
+from explicit.materials.law import not_positive
 from explicit.materials.laws import Yeoh
-from explicit.materials.positive import not_positive
 from kolsky.base.errors import InputError
 from kolsky.inverse.forward import Numerics, curve_replicates, material_law
-from kolsky.inverse.prepared_shot import prepare_shot
+from kolsky.inverse.problem import prepare_shot
 from kolsky.shot.load import load_shot
 from kolsky.shot.summary import summarise
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from kolsky.base.errors import InputError
+from kolsky.schema.shot_file import shot_toml
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
-from kolsky.shot.schema.reading import shot_toml
 
 OPEN_01 = Path(__file__).resolve().parents[3] / "runs" / "open-01"
 FILES = {

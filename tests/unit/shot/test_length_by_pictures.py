@@ -9,8 +9,7 @@ import pytest
 
 from kolsky.base.apparatus import Specimen
 from kolsky.base.records import CentreLine
-from kolsky.shot import load
-from kolsky.shot.length_by_pictures import (
+from kolsky.pictures.specimen_length import (
     LengthByPictures,
     RimAtRest,
     calibration_variance,
@@ -19,6 +18,7 @@ from kolsky.shot.length_by_pictures import (
     length_words,
     rim_at_rest,
 )
+from kolsky.shot import load
 from tests.helpers.stereo_scene import rig
 
 A, B, Z, R = 6e-6, 4e-6, 3e-6, 5e-6

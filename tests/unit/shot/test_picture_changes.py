@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dic.images.memory import PicturesInMemory
-from kolsky.shot.picture_changes import MOST, picture_changes
+from dic.images.series import PicturesInMemory
+from kolsky.pictures.picture_set import MOST_COMPARED, picture_changes
 
 
 def series(levels: list[int]) -> PicturesInMemory:
@@ -25,11 +25,11 @@ def test_change_is_relative_to_white_and_to_the_first_picture() -> None:
 
 
 def test_a_long_series_is_compared_at_equal_distances_to_its_end() -> None:
-    n = 3 * MOST
+    n = 3 * MOST_COMPARED
     time = np.arange(float(n))
     pictures = series([0] * (n - 1) + [1023])
     found = picture_changes((pictures, pictures), time, 1)
-    assert found.time.size == MOST
+    assert found.time.size == MOST_COMPARED
     assert found.time[-1] == time[-1]
     assert found.change[0, -1] == 1.0
     assert len(found.shown) == 2  # the first frame is the last static one

@@ -9,8 +9,8 @@ from synthetic_dic import rig
 
 from dic.camera import Camera, StereoRig
 from kolsky.base.errors import InputError
-from kolsky.shot.picture_scale import check_length, distances_seen, length_contradicts, lengths_seen
-from kolsky.shot.schema.reading import shot_toml
+from kolsky.pictures.correlation import check_length, length_contradicts, visible_distances, visible_lengths
+from kolsky.schema.shot_file import shot_toml
 
 FOCAL, BASE, WIDTH = 5000.0, 0.1, 1000
 SHAPE = (600, WIDTH)
@@ -23,7 +23,7 @@ CORNERS = np.array([[450.0, 280.0], [550.0, 280.0], [550.0, 320.0], [450.0, 320.
 
 
 def test_distances_at_which_both_cameras_see_a_point() -> None:
-    found = distances_seen(FIRST, SECOND, np.array([500.0, 300.0]), SHAPE)
+    found = visible_distances(FIRST, SECOND, np.array([500.0, 300.0]), SHAPE)
     assert found.min() == pytest.approx(NEAR, rel=1e-3)
     assert found.max() == pytest.approx(FAR, rel=1e-3)
 
@@ -32,13 +32,13 @@ def test_distances_at_which_both_cameras_see_a_point() -> None:
     ("toward", "pixels"), [("left", 100.0), ("right", 100.0), ("up", 40.0), ("down", 40.0)]
 )
 def test_lengths_of_a_region(toward: str, pixels: float) -> None:
-    seen = lengths_seen(StereoRig((FIRST, SECOND)), CORNERS, toward, (SHAPE, SHAPE))  # type: ignore[arg-type]
+    seen = visible_lengths(StereoRig((FIRST, SECOND)), CORNERS, toward, (SHAPE, SHAPE))  # type: ignore[arg-type]
     assert seen == pytest.approx((pixels / FOCAL * NEAR, pixels / FOCAL * FAR), rel=1e-3)
 
 
 def test_a_ray_that_camera_1_does_not_see() -> None:
     away = Camera(FOCAL, FOCAL, 2000.0, 300.0, translation=np.array([BASE, 0.0, 0.0]))
-    assert lengths_seen(StereoRig((FIRST, away)), CORNERS, "up", (SHAPE, SHAPE)) is None
+    assert visible_lengths(StereoRig((FIRST, away)), CORNERS, "up", (SHAPE, SHAPE)) is None
 
 
 @pytest.mark.parametrize("length", [6.5e-3, 3.34e-3, 49.9e-3])
@@ -56,7 +56,7 @@ def test_lengths_that_the_pictures_contradict(length: float) -> None:
 def test_a_sound_rig_holds_its_specimen() -> None:
     corners = np.array([[10.0, 5.0], [117.0, 5.0], [117.0, 122.0], [10.0, 122.0]])
     shapes = ((128, 128), (128, 128))
-    seen = lengths_seen(rig(), corners, "up", shapes)
+    seen = visible_lengths(rig(), corners, "up", shapes)
     assert seen is not None
     assert seen[0] < 6.5e-3 < seen[1] < 10e-3  # 117 px at 18 px/mm
     assert not length_contradicts(6.5e-3, seen)

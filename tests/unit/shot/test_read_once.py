@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from kolsky.bars.flyer import events
 from kolsky.cli.commandline import app
-from kolsky.shot import flyer_path
+from kolsky.shot import records
 
 OPEN_01 = Path(__file__).resolve().parents[3] / "runs" / "open-01"
 COARSE = ("--free", "stiffness_factor", "--mesh", "6x8", "--refined-mesh", "8x11", "--replicates", "0")
@@ -28,7 +28,7 @@ def counts(monkeypatch) -> dict[str, int]:
         return call
 
     monkeypatch.setattr(tomllib, "loads", counted("parsed", tomllib.loads))
-    for module in (flyer_path, events):
+    for module in (records, events):
         monkeypatch.setattr(module, "fit_flyer", counted("fitted", module.fit_flyer))
     return made
 

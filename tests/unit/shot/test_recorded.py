@@ -13,16 +13,16 @@ from synthetic import synthetic
 from synthetic_dic import SIDE, synthetic_result
 
 from kolsky.base.errors import InputError
+from kolsky.pictures.dic_file import write_stereo_result
+from kolsky.pictures.picture_set import PicturePair
+from kolsky.pictures.summary import numbers, printed
 from kolsky.report.canvas import build
 from kolsky.report.figures import RECORDINGS
 from kolsky.report.pages.identification import render
-from kolsky.report.recorded_words import label
+from kolsky.results.display import recorded_label
 from kolsky.results.hdf5 import read_identification, write_identification
-from kolsky.shot.dic_summary import numbers, printed
 from kolsky.shot.load import load_shot
-from kolsky.shot.picture_set import PicturePair
-from kolsky.shot.recorded import Recorded, recorded, recording_facts, surface_of
-from kolsky.shot.surfaces_file import write_stereo_result
+from kolsky.shot.recordings import ShotRecordings, recording_facts, shot_recordings, surface_of
 
 PICTURED = """
 [pictures]
@@ -51,8 +51,8 @@ strip_half_width = "0.6 mm"
 
 
 @pytest.fixture(scope="module")
-def seen() -> Recorded:
-    return recorded(load_shot(OPEN_01), OPEN_01 / "results")
+def seen() -> ShotRecordings:
+    return shot_recordings(load_shot(OPEN_01), OPEN_01 / "results")
 
 
 @pytest.fixture
@@ -61,7 +61,7 @@ def no_old_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("kolsky.report.pages.identification.REGISTRY", {})
 
 
-def test_recordings_are_those_of_the_files(seen: Recorded) -> None:
+def test_recordings_are_those_of_the_files(seen: ShotRecordings) -> None:
     rows = np.loadtxt(OPEN_01 / "scope.csv", delimiter=",", skiprows=1)
     np.testing.assert_array_equal(seen.time, rows[:, 0])  # its clock is the shot's
     rest = (rows[:, 0] >= -200e-6) & (rows[:, 0] <= 0.0)
@@ -76,7 +76,7 @@ def test_recordings_are_those_of_the_files(seen: Recorded) -> None:
 
 def test_bars_alone_show_the_velocity_of_the_face() -> None:
     shot = classical_shot(0)
-    motion = recorded(shot, Path("none")).motion
+    motion = shot_recordings(shot, Path("none")).motion
     assert motion.is_velocity
     later = np.isfinite(motion.residual)
     assert later.any()
@@ -89,8 +89,8 @@ def test_bars_alone_show_the_velocity_of_the_face() -> None:
 
 @pytest.mark.parametrize("bars", [False, True])
 @pytest.mark.parametrize("name", RECORDINGS)
-def test_figures_of_recordings_have_units(name: str, bars: bool, seen: Recorded) -> None:
-    shown = recorded(classical_shot(0), Path("none")) if bars else replace(seen, pair=pair())
+def test_figures_of_recordings_have_units(name: str, bars: bool, seen: ShotRecordings) -> None:
+    shown = shot_recordings(classical_shot(0), Path("none")) if bars else replace(seen, pair=pair())
     if not RECORDINGS[name].applies(shown):
         pytest.skip("nothing to draw")
     for ax in build(RECORDINGS[name], shown).axes:
@@ -99,9 +99,9 @@ def test_figures_of_recordings_have_units(name: str, bars: bool, seen: Recorded)
 
 
 @pytest.mark.usefixtures("no_old_figures")
-def test_every_recording_fact_has_words(seen: Recorded) -> None:
+def test_every_recording_fact_has_words(seen: ShotRecordings) -> None:
     facts = recording_facts(load_shot(OPEN_01)) | recording_facts(classical_shot(0))
-    assert not [key for key in facts if label(f"recordings.{key}") == f"recordings.{key}"]
+    assert not [key for key in facts if recorded_label(f"recordings.{key}") == f"recordings.{key}"]
 
 
 def test_the_surface_is_that_of_the_results_folder(tmp_path: Path) -> None:
@@ -125,7 +125,7 @@ def test_the_surface_is_that_of_the_results_folder(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("no_old_figures")
-def test_surfaces_are_shown_and_linked(seen: Recorded) -> None:
+def test_surfaces_are_shown_and_linked(seen: ShotRecordings) -> None:
     shown = replace(
         seen, surface={"points": "2000, 1990 alive"}, surface_file="dic.h5", surface_page="dic.html"
     )
@@ -146,7 +146,7 @@ def pair(frame: int = 15) -> PicturePair:
     return PicturePair(made, frame, (left, right))
 
 
-def test_the_pair_shows_the_valid_points_of_both_cameras(seen: Recorded) -> None:
+def test_the_pair_shows_the_valid_points_of_both_cameras(seen: ShotRecordings) -> None:
     shown = pair(35)
     figure = build(RECORDINGS["picture-pair"], replace(seen, pair=shown))
     body = shown.result.specimen

@@ -8,10 +8,10 @@ import pytest
 import dic.calibration.refine
 from dic import Camera, Correlation, StereoRig
 from dic.calibration.refine import Refinement
-from dic.correlation.warp import Shape
-from dic.images.memory import PicturesInMemory
-from kolsky.shot.refined_rig import refined, refinement_words
-from kolsky.shot.schema.pictures import CalibrationSection
+from dic.correlation.subsets import Shape
+from dic.images.series import PicturesInMemory
+from kolsky.pictures.rig import refine_rig, refinement_words
+from kolsky.schema.pictures import CalibrationSection
 
 BLANK = np.full((64, 64), 100, dtype=np.uint8)
 MASK = np.ones((64, 64), dtype=bool)
@@ -35,7 +35,7 @@ def asked(refine, monkeypatch=None, *, helps=True):
         found = Refinement(BETTER, zero, zero[:2], np.eye(5), 0.2, after, 0.2, after, 100)
         monkeypatch.setattr(dic.calibration.refine, "refine_from_pictures", lambda *given, **more: found)
     settings = Correlation(shape=Shape.QUADRATIC)
-    return refined(section, GIVEN, pictures, 0, MASK, settings, step=8)
+    return refine_rig(section, GIVEN, pictures, 0, MASK, settings, step=8)
 
 
 def test_nothing_is_refined_unless_it_is_asked_for():

@@ -10,13 +10,23 @@ import cv2
 import numpy as np
 import pytest
 
-from dic.images.memory import PicturesInMemory
+from dic.images.series import PicturesInMemory
 from kolsky.base.errors import InputError
-from kolsky.shot.regions.grid_picture import grid_step, snippet, with_grid, write_grids
-from kolsky.shot.regions.server import POLICY, RegionServer
-from kolsky.shot.regions.session import Session
-from kolsky.shot.regions.shapes import SHOT, Drawn, alone, crossing_sides, polygon_area, problems_of
-from kolsky.shot.regions.toml_edit import CannotEdit, value_end, with_values
+from kolsky.base.toml import CannotEdit, value_end, with_values
+from kolsky.pictures.region_server import POLICY, RegionServer
+from kolsky.pictures.regions import (
+    DRAWABLES_OF_SHOT,
+    Drawn,
+    Session,
+    crossing_sides,
+    drawables_of_measurement,
+    grid_step,
+    polygon_area,
+    problems_of,
+    snippet,
+    with_grid,
+    write_grids,
+)
 
 ROWS, COLUMNS, FRAMES = 40, 60, 3
 SQUARE = [[10, 10], [30, 10], [30, 30], [10, 30]]
@@ -37,7 +47,7 @@ def drawn(corners, frame=0):
     return {"specimen": [Drawn(tuple(map(tuple, corners)), frame)]}
 
 
-def said(corners, frame=0, wanted=SHOT):
+def said(corners, frame=0, wanted=DRAWABLES_OF_SHOT):
     return problems_of(drawn(corners, frame), wanted, shape=(ROWS, COLUMNS), n_frames=FRAMES)
 
 
@@ -70,13 +80,16 @@ def test_a_bad_region_is_refused(corners, frame, why):
 
 def test_one_region_where_one_is_wanted_and_each_in_its_frame():
     two = {"specimen": [Drawn(tuple(map(tuple, SQUARE)), 0)] * 2}
-    assert "may have one" in problems_of(two, SHOT, shape=(ROWS, COLUMNS), n_frames=FRAMES)[0]
+    assert "may have one" in problems_of(two, DRAWABLES_OF_SHOT, shape=(ROWS, COLUMNS), n_frames=FRAMES)[0]
     other = {"region": [Drawn(tuple(map(tuple, SQUARE)), 1)]}
-    assert "belongs into frame 0" in problems_of(other, alone(0), shape=(ROWS, COLUMNS), n_frames=FRAMES)[0]
-    assert problems_of(other, alone(1), shape=(ROWS, COLUMNS), n_frames=FRAMES) == []
+    assert (
+        "belongs into frame 0"
+        in problems_of(other, drawables_of_measurement(0), shape=(ROWS, COLUMNS), n_frames=FRAMES)[0]
+    )
+    assert problems_of(other, drawables_of_measurement(1), shape=(ROWS, COLUMNS), n_frames=FRAMES) == []
     edge = {"transmission_edge": [Drawn(((1.0, 2.0), (3.0, 4.0)), 0)]}
-    assert "one place" in problems_of(edge, SHOT, shape=(ROWS, COLUMNS), n_frames=FRAMES)[0]
-    assert problems_of({}, SHOT, shape=(ROWS, COLUMNS), n_frames=FRAMES) == ["nothing is drawn"]
+    assert "one place" in problems_of(edge, DRAWABLES_OF_SHOT, shape=(ROWS, COLUMNS), n_frames=FRAMES)[0]
+    assert problems_of({}, DRAWABLES_OF_SHOT, shape=(ROWS, COLUMNS), n_frames=FRAMES) == ["nothing is drawn"]
 
 
 def test_sides_that_only_share_a_corner_do_not_cross():
@@ -140,7 +153,7 @@ def session(tmp_path):
         if "refuse" in place.read_text():
             raise InputError(place, "is refused")
 
-    return Session(path, pictures, SHOT, valid)
+    return Session(path, pictures, DRAWABLES_OF_SHOT, valid)
 
 
 @pytest.fixture
@@ -234,7 +247,7 @@ def test_a_file_that_would_be_wrong_or_was_changed_is_left_alone(session):
     assert "changed meanwhile" in session.save(content)[0]
     assert session.path.read_text() == changed
     session.path.write_text(TEXT + "# refuse\n")
-    again = Session(session.path, session.pictures, SHOT, session.validate)
+    again = Session(session.path, session.pictures, DRAWABLES_OF_SHOT, session.validate)
     assert "is refused" in again.save(content)[0]
     assert session.path.read_text() == TEXT + "# refuse\n"
     assert [path.name for path in session.path.parent.iterdir()] == ["shot.toml"]
@@ -280,8 +293,8 @@ def test_a_grid_has_its_lines_in_the_middle_of_named_pixels(session, tmp_path):
 
 
 def test_an_edit_that_says_something_else_is_refused(monkeypatch):
-    from kolsky.shot.regions import toml_edit
+    from kolsky.base import toml
 
-    monkeypatch.setattr(toml_edit, "_with_value", lambda text, table, key, value, newline: text)
+    monkeypatch.setattr(toml, "_with_value", lambda text, table, key, value, newline: text)
     with pytest.raises(CannotEdit, match="value by value"):
         with_values(TEXT, "dic", {"specimen": "[1, 2]"})

@@ -9,12 +9,12 @@ from shot_folders import OPEN_01, ROOT
 
 import explicit
 import kolsky
-from kolsky.bars.flyer.fit import fit_flyer
+from kolsky.bars.flyer.path import fit_flyer
 from kolsky.base.apparatus import Bar, ElasticBody, Interface, Specimen
 from kolsky.base.records import FlyerMotion
 from kolsky.inverse.forward import Forward, Numerics
 from kolsky.prediction.predict import predict, read_test
-from kolsky.shot import flyer_path
+from kolsky.shot import records
 from kolsky.shot.records import ModelSettings
 from kolsky.virtual.material import law_of
 
@@ -46,10 +46,10 @@ def seen(seed: int) -> FlyerMotion:
 
 def test_a_blow_is_seen_and_the_path_follows_it() -> None:
     motion, times = seen(1), np.linspace(4e-5, 1.28e-3, 2000)
-    before = flyer_path.blow(motion, 3e-5)
+    before = records.second_impact_time(motion, 3e-5)
     assert before is not None
     assert BLOW - 3.0 * FRAME < before < BLOW - 0.5 * FRAME
-    path, plain = flyer_path.fit(motion, start=3e-5), fit_flyer(motion, start=3e-5)
+    path, plain = records.fit_front_path(motion, start=3e-5), fit_flyer(motion, start=3e-5)
     near = np.abs(times - BLOW) < 5e-5
     errors = [
         (float(np.std((p.position(times) - position(times))[near])), p.velocity(times) - velocity(times))
@@ -66,11 +66,13 @@ def test_where_nothing_strikes_the_path_is_what_it_was() -> None:
     motion = seen(2)
     kept = motion.time < BLOW - 2.0 * FRAME
     flight = FlyerMotion(motion.time[kept], motion.displacement[kept], motion.sigma[kept])
-    assert flyer_path.blow(flight, 3e-5) is None
-    np.testing.assert_array_equal(flyer_path.fit(flight, start=3e-5).jerk, fit_flyer(flight, start=3e-5).jerk)
+    assert records.second_impact_time(flight, 3e-5) is None
+    np.testing.assert_array_equal(
+        records.fit_front_path(flight, start=3e-5).jerk, fit_flyer(flight, start=3e-5).jerk
+    )
     shot = kolsky.load_shot(OPEN_01)
     assert isinstance(shot.flyer, FlyerMotion)
-    assert flyer_path.blow(shot.flyer, shot.window[0]) is None
+    assert records.second_impact_time(shot.flyer, shot.window[0]) is None
 
 
 @pytest.mark.slow  # 10 s on a quiet core
@@ -86,10 +88,10 @@ def test_the_force_of_a_whole_test_through_arrest_and_second_impact() -> None:
     moved = np.interp(times, bars.times, bars.flyer_path) + noise
     motion = FlyerMotion(times, moved, np.full(times.size, 1e-6))
     start = events.incident_rise - 2e-5
-    blow = flyer_path.blow(motion, start)
+    blow = records.second_impact_time(motion, start)
     assert blow is not None
     assert abs(blow - events.second_impact) < 3.0 * FRAME
-    path = flyer_path.fit(motion, start=start)
+    path = records.fit_front_path(motion, start=start)
     parts = [
         Bar(p.diameter, p.length, p.youngs_modulus, p.density, p.poisson) for p in d.transmission.values()
     ]

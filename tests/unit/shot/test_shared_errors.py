@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dic.stereo.shared_error import SharedError
+from dic.stereo.reconstruction import SharedError
 from kolsky.base.records import CentreLine, FlyerMotion
-from kolsky.shot import shared_errors
-from kolsky.shot.shared_errors import (
+from kolsky.pictures import shared_errors
+from kolsky.pictures.shared_errors import (
     PictureErrors,
-    alike,
     mean_over_time,
     outline_offsets,
+    variance_of_mean,
     with_departures,
     with_flyer_errors,
     with_outline_errors,
@@ -43,7 +43,7 @@ def result() -> Any:
 def test_means_of_two() -> None:
     """The mean of two values of correlation r has the variance (1 + r) / 2."""
     r = np.exp(-0.36)
-    assert alike(np.array([[0.0, 0.0], [30.0, 0.0]]), 50.0) == pytest.approx(0.5 * (1.0 + r))
+    assert variance_of_mean(np.array([[0.0, 0.0], [30.0, 0.0]]), 50.0) == pytest.approx(0.5 * (1.0 + r))
     assert mean_over_time(2, 8.0) == pytest.approx(0.5 * (1.0 + np.exp(-0.125)))
     assert mean_over_time(1, 8.0) == 1.0
 

@@ -8,8 +8,8 @@ import pytest
 from pydantic import BaseModel, Field
 
 from kolsky.base.errors import InputError, InputErrors
-from kolsky.shot.schema.reading import key_lines, parse_toml, shot_toml
-from kolsky.shot.schema.refusals import line_of
+from kolsky.base.toml import line_of
+from kolsky.schema.shot_file import key_lines, parse_toml, shot_toml
 
 FILLED = Path(__file__).parents[2] / "data" / "filled_shot.toml"
 """A shot file with every key, optional ones as remarks."""

@@ -6,8 +6,8 @@ from shutil import copytree
 import numpy as np
 import pytest
 
+from kolsky.pictures.frames import STRAY_SIGMAS, STRAY_STEPS, stray_frames
 from kolsky.shot.load import load_shot
-from kolsky.shot.stray_frames import STRAY_SIGMAS, STRAY_STEPS, stray_frames
 
 ROOT = Path(__file__).resolve().parents[3]
 SIGMA = 1e-6

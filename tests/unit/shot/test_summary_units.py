@@ -2,7 +2,7 @@
 
 import pytest
 
-from kolsky.shot.summary_entry import Entry
+from kolsky.shot.summary import Entry
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 from synthetic_dic import BLACK, synthetic_result
 
 from kolsky.base.errors import InputError
-from kolsky.shot.surfaces_file import read_stereo_result, stored_key, write_stereo_result
+from kolsky.pictures.dic_file import read_stereo_result, stored_key, write_stereo_result
 
 
 @pytest.fixture(scope="module")

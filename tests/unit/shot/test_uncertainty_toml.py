@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from kolsky.base.errors import InputError
+from kolsky.schema.apparatus import IDENTIFY_KEYS, UncertaintySection
 from kolsky.shot.load import load_shot
-from kolsky.shot.schema.uncertainty import IDENTIFIED, UncertaintySection
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 
@@ -53,7 +53,7 @@ def test_waves_do_not_see_what_only_the_model_has() -> None:
     said = section.for_waves()
     assert said["sensitivity"] == pytest.approx(0.01)
     assert not {"poisson", "curve_scale", "damping", "friction", "Z_offset"} & set(said)
-    assert set(section.for_identify()) <= set(IDENTIFIED)
+    assert set(section.for_identify()) <= set(IDENTIFY_KEYS)
 
 
 @pytest.mark.parametrize(

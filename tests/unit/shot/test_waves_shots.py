@@ -9,9 +9,8 @@ import pytest
 from barrecord import BAR, DAMPING, END, FACTOR, INTERVAL, MODULUS, POISSON, SPECIMEN, curve, truth
 from typer.testing import CliRunner
 
-from kolsky.bars.guides.polymer_waveguide import PronyModulus, ViscoelasticWaveguide
 from kolsky.bars.guides.propagation import propagate
-from kolsky.bars.guides.waveguide import ElasticWaveguide
+from kolsky.bars.guides.waveguide import ElasticWaveguide, PronyModulus, ViscoelasticWaveguide
 from kolsky.bars.records import Signal
 from kolsky.base.apparatus import Bar
 from kolsky.cli import app

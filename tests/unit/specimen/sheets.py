@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from implicit.meshes import Mesh, rectangle
-from kolsky.specimen.constants import Constants
-from kolsky.specimen.field_problem import FieldData, FieldProblem
-from kolsky.specimen.sheet import Sheet, sheet_state
+from kolsky.bodies.sheet import Sheet, sheet_state
+from kolsky.bodies.sheet_fit import FieldData, FieldProblem
+from kolsky.bodies.specimen_constants import Constants
+from kolsky.equilibrium.meshes import Mesh, rectangle
 
 TRUE = {"E": 3.0e4, "poisson": 0.3}
 PAD = np.array([1e-3, 2e-3])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kolsky.specimen.constants import Constants, constants_of, solid_of
+from kolsky.bodies.specimen_constants import Constants, constants_of, solid_of
 
 
 def test_bulk_modulus_is_that_of_table_one() -> None:

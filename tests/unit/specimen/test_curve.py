@@ -5,10 +5,8 @@ import tomllib
 import numpy as np
 import pytest
 
-from kolsky.specimen.constants import Constants
-from kolsky.specimen.curve import law_curve, shot_lines
-from kolsky.specimen.planning import expected, plan
-from kolsky.specimen.studies import cross_table
+from kolsky.bodies.specimen_constants import Constants, law_curve, shot_lines
+from kolsky.bodies.specimen_studies import cross_table, expected, plan
 
 NEO = Constants("neo_hookean", {"mu": 2.0e4, "poisson": 0.45}, ("mu",))
 MOONEY = Constants("mooney_rivlin", {"C10": 9e3, "C01": 4e3, "C11": 0.0, "poisson": 0.45}, ("C10", "C01"))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kolsky.specimen.debonding import LIMIT, debonding
+from kolsky.bodies.specimen_fit import LIMIT, debonding
 
 N = 40
 X = np.linspace(0.0, 1.0, N)

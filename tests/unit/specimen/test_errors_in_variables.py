@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from kolsky.specimen.errors_in_variables import (
+from kolsky.bodies.errors_in_variables import (
     Linearised,
     Samples,
     best_displacement,
     chi_square,
     reduce,
     search,
+    search_by_quasi_newton,
 )
-from kolsky.specimen.quasi_newton import search_by_quasi_newton
 
 INFINITE = (np.array([0.0]), np.array([np.inf]))
 

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix, diags
 
-from kolsky.specimen.field_sensitivity import (
-    before_test,
-    parameter_change,
-    relative_deviation,
-    smoothed,
-    variance,
-)
+from kolsky.bodies.sheet_fit import before_test, parameter_change, relative_deviation, smoothed, variance
 
 A = np.array([[2.0, 1.0], [0.5, -1.0], [1.0, 3.0], [0.0, 0.7]])
 """A model linear in its constants, u = A m: least squares has m = (A^T W A)^-1 A^T W v."""

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from kolsky.specimen.constants import Constants
-from kolsky.specimen.equilibrium import SpecimenModel, strains
-from kolsky.specimen.geometry import Shape
+from kolsky.bodies.specimen_constants import Constants
+from kolsky.bodies.specimen_model import Shape, SpecimenModel, strains
 
 LAW = Constants(
     "mooney_rivlin", {"C10": 9e3, "C01": 4e3, "C11": 400.0, "poisson": 0.4}, ("C10", "C01", "poisson")

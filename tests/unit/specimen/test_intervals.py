@@ -4,13 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, t
 
-from kolsky.specimen.errors_in_variables import Reduced
-from kolsky.specimen.intervals import (
-    ConstantVerdict,
-    inflation,
-    intervals,
-    neighbour_correlation,
-)
+from kolsky.bodies.errors_in_variables import Reduced
+from kolsky.bodies.specimen_fit import ConstantVerdict, inflation, intervals, neighbour_correlation
 
 FREE = (np.array([0.0, 0.0]), np.array([np.inf, np.inf]))
 J = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, 2.0], [1.0, 3.0], [1.0, 4.0], [1.0, 5.0]])

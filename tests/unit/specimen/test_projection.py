@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kolsky.specimen.projection import outliers, point_noise, project
+from kolsky.bodies.sheet import outliers, point_noise, project
 
 GRID = np.stack(np.meshgrid(np.arange(12.0), np.arange(9.0), indexing="ij"), -1).reshape(-1, 2) * 1e-3
 

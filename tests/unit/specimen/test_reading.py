@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from kolsky.base.errors import InputError
-from kolsky.specimen.field_reading import read_field
-from kolsky.specimen.reading import read_specification
+from kolsky.bodies.sheet_reading import read_field
+from kolsky.bodies.specimen_reading import read_specification
 
 STRIP = """
 [material]

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from implicit.meshes import Mesh, rectangle
-from kolsky.specimen.field_fit import FieldFit, fit_field, fit_steps
-from kolsky.specimen.field_problem import FieldProblem
-from kolsky.specimen.sheet import Sheet, cells_inside, mass_matrix, sheet_state
-from kolsky.specimen.tractions import boundary_edges, traction_force
+from kolsky.bodies.sheet import Sheet, boundary_edges, cells_inside, mass_matrix, sheet_state, traction_force
+from kolsky.bodies.sheet_fit import FieldFit, FieldProblem, fit_field, fit_steps
+from kolsky.equilibrium.meshes import Mesh, rectangle
 from tests.unit.specimen.sheets import PAD, TRUE, constants, made, small_mesh
 
 

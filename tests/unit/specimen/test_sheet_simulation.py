@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from kolsky.specimen.field_fit import fit_field
-from kolsky.specimen.field_problem import FieldData, FieldProblem
-from kolsky.specimen.field_reading import MeasuredField
-from kolsky.specimen.sheet import Sheet
-from kolsky.specimen.sheet_simulation import plan_sheet, simulate_sheet
+from kolsky.bodies.sheet import Sheet
+from kolsky.bodies.sheet_fit import FieldData, FieldProblem, fit_field
+from kolsky.bodies.sheet_reading import MeasuredField, plan_sheet, simulate_sheet
 from tests.unit.specimen.sheets import PAD, constants, made, small_mesh
 
 

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from implicit.conditions import Fixed, Prescribed
-from implicit.laws.solid import CompressibleNeoHookean
-from implicit.meshes import box
-from implicit.model import Model
-from implicit.solve import solve
 from kolsky.cli.commandline import app
+from kolsky.equilibrium.meshes import box
+from kolsky.equilibrium.model import Fixed, Model, Prescribed
+from kolsky.equilibrium.solid import CompressibleNeoHookean
+from kolsky.equilibrium.solve import solve
+from kolsky.report.films import largest_stretches
 from kolsky.report.scene import drawing
-from kolsky.report.specimen_stills import largest_stretches
 
 RUBBER = CompressibleNeoHookean.from_young(30e3, 0.3)
 

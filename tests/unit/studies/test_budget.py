@@ -8,17 +8,20 @@ import pytest
 from scipy.stats import t as student
 from typer.testing import CliRunner
 
-from doe.ledger_rows import Run
+from doe.ledger import Run
 from kolsky.cli import app
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings
 from kolsky.studies.budget.budget import analysed
-from kolsky.studies.budget.campaign import plan_campaign, shot_sigma, slope_half_width
-from kolsky.studies.budget.design import NODES, WEIGHTS, design, slopes_of
-from kolsky.studies.budget.factors import NOISE, factors_of, shifted
-from kolsky.studies.budget.realisation import Realisations
-from kolsky.studies.budget.refit import Estimate, phase, same_valley
-from kolsky.studies.budget.refit import RealisationOutcome as Outcome
-from kolsky.studies.budget.sampling import joint_shares, shares_of_squares
+from kolsky.studies.budget.factors import NODES, NOISE, WEIGHTS, design, factors_of, shifted, slopes_of
+from kolsky.studies.budget.realisation import Estimate, Realisations, phase, same_valley
+from kolsky.studies.budget.realisation import RealisationOutcome as Outcome
+from kolsky.studies.budget.records import (
+    joint_shares,
+    plan_campaign,
+    shares_of_squares,
+    shot_sigma,
+    slope_half_width,
+)
 from kolsky.virtual.schema import Specification
 
 FACTORS = factors_of(

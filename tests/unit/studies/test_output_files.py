@@ -8,14 +8,11 @@ import pytest
 from ratedshots import rated
 
 from kolsky.studies.local_sensitivity import LocalSensitivity, ObservationGrid
-from kolsky.studies.planning.choices import Choice, Rate
-from kolsky.studies.planning.information import Expected
-from kolsky.studies.planning.instruments import Instruments
+from kolsky.studies.planning.information import Expected, Instruments
 from kolsky.studies.planning.output import rows, to_json
-from kolsky.studies.planning.plan import Plan
+from kolsky.studies.planning.plan import Choice, Plan, Rate
 from kolsky.studies.rates.comparison import compare
-from kolsky.studies.rates.output import summary
-from kolsky.studies.rates.tables import tables
+from kolsky.studies.rates.output import summary, tables
 
 
 def expected(m: float, damping: float) -> Expected:

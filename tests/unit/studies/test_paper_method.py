@@ -9,10 +9,10 @@ from synthetic import synthetic
 
 from doe import Box, CostSurrogate, Design, full_factorial
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.misfit import Terms
+from kolsky.inverse.run_table import Terms
+from kolsky.studies import paper_method
 from kolsky.studies import paper_method as method
-from kolsky.studies import paper_output
-from kolsky.studies.paper_interval import CostInterval, cost_interval
+from kolsky.studies.paper_method import CostInterval, cost_interval
 
 COARSE, FINE = (8, 11), (16, 22)
 SLOPE = 20.0
@@ -141,7 +141,7 @@ def test_untold_friction_is_no_slip_and_the_optimum_moves_to_the_refined_mesh(
     assert [len(s.runs.table.outcomes) for s in found.surfaces] == [36, 16, 7]
     assert made.runs[-1] == ({"stiffness_factor": found.factor}, FINE)
     assert found.cost == pytest.approx(made.cost({"stiffness_factor": found.factor}, FINE))
-    said = paper_output.rows(found)
+    said = paper_method.rows(found)
     assert said["f, paper's"] == "no slip, as the data do not tell it"
     assert ("force alone" in said["Phi, paper's"]) is not outline
 
@@ -160,9 +160,9 @@ def test_told_friction_is_searched_too(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_an_optimum_at_a_bound_is_not_confirmed(monkeypatch: pytest.MonkeyPatch) -> None:
     found = answer(monkeypatch, MadeShot({COARSE: 1.6, FINE: 1.6}), held={"friction": 0.3})
     assert not found.confirmed
-    assert "bound of its design" in paper_output.warnings(found)[0]
+    assert "bound of its design" in paper_method.paper_warnings(found)[0]
     assert found.interval.open_high
-    assert "open above" in paper_output.rows(found)["m, paper's, interval (M.6-M.8)"]
+    assert "open above" in paper_method.rows(found)["m, paper's, interval (M.6-M.8)"]
     wider = {"stiffness_factor": (1.0, 2.2)}
     assert answer(monkeypatch, MadeShot({COARSE: 1.6, FINE: 1.6}), bounds=wider).confirmed
 
@@ -175,10 +175,10 @@ def test_a_far_shift_between_meshes_is_followed(monkeypatch: pytest.MonkeyPatch)
 
 def test_json_and_table_are_whole(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
     found = answer(monkeypatch, MadeShot({COARSE: 1.10, FINE: 1.05}))
-    paper_output.write_paper_method(tmp_path, found)
+    paper_method.write_paper_method(tmp_path, found)
     rows = (tmp_path / "paper_method.csv").read_text().splitlines()
     assert len(rows) == 1 + 36 + 16 + 7
-    said = paper_output.to_json(found)
+    said = paper_method.to_json(found)
     assert said["interval"] == [found.interval.low, found.interval.high]
     assert said["checks"][-1]["phi"] == found.cost
 
@@ -190,8 +190,8 @@ def test_unknown_bounds_are_refused() -> None:
 
 def test_the_command_has_its_answer_or_says_why_not(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
     """What `kolsky identify --method paper` adds to the answer that it has written already."""
-    from kolsky.cli.identify_alone import paper_answer
-    from kolsky.inverse.settings import Settings
+    from kolsky.cli.identify import paper_answer
+    from kolsky.inverse.problem import Settings
 
     made = MadeShot({COARSE: 1.10, FINE: 1.05})
     monkeypatch.setattr(method.sweeping, "sweep", made.sweep)
@@ -205,7 +205,9 @@ def test_the_command_has_its_answer_or_says_why_not(monkeypatch: pytest.MonkeyPa
     rows, said, doubts = paper_answer(shot, settings, tmp_path)  # type: ignore[arg-type]
     assert rows["m, paper's method"].endswith("confirmed on 16x22")
     assert said["paper_method"]["stiffness_factor"] == pytest.approx(1.05, abs=method.CONFIRMED)
-    assert doubts == paper_output.warnings(answer(monkeypatch, made, bounds={"stiffness_factor": (0.9, 1.3)}))
+    assert doubts == paper_method.paper_warnings(
+        answer(monkeypatch, made, bounds={"stiffness_factor": (0.9, 1.3)})
+    )
     assert (tmp_path / "paper_method.json").exists()
 
     def broken(*_: Any, **__: Any) -> Any:

@@ -15,14 +15,18 @@ from typer.testing import CliRunner
 from doe.sensitivity import LinearData
 from kolsky.cli import app
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.prepared_shot import prepare_shot
+from kolsky.inverse.problem import prepare_shot
 from kolsky.shot.load import load_shot
 from kolsky.studies.local_sensitivity import ObservationGrid, local_sensitivity
-from kolsky.studies.planning.choices import camera_heights, camera_windows, window_ends
-from kolsky.studies.planning.information import Expected, Information, information
-from kolsky.studies.planning.instruments import Instruments, instruments_of
+from kolsky.studies.planning.information import (
+    Expected,
+    Information,
+    Instruments,
+    information,
+    instruments_of,
+)
 from kolsky.studies.planning.output import rows
-from kolsky.studies.planning.plan import plan
+from kolsky.studies.planning.plan import camera_heights, camera_windows, plan, window_ends
 
 OPEN_01 = Path(__file__).resolve().parents[3] / "runs" / "open-01"
 TINY = Numerics(mesh=(8, 11), threads=1)

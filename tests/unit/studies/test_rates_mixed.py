@@ -6,8 +6,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import linregress
 from scipy.stats import t as student
 
-from kolsky.studies.rates.mixed import METHODS, mixed_fit
-from kolsky.studies.rates.pooled import pool
+from kolsky.studies.rates.scatter import METHODS, mixed_fit, pool
 
 # R. N. Kacker, "Combining information from interlaboratory evaluations using a random effects model",
 # Metrologia 41 (2004) 132, Table 1: nine laboratories' means and variances.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kolsky.studies.rates.mixed import mixed_fit
+from kolsky.studies.rates.scatter import mixed_fit
 
 CASES = {
     # values and standard uncertainties of Hartung and others' kind: agreeing, scattered, uneven

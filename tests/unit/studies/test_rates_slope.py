@@ -7,9 +7,8 @@ from ratedshots import MATES_M, MATES_RATES
 from scipy.stats import linregress
 
 from kolsky.base.records import FrontVelocity
-from kolsky.studies.rates.motion import strain_history, strain_history_of
-from kolsky.studies.rates.pooled import pool
-from kolsky.studies.rates.regression import SlopeVerdict, slope
+from kolsky.studies.rates.records import strain_history, strain_history_of
+from kolsky.studies.rates.scatter import SlopeVerdict, pool, slope
 
 NOISE = np.full(5, 1e-4)
 

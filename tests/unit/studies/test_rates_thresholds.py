@@ -7,10 +7,8 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from kolsky.studies.rates.comparison import common_parts, compare
-from kolsky.studies.rates.mixed import mixed_fit
-from kolsky.studies.rates.motion import StrainHistory
-from kolsky.studies.rates.pooled import pool
-from kolsky.studies.rates.regression import Slope, SlopeVerdict, slope
+from kolsky.studies.rates.records import StrainHistory
+from kolsky.studies.rates.scatter import Slope, SlopeVerdict, mixed_fit, pool, slope
 
 Y = np.array([1.18, 1.04, 1.09, 0.94, 1.02])
 S = np.full(5, 0.02)

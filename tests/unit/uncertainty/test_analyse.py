@@ -8,15 +8,13 @@ import pytest
 
 from doe import Box, ResponseSurrogate, full_factorial
 from kolsky.identification import identify
+from kolsky.inverse.coarse_search import CorrectedSurrogate
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.method_comparison import POSTERIOR, PROFILE
 from kolsky.inverse.objective import Objective
-from kolsky.inverse.optimum import CorrectedSurrogate
-from kolsky.inverse.prepared_shot import prepare_shot
-from kolsky.inverse.result import Identification
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings, prepare_shot
+from kolsky.inverse.result import POSTERIOR, PROFILE, Identification
 from kolsky.shot.load import load_shot
-from kolsky.uncertainty.reduced_likelihood import full_likelihood, reduced_likelihood
+from kolsky.uncertainty.profiles import full_likelihood, reduced_likelihood
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 COARSE = Settings(

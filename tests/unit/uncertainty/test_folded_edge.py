@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from explicit import Outcome, cylinder
-from explicit.folding import corner_areas
+from explicit.mesh import corner_areas
 from kolsky.base.apparatus import Interface
-from kolsky.uncertainty.warnings.runs import FOLDED, folded
+from kolsky.uncertainty.warnings import FOLDED, folded_warning
 
 MESH = cylinder(4e-3, 6e-3, n_radial=2, n_axial=2)
 BONDED = Interface(faces="bonded", side="bonded")
@@ -39,7 +39,7 @@ def response(*shares: float, outcome: Outcome = Outcome.COMPLETED, nodes: bool =
 
 
 def said(shown: Any, interface: Interface = SLIDING, named: tuple[str, ...] = ()) -> list[str]:
-    return list(folded(shown, MESH, interface, named))
+    return list(folded_warning(shown, MESH, interface, named))
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5, 0.0, -0.6])

@@ -13,10 +13,15 @@ from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import observe
 from kolsky.inverse.parameters import PARAMETERS
-from kolsky.uncertainty.input_directions import InputDirection, InputDirections
+from kolsky.uncertainty.input_changes import (
+    InputDirection,
+    InputDirections,
+    MovedInputs,
+    MovedRuns,
+    height_follows,
+    outline_follows,
+)
 from kolsky.uncertainty.inputs import CLOCK, parameter_step, plain_amount
-from kolsky.uncertainty.moved_inputs import MovedInputs, height_follows, outline_follows
-from kolsky.uncertainty.moved_runs import MovedRuns
 
 FloatArray = NDArray[np.float64]
 TIME = np.linspace(0.0, 1e-3, 101)
@@ -151,11 +156,11 @@ def test_friction_that_is_not_named_is_changed_in_the_shot(monkeypatch: pytest.M
 
     monkeypatch.setitem(PARAMETERS, "friction", replace(PARAMETERS["friction"], changed=changed))
     monkeypatch.setattr(
-        "kolsky.uncertainty.moved_runs.replace",
+        "kolsky.uncertainty.input_changes.replace",
         lambda forward, shot: SimpleNamespace(friction=shot.interface.friction),
     )
     monkeypatch.setattr(
-        "kolsky.uncertainty.moved_runs.run_side_by_side",
+        "kolsky.uncertainty.input_changes.run_side_by_side",
         lambda launches: [(one.points, one.forward.friction) if one else None for one in launches],
     )
 

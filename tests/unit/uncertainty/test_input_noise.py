@@ -6,13 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.inverse.completed_runs import Replicates
-from kolsky.uncertainty.input_noise import (
-    InputChanges,
-    input_changes,
-    replicate_uncertainty,
-    scale_uncertainty,
-)
+from kolsky.inverse.run_table import Replicates
+from kolsky.uncertainty.budgets import InputChanges, input_changes, replicate_uncertainty, scale_uncertainty
 
 GAIN = np.array([[2.0, 0.0, 0.0], [0.0, 1.0, -1.0]])
 

@@ -7,13 +7,12 @@ import pytest
 
 from explicit import Outcome, Response
 from kolsky.identification import identify
-from kolsky.inverse.forward import Numerics
-from kolsky.inverse.graded_mesh import GRADING
-from kolsky.inverse.launches import Launch, run_side_by_side
-from kolsky.inverse.settings import Settings
-from kolsky.results.summary import to_json
+from kolsky.inverse.forward import GRADING, Numerics
+from kolsky.inverse.problem import Settings
+from kolsky.inverse.work import Launch, run_side_by_side
+from kolsky.results.tables import to_json
 from kolsky.shot.load import load_shot
-from kolsky.uncertainty import mesh_runs
+from kolsky.uncertainty import mesh_error
 
 OPEN_01 = Path(__file__).parents[3] / "runs" / "open-01"
 SETTINGS = Settings(
@@ -39,7 +38,7 @@ def test_an_identification_says_which_graded_run_it_has_lost(monkeypatch: pytest
     whole = identify(short, SETTINGS)
     assert "lost_mesh_runs" not in whole.surrogate
     assert "graded mesh" not in " ".join(whole.warnings)
-    monkeypatch.setattr(mesh_runs, "run_side_by_side", losing)
+    monkeypatch.setattr(mesh_error, "run_side_by_side", losing)
     found = identify(short, SETTINGS)
     (said,) = [text for text in found.warnings if "graded mesh" in text]
     assert said.startswith(

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kolsky.inverse.early_run import EarlyRun
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.launches import Launch
-from kolsky.uncertainty import mesh_runs
-from kolsky.uncertainty.mesh_runs import mesh_change, mesh_change_beside
-from kolsky.uncertainty.numerical import (
+from kolsky.inverse.work import EarlyRun, Launch
+from kolsky.uncertainty import mesh_error
+from kolsky.uncertainty.mesh_error import (
     GradedChange,
     MeshChange,
+    mesh_change,
+    mesh_change_beside,
     numerical_parts,
     windows_of,
 )
@@ -161,8 +161,8 @@ def staged(monkeypatch: pytest.MonkeyPatch, lost: str = "", **offset: float) -> 
             )
         return found
 
-    monkeypatch.setattr(mesh_runs, "run_side_by_side", side_by_side)
-    monkeypatch.setattr(mesh_runs, "predict", lambda response, observations: response.seen[None])
+    monkeypatch.setattr(mesh_error, "run_side_by_side", side_by_side)
+    monkeypatch.setattr(mesh_error, "predict", lambda response, observations: response.seen[None])
     stages = SimpleNamespace(
         settings=SimpleNamespace(numerics=Numerics(), refined_mesh=(64, 86), held={"poisson": 0.49}),
         box=SimpleNamespace(names=("stiffness_factor",)),
@@ -215,8 +215,8 @@ def test_a_graded_run_that_is_at_work_is_not_made_again(monkeypatch: pytest.Monk
     ended.describe = lambda row: "over"
     for x, forward, taken in ((1.0, None, True), (1.1, None, False), (1.0, "another path", False)):
         stages, fine = staged(monkeypatch)
-        usual_runs = mesh_runs.run_side_by_side
-        monkeypatch.setattr(mesh_runs, "run_side_by_side", counted)
+        usual_runs = mesh_error.run_side_by_side
+        monkeypatch.setattr(mesh_error, "run_side_by_side", counted)
         stages.early = EarlyRun(np.array([x]), forward, lambda: ended)  # type: ignore[arg-type]
         found = mesh_change(stages, fine)
         assert ((64, 86) in made[-1]) is not taken
@@ -255,7 +255,7 @@ def test_runs_beside_other_work_say_the_same(monkeypatch: pytest.MonkeyPatch, th
     stages, fine = staged(monkeypatch, m=0.2)
     stages.settings.numerics = Numerics(threads=threads)
     alone, runs = mesh_change(stages, fine), []
-    monkeypatch.setattr(mesh_runs, "made", _told(mesh_runs.made, runs))
+    monkeypatch.setattr(mesh_error, "mesh_error_runs", _told(mesh_error.mesh_error_runs, runs))
     with mesh_change_beside(stages, fine) as told:
         assert not runs or threads > 1
         found = told()

@@ -7,9 +7,15 @@ import numpy as np
 import pytest
 
 from kolsky.inverse.estimates import RouteOptimum
-from kolsky.uncertainty.input_noise import InputChanges
-from kolsky.uncertainty.numerical import MeshChange
-from kolsky.uncertainty.route_budgets import Sources, budgeted, combined, noise_parts, route_difference
+from kolsky.uncertainty.budgets import (
+    InputChanges,
+    Sources,
+    budgeted,
+    noise_parts,
+    root_sum_squares,
+    route_difference,
+)
+from kolsky.uncertainty.mesh_error import MeshChange
 
 RNG = np.random.default_rng(4)
 N, K = 12, 30
@@ -82,7 +88,7 @@ def test_what_moves_both_alike_is_no_part_of_their_difference() -> None:
     found = route_difference(NAMES, pair, alike)
     assert found is not None
     assert found.values == pytest.approx({"stiffness_factor": 0.0, "damping": 0.0}, abs=1e-12)
-    own = combined({"residuals": np.sqrt(np.diag(pair[0].residual + pair[1].residual))})
+    own = root_sum_squares({"residuals": np.sqrt(np.diag(pair[0].residual + pair[1].residual))})
     np.testing.assert_allclose(list(found.sigma.values()), own, rtol=1e-12)
     # Each alone has it all: 0.3 of the flyer, and of the mesh what an order of 2.1 corrects more than 3.2.
     parts = {part.source: part.sigma for part in budgeted(NAMES, pair[0], alike).budget}

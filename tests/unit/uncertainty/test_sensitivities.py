@@ -6,10 +6,16 @@ from typing import Any
 
 import pytest
 
-from kolsky.inverse.uncertainty_results import Declaration
-from kolsky.report.sensitivity_table import printed_sensitivities, signed_percent
-from kolsky.uncertainty.sensitivities import amount_text, caution, elasticity, relative_moves, unseen
-from kolsky.uncertainty.systematic import UNDECLARED
+from kolsky.inverse.result import Declaration
+from kolsky.results.identification_rows import printed_sensitivities, signed_percent
+from kolsky.uncertainty.declarations import (
+    UNDECLARED,
+    amount_text,
+    caution,
+    elasticity,
+    invisible_inputs,
+    relative_moves,
+)
 
 ANSWER = {"stiffness_factor": 1.2, "damping": 0.0}
 
@@ -66,7 +72,7 @@ def test_what_leaves_no_residual_is_said_once() -> None:
     curve = part("curve_scale", 0.01, -0.012, visible=0.0009)
     density = part("specimen_density", 0.01, 0.012, visible=0.0011, alike=("sensitivity",))
     force = part("sensitivity", 0.01, 0.0, alike=("specimen_density",))
-    first, second = unseen((curve, density, force))
+    first, second = invisible_inputs((curve, density, force))
     assert "m times the curve is all that is seen" in first
     assert "scale the force: a wrong specimen_density is a force gain" in second
-    assert list(unseen((replace(curve, visible=float("nan")),))) == []
+    assert list(invisible_inputs((replace(curve, visible=float("nan")),))) == []

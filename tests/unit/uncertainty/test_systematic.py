@@ -9,9 +9,9 @@ from doe import Box
 from kolsky.base.records import ForceHistory
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import observe
-from kolsky.inverse.uncertainty_results import Declaration
+from kolsky.inverse.result import Declaration
 from kolsky.uncertainty.analyse import UncertaintyAnalysis
-from kolsky.uncertainty.profile_likelihood import LinearisedOptimum
+from kolsky.uncertainty.profiles import LinearisedOptimum
 
 
 def test_declared_parts_add_in_quadrature() -> None:

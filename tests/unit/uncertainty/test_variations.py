@@ -10,13 +10,13 @@ from doe import Box
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.identification import identify
+from kolsky.inverse.coarse_search import search
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction, observe
-from kolsky.inverse.optimum import search
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings
 from kolsky.shot.load import load_shot
-from kolsky.uncertainty.variations import FORCE_BINS, SEARCHED, WINDOW_END, _halves, shorter, wider
+from kolsky.uncertainty.analyse import FORCE_BINS, SEARCHED, WINDOW_END, _halves, shorter_window, wider_bins
 
 ROOT = Path(__file__).parents[3]
 BOX = Box(names=("stiffness_factor",), lower=(0.5,), upper=(1.5,))
@@ -50,7 +50,7 @@ def model(points: FloatArray) -> FloatArray:
 
 def test_a_shorter_window_is_that_window() -> None:
     objective, _ = made()
-    cut, predict = shorter(objective, model, 0.8e-3)
+    cut, predict = shorter_window(objective, model, 0.8e-3)
     assert cut.times.max() <= 0.8e-3
     whole = objective.times <= 0.8e-3  # a bin that the end cuts is left out: its centre may be inside
     assert whole.sum() - len(cut.data) in (0, 1)
@@ -64,12 +64,12 @@ def test_a_shorter_window_is_that_window() -> None:
 @pytest.mark.parametrize(("end", "words"), [(0.1e-3, "2 bins of the force"), (-1.0, "0 bins")])
 def test_a_window_that_is_too_short(end: float, words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        shorter(made()[0], model, end)
+        shorter_window(made()[0], model, end)
 
 
 def test_wider_bins_are_the_means_that_the_samples_have() -> None:
     objective, _ = made()
-    wide, predict = wider(objective, model)
+    wide, predict = wider_bins(objective, model)
     bins = wide.observations.bins
     assert bins.mean.size == 11  # ten pairs and the odd one
     for k, mean in enumerate(bins.mean):
@@ -83,7 +83,7 @@ def test_wider_bins_are_the_means_that_the_samples_have() -> None:
     data = wide.data
     exact = model(np.array([1.0]))
     exact[0, : objective.n_force] = objective.observations.bins.mean
-    merged = wider(objective, lambda x: exact)[1](np.array([1.0]))[0]
+    merged = wider_bins(objective, lambda x: exact)[1](np.array([1.0]))[0]
     np.testing.assert_allclose(merged, data, rtol=1e-12)  # data and model are merged alike
     assert predict(np.array([1.0])).shape == (1, data.size)
 

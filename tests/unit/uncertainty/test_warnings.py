@@ -10,14 +10,11 @@ from synthetic import CHECKS, failed, synthetic
 
 from explicit import Outcome
 from kolsky.base.apparatus import Interface
-from kolsky.inverse.forward import Numerics
-from kolsky.inverse.graded_mesh import coarser_graded, graded
-from kolsky.inverse.method_comparison import Method
-from kolsky.inverse.result import Identification, RouteDifference, Verdict
-from kolsky.inverse.uncertainty_results import ParameterProfile
+from kolsky.inverse.forward import Numerics, coarser_graded, graded
+from kolsky.inverse.result import Identification, Method, ParameterProfile, RouteDifference, Verdict
 from kolsky.uncertainty.analyse import UncertaintyAnalysis, analysis_warnings
-from kolsky.uncertainty.numerical import LostRun
-from kolsky.uncertainty.warnings.collect import collect_warnings
+from kolsky.uncertainty.mesh_error import LostRun
+from kolsky.uncertainty.warnings import collect_warnings
 
 BONDED = Interface(faces="bonded", side="bonded")
 SLIDING = Interface(faces="coulomb", side="coulomb", friction=0.3)
@@ -282,7 +279,7 @@ def test_threshold_of_hourglass_control(share: float, said: int) -> None:
 
 @pytest.mark.parametrize(("share", "said"), [(0.009, 0), (0.011, 1)])
 def test_threshold_of_the_energy_balance(share: float, said: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("kolsky.uncertainty.warnings.answer.worst_imbalance", lambda response: share)
+    monkeypatch.setattr("kolsky.uncertainty.warnings.worst_imbalance", lambda response: share)
     assert texts(clean()) == said
 
 

@@ -13,7 +13,7 @@ from benchmarks import forty_shots
 from benchmarks.forty import SPEC, attempts, expected_beyond, kept_answers, series_of, spread, write
 from benchmarks.forty_cures import CURES, all_regions, flyer_region, true_inputs, with_subset
 from benchmarks.forty_shots import Answer, Study, cured_copy, cures_for, keep_to, one, said_on_purpose, shares
-from dic.forks import cores
+from dic.processes import cores
 from kolsky.base.errors import InputError
 from kolsky.base.process import WORKER
 

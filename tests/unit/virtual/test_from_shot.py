@@ -7,7 +7,7 @@ import pytest
 
 from kolsky.base.records import MaterialCurve
 from kolsky.shot.load import load_shot
-from kolsky.virtual.from_shot import declared_sizes, specification_of, yeoh_of
+from kolsky.virtual.shot_file import declared_sizes, specification_of, yeoh_of
 from kolsky.virtual.specification import read_specification
 
 

@@ -19,10 +19,10 @@ from typer.testing import CliRunner
 
 from kolsky.base.errors import InputError
 from kolsky.cli import app
-from kolsky.cli.virtual_new import template
+from kolsky.cli.virtual import template
 from kolsky.shot.load import load_shot
 from kolsky.virtual import make as make_module
-from kolsky.virtual.make import make, side_by_side
+from kolsky.virtual.make import gpu_batches, make
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.specification import read_specification
 from kolsky.virtual.truth import TruthError, try_truths
@@ -109,16 +109,16 @@ def test_gpus_get_equally_long_batches(tmp_path: Path) -> None:
     def numbers(batches: list[list[Any]]) -> list[list[int]]:
         return [[shot.number for shot, _ in batch] for batch in batches]
 
-    found = numbers(side_by_side(todo, jobs, 4))  # type: ignore[arg-type]
+    found = numbers(gpu_batches(todo, jobs, 4))  # type: ignore[arg-type]
     assert sorted(k for batch in found for k in batch) == list(range(150))
     assert [len(batch) for batch in found] == [38, 38, 37, 37]
     slowest = np.argsort(speeds)
     assert [batch[0] for batch in found] == slowest[:4].tolist()
     # One GPU takes more than it simulates at a time in two rounds, alike in number.
-    alone = numbers(side_by_side(todo, jobs, 1))  # type: ignore[arg-type]
+    alone = numbers(gpu_batches(todo, jobs, 1))  # type: ignore[arg-type]
     assert [len(batch) for batch in alone] == [75, 75]
     assert [batch[0] for batch in alone] == slowest[:2].tolist()
-    assert len(side_by_side(todo[:3], jobs[:3], 4)) == 3  # type: ignore[arg-type]
+    assert len(gpu_batches(todo[:3], jobs[:3], 4)) == 3  # type: ignore[arg-type]
 
 
 def test_every_gpu_has_one_batch_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -143,7 +143,7 @@ def test_every_gpu_has_one_batch_at_a_time(tmp_path: Path, monkeypatch: pytest.M
             yield pool
 
     monkeypatch.setattr(make_module, "gpus", lambda name: tuple(busy))
-    monkeypatch.setattr(make_module, "SIDE_BY_SIDE", 1)
+    monkeypatch.setattr(make_module, "TRUTHS_PER_GPU", 1)
     monkeypatch.setattr(make_module, "_truths", truths)
     monkeypatch.setattr("kolsky.base.process.process_pool", threads_for_processes)
     out = made(tmp_path, "[population]\nshots = 4\n", device="cuda", workers=3)
@@ -211,14 +211,13 @@ def test_the_truth_is_read_by_nothing_else() -> None:
     named = re.compile(r"truth\.json|truth_surface|shot_folder import .*TRUTH")
     readers = {
         str(path.relative_to(ROOT))
-        for package in ("kolsky", "dic", "explicit", "implicit", "doe")
+        for package in ("kolsky", "dic", "explicit", "doe")
         for path in (ROOT / package).rglob("*.py")
         if named.search(path.read_text("utf-8"))
     }
     assert readers <= {
         "kolsky/virtual/make.py",
         "kolsky/virtual/shot_file.py",
-        "kolsky/virtual/shot_folder.py",
     }
 
 

@@ -10,11 +10,9 @@ from scipy.stats import chi2
 
 from dic.calibration import calibrate
 from dic.images import open_pictures
-from kolsky.shot.schema.pictures import CalibrationSection, DicSection, PicturesSection
-from kolsky.virtual.calibration_series import lens_model, poses_of, target_of
-from kolsky.virtual.cameras_rig import rig_of
-from kolsky.virtual.pictures import write_pictures
-from kolsky.virtual.pictures_scene import instants_of, scene_of
+from kolsky.schema.pictures import CalibrationSection, DicSection, PicturesSection
+from kolsky.virtual.calibration_pictures import lens_model, poses_of, rig_of, target_of
+from kolsky.virtual.pictures import instants_of, scene_of, write_pictures
 from kolsky.virtual.records import SurfaceHistory
 from kolsky.virtual.schema import Specification
 

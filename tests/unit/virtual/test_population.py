@@ -7,9 +7,7 @@ import pytest
 
 from kolsky.base.errors import InputError
 from kolsky.studies.budget.factors import factors_of
-from kolsky.virtual.population import Draw
-from kolsky.virtual.specification import Series, read_specification
-from kolsky.virtual.streams import stream
+from kolsky.virtual.specification import Draw, Series, read_specification, stream
 from kolsky.virtual.truth import Job
 
 HEAD = "format = 1\n[population]\nshots = {n}\n[population.draw]\n"

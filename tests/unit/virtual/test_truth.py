@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from kolsky.virtual.bar_motion import flyer_samples, static_curve
-from kolsky.virtual.instruments import free_outline, measure_curve, measure_outline, seen_displacement
+from kolsky.virtual.instruments import free_outline, measure_curve, measure_outline, side_displacement
 from kolsky.virtual.material import law_of, uniaxial_stress
-from kolsky.virtual.middle import middle
-from kolsky.virtual.motion import Ramp, path_of, ramp_of
+from kolsky.virtual.motion import Ramp, flyer_samples, path_of, ramp_of, static_curve
 from kolsky.virtual.records import SurfaceHistory, TruthError
 from kolsky.virtual.schema import MotionTable, Specification
 from kolsky.virtual.shot_file import shot_tables
-from kolsky.virtual.truth import KNOT, Job, simulate_truths
+from kolsky.virtual.truth import KNOT, Job, middle, simulate_truths
 
 TINY = {"truth": {"mesh": [8, 11]}, "motion": {"compression": "12 %"}, "frames": {"rate": "60 kHz"}}
 
@@ -102,7 +100,7 @@ def test_tilt_moves_the_camera_side_and_leaves_the_force() -> None:
     theta = np.radians(0.5)
     assert np.array_equal(right.transmitted, wrong.transmitted)
     assert np.array_equal(right.incident, wrong.incident)
-    gained = seen_displacement(wrong) - seen_displacement(right)
+    gained = side_displacement(wrong) - side_displacement(right)
     share = right.surface.displacement / (0.12 * 6.5e-3)
     # The pitch is kept at knots 0.25 us apart and read between them.
     assert gained == pytest.approx(7.5e-3 * theta * share, abs=1e-10)

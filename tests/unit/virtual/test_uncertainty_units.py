@@ -1,6 +1,6 @@
 """The table [uncertainty] of a made shot: every value with its unit."""
 
-from kolsky.shot.schema.uncertainty import UncertaintySection
+from kolsky.schema.apparatus import UncertaintySection
 from kolsky.virtual.shot_file import _uncertainty
 
 

@@ -14,13 +14,12 @@ import warp as wp
 import explicit
 from explicit.device import select_device
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.settings import Settings
+from kolsky.inverse.problem import Settings
 from kolsky.studies.budget.factors import factors_of
 from kolsky.studies.budget.realisation import Realisations
-from kolsky.virtual.cameras_rig import rig_of
+from kolsky.virtual.calibration_pictures import rig_of
 from kolsky.virtual.make import make
-from kolsky.virtual.pictures import expose_series
-from kolsky.virtual.pictures_scene import scene_of
+from kolsky.virtual.pictures import expose_series, scene_of
 from kolsky.virtual.records import SurfaceHistory, Truth
 from kolsky.virtual.schema import Specification
 from kolsky.virtual.specification import read_specification

@@ -1,0 +1,62 @@
+"""Array types, robust statistics, and OpenCV loaded at its first use.
+
+OpenCV (160 MB) is needed for pictures only and is the extra `pictures` of the package. Results of pictures
+are read, compared and shown without it: use `from dic.basics import cv2`, which imports it when a name of
+it is used.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["BoolArray", "ComplexArray", "FloatArray", "IntArray"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+ComplexArray = NDArray[np.complex128]
+
+
+MAD = 1.4826
+"""Standard deviation of a normal distribution over the median of its absolute deviations: 1/Φ⁻¹(3/4)."""
+MEDIAN_LENGTH = 1.18
+"""Median length of a vector of two independent unit normal components: √(2 ln 2)."""
+
+
+def median(values: FloatArray, axis: int = 0) -> FloatArray:
+    """`numpy.median` of values none of which is NaN, with a fifth of its time for some hundred of them.
+
+    Parameters
+    ----------
+    values
+        The values; at least one along `axis`.
+    axis
+        Along which the median is taken.
+    """
+    ordered = np.sort(values, axis=axis).swapaxes(0, axis)
+    half = len(ordered) // 2
+    return np.asarray(ordered[half] if len(ordered) % 2 else 0.5 * (ordered[half - 1] + ordered[half]))
+
+
+class OpenCVMissing(ModuleNotFoundError):
+    """OpenCV is not installed."""
+
+
+class _OpenCV:
+    """Stand-in for the module: the first name that is asked for imports it."""
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            import cv2 as module
+        except ImportError as error:
+            raise OpenCVMissing(
+                "pictures need OpenCV: pip install 'kolsky[pictures]'", name=error.name
+            ) from None
+        return getattr(module, name)
+
+
+if TYPE_CHECKING:
+    import cv2 as cv2
+else:
+    cv2 = _OpenCV()

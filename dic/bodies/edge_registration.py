@@ -1,0 +1,561 @@
+"""Position of a body at rest, and before it comes into view, of which pictures show only an edge strip.
+
+A subset needs several rows of speckle around its point; a body that only just reaches into the pictures at
+rest has none. But its whole edge strip moves as one: the static pictures are compared, pixel by pixel and
+both cameras together, with the material picture, in which the body's points were chosen. One unknown is left,
+its translation along the axis.
+
+The last rows of a picture are not like the others: optics and electronics, or whatever filtered the pictures,
+blur them from one side only, so that they show a place a fraction of a pixel further in. This offset of each
+row is measured in frames in which enough of the body is in view to know its translation
+(`EdgeRegistration.fit_row_offsets`).
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from dic.basics import BoolArray, FloatArray, IntArray
+from dic.bodies.follow import TrackedBody
+from dic.camera import Camera, StereoRig
+from dic.images import PictureError, Pictures
+from dic.stereo.geometry import pixels_per_length
+from dic.surfaces import SpecimenFrame
+
+EDGE_ROWS = 12
+"""Rows of pixels that are compared, from the border that the body comes in by."""
+
+
+FEWEST = 40
+"""Pixels of both cameras that must show the body."""
+LEAST_ZNCC = 0.9
+"""Least ZNCC of a strip that is taken for the body, whatever it has in other frames."""
+UNLIKE, TIMES = 0.03, 6.0
+"""Least 1 - ZNCC at which it is not, and in medians of those of frames whose translation is known [-]. A
+strip of speckles of some four pixels that is half a pixel off leaves 0.03; what noise leaves, it leaves in
+all frames."""
+
+
+@dataclass(frozen=True)
+class _EdgeView:
+    """The edge strip as one camera sees it, and its material picture."""
+
+    camera: Camera
+    coefficients: FloatArray
+    """Quintic spline of the picture in which the points were chosen, shape [rows, columns]."""
+    x: IntArray
+    """Pixels of the edge strip (x, y), shape [n, 2]."""
+    X: FloatArray
+    """Intersections of their rays with the body's cylinder, in the test frame, shape [n, 3]; those that miss
+    it are left out."""
+    row: IntArray
+    """Their rows, counted from the border that the body comes in by, shape [n]."""
+
+    def grey(self, places: FloatArray) -> FloatArray:
+        """Grey values of the picture in which the points were chosen [grey], at places (x, y) [px]."""
+        at = places[:, ::-1].T
+        grey = ndimage.map_coordinates(self.coefficients, at, order=5, mode="mirror", prefilter=False)
+        return np.asarray(grey)
+
+
+@dataclass(frozen=True)
+class VisiblePixels:
+    """The pixels of a camera that show the body, beside the same places of the material picture."""
+
+    view: _EdgeView
+    X: FloatArray
+    """Their places on the body at the time of the material picture, in the test frame [m], shape [n, 3]."""
+    grey: FloatArray
+    """Grey values of the pixels, shape [n]."""
+    reference: FloatArray
+    """Grey values of the same places in the material picture, shape [n]."""
+    row: IntArray
+    """The pixels' rows from the border, shape [n]."""
+
+    def slope(self, frame: SpecimenFrame, step: float) -> FloatArray:
+        """Derivative of `reference` with respect to the translation along y [grey/m], shape [n]: a difference
+        quotient over `step` [m]."""
+        beside = self.view.camera.project(frame.in_rig(self.X - [0.0, step, 0.0]))
+        return (self.view.grey(beside) - self.reference) / step
+
+
+def _zncc_of(parts: list[VisiblePixels]) -> float:
+    """ZNCC over the pixels of both cameras; -1 for too few pixels, or constant grey values."""
+    grey = np.concatenate([part.grey for part in parts])
+    reference = np.concatenate([part.reference for part in parts])
+    if len(grey) < FEWEST:
+        return -1.0
+    f, g = grey - grey.mean(), reference - reference.mean()
+    energy = float((f @ f) * (g @ g))
+    return float(f @ g) / float(np.sqrt(energy)) if energy > 0.0 else -1.0
+
+
+def least_zncc(known: Sequence[float]) -> float:
+    """Least ZNCC at which a strip is taken for the body.
+
+    Parameters
+    ----------
+    known
+        Those of frames in which its translation is known.
+    """
+    if not known:
+        return LEAST_ZNCC
+    return max(LEAST_ZNCC, 1.0 - max(UNLIKE, TIMES * (1.0 - float(np.median(known)))))
+
+
+def fitted(grey: FloatArray, reference: FloatArray, slope: FloatArray) -> tuple[float, float]:
+    """Least-squares step of y in ``grey = gain (reference + slope step) + offset``, gain and offset free [m],
+    and its variance; infinite where grey values are constant."""
+    f, g = grey - grey.mean(), reference - reference.mean()
+    cross, energy, n = float(f @ g), float(g @ g), len(grey)
+    if not (energy > 0.0 and f @ f > 0.0):
+        return 0.0, np.inf
+    A = np.stack([1e-6 * slope * cross / energy, g, np.ones(n)], axis=1)  # the step in micrometres
+    inverse = np.linalg.pinv(A.T @ A)
+    solution = inverse @ (A.T @ grey)
+    scatter = float(np.sum((grey - A @ solution) ** 2)) / (n - 3)
+    return 1e-6 * float(solution[0]), 1e-12 * scatter * float(inverse[0, 0])
+
+
+def rays_on_body(
+    camera: Camera,
+    pixels: FloatArray,
+    frame: SpecimenFrame,
+    radius: float,
+    across: FloatArray | tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> FloatArray:
+    """Where the rays of pixels meet a cylinder about the axis, in the test frame [m], shape [n, 3]; NaN for
+    those that miss it.
+
+    Parameters
+    ----------
+    camera, frame
+        The camera and the test frame.
+    pixels
+        Pixels (x, y) [px], shape [n, 2].
+    radius
+        Of the cylinder [m].
+    across
+        A point of its axis in the test frame [m], shape [3].
+    """
+    ideal = camera.undistort(pixels)
+    rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1) @ camera.rotation
+    centre = frame.positions(camera.centre)
+    start = centre - np.asarray(across)
+    d = rays @ frame.rotation.T
+    a = d[:, 0] ** 2 + d[:, 2] ** 2
+    b = d[:, 0] * start[0] + d[:, 2] * start[2]
+    under = b * b - a * (start[0] ** 2 + start[2] ** 2 - radius**2)
+    depth = np.where(under >= 0.0, (-b - np.sqrt(np.maximum(under, 0.0))) / a, np.nan)
+    return np.asarray(centre + depth[:, None] * d)
+
+
+def _edge_view(
+    camera: Camera, material: FloatArray, frame: SpecimenFrame, radius: float, outward: FloatArray
+) -> _EdgeView:
+    """The edge strip in one camera; the body comes in by the border that `outward` (x, y) points to."""
+    rows, columns = material.shape
+    y, x = np.mgrid[0:rows, 0:columns]
+    axis = int(np.argmax(np.abs(outward)))
+    along = (x, y)[axis]
+    row = (columns, rows)[axis] - 1 - along if outward[axis] > 0.0 else along
+    near = row < EDGE_ROWS
+    pixels = np.stack([x[near], y[near]], axis=1).astype(np.float64)
+    X = rays_on_body(camera, pixels, frame, radius)
+    smooth = ndimage.spline_filter(np.asarray(material, dtype=np.float64), order=5, mode="mirror")
+    hit = np.isfinite(X).all(axis=1)
+    return _EdgeView(camera, smooth, pixels[hit].astype(np.int64), X[hit], row[near][hit].astype(np.int64))
+
+
+def _visible_pixels(
+    view: _EdgeView,
+    picture: FloatArray,
+    first: Camera,
+    frame: SpecimenFrame,
+    inner: BoolArray,
+    motion: FloatArray,
+    offset: FloatArray,
+) -> VisiblePixels:
+    """The pixels that show the body, moved by `motion` to its place in the material picture."""
+    X = view.X + motion
+    X[:, 1] -= offset[view.row]
+    chosen = first.project(frame.in_rig(X))
+    at = np.round(chosen).astype(np.int64)
+    rows, columns = inner.shape
+    within = (at[:, 0] >= 0) & (at[:, 0] < columns) & (at[:, 1] >= 0) & (at[:, 1] < rows)
+    within[within] = inner[at[within, 1], at[within, 0]]
+    seen = chosen[within] if view.camera is first else view.camera.project(frame.in_rig(X[within]))
+    held = np.all((seen >= 3.0) & (seen <= np.array([columns, rows]) - 4.0), axis=1)
+    visible = np.flatnonzero(within)[held]
+    x, y = view.x[visible].T
+    return VisiblePixels(view, X[visible], picture[y, x], view.grey(seen[held]), view.row[visible])
+
+
+LARGEST_EDGE = 0.1
+"""Largest error of the row at the region's end, in frames whose translation is known, with which it may be
+used where no other is in view [px]: beyond it the blur of the body's own edge is in it."""
+FEWEST_ROW = 20
+"""Pixels of a row that must show the body before the row's own place is found."""
+FEWEST_FRAMES = 3
+"""Frames in which a row must have shown it."""
+SEARCH_STEP = 0.18
+"""Distance of the translations that are tried [px]: a fraction of a speckle."""
+MOST_STEPS, CONVERGED = 10, 2e-4
+"""Gauss-Newton steps at most, and the step at which they end [px]."""
+LARGEST_CORRECTION = 0.54
+"""Largest distance of the result from the best of the translations tried [px]."""
+BESIDE = 0.02
+"""Step of the difference quotient of grey values [px]."""
+
+
+@dataclass(frozen=True)
+class RegisteredEdge:
+    """A translation of the body."""
+
+    y: float
+    """Translation along the axis [m]."""
+    sigma: float
+    """Its standard deviation, from the residual of the comparison [m]."""
+    common: float
+    """Standard deviation common to frames that show the same rows, beside `sigma`, from the uncertainty of
+    the rows' offsets, and of the row at the region's end where it is used [m]."""
+    clear: bool
+    """False where rows clear of the region's end are too few, and the row at its end counts too."""
+    zncc: float
+    """ZNCC of the edge strip."""
+    n_pixels: int
+    """Pixels that showed it."""
+
+
+class EdgeRegistration:
+    """Registration of the edge strip of a body of revolution with its material picture, in any frame.
+
+    Parameters
+    ----------
+    material
+        Pictures of camera 0 and camera 1 at the time when the body's points were chosen, shape
+        [rows, columns] each.
+    mask
+        Pixels of the body in camera 0's picture of that time, shape [rows, columns].
+    rig, frame
+        The cameras and the test frame, about whose y the body is one of revolution.
+    places
+        Points of its surface at translation zero, in the test frame [m], shape [n, 3].
+    move
+        Translation at the time of `material` [m], shape [3].
+    """
+
+    def __init__(
+        self,
+        material: tuple[FloatArray, FloatArray],
+        mask: BoolArray,
+        rig: StereoRig,
+        frame: SpecimenFrame,
+        places: FloatArray,
+        move: FloatArray,
+    ) -> None:
+        radius = float(np.median(np.hypot(places[:, 0], places[:, 2])))
+        self._masks = (mask, ndimage.binary_erosion(mask, border_value=1))
+        self._first, self._frame, self._move = rig.cameras[0], frame, move
+        middle = np.median(places, axis=0) + move
+        along = pixels_per_length(rig.cameras[0], frame.in_rig(middle), frame.rotation[1])
+        self.pixel = 1.0 / float(np.linalg.norm(along))
+        """Length along the axis that a pixel shows [m]."""
+        self._views = [
+            _edge_view(*both, frame, radius, along) for both in zip(rig.cameras, material, strict=True)
+        ]
+        self._offset, self._offset_sigma = np.zeros((2, EDGE_ROWS)), np.zeros((2, EDGE_ROWS))
+        self._least = LEAST_ZNCC
+
+    def fit_row_offsets(
+        self, known: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Offset with which each row at the border shows the body; `register` then subtracts it, and accepts
+        no strip that looks much less like the body than these frames.
+
+        Parameters
+        ----------
+        known
+            Pairs of pictures, shape [rows, columns] each, with the body's translation in them [m], shape [3].
+
+        Returns
+        -------
+        offset : array
+            Of each camera's rows from the border inward, along y [m], shape [2, `EDGE_ROWS`]; 0 where
+            unknown.
+        sigma : array
+            Its standard deviation, from the scatter of the frames [m], same shape.
+        """
+        seen = [self._row_offsets(pictures, move) for pictures, move in known]
+        self._least = least_zncc([zncc for _, zncc in seen if zncc > 0.0])
+        found = np.stack([offsets for offsets, _ in seen])  # frame, camera, row
+        count = np.isfinite(found).sum(axis=0)
+        enough = count >= FEWEST_FRAMES
+        values = np.where(np.isfinite(found), found, 0.0)
+        mean = values.sum(axis=0) / np.maximum(count, 1)
+        square = np.where(np.isfinite(found), (found - mean) ** 2, 0.0).sum(axis=0)
+        self._offset = np.where(enough, mean, 0.0)
+        self._offset_sigma = np.where(enough, np.sqrt(square / np.maximum(count * (count - 1), 1)), 0.0)
+        return self._offset, self._offset_sigma
+
+    def register(
+        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, tried: FloatArray
+    ) -> RegisteredEdge | None:
+        """Translation of the body in a pair of pictures.
+
+        Parameters
+        ----------
+        pictures
+            Of camera 0 and camera 1, shape [rows, columns] each.
+        near
+            A translation across the axis (x and Z count) [m], shape [3].
+        tried
+            Translations along the axis to begin with, increasing or decreasing [m], shape [n].
+
+        Returns
+        -------
+        Rim or None
+            None if too few pixels show the body, or no place tried looks like it.
+        """
+        whole, clear = self._masks
+        score = np.array([_zncc_of(self._visible(pictures, near, y, whole)) for y in tried])
+        best = int(np.argmax(score))
+        if score[best] < 0.0:
+            return None
+        y, fit = self._converged(pictures, near, float(tried[best]), clear)
+        is_clear = fit[-1] >= FEWEST
+        if not is_clear:
+            y, fit = self._converged(pictures, near, float(tried[best]), whole)
+        zncc, _, variance, offset, n = fit
+        if zncc < self._least or abs(y - tried[best]) > LARGEST_CORRECTION * self.pixel:
+            return None
+        return RegisteredEdge(
+            y=y,
+            sigma=float(np.sqrt(variance)),
+            common=offset,
+            zncc=zncc,
+            n_pixels=n,
+            clear=is_clear,
+        )
+
+    def end_error(self, known: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]) -> float | None:
+        """Error with which the row at the region's end shows the body where its translation is known [m].
+
+        Parameters
+        ----------
+        known
+            Pairs of pictures with the body's translation, as `fit_row_offsets`; that row is in view there.
+
+        Returns
+        -------
+        float or None
+            Root mean square, its mean included; None if fewer than `FEWEST_FRAMES` frames show it, or it is
+            more than `LARGEST_EDGE`.
+        """
+        end = self._masks[0] & ~self._masks[1]
+        steps = []
+        for pictures, move in known:
+            parts = self._visible(pictures, move, float(move[1]), end)
+            if sum(len(part.grey) for part in parts) < FEWEST:
+                continue
+            grey = np.concatenate([part.grey for part in parts])
+            reference = np.concatenate([part.reference for part in parts])
+            slope = np.concatenate([part.slope(self._frame, BESIDE * self.pixel) for part in parts])
+            steps.append(fitted(grey, reference, slope)[0])
+        error = float(np.sqrt(np.mean(np.square(steps)))) if len(steps) >= FEWEST_FRAMES else np.inf
+        return error if error <= LARGEST_EDGE * self.pixel else None
+
+    def _converged(
+        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
+    ) -> tuple[float, tuple[float, float, float, float, int]]:
+        """Gauss-Newton from y to the translation that fits best [m], and `_compare` there."""
+        for _ in range(MOST_STEPS):
+            fit = self._compare(pictures, near, y, mask)
+            longest = SEARCH_STEP * self.pixel
+            step = float(np.clip(fit[1], -longest, longest))
+            if abs(step) < CONVERGED * self.pixel:
+                break
+            y += step
+        return y, fit
+
+    def _row_offsets(
+        self, pictures: tuple[FloatArray, FloatArray], move: FloatArray
+    ) -> tuple[FloatArray, float]:
+        """Offset along y from `move` at which each row shows the body [m], shape [2, `EDGE_ROWS`]; NaN: not
+        known. And the strip's ZNCC, -1 for too few pixels."""
+        off, parts = np.full((2, EDGE_ROWS), np.nan), []
+        for camera, (view, picture) in enumerate(zip(self._views, pictures, strict=True)):
+            visible = _visible_pixels(
+                view,
+                picture,
+                self._first,
+                self._frame,
+                self._masks[1],
+                self._move - move,
+                np.zeros(EDGE_ROWS),
+            )
+            parts.append(visible)
+            slope = visible.slope(self._frame, BESIDE * self.pixel)
+            for k in range(EDGE_ROWS):
+                of = visible.row == k
+                if of.sum() >= FEWEST_ROW:
+                    step, variance = fitted(visible.grey[of], visible.reference[of], slope[of])
+                    off[camera, k] = step if np.isfinite(variance) else np.nan
+        return off, _zncc_of(parts)
+
+    def _visible(
+        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
+    ) -> list["VisiblePixels"]:
+        """Pixels of both cameras that show the body at a translation y."""
+        motion = self._move - np.array([near[0], y, near[2]])
+        return [
+            _visible_pixels(view, picture, self._first, self._frame, mask, motion, offset)
+            for view, picture, offset in zip(self._views, pictures, self._offset, strict=True)
+        ]
+
+    def _compare(
+        self, pictures: tuple[FloatArray, FloatArray], near: FloatArray, y: float, mask: BoolArray
+    ) -> tuple[float, float, float, float, int]:
+        """Correlation at a translation y, the step of y by Gauss-Newton [m], its variance, what the rows'
+        offsets add to its sigma [m], and the pixels."""
+        parts = self._visible(pictures, near, y, mask)
+        zncc, n = _zncc_of(parts), sum(len(part.grey) for part in parts)
+        if zncc <= -1.0:
+            return -1.0, 0.0, np.inf, 0.0, n
+        grey = np.concatenate([part.grey for part in parts])
+        reference = np.concatenate([part.reference for part in parts])
+        slope = np.concatenate([part.slope(self._frame, BESIDE * self.pixel) for part in parts])
+        step, variance = fitted(grey, reference, slope)
+        weight = slope**2 / float(slope @ slope)
+        known = np.concatenate(
+            [sigma[part.row] for sigma, part in zip(self._offset_sigma, parts, strict=True)]
+        )
+        # An offset is common to its row's pixels; the plain sum over rows is the most they can add up to.
+        return zncc, step, variance, float(weight @ known), n
+
+
+SEARCH_RANGE = 0.9
+"""Half width of the interval about the prediction in which the edge strip is searched [px]."""
+
+
+MOST_OFFSET_FRAMES = 40
+"""Frames at most from which the offsets of the rows at the border of the picture are found."""
+
+
+MOST_RECENT = 12
+"""Frames from which the error of the row at the region's end is found."""
+
+
+def registered_edges(
+    pictures: tuple[Pictures, Pictures],
+    body: TrackedBody,
+    rig: StereoRig,
+    frame: SpecimenFrame,
+    places: FloatArray,
+    moves: FloatArray,
+    rows: list[int],
+    found: list[float],
+    static: BoolArray,
+) -> list[tuple[int, RegisteredEdge]]:
+    """The frames before the first of `rows`, latest first, with the registration of the edge strip."""
+    first, m = rows[0], body.material
+    twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
+    near = moves[twice[0]]
+    if not np.isfinite(moves[m]).all() or first < 1:
+        return []
+    chosen = (pictures[0].frame(m).astype(np.float64), pictures[1].frame(m).astype(np.float64))
+    registration = EdgeRegistration(chosen, body.mask, rig, frame, places, moves[m])
+    registration.fit_row_offsets(_in_view(pictures, moves, rows, found))
+    result: list[tuple[int, RegisteredEdge]] = []
+    recent: list[tuple[tuple[FloatArray, FloatArray], FloatArray]] = []
+    end_error: float | None = None
+    # The first points to come into view are few: the motion is that of the first ten frames together.
+    at, y = np.array(rows[:10], dtype=np.float64), np.array(found[:10])
+    speed = float(np.median(np.diff(y) / np.diff(at))) if at.size > 1 else 0.0
+    start = float(np.median(y - speed * (at - first)))
+    past = [(first, start), (first + 1, start + speed)]
+    for k in range(first - 1, -1, -1):
+        try:
+            pair = (pictures[0].frame(k).astype(np.float64), pictures[1].frame(k).astype(np.float64))
+        except PictureError:
+            continue  # its frame has an outcome that says so (`dic.images.frame_health`)
+        (last, there), (before, earlier) = past
+        speed = 0.0 if static[k] else (there - earlier) / (last - before)
+        expected = there + speed * (k - last)
+        settled = static[k] and static[min(k + 1, len(static) - 1)] and last == k + 1
+        around = SEARCH_STEP if settled else SEARCH_RANGE * (last - k)
+        tried = np.arange(-around, around + 0.5 * SEARCH_STEP, SEARCH_STEP) * registration.pixel
+        edge = registration.register(pair, near, expected + tried)
+        if edge is None:
+            continue
+        if edge.clear:
+            recent = [(pair, np.array([near[0], edge.y, near[2]])), *recent[: MOST_RECENT - 1]]
+        else:
+            end_error = registration.end_error(recent) if end_error is None else end_error
+            if end_error is None:
+                break  # what is left of the body is too near its own edge
+            edge = replace(edge, common=float(np.hypot(edge.common, end_error)))
+        result.append((k, edge))
+        past = [(k, edge.y), past[0]]
+    return result
+
+
+def consistent_frames(
+    rows: list[int], found: list[float], counts: list[int], static: BoolArray, distance: float
+) -> list[bool]:
+    """Frames that agree with the path of those after them.
+
+    As a body comes into view a few of its points may agree on a wrong place. From the frame with most points
+    back to rest, a frame farther than `distance` [m], or half a step, from the line through the next is left
+    out. The body came to speed after it rested: a static frame is left out where it is farther than
+    `distance` beyond the line, or on the other side of the frame next to it.
+    """
+    fine = [True] * len(rows)
+    if not rows:
+        return fine
+    best = int(np.argmax(counts))
+    kept = [best]
+    for i in range(best - 1, -1, -1):
+        after = kept[-6:]
+        if len(after) >= 3:
+            at, y = np.array([rows[k] for k in after]), np.array([found[k] for k in after])
+            speed = float(np.median(np.diff(y) / np.diff(at)))
+            if static[rows[i]]:
+                fine[i] = at_rest_before(found[i] - y[-1], speed * (rows[i] - at[-1]), distance)
+            else:
+                off = found[i] - float(np.median(y + speed * (rows[i] - at)))
+                fine[i] = abs(off) <= max(distance, 0.5 * abs(speed))
+        if fine[i]:
+            kept.append(i)
+    return fine
+
+
+def at_rest_before(change: float, most: float, distance: float) -> bool:
+    """Whether a body can have rested where a static frame shows it.
+
+    Parameters
+    ----------
+    change
+        From its place in the next frame that shows it to that in the static frame [m].
+    most
+        The same if it had its later speed all the way [m].
+    distance
+        What either may be off by [m].
+    """
+    low, high = min(most, 0.0), max(most, 0.0)
+    return low - distance <= change <= high + distance
+
+
+def _in_view(
+    pictures: tuple[Pictures, Pictures], moves: FloatArray, rows: list[int], found: list[float]
+) -> Iterator[tuple[tuple[FloatArray, FloatArray], FloatArray]]:
+    """Pictures of frames whose points give the translation, with it; about `MOST_OFFSET_FRAMES` of them."""
+    seen = [(k, y) for k, y in zip(rows, found, strict=True) if np.isfinite(moves[k]).all()]
+    for k, y in seen[:: max(len(seen) // MOST_OFFSET_FRAMES, 1)]:
+        try:
+            pair = (pictures[0].frame(k).astype(np.float64), pictures[1].frame(k).astype(np.float64))
+        except PictureError:
+            continue
+        yield pair, np.array([moves[k, 0], y, moves[k, 2]])

@@ -1,0 +1,439 @@
+"""Edges between bodies in a picture: by rigid motion, by correlation of rows; the arc of a rim.
+
+The rows at the border by which the flyer comes in are followed from the last frame backward, by one shift
+along the axis a frame. Pictures shifted by it agree row by row where they show the flyer, whatever its
+speckles look like, and do not where they show a specimen that is compressed: the standard deviation over the
+frames rises from that of the noise to that of the speckles within the width of an edge. The edge is then
+followed to rest, or to the frame in which too few rows of the flyer are in view.
+
+Speckles are several pixels wide, so a row of pixels across the axis looks like the row but one beside it.
+Where one body ends and another begins it does not: there the correlation of two rows, one between them, falls
+from 0.7 or more to about nothing, even if both bodies carry the same kind of speckles. At rest this gives the
+specimen's ends. The flyer's edge is then followed through all frames as the path of least correlation.
+
+A camera that does not stand in the plane of the end sees a circle as an ellipse: several pixels higher in the
+middle than at the flanks. Columns are taken in blocks; in each, rows of the specimen depart from the platen's
+grey level, whether their paint is dark or bright, and rows of the platen do not. A parabola through the
+blocks' edges, robust against one in which a spot ends early, is the arc.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import least_squares
+
+from dic.basics import FloatArray, IntArray
+from dic.images import PictureError, Pictures
+
+STRIP = 8
+"""Rows at the border that are followed first [px]."""
+FEWEST_ROWS = 4
+"""Rows of the flyer that must be in view for its place to be known [px]."""
+FEWEST_FRAMES = 5
+"""Frames that must show a row before its standard deviation counts."""
+LEAST_TRAVEL = 3.0
+"""Least travel of what is taken for the flyer [px]."""
+LARGEST_SPAN = 0.3
+"""Travel over which pictures are compared, as a share of their rows."""
+LEAST_ZNCC = 0.85
+"""Least correlation of the flyer's rows from frame to frame."""
+RIGID = 1.4
+"""Rows of the flyer, held still, vary by less than so many standard deviations of the noise,"""
+PLACED = 0.1
+"""beside what they vary by for being held still to so much only: warm air, interpolation, the shift's own
+error [px]. The flanks of sharp speckles turn a twentieth of a pixel into more than the noise."""
+DEPARTS = 2.0
+"""The first row that varies so many times what the flyer's rows do is at its edge."""
+EDGE_SHARE = 0.3
+"""Share of what the rows beyond it vary by at which the edge is put: on the flyer's side, as the specimen's
+rows next to it move nearly as one with it."""
+WIDTH = 3
+"""Rows beyond it within which the pictures differ as the specimen's speckles do at the edge."""
+CLEAR = 3.0
+"""Rows just beyond the flyer's edge vary by so many times what its own rows vary by."""
+SPANS = 16
+"""Travels that are tried, from the longest to the least."""
+MOST_ROWS = 40
+"""Rows of the flyer that are followed at most."""
+FINE_STEPS = 4
+"""Gauss-Newton steps of a shift."""
+
+
+@dataclass(frozen=True)
+class FollowedEdge:
+    """The edge of the flyer in the frames that show enough of it."""
+
+    frames: IntArray
+    """Places in the list of frames that was given, the last first, shape [n]."""
+    row: FloatArray
+    """Rows of the edge, counted as pixel centres from the border the flyer comes in by [px], shape [n]."""
+    contrast: float
+    """Standard deviation over the frames beyond the edge over that within the flyer [-]."""
+
+
+def follow_edge(pictures: FloatArray, noise: float) -> FollowedEdge:
+    """Follow the edge of a flyer that comes in by the first row.
+
+    Parameters
+    ----------
+    pictures
+        Grey values without the uneven light, of frames in order; flyer at the top, shape [n_frames, rows,
+        columns].
+    noise
+        Standard deviation of their noise.
+
+    Raises
+    ------
+    ValueError
+        If nothing moves rigidly into the picture, or no row is found where it ends.
+    """
+    n, rows, _ = pictures.shape
+    travel, first = _coarse_travel(pictures)
+    if travel[first] < LEAST_TRAVEL:
+        raise ValueError(
+            f"what the first {STRIP} rows of the last usable picture show moved by {travel[first]:.1f} px "
+            "into "
+            f"the picture, at least {LEAST_TRAVEL:g} px are needed"
+        )
+    last, contrast = _consistent_edge(pictures[first:], travel[first:], noise, LARGEST_SPAN * rows)
+    known = travel <= last - STRIP - 1.0  # further back the strip holds specimen too
+    known[:first] = False
+    found, where = [n - 1], [last]
+    shift, speed = 0.0, 0.0
+    for k in range(n - 2, -1, -1):
+        guess = float(travel[k]) if known[k] else shift + speed
+        in_view = min(int(np.floor(last - guess)) - 1, MOST_ROWS)  # rows of the flyer, clear of its edge
+        if in_view < FEWEST_ROWS:
+            break
+        fit = _fine_shift(pictures[k], pictures[-1], guess, in_view)
+        if fit is None or abs(fit - guess) > 1.5:
+            break
+        speed, shift = fit - shift, fit
+        found.append(k)
+        where.append(last - shift)
+    return FollowedEdge(np.array(found), np.array(where), contrast)
+
+
+def _coarse_travel(pictures: FloatArray) -> tuple[FloatArray, int]:
+    """Travel from each frame to the last by the rows at the border [px], and the first frame it is known
+    in."""
+    n, rows, _ = pictures.shape
+    farthest = max(6, rows // 16)
+    travel = np.zeros(n)
+    for k in range(n - 2, -1, -1):
+        here, next_one = pictures[k, :STRIP], pictures[k + 1]
+        score = np.array(
+            [_zncc(here, next_one[max(s, 0) : STRIP + s], max(-s, 0)) for s in range(-1, farthest)]
+        )
+        best = int(np.argmax(score))
+        if score[best] < LEAST_ZNCC or travel[k + 1] > LARGEST_SPAN * rows:
+            return travel, k + 1
+        part = 0.0
+        if 0 < best < score.size - 1:
+            a, b, c = score[best - 1 : best + 2]
+            part = 0.5 * (a - c) / (a - 2.0 * b + c)
+        # against the last frame: what each pair of frames is off by does not add up
+        rough = travel[k + 1] + best - 1 + part
+        fine = _fine_shift(pictures[k], pictures[-1], rough, STRIP)
+        travel[k] = rough if fine is None or abs(fine - rough) > 1.0 else fine
+    return travel, 0
+
+
+def _zncc(f: FloatArray, g: FloatArray, skipped: int) -> float:
+    """Correlation of two strips, the first without as many first rows as the second lacks."""
+    a, b = f[skipped:].ravel(), g.ravel()
+    a, b = a - a.mean(), b - b.mean()
+    scale = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / scale if scale > 0.0 else -1.0
+
+
+def _fine_shift(picture: FloatArray, last: FloatArray, guess: float, in_view: int) -> float | None:
+    """Shift that carries the first rows of a picture to the last one [px]; None where it does not settle."""
+    f = picture[:in_view].ravel()
+    f = f - f.mean()
+    at = np.arange(in_view, dtype=np.float64)
+    shift = guess
+    for _ in range(FINE_STEPS):
+        g = _rows_at(last, at + shift)
+        slope = (_rows_at(last, at + shift + 0.5) - _rows_at(last, at + shift - 0.5)).ravel()
+        g = g.ravel() - g.mean()
+        gain = float(f @ g) / max(float(g @ g), 1e-12)
+        slope = slope - slope.mean()
+        energy = float(slope @ slope)
+        if energy <= 0.0 or gain <= 0.0:
+            return None
+        shift += float(np.clip(slope @ (f / gain - g) / energy, -0.5, 0.5))
+    return shift
+
+
+def _rows_at(picture: FloatArray, at: FloatArray) -> FloatArray:
+    """Rows between those of a picture, cubic (Catmull-Rom), shape [n, columns]."""
+    rows = len(picture)
+    base = np.floor(at).astype(np.int64)
+    t = (at - base)[:, None]
+    take = [picture[np.clip(base + j, 0, rows - 1)] for j in (-1, 0, 1, 2)]
+    return np.asarray(
+        take[1]
+        + 0.5
+        * t
+        * (
+            take[2]
+            - take[0]
+            + t * (2.0 * take[0] - 5.0 * take[1] + 4.0 * take[2] - take[3])
+            + t * t * (3.0 * (take[1] - take[2]) + take[3] - take[0])
+        )
+    )
+
+
+def _row_variation(pictures: FloatArray, travel: FloatArray) -> FloatArray:
+    """Standard deviation over the frames of every row of the last picture, the flyer held still.
+
+    Parameters
+    ----------
+    pictures
+        The last is the one the rows are counted in, shape [n_frames, rows, columns].
+    travel
+        Of the flyer from each frame to the last [px], shape [n_frames].
+
+    Returns
+    -------
+    array
+        Shape [rows]; NaN where fewer than `FEWEST_FRAMES` frames show the row.
+    """
+    rows = pictures.shape[1]
+    total = np.zeros(pictures.shape[1:])
+    square, count = np.zeros_like(total), np.zeros(rows)
+    for picture, moved in zip(pictures, travel, strict=True):
+        at = np.arange(rows) - moved
+        seen = at >= 0.0
+        values = _rows_at(picture, at[seen])
+        total[seen] += values
+        square[seen] += values**2
+        count[seen] += 1.0
+    few = count < FEWEST_FRAMES
+    n = np.maximum(count, 2.0)[:, None]
+    variance = np.maximum(square - total**2 / n, 0.0) / (n - 1.0)
+    return np.where(few, np.nan, np.sqrt(variance.mean(axis=1)))
+
+
+def _consistent_edge(
+    pictures: FloatArray, travel: FloatArray, noise: float, largest: float
+) -> tuple[float, float]:
+    """Row of the edge in the last picture, from the longest travel in which the strip is all flyer."""
+    problem, before = "", 0
+    for span in np.linspace(largest, LEAST_TRAVEL, SPANS):
+        used = travel <= span
+        if used.sum() == before:
+            continue
+        before = int(used.sum())
+        try:
+            edge, contrast = _last_edge(pictures[used], travel[used], noise)
+        except ValueError as error:
+            problem = str(error)
+            continue
+        if edge >= travel[used].max() + STRIP + 1.0:
+            return edge, contrast
+        problem = (
+            f"about {edge:.0f} rows of it are in view, at least {STRIP + LEAST_TRAVEL + 1:.0f} are needed"
+        )
+    raise ValueError(f"the flyer's edge is not clear in the last usable picture: {problem}")
+
+
+def rigid_limit(rows: FloatArray, noise: float) -> float:
+    """Largest standard deviation over the frames of rows that are held still.
+
+    Parameters
+    ----------
+    rows
+        Neighbouring rows of one picture, shape [n, columns].
+    noise
+        Standard deviation of the pictures' noise.
+
+    Returns
+    -------
+    float
+        Root of (`RIGID` times the noise)² and (`PLACED` times the slope across the rows, root mean square)²,
+        the slope without what the noise adds to it.
+    """
+    slope = 0.5 * (rows[2:] - rows[:-2])
+    true = max(float(np.mean(slope**2)) - 0.5 * noise**2, 0.0)
+    return float(np.sqrt((RIGID * noise) ** 2 + PLACED**2 * true))
+
+
+def _last_edge(pictures: FloatArray, travel: FloatArray, noise: float) -> tuple[float, float]:
+    """Row of the edge in the last picture, and how clear it is."""
+    spread = _row_variation(pictures, travel)
+    known = np.flatnonzero(np.isfinite(spread))
+    if known.size < 2 * FEWEST_ROWS:
+        raise ValueError(f"{len(pictures)} frames show too little of it")
+    level = float(np.median(spread[known[:STRIP]]))
+    most = rigid_limit(pictures[-1, known[:STRIP]], noise)
+    if level > most:
+        raise ValueError(
+            f"the rows at the border vary by {level / noise:.1f} of the noise, at most {most / noise:.1f} is "
+            "rigid"
+        )
+    departs = known[spread[known] > DEPARTS * level]
+    if not departs.size or departs[0] < known[0] + FEWEST_ROWS:
+        raise ValueError("no rows at the border move rigidly, or all that is seen does")
+    first = int(departs[0])
+    high = float(spread[first : first + WIDTH + 1].max())
+    if high < CLEAR * level:
+        raise ValueError(
+            f"the rows beyond it vary by {high / level:.1f} of those before it, at least {CLEAR:g} is clear"
+        )
+    row = first + int(np.argmax(spread[first:] >= EDGE_SHARE * high))
+    edge = row - (spread[row] - EDGE_SHARE * high) / max(spread[row] - spread[row - 1], 1e-12)
+    return float(max(edge, first - 1.0)), high / level
+
+
+TURNS = {"up": 0, "right": 1, "down": 2, "left": 3}
+"""Quarter turns that bring the flyer to the top."""
+EVEN = 20.0
+"""Standard deviation of the Gaussian that evens out the light along a row [px]."""
+CLEAR_CORRELATION = 0.5
+"""An edge's correlation is less than this share of the median in the bodies."""
+APART = 0.15
+"""And by so much less than anywhere else on the same half of the specimen."""
+FASTEST = 6
+"""Rows that the flyer's edge may go from frame to frame [px]."""
+
+
+def row_correlation(picture: FloatArray) -> FloatArray:
+    """Correlation of the rows above and below each row, shape [rows]; 1 in the first and last, which have
+    none."""
+    f = picture - gaussian_filter1d(picture, EVEN, axis=1)
+    above, below = f[:-2], f[2:]
+    scale = np.sqrt(np.sum(above**2, axis=1) * np.sum(below**2, axis=1))
+    found = np.sum(above * below, axis=1) / np.where(scale > 0.0, scale, 1.0)
+    return np.pad(found, 1, constant_values=1.0)
+
+
+def rotate_rows(picture: FloatArray, toward: str) -> FloatArray:
+    """The picture with the flyer at the top."""
+    return np.rot90(picture, TURNS[toward])
+
+
+def clear_edge(pairs: FloatArray, likeness: FloatArray, where: str) -> int:
+    """The row before the one clear edge among rows."""
+    k = int(np.argmin(pairs))
+    median = float(np.median(likeness))
+    others = np.delete(pairs, np.arange(max(k - 3, 0), min(k + 4, pairs.size)))
+    second = float(others.min(initial=1.0))
+    if pairs[k] > CLEAR_CORRELATION * median or pairs[k] > second - APART:
+        raise ValueError(
+            f"no clear edge is seen {where}: rows that span it correlate by {pairs[k]:.2f}, others by "
+            f"{second:.2f} and more; declare the regions specimen and flyer, and transmission_edge"
+        )
+    return k
+
+
+def follow_by_correlation(
+    pictures: Pictures, frames: Sequence[int], toward: str, inner: slice, start: int, farthest: int
+) -> tuple[int, FloatArray, int]:
+    """Track the flyer's edge by the path of least correlation from row `start` of the first frame; it never
+    comes to row `farthest`. Returns the last frame, its picture, and the row before the edge."""
+    cost, back, kept = None, [], []
+    picture = np.empty(0)
+    for k in frames:
+        try:
+            picture = rotate_rows(pictures.frame(k).astype(np.float64), toward)
+        except PictureError:
+            continue
+        likeness = row_correlation(picture[:, inner])
+        here = 0.5 * (likeness[:-1] + likeness[1:])
+        here[farthest:] = np.inf
+        if cost is None:
+            cost = np.full(here.size, np.inf)
+            cost[start] = here[start]
+        else:
+            steps = np.stack([_shifted(cost, step) for step in range(-1, FASTEST + 1)])
+            back.append(np.argmin(steps, axis=0) - 1)
+            cost = here + steps.min(axis=0)
+        kept.append((k, here, float(np.median(likeness[:farthest]))))
+    assert cost is not None  # a usable static frame was there
+    row = int(np.argmin(cost))
+    last, here, median = kept[-1]
+    if here[row] > CLEAR_CORRELATION * median:
+        raise ValueError(
+            f"the flyer's edge is lost on the way to frame {last}: rows that span it correlate by "
+            f"{here[row]:.2f}, others by {median:.2f}; declare flyer, in a frame that shows much of it"
+        )
+    return last, picture, row
+
+
+def _shifted(cost: FloatArray, step: int) -> FloatArray:
+    """The cost of having been `step` rows further up."""
+    moved = np.full(cost.size, np.inf)
+    if step >= 0:
+        moved[step:] = cost[: cost.size - step]
+    else:
+        moved[:step] = cost[-step:]
+    return moved
+
+
+BLOCKS = 8
+"""Blocks of columns."""
+NARROWEST = 8
+"""Columns of a block, at least [px]."""
+RIM_CLEARANCE = 4
+"""Rows between the edge that is known roughly and those that are surely the platen's [px]."""
+FEWEST = 3
+"""Rows of the platen that tell its grey level."""
+SHARE = 0.5
+"""Share of what the specimen's rows depart from the platen's grey level by at which the edge is put."""
+SPREAD = 0.4
+"""Departure of a block's edge from the arc from which on it counts less [px]."""
+
+
+def end_arc(picture: FloatArray, edge: float) -> FloatArray | None:
+    """Row of a specimen's end in every column.
+
+    Parameters
+    ----------
+    picture
+        Mean picture at rest, the specimen above a bare platen, without its flanks, shape [rows, columns].
+    edge
+        Row at which the specimen ends in the mean of the columns [px].
+
+    Returns
+    -------
+    array or None
+        Shape [columns]; None where too little of the platen is in view, or too few columns.
+    """
+    rows, columns = picture.shape
+    platen = int(np.ceil(edge)) + RIM_CLEARANCE
+    if rows - platen < FEWEST or columns < BLOCKS * NARROWEST or platen - 3 * RIM_CLEARANCE < FEWEST:
+        return None
+    middles, edges = [], []
+    for block in np.array_split(np.arange(columns), BLOCKS):
+        middles.append(float(block.mean()))
+        edges.append(block_edge(picture[:, block], platen))
+    x, y = 2.0 * np.array(middles) / columns - 1.0, np.array(edges)
+    basis = np.stack([np.ones(BLOCKS), x, x**2], axis=1)
+    start = np.array([float(np.median(y)), 0.0, 0.0])
+    fit = least_squares(lambda p: basis @ p - y, start, loss="soft_l1", f_scale=SPREAD)
+    at = 2.0 * np.arange(columns) / columns - 1.0
+    return np.asarray(np.stack([np.ones(columns), at, at**2], axis=1) @ fit.x)
+
+
+def block_edge(block: FloatArray, platen: int) -> float:
+    """Row at which a block of columns falls to the platen's grey level, between the last row of the specimen
+    and the one below it [px].
+
+    Parameters
+    ----------
+    block
+        Grey values, shape [rows, columns].
+    platen
+        First row that is surely the platen's.
+    """
+    level = np.median(block[platen:])
+    departs = np.sqrt(np.mean((block - level) ** 2, axis=1))
+    limit = SHARE * float(np.median(departs[: platen - 2 * RIM_CLEARANCE]))
+    last = int(np.flatnonzero(departs[:platen] >= limit)[-1])
+    if last + 1 >= len(departs) or departs[last] <= departs[last + 1]:
+        return float(last)
+    return last + float((departs[last] - limit) / (departs[last] - departs[last + 1]))

@@ -1,0 +1,277 @@
+"""Rest position of the flyer from its rim: before contact moves it, its face is the specimen's upper end.
+
+The flyer is held still: every picture of it is sampled at the same places on its cylinder. Its paint ends at
+the rim in all of them, and beyond begins that of the specimen, which is another in each; where the rim
+stands above a camera, the face is seen at a glance between the two, as wide as the geometry says. The rim is
+where rows of pixels cease to correlate (`dic.bodies.edge_fit`), with all frames of a camera together.
+
+With the rim's place on the body, the specimen's declared length and its lower end, the translation at rest
+follows without a picture that shows the flyer there.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from dic.basics import BoolArray, FloatArray, IntArray
+from dic.bodies.edge_fit import HALF, fit_edge, in_view, sampled, strip_places
+from dic.bodies.follow import TrackedBody
+from dic.camera import Camera, StereoRig
+from dic.images import PictureError, Pictures
+from dic.stereo.geometry import pixels_per_length
+from dic.surfaces import SpecimenFrame
+
+MODEL = 0.12
+"""Standard deviation of a rim for what the model leaves out: printed dots that end before it, a shadow, a
+chamfer, rows that alias [px]. Sprayed drops, which reach to it, leave half as much."""
+MOST_FRAMES = 24
+"""Frames at most that are compared."""
+FEWEST_FRAMES = 6
+"""Frames that must show the rim."""
+SHARE = 0.4
+"""Half width of the strip across the axis, as a share of the specimen's radius."""
+FEWEST_COLUMNS = 16
+"""Columns of it that must be in view [px]."""
+WITHIN, BEYOND = 16, 10
+"""Rows about the region's end in which the specimen's side is looked for, toward the flyer and beyond
+[px]."""
+CLEAR = 4.0
+"""The specimen varies by so many times what the flyer does."""
+REACH = 1.0
+"""Largest distance of the rim from where the first row that varies and the band put it, and half of what the
+band changes on top of it [px]."""
+VARIES = 5.0, 0.12
+"""The first row that varies does so many times as the flyer's rows, and by so much of the specimen's
+variation."""
+LARGEST_SHARE = 0.0025
+"""Largest standard deviation of the upper end, as a share of the length: beyond it the cameras disagree on
+the lower end, or the length was not measured."""
+
+
+@dataclass(frozen=True)
+class Rim:
+    """The rim of the flyer's face on the body."""
+
+    y: float
+    """Its place at translation zero, along the axis [m]."""
+    sigma: float
+    """Its standard deviation [m]."""
+    cameras: int
+    """Cameras that showed it."""
+
+
+@dataclass(frozen=True)
+class RestGeometry:
+    """What is known of the specimen at rest."""
+
+    length: float
+    """Its length: the flyer's face stands at this y [m]."""
+    length_sigma: float
+    """Standard deviation of the length, and of the lower end's place [m]."""
+    radius: float
+    """Its radius [m]."""
+
+    @property
+    def known(self) -> bool:
+        """True if the upper end is known well enough to stand for the flyer's place at rest."""
+        return self.length_sigma <= LARGEST_SHARE * self.length
+
+
+def find_rim(
+    pictures: tuple[Pictures, Pictures],
+    body: TrackedBody,
+    rig: StereoRig,
+    frame: SpecimenFrame,
+    places: FloatArray,
+    moves: FloatArray,
+    geometry: RestGeometry,
+) -> Rim | None:
+    """Find the rim of the flyer's face in all frames that show it.
+
+    Parameters
+    ----------
+    pictures
+        Both series.
+    body
+        The flyer, followed; the rim is looked for beyond the end of its region.
+    rig, frame
+        The cameras and the test frame.
+    places
+        Its points at translation zero [m], shape [n_points, 3]; NaN where not known.
+    moves
+        Translations of the frames [m], shape [n_frames, 3]; NaN where not known.
+    geometry
+        The specimen, for the band between it and the rim.
+
+    Returns
+    -------
+    Rim or None
+        None if neither camera shows the rim clearly in `FEWEST_FRAMES` frames.
+    """
+    known = np.asarray(np.isfinite(places).all(axis=1))
+    if known.sum() < 3:
+        return None
+    radius = float(np.median(np.hypot(places[known, 0], places[known, 2])))
+    start = _end_of_region(body, places, known)
+    frames = np.flatnonzero(np.isfinite(moves).all(axis=1))
+    frames = frames[:: max(-(-frames.size // MOST_FRAMES), 1)]
+    found, sigmas = [], []
+    for camera, series in zip(rig.cameras, pictures, strict=True):
+        one = _rim_of(camera, series, frame, radius, start, frames, moves, geometry)
+        if one is not None:
+            found.append(one[0])
+            sigmas.append(one[1])
+    if not found:
+        return None
+    return combine_rims(found, sigmas)
+
+
+def combine_rims(found: list[float], sigmas: list[float]) -> Rim:
+    """The rim from one camera or both.
+
+    Both see the same paint before the same rim, so that what the model leaves out does not average out. Where
+    they disagree one of them may show no rim, and which is not known: half of what they are apart is in
+    the standard deviation, so that the place of either lies one from the mean. By more than a length allows
+    (`RestGeometry.known`), nothing counts from it.
+
+    Parameters
+    ----------
+    found
+        Its place in each camera that showed it [m].
+    sigmas
+        Standard deviations of these [m].
+    """
+    apart = abs(found[0] - found[-1])
+    return Rim(
+        y=float(np.mean(found)),
+        sigma=float(np.hypot(np.sqrt(np.mean(np.square(sigmas))), 0.5 * apart)),
+        cameras=len(found),
+    )
+
+
+def _end_of_region(body: TrackedBody, places: FloatArray, known: BoolArray) -> float:
+    """y on the body where its region ends toward the specimen [m]: the points' y continued to that pixel."""
+    along = body.points[known] - body.points[known].mean(axis=0)
+    slope, *_ = np.linalg.lstsq(np.column_stack([along, np.ones(len(along))]), places[known, 1], rcond=None)
+    axis = int(np.argmax(np.abs(slope[:2])))
+    line = Polynomial.fit(body.points[known, axis], places[known, 1], 1)
+    rows = np.flatnonzero(body.mask.any(axis=axis))  # axis 0 is x: columns of the mask
+    ends = line(np.array([rows[0], rows[-1]], dtype=np.float64))
+    return float(ends.min())
+
+
+def _rim_of(
+    camera: Camera,
+    pictures: Pictures,
+    frame: SpecimenFrame,
+    radius: float,
+    start: float,
+    frames: IntArray,
+    moves: FloatArray,
+    geometry: RestGeometry,
+) -> tuple[float, float] | None:
+    """The rim on the body in one camera [m], and its standard deviation [m]."""
+    middle = np.array([0.0, start, radius]) + moves[frames[-1]]
+    scale = float(np.linalg.norm(pixels_per_length(camera, frame.in_rig(middle), frame.rotation[1])))
+    half = SHARE * geometry.radius
+    x = np.arange(-half, half, 1.0 / scale)
+    u = np.arange(-WITHIN, BEYOND + 1.0)
+    strips, shown = _stabilised_strip(camera, pictures, frame, radius, x, start - u / scale, frames, moves)
+    if len(strips) < FEWEST_FRAMES:
+        return None
+    spread = np.sqrt(strips.var(axis=0).mean(axis=1))
+    high = float(np.percentile(spread, 75))
+    above = np.flatnonzero(spread > 0.5 * high)
+    if not above.size or above[0] < 2 or float(np.median(spread[: above[0] - 1])) * CLEAR > high:
+        return None
+    centre = frame.positions(camera.centre)
+    bands = scale * np.array([face_width(centre, start + moves[k, 1], radius, geometry) for k in shown])
+    nearest = float(bands[:, 1].min())  # where the specimen's side comes first
+    start -= (u[first_varying(spread, int(above[0]), high)] - nearest) / scale
+    u = np.arange(-HALF, HALF + 1.0)
+    strips, shown = _stabilised_strip(camera, pictures, frame, radius, x, start - u / scale, frames, moves)
+    if len(strips) < FEWEST_FRAMES:
+        return None
+    bands = scale * np.array([face_width(centre, start + moves[k, 1], radius, geometry) for k in shown])
+    reach = REACH + 0.5 * float(bands[:, 0].max() - bands[:, 1].min())
+    fit = fit_edge(strips, u, np.stack([bands[:, 1], bands[:, 0] - bands[:, 1]]), reach=reach, sure=True)
+    if fit is None:
+        return None
+    return start - fit.place / scale, float(np.hypot(fit.sigma, MODEL)) / scale
+
+
+def first_varying(spread: FloatArray, above: int, high: float) -> int:
+    """First row into which the specimen's side reaches.
+
+    Parameters
+    ----------
+    spread
+        Standard deviation over the frames of every row, the flyer's rows first, shape [n_rows].
+    above
+        A row of the specimen.
+    high
+        What its rows vary by.
+    """
+    low = float(np.median(spread[: max(above - 3, 1)]))
+    return int(np.argmax(spread > max(VARIES[0] * low, VARIES[1] * high)))
+
+
+def _stabilised_strip(
+    camera: Camera,
+    pictures: Pictures,
+    frame: SpecimenFrame,
+    radius: float,
+    x: FloatArray,
+    y: FloatArray,
+    frames: IntArray,
+    moves: FloatArray,
+) -> tuple[FloatArray, list[int]]:
+    """Grey values at places of the body in the frames that show all of them, shape [n, y, x], and the
+    frames; places that the last of the frames does not show are left out."""
+    places = strip_places(x, y, radius)
+    columns = in_view(camera, pictures.shape, frame, places + moves[frames[-1]]).all(axis=0)
+    if columns.sum() < FEWEST_COLUMNS:
+        return np.empty((0, y.size, 0)), []
+    places = places[:, columns]
+    kept, shown = [], []
+    for k in frames.tolist():
+        if not in_view(camera, pictures.shape, frame, places + moves[k]).all():
+            continue
+        try:
+            picture = pictures.frame(k).astype(np.float64)
+        except PictureError:
+            continue
+        kept.append(sampled(camera, picture, frame, places + moves[k]))
+        shown.append(k)
+    stack = np.array(kept)
+    if len(stack):
+        level = stack[:, :HALF].mean(axis=(1, 2), keepdims=True)  # light that flickers
+        stack = stack * (level.mean() / np.where(level > 0.0, level, 1.0))
+    return stack, shown
+
+
+def face_width(camera: FloatArray, y: float, radius: float, geometry: RestGeometry) -> tuple[float, float]:
+    """Width at which a camera sees the flyer's face between its rim and the specimen [m].
+
+    Parameters
+    ----------
+    camera
+        The camera's centre in the test frame [m], shape [3].
+    y
+        The face's place [m]. Above the camera's height it is seen; below, the rim hides the specimen's end.
+    radius
+        Of the flyer [m].
+    geometry
+        The specimen.
+
+    Returns
+    -------
+    tuple
+        For a specimen that meets the face with its radius at rest, and for one that has its mean radius
+        there, which grows as its volume is kept.
+    """
+    mean = geometry.radius * float(np.sqrt(geometry.length / max(y, 0.2 * geometry.length)))
+    distance = float(np.hypot(camera[0], camera[2])) - radius
+    slope = max(y - float(camera[1]), 0.0) / distance
+    return max(radius - geometry.radius, 0.0) * slope, max(radius - mean, 0.0) * slope

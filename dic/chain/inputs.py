@@ -1,0 +1,245 @@
+"""Inputs of a measurement: settings, and the inspection of pictures and cameras before tracking."""
+
+from dataclasses import dataclass, field, replace
+from time import perf_counter
+
+import numpy as np
+
+from dic.basics import BoolArray, FloatArray, IntArray
+from dic.bodies.follow import material_frame
+from dic.bodies.region import Region, grid_points, polygon_mask
+from dic.camera import StereoRig
+from dic.correlation import Correlation, Noise
+from dic.correlation.subsets import Shape
+from dic.images import PictureError, Pictures
+from dic.images.health import frame_health
+from dic.images.quality import GreyNoise, grey_noise
+from dic.images.series import Grey, decode_once
+from dic.outcome import FrameOutcome
+from dic.processes import background, parts
+from dic.stereo.diagnose import Finding, check_setup, free_pairs
+from dic.tracking import Tracking
+
+DIRECTIONS = {"up": (0.0, -1.0), "down": (0.0, 1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
+"""Directions in a picture (right, down)."""
+
+
+class ChainError(ValueError):
+    """Pictures from which no surface can be had; the text says why and what to do."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChainSettings:
+    """Settings of the measurement from pictures to surfaces."""
+
+    toward_flyer: str
+    """Direction to the flyer in the pictures of camera 0: a key of `DIRECTIONS`."""
+    zero: tuple[float, float]
+    """End of the specimen at the transmission platen in camera 0's first picture (x, y), to a pixel
+    or two [px]: the edge is then found in both cameras' pictures."""
+    strip_half_width: float
+    """Points within this distance of the centre plane are its outline [m]."""
+    radius: float | None = None
+    """Radius of the specimen at rest, if it was measured otherwise [m]: the axis then lies by so much behind
+    the surface. From the part of the circumference that is seen, a free radius and the place of the axis are
+    known less well. None: free."""
+    largest_sigma: float | None = None
+    """Rows of the outline that are known less well than this are left out of it [m]; None: none."""
+    length: float | None = None
+    """Length of the specimen at rest [m]: with the flyer's displacement it gives the place of the upper end.
+    None: points near that end are not judged by it."""
+    length_sigma: float = 0.0
+    """Its standard deviation [m]."""
+    step: int = 4
+    """Distance of neighbouring points [px]."""
+    margin: float = 2.0
+    """Least distance of a point from its region's rim [px]."""
+    strain_window: int = 5
+    """Side of the window of points that a strain is fitted to; odd."""
+    tracking: Tracking = field(default_factory=Tracking)
+    """Settings of the tracking in time."""
+    stereo: Correlation = field(default_factory=lambda: Correlation(shape=Shape.QUADRATIC))
+    """Settings of the match between the cameras."""
+    device: str = "cpu"
+    """Device of the correlation."""
+
+    @property
+    def subset(self) -> int:
+        """Side of the subsets that are followed [px]."""
+        return self.tracking.correlation.subset
+
+    @property
+    def rigid(self) -> Tracking:
+        """Settings of the tracking of the flyer: its points translate, and enter the picture from its
+        border."""
+        subset = replace(self.tracking.correlation, shape=Shape.RIGID, least_pixels=0.4)
+        return replace(self.tracking, correlation=subset)
+
+    @property
+    def direction(self) -> tuple[float, float]:
+        """From the specimen toward the flyer in the pictures of camera 0 (right, down)."""
+        return DIRECTIONS[self.toward_flyer]
+
+    def __post_init__(self) -> None:
+        checks = (
+            ("toward_flyer", self.toward_flyer in DIRECTIONS, f"one of {', '.join(DIRECTIONS)}"),
+            ("strip_half_width", self.strip_half_width > 0.0, "a positive length in metres"),
+            ("radius", self.radius is None or self.radius > 0.0, "a positive length in metres, or None"),
+            (
+                "largest_sigma",
+                self.largest_sigma is None or self.largest_sigma > 0.0,
+                "a positive length in metres, or None",
+            ),
+            ("length", self.length is None or self.length > 0.0, "a positive length in metres, or None"),
+            ("length_sigma", self.length_sigma >= 0.0, "a length in metres, not negative"),
+            ("step", self.step >= 1, "at least 1 px"),
+            ("margin", self.margin >= 0.0, "not negative"),
+            ("strain_window", self.strain_window >= 3 and self.strain_window % 2 == 1, "odd, at least 3"),
+        )
+        for name, fine, allowed in checks:
+            if not fine:
+                raise ValueError(f"{name} must be {allowed}, got {getattr(self, name)}")
+
+
+MOST_SENT = 2**25
+"""Pixels of a series that a fork reads and sends back: to send them takes a tenth of the time to decode them,
+but they are held twice until they were taken over."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """Inputs of all stages: the pictures with their health and noise, the cameras, the times."""
+
+    pictures: tuple[Pictures, Pictures]
+    """The series of camera 0 and camera 1; small ones stay in memory once they were read."""
+    rig: StereoRig
+    """The cameras, for pictures with their crop."""
+    settings: ChainSettings
+    """Settings of the measurement."""
+    t: FloatArray
+    """Frame times [s], shape [n_frames]."""
+    static: BoolArray
+    """Frames in which specimen and flyer rest, shape [n_frames]."""
+    health: tuple[IntArray, IntArray]
+    """`FrameOutcome` of each camera's pictures, each of shape [n_frames]."""
+    grey: tuple[GreyNoise, GreyNoise]
+    """Noise of each camera's grey values."""
+
+    @property
+    def noise(self) -> tuple[Noise, Noise]:
+        """The same as the matches take it."""
+        return _line(self.grey[0]), _line(self.grey[1])
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """What the pictures say before their cameras are known."""
+
+    pictures: tuple[Pictures, Pictures]
+    """As of `Inputs`."""
+    health: tuple[IntArray, IntArray]
+    """As of `Inputs`."""
+    grey: tuple[GreyNoise, GreyNoise]
+    """As of `Inputs`."""
+    seconds: float
+    """Wall time that it took [s]."""
+
+
+def inspect_pictures(pictures: tuple[Pictures, Pictures], static: BoolArray) -> Inspection:
+    """Inspect every picture: its outcome, and the noise of each camera's grey values.
+
+    Parameters
+    ----------
+    pictures
+        The series of camera 0 and camera 1.
+    static
+        Frames in which specimen and flyer rest, shape [n_frames].
+
+    Raises
+    ------
+    ChainError
+        If there are not as many pictures as frame times, or a camera has fewer than two usable static
+        pictures.
+    """
+    started = perf_counter()
+    series = (decode_once(pictures[0]), decode_once(pictures[1]))
+
+    def other() -> tuple[tuple[IntArray, GreyNoise], dict[int, Grey]]:
+        return _inspect_one(1, series[1], static), dict(series[1].held)
+
+    if parts() > 1 and series[1].n_frames * int(np.prod(series[1].shape)) <= MOST_SENT:
+        with background(other) as later:
+            health0, grey0 = _inspect_one(0, series[0], static)
+            (health1, grey1), read = later()
+        series[1].hold(read)
+    else:
+        (health0, grey0), (health1, grey1) = (_inspect_one(k, series[k], static) for k in (0, 1))
+    return Inspection(series, (health0, health1), (grey0, grey1), perf_counter() - started)
+
+
+def inspect_images(
+    pictures: tuple[Pictures, Pictures],
+    rig: StereoRig,
+    settings: ChainSettings,
+    *,
+    t: FloatArray,
+    static: BoolArray,
+    inspection: Inspection | None = None,
+) -> Inputs:
+    """Inputs of all stages, from pictures that are inspected here or were `inspection`.
+
+    Raises
+    ------
+    ChainError
+        As `inspect_pictures`.
+    """
+    found = inspect_pictures(pictures, static) if inspection is None else inspection
+    return Inputs(found.pictures, rig, settings, t, static, found.health, found.grey)
+
+
+def _inspect_one(camera: int, series: Pictures, static: BoolArray) -> tuple[IntArray, GreyNoise]:
+    """Inspect the pictures of one camera."""
+    if series.n_frames != static.size:
+        raise ChainError(
+            f"camera {camera} has {series.n_frames} pictures, there are {static.size} frame times"
+        )
+    outcome = frame_health(series).outcome
+    rest = np.flatnonzero(static & (outcome == FrameOutcome.VALID))
+    if rest.size < 2:
+        raise ChainError(
+            f"camera {camera} has {rest.size} usable static pictures, needs 2 or more: export those "
+            "before the test too, or look at their exposure"
+        )
+    try:
+        return outcome, grey_noise(series, rest.tolist())
+    except (PictureError, ValueError) as error:
+        raise ChainError(f"camera {camera}: {error}") from error
+
+
+def _line(grey: GreyNoise) -> Noise:
+    """The straight line of the noise where that is one, else its mean."""
+    if grey.intercept > 0.0 and grey.slope > 0.0:
+        return Noise(floor=grey.intercept**0.5, gain=grey.slope)
+    return Noise(floor=grey.sigma)
+
+
+def check_cameras(inputs: Inputs, region: Region) -> tuple[Finding, ...]:
+    """Findings about the cameras from a first pair of pictures, matched without their parameters.
+
+    Raises
+    ------
+    ChainError
+        If no frame has a usable picture of both cameras.
+    """
+    pictures, settings, health = inputs.pictures, inputs.settings, inputs.health
+    try:
+        frame = material_frame(health, region.frame)
+    except ValueError as error:
+        raise ChainError(str(error)) from error
+    mask = polygon_mask(region.corners, pictures[0].shape)
+    points, _ = grid_points(mask, settings.step, margin=settings.margin)
+    pair = (pictures[0].frame(frame), pictures[1].frame(frame))
+    pixels = free_pairs(
+        pair, points, settings.tracking, noise=inputs.noise[1], mask=mask, device=settings.device
+    )
+    return check_setup(inputs.rig, *pixels)

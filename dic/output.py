@@ -1,0 +1,483 @@
+"""Results as tables: CSV files with VIC-3D's variable names, pandas and xarray, the reporting table.
+
+The reporting table has the entries required by the iDICs Good Practices Guide (Jones and Iadicola (eds.), 2nd
+edition): hardware, pattern, analysis and noise floors.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.basics import FloatArray
+from dic.files import replacing, text_cell
+from dic.outcome import FrameOutcome, PointOutcome
+from dic.result import Body, FullField, StereoResult
+from dic.surfaces.strains import StrainOutcome
+from dic.surfaces.surface_history import SurfaceHistory
+
+NOT_STATED = "not stated"
+STATED = ("camera", "lens", "aperture", "exposure", "lighting", "pattern")
+"""Facts that no file holds and a person may state in words."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table."""
+
+    part: str
+    """"hardware", "pattern", "analysis" or "noise floor"."""
+    name: str
+    """Name of the quantity."""
+    value: str
+    """Number with unit, words, or `NOT_STATED`."""
+
+
+def reporting_table(result: StereoResult) -> tuple[Row, ...]:
+    """The reporting table of a result, in the order of the guide."""
+    facts = result.facts
+    return (*_hardware(result, facts), *_pattern(result, facts), *_analysis(result, facts), *_noise(result))
+
+
+def geometry(result: StereoResult) -> dict[str, float]:
+    """Geometry of the cameras about the specimen.
+
+    Returns
+    -------
+    dict
+        "scale_x", "scale_y": pixels of camera 0 per metre across and along the specimen; "stereo_angle"
+        [rad];
+        "distance" of camera 0 from the surface [m].
+    """
+    first, second = result.rig.cameras
+    frame = result.placement.frame
+    middle = result.specimen.surface.X.mean(axis=0)
+    at = frame.origin + frame.rotation.T @ middle
+    small = 1e-5
+    seen = first.project(np.stack([at, *(at + small * frame.rotation[axis] for axis in (0, 1))]))
+    scale = np.linalg.norm(seen[1:] - seen[0], axis=1) / small
+    views = [(at - camera.centre) / np.linalg.norm(at - camera.centre) for camera in (first, second)]
+    return {
+        "scale_x": float(scale[0]),
+        "scale_y": float(scale[1]),
+        "stereo_angle": float(np.arccos(np.clip(views[0] @ views[1], -1.0, 1.0))),
+        "distance": float(np.linalg.norm(at - first.centre)),
+    }
+
+
+def _hardware(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
+    stated = {name: facts.get("reporting", {}).get(name) or NOT_STATED for name in STATED}
+    pictures, seen = facts["pictures"], geometry(result)
+    rows, columns = pictures["shape"]
+    per_mm = (1e-3 * seen["scale_x"], 1e-3 * seen["scale_y"])
+    sensors = [camera.sensor for camera in result.rig.cameras]
+    sensor = "; ".join(f"{s[0]} x {s[1]} px" for s in sensors if s is not None)
+    crops = "; ".join(f"({x:g}, {y:g})" for x, y in pictures["crop_offset"])
+    entries = [
+        ("camera", stated["camera"]),
+        ("sensor", sensor or NOT_STATED),
+        ("image resolution", f"{columns} x {rows} px at {crops} px of the sensors, {pictures['bits']} bits"),
+        ("lens", stated["lens"]),
+        ("aperture", stated["aperture"]),
+        ("exposure", stated["exposure"]),
+        ("lighting", stated["lighting"]),
+        ("field of view", f"{columns / per_mm[0]:.3g} x {rows / per_mm[1]:.3g} mm"),
+        ("image scale", f"{per_mm[0]:.4g} px/mm across, {per_mm[1]:.4g} px/mm along the axis"),
+        ("stereo angle", f"{np.degrees(seen['stereo_angle']):.4g} degrees"),
+        ("stand-off distance", f"{1e3 * seen['distance']:.4g} mm"),
+        (
+            "image acquisition rate",
+            f"{1.0 / np.median(np.diff(result.t)):.6g} frames/s, {len(result.t)} frames",
+        ),
+        ("patterning technique", stated["pattern"]),
+    ]
+    return [Row("hardware", name, value) for name, value in entries]
+
+
+def _pattern(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
+    """The speckle report, camera by camera."""
+    seen = geometry(result)
+    per_mm = 1e-3 * float(np.sqrt(seen["scale_x"] * seen["scale_y"]))
+    subset, rows = facts["settings"]["subset"], []
+    for camera, found in enumerate(facts.get("speckle", ())):
+        if "problem" in found:
+            rows.append(Row("pattern", f"camera {camera}", f"{NOT_STATED}: {found['problem']}"))
+            continue
+        (x, y), edges = found["size"], found["size_by_edges"]
+        entries = [
+            (
+                "feature size",
+                f"{x:.3g} x {y:.3g} px by autocorrelation, {edges:.3g} px by edges; "
+                f"{0.5 * (x + y) / per_mm:.3g} mm",
+            ),
+            ("coverage", f"{100.0 * found['coverage']:.3g} % dark"),
+            ("mean intensity gradient", f"{found['mean_gradient']:.4g} grey/px"),
+            ("grey noise", f"{found['noise']:.3g} grey"),
+        ]
+        if found["floor"] is not None:
+            entries.append(
+                (
+                    "predicted noise floor",
+                    f"{found['floor']:.2g} px, median over subsets of {subset} px",
+                )
+            )
+            needed = "no subset tried" if found["needed"] is None else f"one of {found['needed']} px"
+            entries.append(
+                (
+                    "subset too small",
+                    f"at {100.0 * found['too_small']:.2g} % of the places for {found['wanted']:g} px; "
+                    f"{needed} would do at 95 %",
+                )
+            )
+        rows += [Row("pattern", f"{name}, camera {camera}", value) for name, value in entries]
+    return rows or [Row("pattern", "feature size", NOT_STATED)]
+
+
+def _analysis(result: StereoResult, facts: Mapping[str, Any]) -> list[Row]:
+    settings = facts["settings"]
+    subset, step, window = settings["subset"], settings["step"], settings["strain_window"]
+    gauge = result.strain.gauge
+    per_mm = 1e-3 * geometry(result)["scale_x"]
+    prefilter = settings["prefilter"]
+    entries = [
+        ("software", str(facts.get("software", NOT_STATED))),
+        (
+            "image filtering",
+            f"Gaussian, standard deviation {prefilter:g} px" if prefilter > 0.0 else "none",
+        ),
+        ("subset size", f"{subset} px, {subset / per_mm:.3g} mm"),
+        ("step size", f"{step} px, {step / per_mm:.3g} mm"),
+        (
+            "subset shape function",
+            f"{settings['shape']} in time, {settings['stereo_shape']} between the cameras",
+        ),
+        ("matching criterion", str(settings["criterion"])),
+        ("interpolant", str(settings["interpolant"])),
+        ("reference", str(settings["reference"])),
+        ("strain window", f"{window} x {window} points"),
+        ("virtual strain gauge", f"{gauge:g} px, {gauge / per_mm:.3g} mm"),
+        (
+            "strain formulation",
+            "Green-Lagrange, from linear fits of the places at rest and now over the window",
+        ),
+        ("post-processing filter", "none"),
+        ("calibration", str(facts.get("calibration", NOT_STATED))),
+        ("epipolar distance, rms", f"{result.specimen.epipolar_rms:.3g} px"),
+    ]
+    return [Row("analysis", name, value) for name, value in entries]
+
+
+def _noise(result: StereoResult) -> list[Row]:
+    noise = result.noise
+    axes = ("x, across", "y, along the axis", "Z, out of plane")
+    rows = [
+        Row(
+            "noise floor",
+            f"displacement {axis}",
+            f"{1e6 * noise.time[k]:.3g} µm in time, {1e6 * noise.space[k]:.3g} µm in space "
+            f"(predicted {1e6 * noise.sigma[k]:.3g} µm)",
+        )
+        for k, axis in enumerate(axes)
+    ]
+    for name, value in zip(("around the axis", "along the axis", "shear"), result.strain_noise, strict=True):
+        text = NOT_STATED if not np.isfinite(value) else f"{1e6 * value:.3g} µm/m in time"
+        rows.append(Row("noise floor", f"strain {name}", text))
+    rows.append(
+        Row(
+            "noise floor",
+            "taken from",
+            f"{noise.n_frames} static frames, {noise.n_points} points valid in all",
+        )
+    )
+    return rows
+
+
+def as_csv(rows: tuple[Row, ...]) -> str:
+    """The table as CSV; text that begins as a formula is guarded, see `dic.files.text_cell`."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["part", "quantity", "value"])
+    writer.writerows([text_cell(text) for text in (row.part, row.name, row.value)] for row in rows)
+    return text.getvalue()
+
+
+def as_markdown(rows: tuple[Row, ...]) -> str:
+    """The table as Markdown."""
+    lines = ["| part | quantity | value |", "| --- | --- | --- |"]
+    lines += [f"| {' | '.join(_escaped(text) for text in (row.part, row.name, row.value))} |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _escaped(text: str) -> str:
+    return text.replace("\\", "\\\\").replace("|", "\\|").replace("\n", " ")
+
+
+MM = 1e3
+STRAINS = ("exx", "eyy", "exy")
+
+
+def write_frames(folder: Path, body: Body, *, strain: FloatArray | None = None) -> list[Path]:
+    """Write the points of a body frame by frame.
+
+    The columns are those of a VIC-3D export: reference position X, Y, Z and displacement U, V, W [mm] (X
+    across, Y along the axis toward the flyer, Z toward the cameras), the place x, y in the picture of camera
+    0 [px], Sigma, the larger of both cameras' standard deviations of a place [px], sigma_X, sigma_Y, sigma_Z
+    [mm], the epipolar distance e [px], and exx, eyy, exy, the Green-Lagrange strain, if it is given. A column
+    more names the outcome; a point that was lost has its row, its numbers are empty.
+
+    Parameters
+    ----------
+    folder
+        Where to; made if absent. The files are ``frame_0000.csv`` and so on.
+    body
+        The points.
+    strain
+        Strain of every point, NaN where it has none [-], shape [n_frames, n_points, 3].
+
+    Raises
+    ------
+    ValueError
+        A strain of another shape.
+    OSError
+        If a file cannot be written; an older one is then unchanged.
+    """
+    surface = body.surface
+    shape = (surface.n_frames, surface.n_points, 3)
+    if strain is not None and strain.shape != shape:
+        raise ValueError(f"strain has shape {strain.shape}, must be {shape}")
+    folder.mkdir(parents=True, exist_ok=True)
+    names = ["X", "Y", "Z", "U", "V", "W", "x", "y", "Sigma", "sigma_X", "sigma_Y", "sigma_Z", "e"]
+    names += list(STRAINS) if strain is not None else []
+    ending = {int(member): member.name for member in PointOutcome}
+    written = []
+    for frame in range(surface.n_frames):
+        columns = [
+            MM * surface.X,
+            MM * surface.u[frame],
+            body.pixels[0][frame],
+            np.fmax(body.match_sigma[0][frame], body.match_sigma[1][frame])[:, None],
+            MM * surface.sigma[frame],
+            body.epipolar[frame][:, None],
+        ]
+        table = np.hstack([*columns, *([strain[frame]] if strain is not None else [])])
+        path = folder / f"frame_{frame:04d}.csv"
+        with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow([*names, "outcome"])
+            for row, outcome in zip(table, surface.outcome[frame], strict=True):
+                numbers = [f"{value:.7g}" if np.isfinite(value) else "" for value in row]
+                writer.writerow([*numbers, ending[int(outcome)]])
+        written.append(path)
+    return written
+
+
+def write_history(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write columns of equal length, named with their units, as one table; NaN is an empty cell.
+
+    Raises
+    ------
+    ValueError
+        Columns of different length.
+    OSError
+        If the file cannot be written; an older one is then unchanged.
+    """
+    lengths = {name: len(values) for name, values in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise ValueError(f"columns have different lengths: {lengths}")
+    with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow([text_cell(name) for name in columns])
+        for row in zip(*(values.tolist() for values in columns.values()), strict=True):
+            writer.writerow([_cell(value) for value in row])
+
+
+def _cell(value: float | int | str) -> float | int | str:
+    if isinstance(value, str):
+        return text_cell(value)
+    if not isinstance(value, float):
+        return value
+    return "" if np.isnan(value) else f"{value:.9g}"
+
+
+def write_full_field_frames(folder: Path, result: FullField) -> list[Path]:
+    """Write the points of every frame, ``frame_0000.csv`` and so on.
+
+    A row a point, in this order: the place x0, y0 in the reference picture [px]; X, Y, Z, U, V, W with
+    sigma_U, sigma_V, sigma_W in the unit that the heads of the columns name; the Green-Lagrange strains exx,
+    eyy, exy with their sigmas; the lowest correlation of the cameras; the epipolar distance; the outcome. A
+    number that is not known is an empty cell.
+
+    Parameters
+    ----------
+    folder
+        Where to; made if absent.
+    result
+        The result.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    surface, unit, written = result.surface, result.unit, []
+    names = np.array([member.name for member in PointOutcome])
+    for frame in range(surface.n_frames):
+        columns = {"x0 (px)": result.points[:, 0], "y0 (px)": result.points[:, 1]}
+        columns |= {f"{name} ({unit})": surface.X[:, k] for k, name in enumerate("XYZ")}
+        columns |= {f"{name} ({unit})": surface.u[frame, :, k] for k, name in enumerate("UVW")}
+        columns |= {f"sigma_{name} ({unit})": surface.sigma[frame, :, k] for k, name in enumerate("UVW")}
+        columns |= {name: result.strain.value[frame, :, k] for k, name in enumerate(("exx", "eyy", "exy"))}
+        columns |= {
+            f"sigma_{name}": result.strain.sigma[frame, :, k] for k, name in enumerate(("exx", "eyy", "exy"))
+        }
+        columns["zncc"] = result.zncc[:, frame].min(axis=0)
+        columns["epipolar (px)"] = result.epipolar[frame]
+        columns["outcome"] = names[surface.outcome[frame]]
+        path = folder / f"frame_{frame:04d}.csv"
+        write_history(path, columns)
+        written.append(path)
+    return written
+
+
+def write_full_field_history(path: Path, result: FullField) -> None:
+    """Write one row a frame: points found, mean strains, and what extensometers and cylinder say.
+
+    Parameters
+    ----------
+    path
+        The file.
+    result
+        The result.
+    """
+    unit, mean = result.unit, result.mean_strain
+    columns = {
+        "frame": np.arange(result.surface.n_frames),
+        "time (s)" if result.timed else "time (frames)": result.surface.t,
+        "outcome": np.array([FrameOutcome(int(k)).name for k in result.frame_outcome]),
+        "points": result.n_valid,
+        **{f"mean {name}": mean[:, k] for k, name in enumerate(("exx", "eyy", "exy"))},
+    }
+    for one in result.extensions:
+        columns |= {
+            f"{one.name} length ({unit})": one.length,
+            f"{one.name} elongation ({unit})": one.elongation,
+            f"{one.name} sigma ({unit})": one.sigma,
+            f"{one.name} strain": one.strain,
+            f"{one.name} outcome": np.array([StrainOutcome(int(k)).name for k in one.outcome]),
+        }
+    if result.cylinder is not None:
+        columns |= {
+            "radius (m)": result.cylinder.radius,
+            "sigma of the radius (m)": result.cylinder.sigma,
+            "rms from the cylinder (m)": result.cylinder.rms,
+        }
+    write_history(path, columns)
+
+
+COMPONENTS = ("x", "y", "Z")
+"""Names of the last axis of positions."""
+
+
+CURE = "pip install 'kolsky[notebook]'"
+
+
+def pandas() -> Any:
+    """The package pandas.
+
+    Raises
+    ------
+    ImportError
+        If it is not installed; the message says how to get it.
+    """
+    try:
+        import pandas
+    except ImportError:
+        raise ImportError(f"this needs pandas: {CURE}") from None
+    return pandas
+
+
+def xarray() -> Any:
+    """The package xarray.
+
+    Raises
+    ------
+    ImportError
+        If it is not installed; the message says how to get it.
+    """
+    try:
+        import xarray
+    except ImportError:
+        raise ImportError(f"this needs xarray: {CURE}") from None
+    return xarray
+
+
+def html_table(caption: str, rows: list[tuple[str, str]]) -> str:
+    """Names and values as an HTML table, every text escaped."""
+    from html import escape
+
+    left = ' style="text-align:left"'
+    body = "".join(
+        f"<tr><th{left}>{escape(name)}</th><td{left}>{escape(value)}</td></tr>" for name, value in rows
+    )
+    return f"<table><caption>{escape(caption)}</caption><tbody>{body}</tbody></table>"
+
+
+def facts(surface: SurfaceHistory) -> list[tuple[str, str]]:
+    """Summary of a surface: frames, points, times, outcomes, sigma."""
+    rows = [
+        ("frames", str(surface.n_frames)),
+        ("points", str(surface.n_points)),
+    ]
+    if surface.n_frames:
+        rows.append(("time", f"{1e3 * surface.t[0]:.6g} to {1e3 * surface.t[-1]:.6g} ms"))
+    total = surface.outcome.size
+    for value, count in zip(*np.unique(surface.outcome, return_counts=True), strict=True):
+        name = PointOutcome(value).name.lower().replace("_", " ")
+        rows.append((name, f"{count} ({100.0 * count / total:.3g} %)"))
+    if surface.valid.any():
+        median = np.median(surface.sigma[surface.valid], axis=0)
+        said = ", ".join(f"{name} {1e6 * value:.3g}" for name, value in zip(COMPONENTS, median, strict=True))
+        rows.append(("median standard deviation (µm)", said))
+    return rows
+
+
+def to_dataframe(surface: SurfaceHistory) -> Any:
+    """A row a point of a frame: time [s], reference X [m], displacement u [m], sigma [m], outcome."""
+    frame, point = np.indices(surface.outcome.shape)
+    columns: dict[str, NDArray[Any]] = {
+        "frame": frame.ravel(),
+        "point": point.ravel(),
+        "t (s)": surface.t[frame].ravel(),
+    }
+    for k, name in enumerate(COMPONENTS):
+        columns[f"X_{name} (m)"] = surface.X[point, k].ravel()
+    valid = surface.valid
+    for symbol, values in (("u", surface.u), ("sigma", surface.sigma)):
+        for k, name in enumerate(COMPONENTS):
+            columns[f"{symbol}_{name} (m)"] = np.where(valid, values[..., k], np.nan).ravel()
+    names = np.array([""] * (max(map(int, PointOutcome)) + 1), dtype=object)
+    for outcome in PointOutcome:
+        names[int(outcome)] = outcome.name.lower()
+    columns["outcome"] = names[surface.outcome.ravel()]
+    return pandas().DataFrame(columns)
+
+
+def to_xarray(surface: SurfaceHistory) -> Any:
+    """Frames x points x components with coordinates; lost points are NaN, `outcome` says why."""
+    valid = surface.valid[..., None]
+    dims = ("frame", "point", "component")
+    return xarray().Dataset(
+        {
+            "u": (dims, np.where(valid, surface.u, np.nan), {"units": "m"}),
+            "sigma": (dims, np.where(valid, surface.sigma, np.nan), {"units": "m"}),
+            "outcome": (dims[:2], surface.outcome, {"meaning": ", ".join(map(repr, PointOutcome))}),
+        },
+        coords={
+            "t": ("frame", surface.t, {"units": "s"}),
+            "X": (dims[1:], surface.X, {"units": "m"}),
+            "component": list(COMPONENTS),
+        },
+    )

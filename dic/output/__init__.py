@@ -1,1 +1,0 @@
-"""Surfaces as CSV files by VIC-3D's names, and the reporting table."""

@@ -1,0 +1,291 @@
+"""Parallel work in forks of this process, and a worker process that waits for its task.
+
+Threads that run only Python share one interpreter lock, so work is divided between forks, each with its own
+lock. A fork copies one thread only: a lock that another thread holds at that moment stays locked in the copy.
+Therefore the caller declares where forks are safe; everywhere else threads do the same work. Work that a fork
+does not deliver is repeated in this process, with the same result. A worker process is forked before its task
+is known, for example because a GPU is opened in between; its task is sent to it.
+"""
+
+import multiprocessing
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
+from contextvars import ContextVar
+from functools import partial
+from multiprocessing import Pipe
+from typing import Any, Generic, TypeVar
+
+from dic.following import end_with
+
+Result = TypeVar("Result")
+
+_FORKS_ALLOWED: ContextVar[bool] = ContextVar("forking", default=False)
+
+
+@contextmanager
+def allow_forks() -> Iterator[None]:
+    """Let `beside` and `side_by_side` fork this process: for the one thread that works in it."""
+    before = _FORKS_ALLOWED.set(True)
+    try:
+        yield
+    finally:
+        _FORKS_ALLOWED.reset(before)
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
+def can_fork() -> bool:
+    """Return True where a fork is safe and of use: on Linux with at least two cores."""
+    return sys.platform == "linux" and cores() > 1
+
+
+def may_fork() -> bool:
+    """Return True within `forking`, where `can_fork`."""
+    return _FORKS_ALLOWED.get() and can_fork()
+
+
+MOST_PARTS = 4
+"""Most processes that one array is divided between: to fork one takes as long as some frames."""
+
+
+def parts() -> int:
+    """Parts that small work is worth being divided into: as many as there are cores but one, which other work
+    has, at most `MOST_PARTS`; 1 where forks are not allowed."""
+    return min(cores() - 1, MOST_PARTS) if may_fork() else 1
+
+
+class PendingResult(Generic[Result]):
+    """Result of work that is under way beside this."""
+
+    def __init__(self, wait: Callable[[], Result]) -> None:
+        self._wait, self._found = wait, list[Result]()
+
+    def __call__(self) -> Result:
+        """Wait for the work and return its result; what it raised is raised here."""
+        if not self._found:
+            self._found.append(self._wait())
+        return self._found[0]
+
+
+@contextmanager
+def background(work: Callable[[], Result], *, fork: bool | None = None) -> Iterator[PendingResult[Result]]:
+    """Do work beside the block: in a fork, or else in a thread. It ends with the block, wanted or not.
+
+    Parameters
+    ----------
+    work
+        The work. In a fork it sees everything as it stands now, and changes nothing here; its result is
+        copied, so let it be small.
+    fork
+        Whether in a fork; None: within `forking`, where `can_fork`.
+
+    Yields
+    ------
+    Later
+        Gives the result, or raises what the work raised.
+    """
+    if not ((_FORKS_ALLOWED.get() if fork is None else fork) and can_fork()):
+        with ThreadPoolExecutor(1) as pool:
+            yield PendingResult(pool.submit(work).result)
+        return
+    here, there = multiprocessing.Pipe(duplex=False)
+    other = _fork(work, there)
+    there.close()
+
+    def received() -> Result:
+        with suppress(Exception):  # it ended early, by an error or a signal, or sent what cannot be read
+            result: Result = here.recv()
+            return result
+        return work()  # raises here what it raised there
+
+    try:
+        yield PendingResult(received)
+    finally:
+        here.close()
+        with suppress(
+            ProcessLookupError, ChildProcessError
+        ):  # a program may have its children's ends ignored
+            os.kill(other, signal.SIGKILL)
+            os.waitpid(other, 0)
+
+
+@contextmanager
+def background_pool(
+    works: Sequence[Callable[[], Result]], *, processes: int | None = None
+) -> Iterator[Callable[..., list[Result]]]:
+    """Begin several works in forks, if there are some, while this process does something else.
+
+    Parameters
+    ----------
+    works, processes
+        As of `side_by_side`.
+
+    Yields
+    ------
+    callable
+        Joins in the work and gives what `side_by_side` gives; takes its `progress`.
+    """
+    if processes is None and not (_FORKS_ALLOWED.get() and can_fork()):
+        yield lambda progress=None: _by_threads(works, progress or _no_progress)
+        return
+    workers = min(cores() if processes is None else processes, len(works)) if can_fork() else 1
+    taken = multiprocessing.get_context("fork").Value("i", 0) if workers > 1 else _Counter()
+    with ExitStack() as stack:
+        some = partial(_run_claimed, works, taken)
+        others = [stack.enter_context(background(some, fork=True)) for _ in range(workers - 1)]
+
+        def joined(progress: Callable[[int, int], None] | None = None) -> list[Result]:
+            told, found = progress or _no_progress, {}
+            for number, result in _claim_works(works, taken):
+                found[number] = result
+                told(min(int(taken.value), len(works)), len(works))
+            for other in others:
+                found |= other()
+            results = [found[number] if number in found else work() for number, work in enumerate(works)]
+            told(len(works), len(works))
+            return results
+
+        yield joined
+
+
+def _no_progress(done: int, total: int) -> None:
+    """Progress that nobody is told of."""
+
+
+def run_parallel(
+    works: Sequence[Callable[[], Result]],
+    *,
+    processes: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Result]:
+    """Do several works, each of which takes the next one that nobody has begun, and return their results in
+    order.
+
+    Parameters
+    ----------
+    works
+        As for `beside`.
+    processes
+        Processes that work, this one among them. With None as many as there are cores within `forking`, and
+        else this one alone, with a thread a core.
+    progress
+        Told here of the works done, or begun where forks work, and their number.
+    """
+    with background_pool(works, processes=processes) as joined:
+        return joined(progress)
+
+
+def _by_threads(works: Sequence[Callable[[], Result]], told: Callable[[int, int], None]) -> list[Result]:
+    found = []
+    with ThreadPoolExecutor(cores()) as pool:
+        for result in pool.map(lambda work: work(), works):
+            found.append(result)
+            told(len(found), len(works))
+    return found
+
+
+class _Counter:
+    """Number of works begun, of a process that works alone."""
+
+    def __init__(self) -> None:
+        self.value = 0
+
+    def get_lock(self) -> AbstractContextManager[None]:
+        return nullcontext()
+
+
+def _claim_works(works: Sequence[Callable[[], Result]], taken: Any) -> Iterator[tuple[int, Result]]:
+    """Results of the works that nobody else has taken, each with its number."""
+    while True:
+        with taken.get_lock():
+            number = int(taken.value)
+            taken.value = number + 1
+        if number >= len(works):
+            return
+        yield number, works[number]()
+
+
+def _run_claimed(works: Sequence[Callable[[], Result]], taken: Any) -> dict[int, Result]:
+    return dict(_claim_works(works, taken))
+
+
+def _fork(work: Callable[[], Any], there: Any) -> int:
+    """Fork this process, do the work there and send its result; the fork's number.
+
+    Not by `multiprocessing.Process`, which the workers of a pool may not start.
+    """
+    parent = os.getpid()
+    number = os.fork()
+    if number:
+        return number
+    try:
+        end_with(parent)  # nobody wants the result then
+        # A failure is repeated and reported in the parent.
+        sys.stdout = sys.stderr = open(os.devnull, "w")  # noqa: SIM115
+        _FORKS_ALLOWED.set(False)  # a fork makes no forks
+        there.send(work())
+    finally:
+        os._exit(0)
+
+
+class WorkerProcess(Generic[Result]):
+    """The process, as the one that forked it sees it.
+
+    Parameters
+    ----------
+    tell : callable
+        Sends something to it, which must be picklable; returns when it was taken, or the process is gone.
+    result
+        Waits for what its work returns.
+    """
+
+    def __init__(self, tell: Callable[[Any], None], result: PendingResult[Result]) -> None:
+        self.tell, self.result = tell, result
+
+
+@contextmanager
+def worker_process(
+    work: Callable[[Callable[[], Any]], Result], instead: Callable[[list[Any]], Result]
+) -> Iterator[WorkerProcess[Result]]:
+    """Fork a process that is told later what to work on; it ends with the block. See
+    `dic.processes.can_fork`.
+
+    Parameters
+    ----------
+    work
+        Its work, of a function that waits for the next thing told and returns it. The result is copied.
+    instead
+        The same work here, of all that was told: where the process does not deliver. What it raises is
+        raised by the result.
+
+    Yields
+    ------
+    Apart
+        The process.
+    """
+    said, (taken, handed) = list[Any](), Pipe(duplex=False)
+    forked = list[bool]()  # filled here only
+
+    def either() -> Result:
+        if forked:
+            return instead(said)
+        handed.close()  # or else a parent that is gone would be waited for
+        return work(taken.recv)
+
+    with background(either, fork=True) as result, handed:
+        forked.append(True)
+        taken.close()  # or else a process that is gone would be waited for
+
+        def tell(what: Any) -> None:
+            said.append(what)
+            with suppress(OSError):  # it is gone
+                handed.send(what)
+
+        yield WorkerProcess(tell, result)

@@ -1,0 +1,429 @@
+"""Geometry of two cameras: rays, epipolar distance with its uncertainty, triangulation with covariance.
+
+With the relative pose ``X_1 = R X_0 + t`` the ray of camera 0's ideal image point x0 spans with the baseline
+a plane, which camera 1 sees as the line ``l . x1 = 0``, ``l = t × R x0`` (Hartley and Zisserman, Multiple
+View Geometry, 2nd ed., eq. 9.11). A lens bends that line into a curve. Distances are those in the picture
+as it was taken: ``d = g / |∇g|`` with ``g(p1) = l . undistort(p1)`` and its gradient by the pixel p1.
+
+The point sought is the one whose two projections lie nearest to what was seen, with the weights that the
+noise of the matches gives (Hartley and Zisserman, Multiple View Geometry, 2nd ed., section 12.3)::
+
+    X = argmin Σ_k (p_k - π_k(X))ᵀ C_k⁻¹ (p_k - π_k(X)),      cov X = (Σ_k J_kᵀ C_k⁻¹ J_k)⁻¹
+
+with J_k = ∂π_k/∂X. It is found by Gauss-Newton steps from the middle between the two lines; its covariance
+is the first-order propagation of the C_k, exact for noise that is small against the distance.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.basics import FloatArray
+from dic.camera import Camera, StereoRig
+
+
+def inverse(M: FloatArray) -> FloatArray:
+    """Inverses, shape [..., 2, 2]; not finite where a determinant is zero."""
+    a, b, c, d = M[..., 0, 0], M[..., 0, 1], M[..., 1, 0], M[..., 1, 1]
+    result = np.empty(M.shape)
+    result[..., 0, 0], result[..., 0, 1], result[..., 1, 0], result[..., 1, 1] = d, -b, -c, a
+    result /= (a * d - b * c)[..., None, None]
+    return result
+
+
+def largest_eigenvalue(M: FloatArray) -> FloatArray:
+    """The larger eigenvalues of matrices that have real ones, shape [...]."""
+    a, b, c, d = M[..., 0, 0], M[..., 0, 1], M[..., 1, 0], M[..., 1, 1]
+    half = 0.5 * (a - d)
+    # rounding must not make a double eigenvalue complex
+    return np.asarray(0.5 * (a + d) + np.sqrt(np.maximum(half * half + b * c, 0.0)))
+
+
+def directions(camera: Camera, pixels: FloatArray) -> FloatArray:
+    """Unit vectors from the camera's centre toward what it sees at `pixels`, in the rig's frame [-].
+
+    Parameters
+    ----------
+    camera
+        The camera.
+    pixels
+        Places in its picture (x, y) [px], shape [..., 2].
+
+    Returns
+    -------
+    NDArray
+        Shape [..., 3]; NaN where the pixel is.
+
+    Raises
+    ------
+    ValueError
+        If the lens distortion cannot be undone there.
+    """
+    return towards(camera, inside(camera, pixels))
+
+
+def inside(camera: Camera, pixels: FloatArray) -> FloatArray:
+    """Ideal image points on the plane z = 1 of the camera's own frame, with that 1 [-], shape [..., 3]."""
+    ideal = camera.undistort(pixels)
+    return np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1)
+
+
+def towards(camera: Camera, x: FloatArray) -> FloatArray:
+    """`directions` of what `inside` gave."""
+    return np.asarray(x @ camera.rotation / np.linalg.norm(x, axis=-1, keepdims=True))
+
+
+def pixels_per_length(camera: Camera, X: FloatArray, direction: FloatArray) -> FloatArray:
+    """Motion of the pixel of a place that moves along a direction [px/m], shape [2].
+
+    Parameters
+    ----------
+    camera
+        The camera.
+    X
+        The place in the rig's frame, in front of the camera [m], shape [3].
+    direction
+        Unit vector in the rig's frame, shape [3].
+    """
+    return np.asarray(projection_slope(camera, np.asarray(X)) @ direction)
+
+
+def pixel_slope(camera: Camera, ideal: FloatArray) -> FloatArray:
+    """Derivative of the pixel by the ideal image point on the plane z = 1 [px], shape [..., 2, 2]."""
+    slope = camera.distortion_slope(ideal)
+    if camera.skew:
+        return np.asarray(np.array([[camera.fx, camera.skew], [0.0, camera.fy]]) @ slope)
+    slope *= np.array([[camera.fx], [camera.fy]])
+    return slope
+
+
+def projection_slope(camera: Camera, X: FloatArray) -> FloatArray:
+    """Derivative of `Camera.project` by the point [px/m], shape [..., 2, 3].
+
+    Parameters
+    ----------
+    camera
+        The camera.
+    X
+        Points in the rig's frame, in front of the camera [m], shape [..., 3].
+    """
+    place = camera.in_camera(X)
+    depth = place[..., 2]
+    ideal = place[..., :2] / depth[..., None]
+    perspective = np.zeros((*depth.shape, 2, 3))
+    perspective[..., 0, 0] = perspective[..., 1, 1] = 1.0 / depth
+    perspective[..., :, 2] = -ideal / depth[..., None]
+    return np.asarray(pixel_slope(camera, ideal) @ perspective @ camera.rotation)
+
+
+def epipolar_distance(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> FloatArray:
+    """Distance of camera 1's points from the epipolar curves of camera 0's, signed [px].
+
+    Positive toward larger y for cameras side by side, toward larger x for cameras one above the other. To
+    first order in the distance: exact on the curve, off it only as the curve bends and the lens's
+    magnification varies within the distance.
+
+    Parameters
+    ----------
+    rig
+        The cameras.
+    pixels0, pixels1
+        One point seen by both, a row each (x, y) [px], shapes [..., 2].
+
+    Returns
+    -------
+    NDArray
+        Shape [...]; NaN where a pixel is.
+
+    Raises
+    ------
+    ValueError
+        If the cameras have one centre, or a lens distortion cannot be undone.
+    """
+    return epipolar_slopes(rig, pixels0, pixels1)[0]
+
+
+def epipolar_sigma(
+    rig: StereoRig,
+    pixels0: FloatArray,
+    pixels1: FloatArray,
+    covariance0: FloatArray,
+    covariance1: FloatArray,
+) -> FloatArray:
+    """Standard deviation of `epipolar_distance` that the noise of the pixels predicts [px], shape [...].
+
+    Parameters
+    ----------
+    rig, pixels0, pixels1
+        As for `epipolar_distance`.
+    covariance0, covariance1
+        Of the pixels, independent between the cameras [px²], shapes [..., 2, 2] or [2, 2].
+    """
+    _, slope0, slope1 = epipolar_slopes(rig, pixels0, pixels1)
+    return sigma_of(slope0, slope1, covariance0, covariance1)
+
+
+def sigma_of(
+    slope0: FloatArray, slope1: FloatArray, covariance0: FloatArray, covariance1: FloatArray
+) -> FloatArray:
+    """`epipolar_sigma` where the slopes of `epipolar_slopes` are known."""
+    variance = np.einsum("...i,...ij,...j->...", slope0, covariance0, slope0)
+    return np.asarray(np.sqrt(variance + np.einsum("...i,...ij,...j->...", slope1, covariance1, slope1)))
+
+
+def epipolar_curve(rig: StereoRig, pixels0: FloatArray, depths: FloatArray) -> FloatArray:
+    """Pixels of camera 1 for what camera 0 sees at `pixels0`, at each assumed depth [px].
+
+    Parameters
+    ----------
+    rig
+        The cameras.
+    pixels0
+        Places in camera 0's picture (x, y) [px], shape [..., 2].
+    depths
+        Distances along camera 0's ray [m], shape [n].
+
+    Returns
+    -------
+    NDArray
+        Shape [..., n, 2]; NaN for a depth that lies behind camera 1.
+    """
+    first, second = rig.cameras
+    rays = directions(first, pixels0)
+    return second.project(first.centre + rays[..., None, :] * np.asarray(depths)[:, None])
+
+
+def epipolar_slopes(
+    rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """`epipolar_distance` [px], shape [...], and its derivatives by the two pixels [-], shapes [..., 2].
+
+    The derivatives leave out how the direction of the line changes, a part of the order of the distance over
+    the focal length.
+    """
+    first, second = rig.cameras
+    return slopes_between(rig, Rays.of(first, pixels0), Rays.of(second, pixels1))
+
+
+class Rays(NamedTuple):
+    """Rays of a camera's pixels, found once for all that they are compared with."""
+
+    x: FloatArray
+    """Ideal image points on the plane z = 1, with that 1 [-], shape [..., 3]."""
+    slope: FloatArray
+    """Derivatives of the pixels by them [px], shape [..., 2, 2]."""
+
+    @classmethod
+    def of(cls, camera: Camera, pixels: FloatArray) -> "Rays":
+        """That of `pixels` (x, y) [px], shape [..., 2]; a ValueError if the lens cannot be undone there."""
+        x = inside(camera, pixels)
+        return cls(x, pixel_slope(camera, x[..., :2]))
+
+
+def slopes_between(rig: StereoRig, aim0: Rays, aim1: Rays) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """`epipolar_slopes` of pixels whose `Rays` is known."""
+    R, t = rig.relative
+    if not np.any(t):
+        raise ValueError("both cameras have the same centre, 0 m apart: two views of one place give no depth")
+    sign = np.sign(-t[0]) if abs(t[0]) >= abs(t[1]) else np.sign(t[1])
+    E = (sign or 1.0) * np.cross(t, R, axisa=0, axisb=0, axisc=0)
+    line1, line0 = aim0.x @ E.T, aim1.x @ E
+    gradient0, gradient1 = _by_pixel(line0, aim0.slope), _by_pixel(line1, aim1.slope)
+    length = np.linalg.norm(gradient1, axis=-1)
+    distance = np.sum(line1 * aim1.x, axis=-1) / length
+    return distance, gradient0 / length[..., None], gradient1 / length[..., None]
+
+
+def _by_pixel(line: FloatArray, slope: FloatArray) -> FloatArray:
+    """Gradient of ``line . x`` by the pixel: (∂pixel/∂x)⁻ᵀ line, shape [..., 2]."""
+    (a, b), (c, d) = np.moveaxis(slope, (-2, -1), (0, 1))
+    l, m = line[..., 0], line[..., 1]
+    return np.asarray(np.stack([d * l - c * m, a * m - b * l], axis=-1) / (a * d - b * c)[..., None])
+
+
+EXACT = 1e-10
+"""Variance that is added to all, so that a place which was chosen has a weight too [px²]: (1e-5 px)²."""
+STEPS = 10
+"""Gauss-Newton steps at most; two are enough unless the cameras disagree by many pixels."""
+
+
+class Triangulation(NamedTuple):
+    """Points in space, and what they rest on."""
+
+    position: FloatArray
+    """In the rig's frame [m], shape [..., 3]; NaN where a pixel is, or where no point lies before both."""
+    covariance: FloatArray
+    """Of the position, from the noise of the pixels [m²], shape [..., 3, 3]."""
+    epipolar: FloatArray
+    """Distance of camera 1's point from the epipolar line of camera 0's, signed [px], shape [...]."""
+    epipolar_sigma: FloatArray
+    """Its standard deviation, from the noise of the pixels [px], shape [...]."""
+
+
+def midpoint(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> FloatArray:
+    """The middle of the shortest connection of the two rays [m], shape [..., 3].
+
+    Parameters
+    ----------
+    rig
+        The cameras.
+    pixels0, pixels1
+        One point seen by both, a row each (x, y) [px], shapes [..., 2].
+
+    Raises
+    ------
+    ValueError
+        If a lens distortion cannot be undone.
+    """
+    first, second = rig.cameras
+    return _middle(rig, directions(first, pixels0), directions(second, pixels1))
+
+
+def _middle(rig: StereoRig, d0: FloatArray, d1: FloatArray) -> FloatArray:
+    """`midpoint` of rays along unit vectors d0 and d1, shapes [..., 3]."""
+    first, second = rig.cameras
+    base = second.centre - first.centre
+    c, a0, a1 = np.sum(d0 * d1, axis=-1), d0 @ base, d1 @ base
+    parallel = 1.0 - c * c
+    with np.errstate(divide="ignore", invalid="ignore"):  # parallel lines meet nowhere: not finite
+        s0, s1 = (a0 - c * a1) / parallel, (c * a0 - a1) / parallel
+        return np.asarray((first.centre + s0[..., None] * d0 + second.centre + s1[..., None] * d1) / 2.0)
+
+
+def triangulate(
+    rig: StereoRig,
+    pixels0: FloatArray,
+    pixels1: FloatArray,
+    covariance0: FloatArray,
+    covariance1: FloatArray,
+) -> Triangulation:
+    """Points in space from points in two pictures, with covariances.
+
+    Parameters
+    ----------
+    rig
+        The cameras.
+    pixels0, pixels1
+        One point seen by both, a row each (x, y) [px], shapes [..., 2].
+    covariance0, covariance1
+        Of the pixels, independent between the cameras [px²], shapes [..., 2, 2] or [2, 2], wherever the
+        pixels are finite; zero for a place that was chosen, as a material point's in its own picture.
+
+    Returns
+    -------
+    Triangulation
+        Position, covariance, epipolar distance and its sigma.
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit, a covariance that is none, a lens distortion that cannot be undone.
+    """
+    pixels0, pixels1 = (np.asarray(p, dtype=np.float64) for p in (pixels0, pixels1))
+    if pixels0.shape != pixels1.shape or pixels0.shape[-1:] != (2,):
+        raise ValueError(
+            f"pixels0 and pixels1 must have one shape [..., 2], got {pixels0.shape} and {pixels1.shape}"
+        )
+    seen = np.all(np.isfinite(pixels0) & np.isfinite(pixels1), axis=-1)
+    noise = (_covariances(covariance0, seen, 0), _covariances(covariance1, seen, 1))
+    position = np.full((*seen.shape, 3), np.nan)
+    covariance = np.full((*seen.shape, 3, 3), np.nan)
+    epipolar, sigma = np.full(seen.shape, np.nan), np.full(seen.shape, np.nan)
+    pixels = (pixels0[seen], pixels1[seen])
+    aims = [Rays.of(camera, places) for camera, places in zip(rig.cameras, pixels, strict=True)]
+    epipolar[seen], *slopes = slopes_between(rig, aims[0], aims[1])
+    sigma[seen] = sigma_of(slopes[0], slopes[1], *noise)
+    d0, d1 = (towards(camera, aim.x) for camera, aim in zip(rig.cameras, aims, strict=True))
+    weights = inverse(noise[0] + EXACT * np.eye(2)), inverse(noise[1] + EXACT * np.eye(2))
+    position[seen], covariance[seen] = _nearest(rig, _middle(rig, d0, d1), pixels, weights)
+    return Triangulation(position, covariance, epipolar, sigma)
+
+
+def projection_error(
+    rig: StereoRig, position: FloatArray, pixels0: FloatArray, pixels1: FloatArray
+) -> FloatArray:
+    """Distance of the points' projections from what was seen: rms over the cameras [px], shape [...].
+
+    It is what the epipolar distance leaves in both pictures, about |d|/2.
+
+    Parameters
+    ----------
+    rig
+        The cameras.
+    position
+        Points in the rig's frame [m], shape [..., 3].
+    pixels0, pixels1
+        What was seen [px], shapes [..., 2].
+    """
+    square = [
+        np.sum((camera.project(position) - pixels) ** 2, axis=-1)
+        for camera, pixels in zip(rig.cameras, (pixels0, pixels1), strict=True)
+    ]
+    return np.asarray(np.sqrt((square[0] + square[1]) / 2.0))
+
+
+def _covariances(covariance: FloatArray, seen: NDArray[np.bool_], camera: int) -> FloatArray:
+    """Covariances of the pixels that were seen [px²], shape [n, 2, 2]."""
+    covariance = np.asarray(covariance, dtype=np.float64)
+    if covariance.shape not in ((2, 2), (*seen.shape, 2, 2)):
+        raise ValueError(
+            f"covariance{camera} has shape {covariance.shape}, must be (2, 2) or {(*seen.shape, 2, 2)}"
+        )
+    used = np.broadcast_to(covariance, (*seen.shape, 2, 2))[seen]
+    a, b, c, d = used[:, 0, 0], used[:, 0, 1], used[:, 1, 0], used[:, 1, 1]
+    tiny = 1e-6 * (a + d)
+    fine = (a >= 0.0) & (d >= 0.0) & (np.abs(b - c) <= tiny) & (a * d - b * c >= -(tiny**2))
+    if not np.all(fine):
+        point, found = np.argwhere(seen)[np.argmin(fine)].tolist(), used[np.argmin(fine)].tolist()
+        raise ValueError(
+            f"covariance{camera} of point {point} is {found} px², must be symmetric and have no negative "
+            "eigenvalue: give the point an outcome instead"
+        )
+    return used
+
+
+def _nearest(
+    rig: StereoRig,
+    start: FloatArray,
+    pixels: tuple[FloatArray, FloatArray],
+    weights: tuple[FloatArray, FloatArray],
+) -> tuple[FloatArray, FloatArray]:
+    """Positions [n, 3] and covariances [n, 3, 3] by Gauss-Newton; NaN where no point lies before both."""
+    X = start.copy()
+    covariance = np.full((len(X), 3, 3), np.nan)
+    searching = np.flatnonzero(_before(rig, X))
+    settled = np.zeros(len(X), dtype=bool)
+    for _ in range(STEPS):
+        H, g = np.zeros((len(searching), 3, 3)), np.zeros((len(searching), 3))
+        for camera, seen, weight in zip(rig.cameras, pixels, weights, strict=True):
+            J = projection_slope(camera, X[searching])
+            JW = np.swapaxes(J, 1, 2) @ weight[searching]
+            H += JW @ J
+            g += (JW @ (seen[searching] - camera.project(X[searching]))[..., None])[..., 0]
+        covariance[searching] = _inverse(H)
+        move = (covariance[searching] @ g[..., None])[..., 0]
+        X[searching] += move
+        there = _before(rig, X[searching])
+        small = np.sum(move * g, axis=-1) < 1e-12  # the step is a millionth of its own sigma
+        settled[searching[there & small]] = True
+        searching = searching[there & ~small]
+        if not len(searching):
+            break
+    X[~settled], covariance[~settled] = np.nan, np.nan
+    return X, covariance
+
+
+def _before(rig: StereoRig, X: FloatArray) -> NDArray[np.bool_]:
+    """Points in front of both cameras, at a finite distance, shape [n]."""
+    depth = np.stack([camera.in_camera(X)[:, 2] for camera in rig.cameras])
+    return np.asarray(np.all(np.isfinite(depth) & (depth > 0.0), axis=0))
+
+
+def _inverse(H: FloatArray) -> FloatArray:
+    """Inverses of symmetric matrices by their cofactors, shape [n, 3, 3]; not finite for a singular one."""
+    a, b, c = H[:, 0], H[:, 1], H[:, 2]
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = cofactors / np.sum(a * cofactors[..., 0], axis=-1)[:, None, None]
+    return np.asarray((inverse + np.swapaxes(inverse, 1, 2)) / 2.0)

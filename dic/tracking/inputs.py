@@ -1,0 +1,282 @@
+"""Inputs and result of tracking: settings, usable pictures prepared in advance, tracks."""
+
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.basics import FloatArray, IntArray, cv2
+from dic.correlation import Noise, PictureStack
+from dic.correlation.subsets import TOGETHER, Correlation
+from dic.images.series import PictureError, Pictures
+from dic.outcome import FrameOutcome
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tracking:
+    """Settings of the tracking of points in time.
+
+    Raises
+    ------
+    ValueError
+        A value outside its range; the message names it.
+    """
+
+    correlation: Correlation = field(default_factory=Correlation)
+    """Settings of the match of one subset."""
+    update_stretch: float = 1.5
+    """A point whose subset has been stretched or flattened by this factor since its reference takes the
+    picture at hand as the new one; above 1."""
+    update_zncc: float = 0.9
+    """A point whose correlation stays below this in two successive frames takes a new reference too."""
+    growth: float = 1.0
+    """A subset that is flattened in the picture may grow in the material by up to this factor, at changes of
+    reference, so that its shortest side in the picture stays what it was; 1: it keeps its material."""
+    return_every: int = 5
+    """Frames between attempts to go back to an earlier reference that fits again; 0: never."""
+    search: int = 24
+    """Range about its guess in which a point is searched for by cross-correlation when all else fails, half
+    the width of the search window [px]; 0: no search."""
+    neighbour_gate: float = 1.0
+    """A point lies within this distance of where at least two of its neighbours put it [px]."""
+    least_valid: float = 0.2
+    """A frame in which a smaller share of the points is found is searched anew with seeds."""
+
+    def __post_init__(self) -> None:
+        checks = (
+            ("update_stretch", 1.0 < self.update_stretch <= 10.0, "above 1, at most 10"),
+            ("update_zncc", 0.0 <= self.update_zncc < 1.0, "from 0 to below 1"),
+            ("growth", 1.0 <= self.growth <= 10.0, "from 1 to 10"),
+            ("return_every", self.return_every >= 0, "0 or more frames"),
+            ("search", 0 <= self.search <= 512, "from 0 to 512 px"),
+            ("neighbour_gate", self.neighbour_gate > 0.0, "above 0 px"),
+            ("least_valid", 0.0 <= self.least_valid <= 1.0, "from 0 to 1"),
+        )
+        for name, fine, allowed in checks:
+            if not fine:
+                raise ValueError(f"{name} must be {allowed}, got {getattr(self, name)}")
+
+
+@dataclass(frozen=True)
+class Track:
+    """Subsets followed through a series, material picture and points fixed for the whole of it."""
+
+    points: FloatArray
+    """Places in the material picture (x, y) [px], shape [n_points, 2]."""
+    warp: FloatArray
+    """Total warps, shape [n_frames, n_points, 12]; meaningful where the outcome is VALID."""
+    covariance: FloatArray
+    """Of the position, noise of the match and of all reference updates before it [px²],
+    shape [n_frames, n_points, 2, 2]."""
+    zncc: FloatArray
+    """Correlation with the reference used, shape [n_frames, n_points]."""
+    outcome: IntArray
+    """`dic.PointOutcome`, shape [n_frames, n_points]."""
+    reference: IntArray
+    """Frame whose picture served as the reference, shape [n_frames, n_points]."""
+    frame_outcome: IntArray | None = None
+    """`dic.FrameOutcome` of the pictures, shape [n_frames]; None if nobody judged them."""
+    excess: FloatArray | None = None
+    """Variance of the residual beyond that of the noise, over the latter, the largest of all matches from the
+    material picture on through the references used [-], shape [n_frames, n_points]; NaN where not found, None
+    if nobody asked."""
+    root: FloatArray | None = None
+    """Covariance that the noise of the first reference alone gives the places, in the material picture [px²],
+    shape [n_points, 2, 2]; NaN where it has no template, None where it is not known."""
+
+
+Picture = NDArray[Any]
+Series = Pictures | Sequence[Picture] | Picture
+"""A series of pictures: of a file, or arrays [rows, columns] in memory."""
+
+CONTRAST = 0.1
+"""A picture with less than this share of the material picture's contrast is black."""
+ROUGHNESS = 0.8
+"""Noise alone has neighbouring pixels that differ as much as any two: this share of it is noise."""
+THINNED = 4
+"""Every so many rows and columns are enough to see whether neighbours differ."""
+CLIPPED = 0.5
+"""Share of the pixels at the largest grey value from which a picture is saturated."""
+
+
+def count(pictures: Series) -> int:
+    """Number of frames."""
+    return pictures.n_frames if isinstance(pictures, Pictures) else len(pictures)
+
+
+def read(pictures: Series, index: int) -> Picture | None:
+    """One frame, shape [rows, columns]; None if it cannot be read."""
+    frame = getattr(pictures, "frame", None)  # whether it has all of `Pictures` takes longer than to read it
+    if frame is None:
+        return np.asarray(pictures[index])  # type: ignore[index]  # no series of a file
+    try:
+        return np.asarray(frame(index))
+    except (PictureError, OSError):
+        return None
+
+
+def _mean_and_spread(grey: NDArray[np.float32]) -> tuple[float, float]:
+    """Mean and standard deviation of the grey values, in one pass."""
+    mean, spread = cv2.meanStdDev(grey)
+    return float(mean[0, 0]), float(spread[0, 0])
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Mean and contrast by which a picture of the specimen is recognised, from the material picture."""
+
+    mean: float
+    """Mean grey value [grey]."""
+    contrast: float
+    """Standard deviation of the grey values [grey]."""
+
+    @classmethod
+    def of(cls, picture: Picture) -> "Scene":
+        """That of a picture, shape [rows, columns]."""
+        return cls(*_mean_and_spread(np.asarray(picture, dtype=np.float32)))
+
+    def judge(self, picture: Picture | None) -> FrameOutcome:
+        """Outcome of a picture: whether it shows a scene.
+
+        A picture is saturated if at least half of its pixels lie within 2 % of its largest grey value and
+        that lies above the mean of the material picture. It is black if its contrast is below a tenth of the
+        material picture's, or if neighbouring pixels differ as much as distant ones do.
+
+        Parameters
+        ----------
+        picture
+            The frame, shape [rows, columns]; None if it could not be read.
+        """
+        if picture is None or picture.ndim != 2 or picture.size == 0:
+            return FrameOutcome.UNREADABLE
+        grey = np.asarray(picture, dtype=np.float32)
+        mean, contrast = _mean_and_spread(grey)
+        if not np.isfinite(mean):
+            return FrameOutcome.UNREADABLE
+        top = float(grey.max())
+        if np.count_nonzero(grey >= 0.98 * top) >= CLIPPED * grey.size and top > self.mean:
+            return FrameOutcome.SATURATED
+        if contrast <= CONTRAST * self.contrast:
+            return FrameOutcome.BLACK
+        lines = (grey[::THINNED], grey[:, ::THINNED].T)
+        rough = min(float(np.diff(some, axis=1).std()) for some in lines) / (np.sqrt(2.0) * contrast)
+        return FrameOutcome.BLACK if rough > ROUGHNESS else FrameOutcome.VALID
+
+
+PER_PIXEL = 4
+"""Bytes of a coefficient."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some frames, read and prepared."""
+
+    pictures: dict[int, Picture | None]
+    """By frame; None: it cannot be read."""
+    stack: PictureStack | None
+    """Those that can be prepared."""
+    place: dict[int, int]
+    """Where in the stack a frame is."""
+
+
+class FramesAhead:
+    """Frames of a series, read and prepared when they are asked for, or a block of them ahead.
+
+    On a GPU the pictures of a block are sent and filtered in one go, and the next block is read, decoded and
+    sent by a thread while the frames of this one are searched. On a CPU the thread would only take the cores
+    that search.
+
+    Parameters
+    ----------
+    pictures
+        The series.
+    noise
+        Standard deviation of a grey value, or `dic.correlation.Noise` [grey].
+    prefilter
+        Standard deviation of the Gaussian before the match [px].
+    device
+        Where the matches are computed.
+    border
+        Outermost pixels that are left out of what is prepared.
+    together
+        Size of the coefficients of a block [bytes]; 0: no blocks; None: `TOGETHER` on a GPU, else 0.
+    """
+
+    def __init__(
+        self,
+        pictures: Series,
+        *,
+        noise: float | Noise,
+        prefilter: float,
+        device: str,
+        border: int = 0,
+        together: int | None = None,
+    ) -> None:
+        self.pictures, self.noise, self.prefilter, self.device = pictures, noise, prefilter, device
+        self.inner = slice(border, -border) if border else slice(None)
+        self.together = (0 if device == "cpu" else TOGETHER) if together is None else together
+        self._block: Block | None = None
+        self._to_come: list[int] = []
+        self._coming: list[int] = []
+        self._next: Future[Block] | None = None
+        self._worker = ThreadPoolExecutor(1) if self.together else None
+
+    def expect(self, frames: Sequence[int]) -> None:
+        """Have these frames read ahead, which will be asked for in this order."""
+        if self._worker is not None:
+            self._to_come = list(frames)
+            self._begin()
+
+    def close(self) -> None:
+        """Read no more frames ahead."""
+        if self._worker is not None:
+            self._worker.shutdown(cancel_futures=True)
+
+    def read(self, frame: int) -> Picture | None:
+        """One frame as recorded, shape [rows, columns]; None if it cannot be read."""
+        if self._next is not None and frame in self._coming:
+            self._block = self._next.result()
+            self._begin()
+        if self._block is not None and frame in self._block.pictures:
+            return self._block.pictures[frame]
+        return read(self.pictures, frame)
+
+    def prepared(self, frame: int, picture: Picture) -> PictureStack:
+        """A frame that was `read`, prepared.
+
+        Raises
+        ------
+        ValueError
+            As `PictureStack.prepare`.
+        """
+        block = self._block
+        if block is not None and block.stack is not None and frame in block.place:
+            return block.stack.single(block.place[frame])
+        return self._stack([picture])
+
+    def _stack(self, pictures: list[Picture]) -> PictureStack:
+        some = [picture[self.inner, self.inner] for picture in pictures]
+        return PictureStack.prepare(some, noise=self.noise, prefilter=self.prefilter, device=self.device)
+
+    def _begin(self) -> None:
+        """Begin the next block."""
+        shape = self.pictures.shape if isinstance(self.pictures, Pictures) else np.shape(self.pictures[0])
+        many = max(1, self.together // (PER_PIXEL * int(np.prod(shape))))
+        self._coming, self._to_come = self._to_come[:many], self._to_come[many:]
+        self._next = None
+        if self._coming and self._worker is not None:
+            self._next = self._worker.submit(self._read_block, self._coming, tuple(shape))
+
+    def _read_block(self, frames: list[int], shape: tuple[int, ...]) -> Block:
+        pictures = {frame: read(self.pictures, frame) for frame in frames}
+        # whatever else is prepared, or refused, when it is asked for
+        fit = [
+            frame
+            for frame, picture in pictures.items()
+            if picture is not None and picture.shape == shape and np.isfinite(picture.sum(dtype=np.float64))
+        ]
+        stack = self._stack([picture for f in fit if (picture := pictures[f]) is not None]) if fit else None
+        return Block(pictures, stack, {frame: place for place, frame in enumerate(fit)})

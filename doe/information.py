@@ -1,0 +1,276 @@
+"""Information of planned data: Fisher's information of a linear model, and the placement of measurements.
+
+Data R with standard deviations s respond with J = dR/dp. Their information is H = J^T diag(s^-2) J, and the
+change of the estimate by a change of the data is
+
+    dp = G dR,      G = H^-1 J^T diag(s^-2),
+
+so that Cov p = G diag(s^2) G^T = H^-1. A datum's share G_pi^2 s_i^2 / (H^-1)_pp of the variance of p is its
+share in the information about p as well, because what the other parameters explain has been taken out.
+
+Independent data add their information. D-optimal data have the largest det H, the smallest volume of the
+joint interval; A-optimal data the smallest trace of H^-1, the mean variance of the parameters in units of
+their scale (Pukelsheim, *Optimal Design of Experiments*, 1993).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from math import comb
+from operator import index
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe.arrays import FloatArray
+from doe.uncertainty.covariance import inverse_information
+
+
+@dataclass(frozen=True)
+class LinearData:
+    """Data with their derivatives by some parameters.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not match, an entry is not finite, or a sigma or scale is not > 0.
+    """
+
+    names: tuple[str, ...]
+    """Parameters, length d."""
+    jacobian: FloatArray
+    """Derivatives of the data by the parameters, in their units, shape [k, d]."""
+    sigma: FloatArray
+    """Standard deviations of the data, in their units, shape [k]."""
+    scale: FloatArray
+    """A change of each parameter that counts as large, in its unit, shape [d]: an eigenvector and the sum of
+    variances need a common measure."""
+
+    def __post_init__(self) -> None:
+        k, d = len(self.sigma), len(self.names)
+        if self.jacobian.shape != (k, d) or self.sigma.shape != (k,) or self.scale.shape != (d,):
+            raise ValueError(
+                f"shapes [k, d], [k] and [d] = [{d}] are needed, got {self.jacobian.shape}, "
+                f"{self.sigma.shape} and {self.scale.shape}"
+            )
+        if not np.isfinite(self.jacobian).all():
+            i, j = np.argwhere(~np.isfinite(self.jacobian))[0]
+            raise ValueError(f"the derivative of datum {i} by {self.names[j]} is {self.jacobian[i, j]}")
+        for name, values in (("sigma", self.sigma), ("scale", self.scale)):
+            bad = np.flatnonzero(~(np.isfinite(values) & (values > 0.0)))
+            if len(bad):
+                raise ValueError(f"{name} must be finite and > 0, got {values[bad[0]]} at {bad[0]}")
+
+    @property
+    def rows(self) -> FloatArray:
+        """Derivatives over sigma by parameters in units of their scale [-], shape [k, d]."""
+        return self.jacobian / self.sigma[:, None] * self.scale
+
+    @property
+    def information(self) -> FloatArray:
+        """H in parameters over their scale [-], shape [d, d]."""
+        return self.rows.T @ self.rows
+
+    @property
+    def covariance(self) -> FloatArray:
+        """H^-1, in parameter units, shape [d, d].
+
+        Raises
+        ------
+        doe.uncertainty.covariance.SingularInformationError
+            If some direction of the parameters does not move the data.
+        """
+        return inverse_information(self.rows) * np.outer(self.scale, self.scale)
+
+    @property
+    def deviations(self) -> FloatArray:
+        """Standard deviations of the parameters estimated together, in their units, shape [d]."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def deviations_alone(self) -> FloatArray:
+        """Of each, if the others were known, shape [d]; infinite for one that the data do not see."""
+        size = np.sqrt(np.diag(self.information))
+        return np.divide(self.scale, size, out=np.full_like(size, np.inf), where=size > 0.0)
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Correlation of the estimates [-], shape [d, d]."""
+        s = self.deviations
+        return np.asarray(self.covariance / np.outer(s, s))
+
+    @property
+    def gain(self) -> FloatArray:
+        """G, change of the estimates by a change of each datum, shape [d, k]."""
+        unscaled = inverse_information(self.rows) @ self.rows.T
+        return np.asarray(self.scale[:, None] * unscaled / self.sigma)
+
+    @property
+    def shares(self) -> FloatArray:
+        """Share of each datum in what is known of a parameter, all estimated together [-], shape [k, d].
+
+        Columns add up to one.
+        """
+        moves = self.gain * self.sigma
+        return (moves**2 / (moves**2).sum(axis=1, keepdims=True)).T
+
+    @property
+    def shares_alone(self) -> FloatArray:
+        """The same if the other parameters were known, shape [k, d]; 0 for one that the data do not see."""
+        squares = self.rows**2
+        total = squares.sum(axis=0)
+        return np.divide(squares, total, out=np.zeros_like(squares), where=total > 0.0)
+
+    def directions(self) -> tuple[FloatArray, FloatArray]:
+        """Directions that the data determine best and least, without an inverse.
+
+        Returns
+        -------
+        deviations
+            Standard deviation along each direction in units of the scales [-], the largest first, infinite
+            for what is not seen, shape [d].
+        vectors
+            The directions in parameters over their scale, length one, shape [d, d], one a row.
+        """
+        values, vectors = np.linalg.eigh(self.information)
+        seen = values > 1e-12 * values[-1]
+        deviations = np.full(len(values), np.inf)
+        deviations[seen] = 1.0 / np.sqrt(values[seen])
+        return deviations, vectors.T
+
+    def select(self, kept: NDArray[np.bool_]) -> LinearData:
+        """Some of the data, `kept` of shape [k]."""
+        return LinearData(self.names, self.jacobian[kept], self.sigma[kept], self.scale)
+
+
+Criterion = Literal["D", "A"]
+
+ALL = 20_000
+"""Up to so many subsets all are compared; beyond, points are exchanged until none gains."""
+
+
+class UndecidedError(ValueError):
+    """No choice of so many groups decides all parameters."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """The groups chosen, and what they leave undecided."""
+
+    chosen: tuple[int, ...]
+    """Indices of the groups, ascending."""
+    cost: float
+    """-ln det H, or the trace of H^-1, with the base included."""
+    information: FloatArray
+    """H of base and chosen groups together [-], shape [d, d]."""
+    exhaustive: bool
+    """Whether all subsets were compared; else no single exchange gains."""
+
+
+def costs(information: FloatArray, criterion: Criterion) -> FloatArray:
+    """Cost of an information matrix, shape [..., d, d] -> [...]; infinite where it is singular.
+
+    Raises
+    ------
+    ValueError
+        If the criterion is neither "D" nor "A".
+    """
+    if criterion not in ("D", "A"):
+        raise ValueError(f'criterion must be "D" or "A", got {criterion!r}')
+    values = np.linalg.eigvalsh(information)
+    regular = values[..., 0] > 1e-12 * np.maximum(values[..., -1], np.finfo(float).tiny)
+    safe = np.where(regular[..., None], values, 1.0)
+    cost = -np.log(safe).sum(axis=-1) if criterion == "D" else (1.0 / safe).sum(axis=-1)
+    return np.asarray(np.where(regular, cost, np.inf))
+
+
+def best_groups(
+    groups: FloatArray, count: int, *, base: FloatArray | None = None, criterion: Criterion = "D"
+) -> Placement:
+    """The `count` groups of data that with the base leave least undecided.
+
+    Parameters
+    ----------
+    groups
+        Information of each group, e.g. of all that is seen at one height [-], shape [n, d, d].
+    count
+        How many to choose, 1 to n.
+    base
+        Information that is there anyway [-], shape [d, d]; none if left out.
+    criterion
+        "D" or "A".
+
+    Raises
+    ------
+    ValueError
+        If `count` is outside its range.
+    UndecidedError
+        If every choice is singular.
+    """
+    n, d, _ = groups.shape
+    count = index(count)
+    if not 1 <= count <= n:
+        raise ValueError(f"count must be in [1, {n}], got {count}")
+    start = np.zeros((d, d)) if base is None else base
+    exhaustive = comb(n, count) <= ALL
+    if exhaustive:
+        subsets = np.array(list(combinations(range(n), count)))
+        cost = costs(start + groups[subsets].sum(axis=1), criterion)
+        chosen = [int(i) for i in subsets[int(np.argmin(cost))]]
+    else:
+        chosen = _exchanged(groups, count, start, criterion)
+    return _placed(groups, chosen, start, criterion, exhaustive)
+
+
+def best_window(
+    groups: FloatArray, length: int, *, base: FloatArray | None = None, criterion: Criterion = "D"
+) -> Placement:
+    """The `length` neighbouring groups, e.g. frames, that with the base leave least undecided.
+
+    Parameters and errors as in `best_groups`.
+    """
+    n, d, _ = groups.shape
+    length = index(length)
+    if not 1 <= length <= n:
+        raise ValueError(f"length must be in [1, {n}], got {length}")
+    start = np.zeros((d, d)) if base is None else base
+    total = np.concatenate([np.zeros((1, d, d)), np.cumsum(groups, axis=0)])
+    cost = costs(start + total[length:] - total[:-length], criterion)
+    first = int(np.argmin(cost))
+    return _placed(groups, list(range(first, first + length)), start, criterion, True)
+
+
+def _exchanged(groups: FloatArray, count: int, start: FloatArray, criterion: Criterion) -> list[int]:
+    # A little of everything makes the first choices comparable where few groups are singular.
+    ridge = 1e-6 * np.trace(groups.sum(axis=0)) / len(start) * np.eye(len(start))
+    chosen: list[int] = []
+    information = start + ridge
+    for _ in range(count):
+        cost = costs(information + groups, criterion)
+        cost[chosen] = np.inf
+        chosen.append(int(np.argmin(cost)))
+        information = information + groups[chosen[-1]]
+    best = float(costs(start + groups[chosen].sum(axis=0), criterion))
+    gained = True
+    while gained:
+        gained = False
+        for place in range(count):
+            rest = [g for k, g in enumerate(chosen) if k != place]
+            cost = costs(start + groups[rest].sum(axis=0) + groups, criterion)
+            cost[rest] = np.inf
+            other = int(np.argmin(cost))
+            if cost[other] < best - 1e-12 * abs(best):
+                chosen[place], best, gained = other, float(cost[other]), True
+    return chosen
+
+
+def _placed(
+    groups: FloatArray, chosen: list[int], start: FloatArray, criterion: Criterion, exhaustive: bool
+) -> Placement:
+    information = start + groups[chosen].sum(axis=0)
+    cost = float(costs(information, criterion))
+    if not np.isfinite(cost):
+        raise UndecidedError("no choice decides all parameters: choose more groups, or hold a parameter")
+    return Placement(tuple(sorted(chosen)), cost, information, exhaustive)

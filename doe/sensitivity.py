@@ -1,0 +1,487 @@
+"""Sensitivity of outputs to the parameters of a box: Sobol' indices and Morris' elementary effects.
+
+The parameters are independent and uniform in the unit box, so that a logarithmic one is uniform in its
+logarithm. With A and B two independent samples and AB_i the sample A whose i-th column is that of B,
+
+    S_i  = mean(f_B (f_ABi - f_A)) / V        first order, Saltelli et al. (2010)
+    ST_i = mean((f_A - f_ABi)^2) / 2 V        total, Jansen (1999)
+
+A history is reduced to the scores of its principal components; from the covariances of the scores follow
+the
+indices of every entry, and their sum weighted by the variances, the generalised index
+
+    GS_i = tr C_i / tr C,      C_i = Cov(E[R | x_i]),
+
+of Lamboni, Monod and Makowski (2011) and Gamboa et al. (2014).
+
+Morris' trajectory visits d + 1 points. From one to the next a single parameter moves by p / 2 (p - 1) of
+its edge,
+p the number of levels; an effect is the change of the output over that move (Morris 1991). The mean of its
+size
+shows how much a parameter matters, its scatter whether the effect depends on where (Campolongo et al.
+2007).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from operator import index
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import qmc
+
+from doe.arrays import FloatArray
+from doe.box import Box
+from doe.designs.design import Design, Rng, seed_of
+from doe.information import LinearData, Placement, best_groups, best_window
+from doe.surrogates.pca import PrincipalComponents
+
+Function = Callable[[FloatArray], FloatArray]
+"""Outputs, shape [n, s], at points in parameter units, shape [n, d]."""
+
+CHUNK = 1024
+"""Points at which a function is asked at once."""
+
+
+@dataclass(frozen=True)
+class SobolIndices:
+    """First-order and total indices with their intervals.
+
+    They are estimates: a small index can come out a little below zero, and is left so.
+    """
+
+    names: tuple[str, ...]
+    """Parameters, length d."""
+    outputs: tuple[str, ...]
+    """What varies, length s."""
+    first: FloatArray
+    """Share of the variance that each parameter causes by itself [-], shape [s, d]."""
+    total: FloatArray
+    """Share that it causes by itself or together with others [-], shape [s, d]."""
+    first_interval: FloatArray
+    """Ends of the interval of `first` from a bootstrap over the sample [-], shape [s, d, 2]."""
+    total_interval: FloatArray
+    """Likewise of `total`."""
+    mean: FloatArray
+    """Mean of each output over the box, in its unit, shape [s]."""
+    variance: FloatArray
+    """Variance of each output over the box, in its unit squared, shape [s]."""
+    evaluations: int
+    """How often the function was asked."""
+
+
+@dataclass(frozen=True)
+class SaltelliSample:
+    """The points of the estimators above, in the unit box."""
+
+    A: FloatArray
+    """Shape [n, d]."""
+    B: FloatArray
+    """Shape [n, d]."""
+
+    @classmethod
+    def draw(cls, d: int, n: int, rng: Rng) -> SaltelliSample:
+        """Halves of a scrambled Sobol' sequence in 2 d dimensions.
+
+        Raises
+        ------
+        ValueError
+            If n is not a power of two, at least 4: the sequence is balanced for no other.
+        """
+        count = index(n)
+        if count < 4 or count & (count - 1):
+            raise ValueError(f"n must be a power of two, at least 4, got {count}")
+        points = qmc.Sobol(2 * d, rng=seed_of(rng)).random(count)
+        return cls(points[:, :d], points[:, d:])
+
+    def mixed(self, i: int) -> FloatArray:
+        """A with the i-th column of B, shape [n, d]."""
+        points = self.A.copy()
+        points[:, i] = self.B[:, i]
+        return points
+
+    def ask(self, function: Function, box: Box) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The function at A, B and all AB_i: shapes [n, s], [n, s] and [d, n, s]."""
+        d = box.dimension
+        sets = [self.A, self.B, *(self.mixed(i) for i in range(d))]
+        values = evaluate(function, box, np.concatenate(sets))
+        parts = values.reshape(d + 2, len(self.A), -1)
+        return parts[0], parts[1], parts[2:]
+
+
+def evaluate(function: Function, box: Box, unit_points: FloatArray) -> FloatArray:
+    """The function at points of the unit box, some at a time, shape [n, s].
+
+    Raises
+    ------
+    ValueError
+        If an answer has a wrong shape or is not finite; the message names the point.
+    """
+    parts = []
+    for start in range(0, len(unit_points), CHUNK):
+        x = box.scale(unit_points[start : start + CHUNK])
+        y = np.asarray(function(x), dtype=np.float64)
+        if y.ndim != 2 or len(y) != len(x):
+            raise ValueError(f"the function must return shape [{len(x)}, s], got {list(y.shape)}")
+        bad = np.flatnonzero(~np.isfinite(y).all(axis=1))
+        if len(bad):
+            raise ValueError(f"the function is not finite at {box.as_dict(x[bad[0]])}")
+        parts.append(y)
+    return np.concatenate(parts)
+
+
+def sobol_indices(
+    box: Box,
+    function: Function,
+    *,
+    outputs: tuple[str, ...],
+    n: int = 1024,
+    rng: Rng,
+    confidence: float = 0.95,
+    resamples: int = 500,
+) -> SobolIndices:
+    """Variance-based sensitivity of some scalar outputs, e.g. of a verified surrogate.
+
+    Parameters
+    ----------
+    box
+        Where the parameters vary, uniformly and independently.
+    function
+        The outputs at points.
+    outputs
+        Their names, length s.
+    n
+        Points of each of the d + 2 samples, a power of two.
+    rng
+        Integer seed or generator, of the sample and of the bootstrap.
+    confidence
+        Share of the bootstrap inside an interval, in (0, 1). The points of a Sobol' sequence cover the box
+        more evenly than the bootstrap knows, so the intervals are wide rather than narrow.
+    resamples
+        Draws of the bootstrap, at least 100.
+
+    Raises
+    ------
+    ValueError
+        If an argument is outside its range, the function's answer is unusable, or an output does not vary
+        over the box, so that there is no variance to share out.
+    """
+    seed = seed_of(rng)
+    at_A, at_B, at_AB = SaltelliSample.draw(box.dimension, n, seed).ask(function, box)
+    if at_A.shape[1] != len(outputs):
+        raise ValueError(f"the function returns {at_A.shape[1]} outputs, {len(outputs)} are named")
+    mean, variance = _moments(at_A, at_B)
+    _refuse_constant(outputs, mean, variance)
+    # About their mean: the estimator of the first order then scatters least.
+    first = (at_B - mean) * (at_AB - at_A)
+    total = 0.5 * (at_A - at_AB) ** 2
+    square = 0.5 * ((at_A - mean) ** 2 + (at_B - mean) ** 2)
+    draws = _resampled([first, total, square[None]], resamples, seed)
+    ends = _interval_ends(confidence)
+    return SobolIndices(
+        names=box.names,
+        outputs=outputs,
+        first=(first.mean(axis=1) / variance).T,
+        total=(total.mean(axis=1) / variance).T,
+        first_interval=np.moveaxis(np.quantile(draws[0] / draws[2], ends, axis=0), 0, -1).swapaxes(0, 1),
+        total_interval=np.moveaxis(np.quantile(draws[1] / draws[2], ends, axis=0), 0, -1).swapaxes(0, 1),
+        mean=mean,
+        variance=variance,
+        evaluations=n * (box.dimension + 2),
+    )
+
+
+def _resampled(terms: list[FloatArray], resamples: int, seed: int) -> list[FloatArray]:
+    """Means over the rows of a sample drawn again, the same rows for all terms.
+
+    Parameters
+    ----------
+    terms
+        Each of shape [..., n, s].
+    resamples
+        Number of draws, at least 100.
+    seed
+        Of the draws.
+
+    Returns
+    -------
+    means
+        For each term, shape [resamples, ..., s].
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than 100 draws: the ends of an interval would be two or three of them.
+    """
+    if resamples < 100:
+        raise ValueError(f"resamples must be at least 100, got {resamples}")
+    n = terms[0].shape[-2]
+    counts = np.random.default_rng(seed).multinomial(n, np.full(n, 1.0 / n), size=resamples) / n
+    return [np.tensordot(counts, term, axes=(1, term.ndim - 2)) for term in terms]
+
+
+def _interval_ends(confidence: float) -> tuple[float, float]:
+    """Quantiles at the ends of an interval.
+
+    Raises
+    ------
+    ValueError
+        If the confidence is not in (0, 1).
+    """
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"confidence must be in (0, 1), got {confidence}")
+    return 0.5 * (1.0 - confidence), 0.5 * (1.0 + confidence)
+
+
+def _moments(at_A: FloatArray, at_B: FloatArray) -> tuple[FloatArray, FloatArray]:
+    both = np.concatenate([at_A, at_B])
+    return both.mean(axis=0), both.var(axis=0)
+
+
+def _refuse_constant(outputs: tuple[str, ...], mean: FloatArray, variance: FloatArray) -> None:
+    # Below this the differences are round-off of the values.
+    still = np.flatnonzero(variance <= (1e-13 * np.abs(mean)) ** 2)
+    if len(still):
+        raise ValueError(
+            f"{outputs[still[0]]!r} is {mean[still[0]]:.6g} all over the box: nothing to explain"
+        )
+
+
+PILOT = 256
+"""Points from which the components are taken."""
+SILENT = 1e-6
+"""An entry whose variance is a smaller share of the largest one has no indices: those of a point that the
+disturbance has not reached would be shares of round-off."""
+
+
+@dataclass(frozen=True)
+class HistoryIndices:
+    """Indices of a history with k entries."""
+
+    names: tuple[str, ...]
+    """Parameters, length d."""
+    first: FloatArray
+    """First-order index of each entry [-], shape [d, k]; NaN where the entry hardly varies."""
+    total: FloatArray
+    """Total index of each entry [-], shape [d, k]; NaN likewise."""
+    variance: FloatArray
+    """Variance of each entry over the box, in its unit squared, shape [k]."""
+    aggregated_first: FloatArray
+    """Generalised first-order index [-], shape [d]."""
+    aggregated_total: FloatArray
+    """Generalised total index [-], shape [d]."""
+    aggregated_first_interval: FloatArray
+    """Ends of its bootstrap interval [-], shape [d, 2]."""
+    aggregated_total_interval: FloatArray
+    """Likewise of the total index."""
+    components: int
+    """Number of components kept."""
+    kept_variance: float
+    """Share of the scaled variance in them [-]."""
+
+
+def history_indices(
+    box: Box,
+    function: Function,
+    *,
+    scale: ArrayLike = 1.0,
+    n: int = 1024,
+    rng: Rng,
+    variance: float = 1.0 - 1e-6,
+    confidence: float = 0.95,
+    resamples: int = 500,
+) -> HistoryIndices:
+    """Variance-based sensitivity of a history, e.g. `Surrogate.predict`.
+
+    Parameters
+    ----------
+    box
+        Where the parameters vary, uniformly and independently.
+    function
+        The histories at points, shape [n, d] -> [n, k].
+    scale
+        What entries are measured by when they are put together, > 0, in their units: a number or shape [k].
+    n
+        Points of each of the d + 2 samples, a power of two.
+    rng
+        Integer seed or generator.
+    variance
+        Share of the scaled variance that the components keep, in (0, 1].
+    confidence, resamples
+        As in `doe.sensitivity.sobol_indices`.
+
+    Raises
+    ------
+    ValueError
+        If an argument is outside its range, an answer is unusable, or the history does not vary at all.
+    """
+    seed = seed_of(rng)
+    sample = SaltelliSample.draw(box.dimension, n, seed)
+    pilot = evaluate(function, box, sample.A[:PILOT])
+    reduction = PrincipalComponents.fit(pilot, scale=scale, variance=variance)
+    if not reduction.singular_values[0] > 1e-12 * np.abs(pilot / reduction.scale).max():
+        raise ValueError("the history is the same all over the box: nothing to explain")
+    at_A, at_B, at_AB = sample.ask(lambda x: reduction.scores(function(x)), box)
+    both = np.concatenate([at_A, at_B])
+    centre = both.mean(axis=0)
+    at_A, at_B, at_AB = at_A - centre, at_B - centre, at_AB - centre
+    change = at_AB - at_A
+    whole = (both - centre).T @ (both - centre) / len(both)
+    of_first = np.einsum("np,dnq->dpq", at_B, change) / n
+    of_total = 0.5 * np.einsum("dnp,dnq->dpq", change, change) / n
+    basis = reduction.basis
+
+    def diagonal(covariance: FloatArray) -> FloatArray:
+        return np.einsum("...pq,pk,qk->...k", covariance, basis, basis, optimize=True)
+
+    spread = diagonal(whole) * reduction.scale**2
+    alive = spread > SILENT * spread.max()
+    share = np.divide(reduction.scale**2, spread, out=np.full_like(spread, np.nan), where=alive)
+    traces = _resampled(
+        [
+            (at_B * change).sum(axis=-1, keepdims=True),
+            0.5 * (change**2).sum(axis=-1, keepdims=True),
+            0.5 * (at_A**2 + at_B**2).sum(axis=-1, keepdims=True)[None],
+        ],
+        resamples,
+        seed,
+    )
+    ends = _interval_ends(confidence)
+    size = float(np.trace(whole))
+    return HistoryIndices(
+        names=box.names,
+        first=diagonal(of_first) * share,
+        total=diagonal(of_total) * share,
+        variance=spread,
+        aggregated_first=np.trace(of_first, axis1=1, axis2=2) / size,
+        aggregated_total=np.trace(of_total, axis1=1, axis2=2) / size,
+        aggregated_first_interval=np.quantile((traces[0] / traces[2])[..., 0], ends, axis=0).T,
+        aggregated_total_interval=np.quantile((traces[1] / traces[2])[..., 0], ends, axis=0).T,
+        components=reduction.n_components,
+        kept_variance=reduction.kept_variance,
+    )
+
+
+@dataclass(frozen=True)
+class ElementaryEffects:
+    """Effects of each parameter on each output, per edge of the box."""
+
+    names: tuple[str, ...]
+    """Parameters, length d."""
+    effects: FloatArray
+    """Every effect, in the outputs' units, shape [r, d, s]."""
+
+    @property
+    def mean(self) -> FloatArray:
+        """Mean effect mu, in the outputs' units, shape [s, d]."""
+        return self.effects.mean(axis=0).T
+
+    @property
+    def size(self) -> FloatArray:
+        """Mean size mu* of the effect, in the outputs' units, shape [s, d]."""
+        return np.abs(self.effects).mean(axis=0).T
+
+    @property
+    def size_sigma(self) -> FloatArray:
+        """Standard uncertainty of `size` from the scatter of the trajectories, shape [s, d]."""
+        scatter = np.abs(self.effects).std(axis=0, ddof=1).T
+        return np.asarray(scatter / np.sqrt(len(self.effects)))
+
+    @property
+    def scatter(self) -> FloatArray:
+        """Standard deviation sigma of the effect: curvature or interaction, shape [s, d]."""
+        return self.effects.std(axis=0, ddof=1).T
+
+
+@dataclass(frozen=True)
+class Trajectories:
+    """The runs of a screening, to be made in any order."""
+
+    design: Design
+    """The points, trajectory after trajectory, shape [r (d + 1), d]."""
+    moved: NDArray[np.int64]
+    """Which parameter each step moves, shape [r, d]."""
+
+    def effects(self, outputs: FloatArray) -> ElementaryEffects:
+        """The effects of the runs' outputs.
+
+        Parameters
+        ----------
+        outputs
+            One row a point of `design`, shape [r (d + 1), s].
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, or an output is not finite: an effect is then not known, and a trajectory
+            that is left out would be missed where the model is at its limits.
+        """
+        r, d = self.moved.shape
+        y = np.asarray(outputs, dtype=np.float64)
+        if y.ndim != 2 or len(y) != r * (d + 1):
+            raise ValueError(f"outputs must have shape [{r * (d + 1)}, s], got {list(y.shape)}")
+        bad = np.flatnonzero(~np.isfinite(y).all(axis=1))
+        if len(bad):
+            at = self.design.box.as_dict(self.design.points[bad[0]])
+            raise ValueError(
+                f"{len(bad)} of {len(y)} runs have no finite output, the first at {at}: take a smaller box"
+            )
+        step = np.diff(self.design.unit_points.reshape(r, d + 1, d), axis=1)
+        change = np.diff(y.reshape(r, d + 1, -1), axis=1)
+        row, place = np.arange(r)[:, None], np.arange(d)[None, :]
+        slope = change / step[row, place, self.moved][..., None]
+        effects = np.empty_like(slope)
+        effects[row, self.moved] = slope
+        return ElementaryEffects(self.design.box.names, effects)
+
+
+def morris(box: Box, trajectories: int, *, levels: int = 4, rng: Rng) -> Trajectories:
+    """Random trajectories through the grid of a box.
+
+    Parameters
+    ----------
+    box
+        Where.
+    trajectories
+        How many, r, at least 2; they cost r (d + 1) runs.
+    levels
+        Levels of each parameter, p, even, at least 2: an even number visits all of them equally often.
+    rng
+        Integer seed or generator.
+
+    Raises
+    ------
+    ValueError
+        If a number is outside its range.
+    """
+    r, p, d, seed = index(trajectories), index(levels), box.dimension, seed_of(rng)
+    if r < 2:
+        raise ValueError(f"trajectories must be at least 2, got {r}: one has no scatter")
+    if p < 2 or p % 2:
+        raise ValueError(f"levels must be even and at least 2, got {p}")
+    draw = np.random.default_rng(seed)
+    delta = p / (2.0 * (p - 1.0))
+    low = draw.integers(0, p // 2, size=(r, d)) / (p - 1.0)
+    down = draw.random((r, d)) < 0.5
+    order = np.argsort(draw.random((r, d)), axis=1)
+    turn = np.argsort(order, axis=1)  # in which step a parameter moves
+    after = np.arange(d + 1)[None, :, None] > turn[:, None, :]
+    unit_points = (low[:, None, :] + delta * (after ^ down[:, None, :])).reshape(-1, d)
+    settings = {"trajectories": r, "levels": p, "rng": seed}
+    return Trajectories(Design(box.scale(unit_points), box, "morris", settings), order)
+
+
+__all__ = [
+    "ElementaryEffects",
+    "HistoryIndices",
+    "LinearData",
+    "Placement",
+    "SobolIndices",
+    "best_groups",
+    "best_window",
+    "history_indices",
+    "morris",
+    "sobol_indices",
+]

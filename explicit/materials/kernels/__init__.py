@@ -1,1 +1,0 @@
-"""Warp functions that laws share."""

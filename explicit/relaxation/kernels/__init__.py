@@ -1,1 +1,0 @@
-"""Warp functions of what relaxes."""

@@ -1,1 +1,0 @@
-"""Motions: inertia by two implicit schemes, and relaxation of the stress."""

@@ -1,1 +1,0 @@
-"""From displacements to internal forces and stiffness: Gauss points, element arrays, their sums."""

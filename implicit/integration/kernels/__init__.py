@@ -1,1 +1,0 @@
-"""Warp kernels of the sums over Gauss points, for models on a GPU."""

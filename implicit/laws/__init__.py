@@ -1,1 +1,0 @@
-"""Constitutive laws at a material point: `implicit.laws.solid` says what an element asks of one."""

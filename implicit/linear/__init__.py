@@ -1,1 +1,0 @@
-"""Linear systems with the tangent stiffness: `implicit.linear.solvers` chooses the solver."""

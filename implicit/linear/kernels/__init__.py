@@ -1,1 +1,0 @@
-"""Warp kernels that fill the fronts of a factorisation."""

@@ -1,0 +1,457 @@
+"""Uncertainty budget after the GUM (JCGM 100:2008): inputs, contributions, combined uncertainty, degrees of
+freedom.
+
+`propagate` varies each input by its standard uncertainty in both directions (central differences, GUM 5.1.3),
+so that any model of NumPy arrays can be budgeted. Correlated inputs are declared by `correlation`.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse.csgraph import connected_components
+from scipy.stats import t as student
+
+from kolsky.bars.records import BudgetTable, Contribution, History, Quantity
+from kolsky.base.arrays import FloatArray
+
+
+def merge_quantities(quantities: Iterable[Quantity]) -> list[Quantity]:
+    """Quantities with those that were listed more than once, such as a bar's Poisson's ratio, listed once.
+
+    Where only one of them has an uncertainty, that one is taken.
+
+    Raises
+    ------
+    ValueError
+        If two have the same name and different values or uncertainties.
+    """
+    found: dict[str, Quantity] = {}
+    for q in quantities:
+        known = found.setdefault(q.name, q)
+        if known == q or (q.sigma == 0.0 and (q.value, q.unit) == (known.value, known.unit)):
+            continue
+        if known.sigma > 0.0 or (q.value, q.unit) != (known.value, known.unit):
+            raise ValueError(f"quantity '{q.name}' is stated twice: {known} and {q}")
+        found[q.name] = q
+    return list(found.values())
+
+
+def check_quantities(quantities: Sequence[Quantity]) -> None:
+    """Refuse impossible quantities and names that occur twice.
+
+    Raises
+    ------
+    ValueError
+        With the quantity's name.
+    """
+    seen: set[str] = set()
+    for q in quantities:
+        if q.name in seen:
+            raise ValueError(f"quantity '{q.name}' occurs twice; see `merged`")
+        seen.add(q.name)
+        if not (np.isfinite(q.value) and np.isfinite(q.sigma) and q.sigma >= 0.0):
+            raise ValueError(
+                f"{q.name}: value must be finite and sigma finite and >= 0, got {q.value}, {q.sigma}"
+            )
+        if q.kind not in ("A", "B"):
+            raise ValueError(f"{q.name}: kind must be 'A' or 'B', got {q.kind!r}")
+        if not q.freedom >= 1.0:
+            raise ValueError(f"{q.name}: degrees of freedom must be >= 1, got {q.freedom}")
+
+
+def correlation_matrix(
+    quantities: Sequence[Quantity], correlations: Mapping[tuple[str, str], float]
+) -> FloatArray:
+    """Coefficients by pairs of names as a matrix, shape [n, n].
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown, a coefficient is outside [-1, 1], or they contradict each other.
+    """
+    place = {q.name: i for i, q in enumerate(quantities)}
+    R = np.eye(len(place))
+    for (one, other), r in correlations.items():
+        for name in (one, other):
+            if name not in place:
+                raise ValueError(f"correlation of {name!r}: no quantity has this name")
+        if one == other or not -1.0 <= r <= 1.0:
+            raise ValueError(f"correlation of '{one}' and '{other}' must be of two, in [-1, 1], got {r}")
+        R[place[one], place[other]] = R[place[other], place[one]] = r
+    lowest = float(np.linalg.eigvalsh(R)[0]) if R.size else 0.0
+    if lowest < -1e-9:  # round-off
+        raise ValueError(
+            f"the correlations contradict each other: their matrix has the eigenvalue {lowest:.3g}, all must"
+            " be >= 0; if they were rounded, state more digits"
+        )
+    return R
+
+
+def _correlated_groups(correlation: FloatArray) -> list[list[int]]:
+    """Groups of correlated quantities: for each group the list of their indices."""
+    if not correlation.size:
+        return []
+    n, label = connected_components(correlation != 0.0, directed=False)
+    return [np.flatnonzero(label == k).tolist() for k in range(n)]
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Outputs of a model, and what each quantity contributes to the uncertainty of each sample."""
+
+    quantities: tuple[Quantity, ...]
+    """Inputs."""
+    correlation: FloatArray
+    """Their correlation coefficients, shape [n_quantities, n_quantities]."""
+    value: Mapping[str, FloatArray]
+    """Outputs at the best estimates, shape [...]."""
+    contribution: Mapping[str, FloatArray]
+    """Contributions c_i u_i with their signs, Eq. (U.11), shape [n_quantities, ...]."""
+    noise: Mapping[str, FloatArray]
+    """Standard deviations from the signals' noise, independent of all quantities, shape [...]."""
+    curvature: Mapping[str, FloatArray]
+    """Second differences (y+ + y- - 2 y) / 2 over one standard uncertainty, shape [n_quantities, ...]: what a
+    straight line misses, and the bias of the best estimate."""
+    interaction: Mapping[str, FloatArray]
+    """Contribution of products of quantities, sum of +-u_i u_j d2y/dx_i dx_j over all pairs, shape [...]."""
+
+    def sigma(self, output: str) -> FloatArray:
+        """Combined standard uncertainty u_c, Eq. (U.10), shape [...]."""
+        Z = self.contribution[self._known(output)]
+        variance = np.einsum("i...,ij,j...->...", Z, self.correlation, Z)
+        # Fully correlated contributions may cancel to -1e-16 of their squares.
+        return np.sqrt(np.maximum(variance, 0.0) + self.noise[output] ** 2)
+
+    def freedom(self, output: str) -> FloatArray:
+        """Effective degrees of freedom by Welch and Satterthwaite, Eq. (U.12), shape [...].
+
+        The formula needs independent parts: quantities that are correlated count as one, with the smallest
+        of their degrees of freedom. Noise counts as known.
+        """
+        Z, u = self.contribution[self._known(output)], self.sigma(output)
+        under = np.zeros(u.shape)
+        for group in _correlated_groups(self.correlation):
+            nu = min(self.quantities[i].freedom for i in group)
+            part = Z[group]
+            variance = np.einsum("i...,ij,j...->...", part, self.correlation[np.ix_(group, group)], part)
+            under += variance**2 / nu
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(under > 0.0, u**4 / under, np.inf)
+
+    def coverage_factor(self, output: str, probability: float = 0.95) -> FloatArray:
+        """Student's t for the effective degrees of freedom, rounded down (GUM G.4.1), shape [...].
+
+        Raises
+        ------
+        ValueError
+            If the probability is not inside (0, 1).
+        """
+        if not 0.0 < probability < 1.0:
+            raise ValueError(f"a coverage probability must be inside (0, 1), got {probability}")
+        nu = np.floor(self.freedom(output) * (1.0 + 1e-12))  # 4 may have become 4 - 1e-15
+        return np.asarray(student.ppf(0.5 + 0.5 * probability, nu))
+
+    def expanded(self, output: str, *, k: float = 2.0) -> FloatArray:
+        """Expanded uncertainty U = k u_c, shape [...]."""
+        return k * self.sigma(output)
+
+    def history(self, output: str, unit: str) -> History:
+        """An output with its combined standard uncertainty."""
+        return History(self.value[self._known(output)], self.sigma(output), unit)
+
+    def covariance(self, one: str, other: str) -> FloatArray:
+        """Covariance of two outputs sample by sample, from the quantities only (GUM F.1.2.3), shape [...].
+
+        Raises
+        ------
+        ValueError
+            If their shapes differ.
+        """
+        a, b = self.contribution[self._known(one)], self.contribution[self._known(other)]
+        if a.shape != b.shape:
+            raise ValueError(
+                f"{one} and {other} have the shapes {a.shape[1:]} and {b.shape[1:]}; they must be one"
+            )
+        return np.asarray(np.einsum("i...,ij,j...->...", a, self.correlation, b))
+
+    def nonlinearity(self, output: str) -> float:
+        """Largest term of second order over the combined standard uncertainty at the same sample [-].
+
+        That is the curvature of any one quantity, or the interaction of all. Where it is not small the budget
+        is not to be trusted, and `kolsky.bars.monte_carlo` is.
+        """
+        u = self.sigma(output)
+        second = np.concatenate([self.curvature[output], self.interaction[output][None]])
+        return float(np.max(np.abs(second) / np.where(u > 0.0, u, np.inf), initial=0.0))
+
+    def peak(self, output: str) -> int:
+        """Flat index of the sample with the largest magnitude."""
+        return int(np.argmax(np.abs(self.value[self._known(output)])))
+
+    def table(self, output: str, sample: int | None = None) -> list[dict[str, Any]]:
+        """Contributions at one sample, the largest share first; the last row is the whole.
+
+        Parameters
+        ----------
+        output
+            Name of the output.
+        sample
+            Flat index of the sample; that of the largest magnitude by default.
+
+        Returns
+        -------
+        list of dict
+            "quantity", "value", "unit", "sigma", "kind", "freedom", "sensitivity" (output per unit of the
+            quantity), "contribution" and "share" of the variance, Eq. (U.13). Shares add up to 1; that of a
+            correlated quantity may be negative.
+        """
+        at = self.peak(output) if sample is None else sample
+        Z = self.contribution[output].reshape(len(self.quantities), -1)[:, at]
+        u = float(self.sigma(output).reshape(-1)[at])
+        share = Z * (self.correlation @ Z) / u**2 if u > 0.0 else np.zeros(Z.size)
+        rows: list[dict[str, Any]] = [
+            {
+                "quantity": q.name,
+                "value": q.value,
+                "unit": q.unit,
+                "sigma": q.sigma,
+                "kind": q.kind,
+                "freedom": q.freedom,
+                "sensitivity": float(z / q.sigma) if q.sigma > 0.0 else 0.0,
+                "contribution": float(z),
+                "share": float(part),
+            }
+            for q, z, part in zip(self.quantities, Z, share, strict=True)
+        ]
+        noise = float(self.noise[output].reshape(-1)[at])
+        free = {"value": 0.0, "unit": "", "sensitivity": 1.0, "freedom": float("inf")}
+        part = noise**2 / u**2 if u > 0.0 else 0.0
+        rows.append(
+            {"quantity": "noise", **free, "sigma": noise, "kind": "A", "contribution": noise, "share": part}
+        )
+        rows.sort(key=lambda row: -abs(float(row["share"])))
+        whole = {
+            "quantity": f"combined, {output}",
+            "value": float(self.value[output].reshape(-1)[at]),
+            "unit": "",
+            "sigma": u,
+            "kind": "",
+            "freedom": float(self.freedom(output).reshape(-1)[at]),
+            "sensitivity": 1.0,
+            "contribution": u,
+            "share": 1.0,
+        }
+        return [*rows, whole]
+
+    def _known(self, output: str) -> str:
+        if output not in self.value:
+            raise ValueError(f"no output is called {output!r}; there are {', '.join(self.value)}")
+        return output
+
+
+def budget_table(budget: Budget, results: Mapping[str, tuple[str, int | None, str]]) -> BudgetTable:
+    """The budget at the numbers that are quoted, e.g. at the peak stress.
+
+    Parameters
+    ----------
+    budget
+        As `propagate` made it.
+    results
+        By the name of the quoted number: output, flat index of the sample (None: that of the largest
+        magnitude), unit.
+
+    Returns
+    -------
+    BudgetTable
+        A row for every quantity, then one for the noise of every quoted number.
+    """
+    numbers: dict[str, tuple[float, float, str]] = {}
+    shares: list[dict[str, float]] = [{} for _ in budget.quantities]
+    slopes: list[dict[str, float]] = [{} for _ in budget.quantities]
+    noises = []
+    for name, (output, sample, unit) in results.items():
+        rows = {row["quantity"]: row for row in budget.table(output, sample)}
+        whole, noise = rows[f"combined, {output}"], rows["noise"]
+        numbers[name] = (whole["value"], whole["sigma"], unit)
+        for share, slope, q in zip(shares, slopes, budget.quantities, strict=True):
+            share[name] = rows[q.name]["share"]
+            if q.sigma > 0.0:
+                slope[name] = rows[q.name]["sensitivity"]
+        of_noise = Quantity(f"noise, {name}", 0.0, noise["sigma"], unit, "A")
+        noises.append(Contribution(of_noise, {name: noise["share"]}))
+    inputs = [Contribution(*row) for row in zip(budget.quantities, shares, slopes, strict=True)]
+    return BudgetTable(results=numbers, contributions=(*inputs, *noises))
+
+
+Model = Callable[[Mapping[str, float]], Mapping[str, ArrayLike]]
+"""From values of the quantities, by name, to named outputs: scalars or arrays of fixed shapes."""
+
+
+def propagate(
+    model: Model,
+    quantities: Sequence[Quantity],
+    *,
+    noise: Mapping[str, ArrayLike] | None = None,
+    correlations: Mapping[tuple[str, str], float] | None = None,
+    tolerance: float = 0.05,
+) -> Budget:
+    """Propagate standard uncertainties through a model, Eq. (U.10).
+
+    Sensitivities are central differences over one standard uncertainty to either side (GUM 5.1.3, note 2).
+    Half a step of all quantities at once must agree with them, which excludes a step in the round-off of the
+    model, a jump (of a window by a sample, say) and a strong nonlinearity. The model is run 2 n + 3 times.
+
+    Parameters
+    ----------
+    model
+        From values by name to outputs, which must keep their shapes.
+    quantities
+        Inputs with their standard uncertainties; those with 0 are listed and not varied.
+    noise
+        Standard deviations of outputs from the noise of signals, which the model does not vary.
+    correlations
+        Coefficients of pairs of quantities.
+    tolerance
+        Largest difference of the half step from what the contributions say, over the combined standard
+        uncertainty, in the root mean square over the samples [-].
+
+    Raises
+    ------
+    ValueError
+        If a quantity is impossible or occurs twice, the model fails at a varied value, an output is not
+        finite or changes its shape, the correlations are none, or the steps disagree.
+    """
+    check_quantities(quantities)
+    R = correlation_matrix(quantities, correlations or {})
+    best = {q.name: q.value for q in quantities}
+    value = outputs(model, best, "the best estimates", None)
+    noises = _noises(noise or {}, value)
+    whole: dict[str, list[FloatArray]] = {name: [] for name in value}
+    bend: dict[str, list[FloatArray]] = {name: [] for name in value}
+    for q in quantities:
+        plus, minus = _varied_outputs(model, value, best, {q: 1.0})
+        for name in value:
+            whole[name].append(0.5 * (plus[name] - minus[name]))
+            bend[name].append(0.5 * (plus[name] + minus[name]) - value[name])
+    contribution = {name: _stack(whole[name], value[name]) for name in value}
+    curvature = {name: _stack(bend[name], value[name]) for name in value}
+    # All at once over half a step, with alternating signs so that equal contributions do not hide.
+    share = {q: 0.5 * (-1) ** k for k, q in enumerate(quantities)}
+    plus, minus = _varied_outputs(model, value, best, share)
+    steps = np.array(list(share.values()))
+    interaction = {}
+    for name in value:
+        together = 0.5 * (plus[name] - minus[name])
+        straight = np.tensordot(steps, contribution[name], 1)
+        scale = _size(contribution[name], noises[name])
+        if float(np.sqrt(np.mean((together - straight) ** 2))) > tolerance * scale:
+            _raise_for_steps(model, value, best, quantities, name, contribution[name], tolerance * scale)
+        mean = 0.5 * (plus[name] + minus[name]) - value[name]
+        interaction[name] = 4.0 * (mean - np.tensordot(steps**2, curvature[name], 1))
+    return Budget(
+        quantities=tuple(quantities),
+        correlation=R,
+        value=value,
+        contribution=contribution,
+        noise=noises,
+        curvature=curvature,
+        interaction=interaction,
+    )
+
+
+def _size(contribution: FloatArray, noise: FloatArray) -> float:
+    """Combined standard uncertainty without correlations, by which the whole may cancel to nothing."""
+    return float(np.sqrt(np.mean(np.sum(contribution**2, axis=0) + noise**2)))
+
+
+def _noises(noise: Mapping[str, ArrayLike], value: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    for name in noise:
+        if name not in value:
+            raise ValueError(f"noise of {name!r}: no output is called so; there are {', '.join(value)}")
+    found = {}
+    for name, output in value.items():
+        sigma = np.asarray(noise.get(name, 0.0), dtype=float)
+        if not (np.isfinite(sigma).all() and (sigma >= 0.0).all()):
+            raise ValueError(f"noise of {name} must be finite and >= 0")
+        found[name] = np.array(np.broadcast_to(sigma, output.shape))
+    return found
+
+
+def _stack(rows: list[FloatArray], like: FloatArray) -> FloatArray:
+    return np.stack(rows) if rows else np.zeros((0, *like.shape))
+
+
+def _varied_outputs(
+    model: Model, value: Mapping[str, FloatArray], best: Mapping[str, float], steps: Mapping[Quantity, float]
+) -> tuple[Mapping[str, FloatArray], Mapping[str, FloatArray]]:
+    """Outputs with quantities moved by shares of their standard uncertainties, and by the same back."""
+    sizes = {q: step * q.sigma for q, step in steps.items() if q.sigma > 0.0}
+    if not sizes:
+        return value, value
+    found = []
+    for sign in (1.0, -1.0):
+        at = {q.name: q.value + sign * step for q, step in sizes.items()}
+        where = f"{len(at)} quantities moved together"
+        if len(sizes) == 1:
+            ((q, step),) = sizes.items()
+            where = f"{q.name} = {q.value + sign * step:.6g} {q.unit}"
+        found.append(outputs(model, dict(best) | at, where, value))
+    return found[0], found[1]
+
+
+def _raise_for_steps(
+    model: Model,
+    value: Mapping[str, FloatArray],
+    best: Mapping[str, float],
+    quantities: Sequence[Quantity],
+    output: str,
+    contribution: FloatArray,
+    allowed: float,
+) -> None:
+    """Find the quantity whose half step tells another slope, and refuse.
+
+    Raises
+    ------
+    ValueError
+        Always.
+    """
+    off = []
+    for q, one in zip(quantities, contribution, strict=True):
+        plus, minus = _varied_outputs(model, value, best, {q: 0.5})
+        off.append(float(np.sqrt(np.mean((one - (plus[output] - minus[output])) ** 2))))
+    q = quantities[int(np.argmax(off))]
+    raise ValueError(
+        f"{output}: differences over one and over half a standard uncertainty disagree by more than the"
+        f" {allowed:.3g} allowed, most with {q.name}, {q.sigma:.3g} {q.unit}, by {max(off):.3g}: the model"
+        " jumps or bends there; fix its windows, or use Monte Carlo"
+    )
+
+
+def outputs(
+    model: Model, values: Mapping[str, float], where: str, like: Mapping[str, FloatArray] | None
+) -> dict[str, FloatArray]:
+    """Outputs of a model as arrays; `where` is said of the values if it fails, `like` has the right shapes.
+
+    Raises
+    ------
+    ValueError
+        If the model fails, an output is not finite, or names or shapes differ from those of `like`.
+    """
+    try:
+        found = {name: np.asarray(value, dtype=float) for name, value in model(values).items()}
+    except ValueError as error:
+        raise ValueError(f"the model fails at {where}: {error}") from error
+    for name, value in found.items():
+        if not np.isfinite(value).all():
+            at = int(np.argmin(np.isfinite(value)))
+            raise ValueError(
+                f"output {name} is not finite at sample {at} with {where}; leave such samples out"
+            )
+    if like is not None and {n: v.shape for n, v in found.items()} != {n: v.shape for n, v in like.items()}:
+        raise ValueError(
+            f"outputs change their names or shapes with {where}; fix grid and windows in the model"
+        )
+    return found

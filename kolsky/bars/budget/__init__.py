@@ -1,1 +1,0 @@
-"""Uncertainty budgets: quantities, their propagation, and the Monte Carlo check."""

@@ -1,0 +1,447 @@
+"""Overlapping waves at a gauge: separated by two or more stations, or by a bar's known free end.
+
+With several gauges on one bar the waves in both directions are the solution of a small linear system at each
+frequency. With one gauge a bar, the echo from the free end is predicted and subtracted.
+
+After Zhao and Gary (1997) and Bacon (1999), with every gauge weighted by its noise (Bussac and others 2002).
+Numbers of equations are those of docs/theory/bar_waves.md.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import ceil, isfinite, log, pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+
+from kolsky.bars.audit import AuditLog
+from kolsky.bars.guides.propagation import edge_filter, fade_ends, propagate
+from kolsky.bars.guides.waveguide import Waveguide
+from kolsky.bars.records import BarSignal, FaceWaves, History, Signal, Windows
+from kolsky.bars.reduction.faces import sampled_from
+from kolsky.bars.reduction.windows import Limit, averaging_time, incident_arrival, travel_time, usable_limits
+from kolsky.base.arrays import ComplexArray, FloatArray
+
+PADDING = 4
+"""The transform is this many times as long as the record."""
+_WRAPPED = 1e-7
+"""Remainder of a wave that wraps around the transform, under the exponential window [-]."""
+LARGEST_CONDITION = 1e6
+"""Ratio of singular values of the gauges' matrix beyond which two stations are one."""
+
+
+@dataclass(frozen=True)
+class SeparatedWaves:
+    """The waves at the specimen's face of one bar, and the face's force and velocity with them."""
+
+    time: FloatArray
+    """Times at the face on the shot's clock [s], shape [n]; they end when a gauge has not yet seen a wave
+    that is there."""
+    toward: History
+    """Strain of the wave toward the specimen, compression positive [-]."""
+    away: History
+    """Strain of the wave from the specimen [-]."""
+    force: History
+    """Force on the face [N]."""
+    velocity: History
+    """Velocity of the face toward the specimen [m/s]."""
+    misfit: tuple[float, ...]
+    """Root mean square of each gauge's strain less that of the two waves there, over the gauge's sigma [-];
+    0 within round-off with two gauges, which the waves fit whatever they are, about 1 with more."""
+    singular: FloatArray
+    """Frequencies at which the gauges see the two waves alike [Hz]: zero, and with two gauges all at which
+    half-waves fit between them. Noise there grows with the square root of time: only the quiet start tells
+    the waves apart."""
+    noise_gain: float
+    """Largest sigma of `toward` and `away` over that of the quietest gauge [-]."""
+
+
+def separate(
+    gauges: Sequence[BarSignal],
+    waveguide: Waveguide,
+    *,
+    band: float | None = None,
+    end: float | None = None,
+) -> SeparatedWaves:
+    """Separate the two waves of a bar by two or more gauges, Eqs. (B.12) to (B.15).
+
+    Both waves must be absent when the records begin. This quiet start is used through an exponential window:
+    the equations are solved at frequencies with a small negative imaginary part, where no frequency is
+    singular, and the window is taken off in the end. For two gauges the result is that of the iteration in
+    time (each wave from what the other was one travel time before) and depends on no constant.
+
+    Parameters
+    ----------
+    gauges : sequence of BarSignal
+        Stations of one bar with the same sampling; their records may start at different times.
+    waveguide : Waveguide
+        The bar.
+    band : float, optional
+        Frequency at which the waves end [Hz], by a half-cosine edge.
+    end : float, optional
+        Last time at the face that is wanted [s].
+
+    Returns
+    -------
+    SeparatedWaves
+        With sigmas that grow in time.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two stations, two share a place, records differ in sampling or do not overlap.
+    """
+    interval, begin, values, sigma, memory = _common(gauges)
+    position = np.array([gauge.position for gauge in gauges])
+    n = values.shape[1]
+    far, near = float(position.max()), float(position.min())
+    # Two gauges: the wave back is known from the near one; more: every record has a say.
+    known = begin + interval * (n - 1) - (near if len(gauges) == 2 else far) / waveguide.wave_speed
+    last = known if end is None else min(end, known)
+    if last <= begin:
+        raise ValueError(
+            "the records end before a wave at the specimen has reached a gauge. Cure: longer records"
+        )
+
+    # Zeros up to the pad stand for the quiet start: times before the record, when waves were still far.
+    lead = int(np.ceil(far / waveguide.wave_speed / interval)) + 64
+    length = next_fast_len(PADDING * (n + lead), real=True)
+    decay = -log(_WRAPPED) / (length * interval)
+    falling = np.exp(-decay * interval * (np.arange(length) - lead))
+    frequency = rfftfreq(length, interval)
+    limit = min(waveguide.largest_frequency, np.inf if band is None else band)
+    kept = frequency <= limit
+    omega = 2.0 * pi * frequency[kept] - 1j * decay
+    k = waveguide.wavenumber(omega)
+    weight = 1.0 / np.where(sigma > 0.0, sigma, 1.0) if (sigma > 0.0).all() else np.ones(sigma.size)
+    matrix = np.exp(1j * k[:, None, None] * position[:, None] * np.array([1.0, -1.0]))  # Eq. (B.12)
+    inverse = np.linalg.pinv(weight[:, None] * matrix, rcond=1.0 / LARGEST_CONDITION) * weight
+    edge = edge_filter(frequency[kept], limit)
+
+    data = np.array([fade_ends(value, lead, length, fade=max(64, n // 4), rising=False) for value in values])
+    spectra = rfft(data * falling, axis=1)[:, kept]
+    waves = np.einsum("fwj,jf->wf", inverse, spectra) * edge
+    stiffness, impedance = waveguide.stiffness(omega), waveguide.impedance(omega)
+    speed = stiffness / impedance
+    sums = {
+        "toward": (edge, 0.0 * edge),
+        "away": (0.0 * edge, edge),
+        "force": (edge * stiffness, edge * stiffness),
+        "velocity": (edge * speed, -edge * speed),
+    }
+    count = int(np.floor((last - begin) / interval)) + 1
+    slow = frequency[kept] * memory[:, None] <= 0.5 / interval  # where there is noise: even up to there
+    found = {}
+    for name, (first, second) in sums.items():
+        response = first * inverse[:, 0, :].T + second * inverse[:, 1, :].T  # of each gauge, shape [j, f]
+        value = _back((response * spectra).sum(axis=0), kept, length) / falling
+        noise = _noise(_back(response * slow, kept, length), decay * interval, sigma * memory**0.5, n, count)
+        unit = {"force": "N", "velocity": "m/s"}.get(name, "1")
+        found[name] = History(value[lead : lead + count], noise, unit)
+    there = np.einsum("fjw,wf->jf", matrix, waves)
+    seen = _back(there, kept, length)[:, lead : lead + n] / falling[lead : lead + n]
+    misfit = np.sqrt(np.mean((seen - values)[:, :count] ** 2, axis=1)) * weight
+    largest = max(float(found[name].sigma.max()) for name in ("toward", "away"))
+    return SeparatedWaves(
+        time=np.asarray(begin + interval * np.arange(count), dtype=np.float64),
+        toward=found["toward"],
+        away=found["away"],
+        force=found["force"],
+        velocity=found["velocity"],
+        misfit=tuple(float(value) for value in misfit),
+        singular=_singular(waveguide, far - near, min(limit, 0.5 / interval), len(gauges)),
+        noise_gain=largest / float(sigma.min()) if sigma.min() > 0.0 else 0.0,
+    )
+
+
+def _common(gauges: Sequence[BarSignal]) -> tuple[float, float, FloatArray, FloatArray, FloatArray]:
+    """Interval, first time, strains over the common span, sigmas and memories of the gauges' noise."""
+    if len(gauges) < 2:
+        raise ValueError(f"wave separation needs two gauges or more on a bar, got {len(gauges)}")
+    first = gauges[0].strain
+    places = sorted(gauge.position for gauge in gauges)
+    if places[0] < 0.0:
+        raise ValueError(f"gauges lie at 0 m or more from the specimen, got {places[0]} m")
+    closest = min(b - a for a, b in pairwise(places))
+    if closest * 10.0 < gauges[0].bar.wave_speed * first.interval:
+        raise ValueError(
+            f"two gauges are {closest:g} m apart, a tenth of the way of a wave between samples or less. "
+            "Cure: correct their positions, or average them as one station"
+        )
+    for gauge in gauges:
+        if gauge.bar != gauges[0].bar:
+            raise ValueError("gauges of different bars cannot be separated together")
+        if abs(gauge.strain.interval / first.interval - 1.0) > 1e-9:
+            raise ValueError(
+                f"sampling intervals must be equal, got {first.interval:g} and {gauge.strain.interval:g} s"
+            )
+        if not np.isfinite(gauge.strain.value).all():
+            raise ValueError(f"{gauge.strain.name or 'a gauge'} has samples that are not finite")
+    begin = max(gauge.strain.start for gauge in gauges)
+    finish = min(gauge.strain.end for gauge in gauges)
+    n = int(np.floor((finish - begin) / first.interval + 1e-6)) + 1
+    if n < 8:
+        raise ValueError(f"the gauges' records overlap in {max(n, 0)} samples, need 8 or more")
+    values = np.array([_from(gauge, begin, n) for gauge in gauges])
+    sigma, memory = ([getattr(g.strain, name) for g in gauges] for name in ("sigma", "memory"))
+    return first.interval, begin, values, np.array(sigma), np.maximum(memory, 1.0)
+
+
+def _from(gauge: BarSignal, begin: float, n: int) -> FloatArray:
+    """A gauge's strain from a time on, shifted by a fraction of a sample where its clock asks for it."""
+    signal = gauge.strain
+    offset = (begin - signal.start) / signal.interval
+    whole = round(offset)
+    if abs(offset - whole) < 1e-6:
+        return signal.value[whole : whole + n]
+    before = max(64, signal.value.size // 4)
+    length = next_fast_len(signal.value.size + 2 * before, real=True)
+    spectrum = rfft(fade_ends(signal.value, before, length, fade=before))
+    turned = spectrum * np.exp(2j * pi * rfftfreq(length) * (offset - whole))
+    return irfft(turned, length)[before + whole : before + whole + n]
+
+
+def _back(spectrum: ComplexArray, kept: NDArray[np.bool_], length: int) -> FloatArray:
+    """Samples of spectra that are known where `kept`, the last axis being the frequencies."""
+    full = np.zeros((*spectrum.shape[:-1], kept.size), dtype=complex)
+    full[..., kept] = spectrum
+    return irfft(full, length, axis=-1)
+
+
+def _noise(response: FloatArray, decay: float, sigma: FloatArray, n: int, count: int) -> FloatArray:
+    """Sigma at each time from white noise of the gauges, Eq. (B.15).
+
+    `response` is the answer to a sample in the weighted records, shape [j, length]; without the weights it
+    grows by exp(decay) a sample.
+    """
+    length = response.shape[1]
+    lag = np.arange(length)
+    lag = np.where(lag > length // 2, lag - length, lag)
+    used = (lag > -n) & (lag < count)
+    order = np.argsort(lag[used])
+    variance = np.zeros(count)
+    for answer, scatter in zip(response, sigma, strict=True):
+        square = ((answer * np.exp(decay * lag)) ** 2)[used][order]  # lags 1 - n to count - 1
+        running = np.concatenate([[0.0], np.cumsum(square)])
+        # At time i the samples 0 to n - 1 take part: lags i - n + 1 to i.
+        i = np.arange(count)
+        variance += scatter**2 * (running[i + n] - running[i])
+    return np.sqrt(variance)
+
+
+def _singular(waveguide: Waveguide, spacing: float, highest: float, n_gauges: int) -> FloatArray:
+    """Frequencies at which n half-waves fit between two gauges, Re k * spacing = n pi [Hz]."""
+    if n_gauges > 2:
+        return np.zeros(1)
+    frequency = np.linspace(0.0, highest, 4097)
+    halves = waveguide.wavenumber(2.0 * pi * frequency).real * spacing / pi
+    return np.asarray(np.interp(np.arange(0, int(halves[-1]) + 1), halves, frequency))
+
+
+def overlapping_windows(
+    incident: BarSignal, far: BarSignal, transmission: BarSignal, *, tension: bool = False
+) -> Windows:
+    """Windows that do not end where the reflected wave meets the incident one.
+
+    They last until the reflected wave returns from the far end of the incident bar, the transmitted one from
+    that of its bar, or a record ends.
+
+    Parameters
+    ----------
+    incident, far
+        The two stations of the incident bar, the first one nearer to the specimen.
+    transmission
+        The station of the transmission bar.
+    tension
+        Whether the incident pulse is one of tension.
+
+    Raises
+    ------
+    ValueError
+        If `far` is not farther from the specimen, there is no pulse, or nothing of the records is left.
+    """
+    if far.position <= incident.position:
+        raise ValueError(
+            f"the second station, {far.position:g} m from the specimen, must be farther than the first, "
+            f"{incident.position:g} m; exchange them"
+        )
+    arrival = incident_arrival(incident, tension=tension)
+    first = min(arrival.time, arrival.onset) - 2.0 * averaging_time(incident)
+    reflected = 2.0 * travel_time(incident)
+    transmitted = travel_time(incident) + travel_time(transmission)
+    ends = [limit.time for limit in usable_limits(incident, transmission)[1:]]
+    ends += [
+        incident.strain.end - arrival.time - reflected,
+        far.strain.end - arrival.time - travel_time(far) - travel_time(incident),
+        transmission.strain.end - arrival.time - transmitted,
+    ]
+    length = min(end for end in ends if isfinite(end))
+    if not length > 0.0:
+        raise ValueError("the records end before the reflected wave has passed; cure: longer records")
+
+    def window(shift: float) -> tuple[float, float]:
+        return first + shift, arrival.time + length + shift
+
+    return Windows(window(0.0), window(reflected), window(transmitted), source="separation")
+
+
+def separated(
+    faces: FaceWaves, incident: BarSignal, far: BarSignal, guide: Waveguide, log: AuditLog
+) -> FaceWaves:
+    """The incident and the reflected wave by both stations instead of by windows.
+
+    Parameters
+    ----------
+    faces
+        The waves by windows, which overlap: gives the clock and the transmitted wave.
+    incident, far
+        The two stations of the incident bar.
+    guide
+        The bar.
+    log
+        Takes what changes.
+
+    Raises
+    ------
+    ValueError
+        As `kolsky.bars.reduction.separation.separate`.
+    """
+    start = faces.origin + float(faces.time[0])
+    interval, count = incident.strain.interval, faces.time.size
+    found: SeparatedWaves = separate([incident, far], guide, end=start + (count + 8) * interval)
+
+    def wave(name: str) -> Signal:
+        history = getattr(found, name)
+        return Signal(float(found.time[0]), interval, history.value, float(history.sigma.max()), "1", name)
+
+    toward, away = wave("toward"), wave("away")
+    apart = found.singular[0] if found.singular.size else float("inf")
+
+    def chosen(name: str, signal: Signal) -> FloatArray:
+        return log.choose(
+            f"separation, {name} wave",
+            "separation",
+            getattr(faces, name),
+            sampled_from(signal, start, count),
+            unit="1",
+            reason=(
+                f"stations {1e3 * (far.position - incident.position):.4g} mm apart, alike at multiples of "
+                f"{1e-3 * apart:.4g} kHz, noise {found.noise_gain:.3g} times that of a gauge at the end"
+            ),
+        )
+
+    first, second = chosen("incident", toward), chosen("reflected", away)
+    if not log.switches["separation"]:
+        return faces
+    sigma = {**faces.sigma, "incident": toward.sigma, "reflected": away.sigma}
+    return replace(faces, incident=first, reflected=second, sigma=sigma, white=sigma)
+
+
+KEY = "free end"
+"""The switch."""
+
+
+@dataclass(frozen=True)
+class FreeEnds:
+    """Echoes from the far ends of both bars are taken off."""
+
+    reflected: float
+    """Time at the incident gauge when the incident pulse is over and the reflected one not yet there [s]."""
+
+    def apart(
+        self, incident: BarSignal, transmission: BarSignal, guides: tuple[Waveguide, Waveguide], band: float
+    ) -> tuple[BarSignal, BarSignal, BarSignal]:
+        """The incident, the reflected and the transmitted wave, each by itself at its gauge.
+
+        Parameters
+        ----------
+        incident, transmission
+            The stations.
+        guides
+            Their bars.
+        band
+            Frequency up to which the guides carry waves [Hz].
+        """
+        later = self._later(incident)
+        toward = replace(
+            incident, strain=replace(incident.strain, value=incident.strain.value * (1.0 - later))
+        )
+        back = replace(incident, strain=replace(incident.strain, value=incident.strain.value * later))
+        return toward, without_echo(back, guides[0], band), without_echo(transmission, guides[1], band)
+
+    def _later(self, incident: BarSignal) -> FloatArray:
+        """0 before, 1 after, over the time that a wave needs to cross the bar."""
+        wide = averaging_time(incident)
+        return np.clip((incident.strain.time - (self.reflected - wide)) / wide, 0.0, 1.0)
+
+
+def free_ends(incident: BarSignal, arrival: float) -> FreeEnds:
+    """Both far ends free; the incident pulse is over when the reflected one comes.
+
+    Parameters
+    ----------
+    incident
+        The station of the incident bar.
+    arrival
+        Arrival of the incident pulse there [s].
+    """
+    return FreeEnds(arrival + 2.0 * travel_time(incident) - 2.0 * averaging_time(incident))
+
+
+def without_echo(station: BarSignal, guide: Waveguide, band: float) -> BarSignal:
+    """The wave that goes to the free end, from the strain at a station that sees its echoes too.
+
+    Parameters
+    ----------
+    station
+        The station; the strain holds nothing but this wave and its echoes.
+    guide
+        The bar.
+    band
+        Frequency up to which it carries waves [Hz].
+
+    Returns
+    -------
+    BarSignal
+        The wave at the station; its noise is that of every pass of the echo together.
+    """
+    strain, way = station.strain, 2.0 * (station.bar.length - station.position)
+    passes = ceil((strain.end - strain.start) * guide.wave_speed / way)
+    out = strain
+    for _ in range(passes):
+        echo = propagate(out, guide, way, band=band, start=strain.start, samples=strain.value.size)
+        out = replace(strain, value=strain.value + echo.value)
+    seen = 1 + int((strain.end - strain.start) * guide.wave_speed / (2.0 * station.bar.length))
+    return replace(station, strain=replace(out, sigma=strain.sigma * sqrt(seen + 1.0)))
+
+
+def free_end_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit, Limit]:
+    """Times at which an echo comes back to the specimen and loads it again, from the arrival of a pulse."""
+    margin = max(averaging_time(incident), averaging_time(transmission))
+    limits = [
+        Limit(
+            2.0 * s.bar.length / s.bar.wave_speed - margin,
+            f"the echo from the far end of the {s.side} bar is back at the specimen",
+        )
+        for s in (incident, transmission)
+    ]
+    return limits[0], limits[1]
+
+
+def check_length(windows: Windows, limits: tuple[Limit, Limit]) -> None:
+    """Refuse windows that last until an echo is back at the specimen.
+
+    Raises
+    ------
+    ValueError
+        With the wave and the time.
+    """
+    length = max(last - first for first, last in (windows.incident, windows.reflected, windows.transmitted))
+    end = min(limits, key=lambda limit: limit.time)
+    if length > end.time:
+        raise ValueError(
+            f"the windows last {length:.4g} s, and {end.reason} {end.time:.4g} s after a pulse. Cure: "
+            "shorter windows"
+        )

@@ -1,0 +1,428 @@
+"""Baseline of a signal: zero, noise with its correlation, drift, quantisation, clipping.
+
+Zero and noise are measured before the pulse. Drift beyond the baseline is a random walk; its covariance
+enters the budget by a few modes.
+"""
+
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import numpy as np
+from scipy.special import stdtrit  # scipy.stats takes a quarter of a second to load
+
+from kolsky.bars.records import Quantity
+from kolsky.base.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Stationary Gaussian noise on uniform samples.
+
+    Raises
+    ------
+    ValueError
+        If sigma is negative, or the correlation does not start at 1 or belongs to no noise.
+    """
+
+    sigma: float
+    """Standard deviation of a sample."""
+    correlation: FloatArray
+    """Autocorrelation at the lags 0, 1, ... m samples, shape [m + 1]; zero beyond. White noise: [1]."""
+
+    def __post_init__(self) -> None:
+        rho = self.correlation
+        if not (np.isfinite(self.sigma) and self.sigma >= 0.0):
+            raise ValueError(f"sigma of a noise must be finite and >= 0, got {self.sigma}")
+        if rho.ndim != 1 or not rho.size or rho[0] != 1.0 or not np.isfinite(rho).all():
+            raise ValueError("the correlation of a noise is one row of finite values that starts at 1")
+        lowest = float(_spectrum(rho, 4 * rho.size).min())
+        if lowest < -1e-9:  # round-off of the transform
+            raise ValueError(
+                f"no noise has this correlation: its spectrum falls to {lowest:.3g}, must be >= 0"
+            )
+
+    @property
+    def memory(self) -> float:
+        """Samples that carry the information of one, 1 + 2 sum rho, Eq. (U.8) [-]; 1 if white."""
+        return float(1.0 + 2.0 * self.correlation[1:].sum())
+
+    def sigma_of_sums(self, n: int) -> FloatArray:
+        """Standard deviation of the sums of the first 1, 2, ... n samples, Eq. (U.9), shape [n]."""
+        rho = np.zeros(n)
+        m = min(n, self.correlation.size)
+        rho[:m] = self.correlation[:m]
+        # var S_k = var S_(k-1) + 1 + 2 (rho_1 + ... + rho_(k-1)); where sums cancel round-off may be negative
+        variance = np.cumsum(2.0 * np.cumsum(rho) - 1.0)
+        return self.sigma * np.sqrt(np.maximum(variance, 0.0))
+
+    def draw(self, n: int, rng: np.random.Generator) -> FloatArray:
+        """One realisation of `n` samples with this size and correlation, shape [n].
+
+        The spectrum of the circularly embedded correlation colours white noise; exact, since the embedding
+        is longer than the record and the correlation's reach together.
+        """
+        size = max(n, self.correlation.size) + self.correlation.size
+        white = rng.standard_normal(size)
+        if self.correlation.size == 1:
+            return self.sigma * white[:n]
+        colour = np.sqrt(np.maximum(_spectrum(self.correlation, size), 0.0))
+        return self.sigma * np.fft.irfft(colour * np.fft.rfft(white), size)[:n]
+
+
+def estimate_noise(value: FloatArray, *, freedom_lost: int = 1) -> Noise:
+    """Size and autocorrelation of noise from samples of it, mean (and trend) removed.
+
+    The sample autocorrelation (with the divisor n, so that it belongs to a noise) is tapered by a Parzen
+    window over four times the reach at which its sum settles (Sokal 1997: five correlation times), at most
+    half of the record.
+
+    Parameters
+    ----------
+    value
+        Residuals at rest, shape [n], n >= 8.
+    freedom_lost
+        Parameters that were fitted to get the residuals.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than 8 samples or all are zero.
+    """
+    n = value.size
+    if n < 8:
+        raise ValueError(f"noise needs at least 8 samples, got {n}")
+    power = float(value @ value)
+    if not power > 0.0:
+        raise ValueError(f"all {n} samples are the same, so the noise is unknown")
+    size = 2 * n
+    rho = np.fft.irfft(np.abs(np.fft.rfft(value, size)) ** 2, size)[:n] / power
+    reach = np.arange(1, n)
+    settled = np.flatnonzero(reach >= 5.0 * (1.0 + 2.0 * np.cumsum(rho[1:])))
+    lags = min(4 * int(reach[settled[0]] if settled.size else n), n // 2)
+    u = np.arange(lags + 1) / (lags + 1)
+    parzen = np.where(u <= 0.5, 1.0 - 6.0 * u**2 * (1.0 - u), 2.0 * (1.0 - u) ** 3)
+    correlation = rho[: lags + 1] * parzen
+    correlation[0] = 1.0
+    return Noise(sigma=float(np.sqrt(power / (n - freedom_lost))), correlation=correlation)
+
+
+def _spectrum(rho: FloatArray, size: int) -> FloatArray:
+    """Spectral density of a correlation of finite reach on a circle of `size` samples."""
+    circle = np.zeros(max(size, 2 * rho.size))
+    circle[: rho.size] = rho
+    circle[circle.size - rho.size + 1 :] = rho[:0:-1]
+    return np.fft.rfft(circle).real
+
+
+FEWEST_SAMPLES = 20
+"""With 20 samples the noise is known to 16 %."""
+RESTING_SHARE = 8.0
+"""Deviation of a part of the baseline from the median part, in scaled median deviations, that is no rest."""
+_FEWEST_BLOCKS = 8
+"""Fewest parts of a baseline that are compared with each other."""
+SIGNIFICANCE = 0.01
+"""Probability with which a baseline without drift is said to have one."""
+
+
+@dataclass(frozen=True)
+class SignalZero:
+    """A stretch in which nothing happens; values in the unit of the signal."""
+
+    first: float
+    """Time of its first sample [s]."""
+    last: float
+    """Time of its last sample [s]."""
+    count: int
+    """Samples."""
+    mean: float
+    """Mean: the signal's zero."""
+    mean_sigma: float
+    """Standard uncertainty of the mean, Eq. (U.8), memory of the noise included."""
+    slope: float
+    """Slope of the best line [unit/s]."""
+    slope_sigma: float
+    """Its standard uncertainty, memory of the noise included [unit/s]."""
+    noise: Noise
+    """Scatter about the line; its sigma is not below that of a step's rounding."""
+    step: float
+    """Quantisation step of the recorder as seen in the values; 0 where none is seen."""
+    longest_run: int
+    """Largest number of equal samples in a row."""
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of mean and slope: independent samples less the two of the line, at least 1."""
+        return max(self.count / max(self.noise.memory, 1.0) - 2.0, 1.0)
+
+    @property
+    def drifts(self) -> bool:
+        """True if the slope is significant by Student's t at the level of 1 %."""
+        limit = float(stdtrit(self.freedom, 1.0 - 0.5 * SIGNIFICANCE))
+        return abs(self.slope) > limit * self.slope_sigma
+
+    def line(self, time: FloatArray) -> FloatArray:
+        """The drift as seen from the baseline's middle, zero there, at any time [unit]."""
+        return self.slope * (time - 0.5 * (self.first + self.last))
+
+
+def measure_signal_zero(
+    time: FloatArray, value: FloatArray, span: tuple[float, float], *, name: str
+) -> SignalZero:
+    """Zero, noise and drift of a signal at rest.
+
+    Parameters
+    ----------
+    time
+        Uniform sample times [s], shape [n].
+    value
+        Samples, shape [n].
+    span
+        First and last time of the rest [s].
+    name
+        Whose baseline it is, for messages.
+
+    Raises
+    ------
+    ValueError
+        If the span is reversed, holds fewer than 20 samples, or all its samples are the same.
+    """
+    first, last = span
+    if not first < last:
+        raise ValueError(f"{name}: the baseline must start before it ends, got {first:.9g} to {last:.9g} s")
+    inside = (time >= first) & (time <= last)
+    t, v = time[inside], value[inside]
+    if t.size < FEWEST_SAMPLES:
+        raise ValueError(
+            f"{name}: the baseline {first:.9g} to {last:.9g} s holds {t.size} samples, at least"
+            f" {FEWEST_SAMPLES} are needed; widen it within the pre-trigger stretch, on the shot's clock"
+            f" (the record spans {time[0]:.9g} to {time[-1]:.9g} s)"
+        )
+    if np.ptp(v) == 0.0:
+        raise ValueError(
+            f"{name}: all {t.size} baseline samples are {v[0]:.6g}, so the noise is unknown (it must be > 0);"
+            " record with a finer range, check that the channel was connected, or choose another baseline"
+        )
+    tc = t - 0.5 * (t[0] + t[-1])
+    mean, slope = float(v.mean()), float(tc @ v / (tc @ tc))
+    noise = estimate_noise(v - mean - slope * tc, freedom_lost=2)
+    step = quantisation_step(v)
+    # Noise well below half a step leaves the codes still most of the time and looks smaller than it may be.
+    noise = Noise(max(noise.sigma, step / np.sqrt(12.0)), noise.correlation)
+    memory = max(
+        noise.memory, 1.0
+    )  # what alternates is not credited with a mean better than that of white noise
+    return SignalZero(
+        first=float(t[0]),
+        last=float(t[-1]),
+        count=t.size,
+        mean=mean,
+        mean_sigma=float(noise.sigma * np.sqrt(memory / t.size)),
+        slope=slope,
+        slope_sigma=float(noise.sigma * np.sqrt(memory / (tc @ tc))),
+        noise=noise,
+        step=step,
+        longest_run=int(_runs(v)[1].max()),
+    )
+
+
+def check_rest(value: FloatArray, width: int, *, name: str, times: tuple[float, float]) -> None:
+    """Refuse a baseline that holds part of a pulse.
+
+    Means over `width` samples are compared with their median: two in a row, or the last one, that are off by
+    more than `REST` times their median deviation are no rest. Noise, hum and a steady drift are: the median
+    deviation has them in it.
+
+    Parameters
+    ----------
+    value
+        Samples of the baseline, shape [n].
+    width
+        Samples that are averaged, the fastest rise of a pulse, >= 1.
+    name
+        Whose baseline it is, for messages.
+    times
+        First and last time of the baseline [s], for messages.
+
+    Raises
+    ------
+    ValueError
+        With the time at which the rest ends.
+    """
+    count = value.size // width
+    if count < _FEWEST_BLOCKS:
+        return  # too short for a median of its parts; the arrivals are checked against its end
+    first = value.size - count * width
+    mean = value[first:].reshape(count, width).mean(axis=1)
+    off = np.abs(mean - np.median(mean))
+    floor = max(quantisation_step(value), 1e-9 * float(np.abs(value).max())) / np.sqrt(12.0)
+    beyond = off > RESTING_SHARE * max(1.4826 * float(np.median(off)), floor)
+    bad = np.flatnonzero(beyond & (np.append(beyond[1:], True)))
+    if not bad.size:
+        return
+    step = (times[1] - times[0]) / max(value.size - 1, 1)
+    at = times[0] + step * (first + width * int(bad[0]))
+    raise ValueError(
+        f"{name}: the baseline {times[0]:.6g} to {times[1]:.6g} s is not at rest: from {at:.6g} s on it is "
+        f"off its median by {off[bad[0]]:.3g}, more than {RESTING_SHARE:g} times the scatter of its "
+        f"parts, so that it "
+        "holds part of the pulse or a disturbance. Cure: end the baseline before, or begin it behind"
+    )
+
+
+def quantisation_step(value: FloatArray) -> float:
+    """Distance of neighbouring codes: the median gap of the distinct values; 0 if most samples are distinct.
+
+    A recorder with codes finer than the noise by far shows none in a short stretch, and then they do not
+    matter.
+    """
+    distinct = np.unique(value)
+    if distinct.size < 2 or distinct.size > 0.5 * value.size:
+        return 0.0
+    return float(np.median(np.diff(distinct)))
+
+
+def check_clipping(value: FloatArray, baseline: SignalZero, *, name: str, full_scale: float | None) -> None:
+    """Check that a signal stayed within the recorder's range.
+
+    With a full scale, no sample may reach it. Without, a signal is taken as clipped if it stays at its
+    largest or smallest value for at least 8 samples in a row and three times as long as any value of the
+    baseline: noise does not stop on top of a pulse.
+
+    Parameters
+    ----------
+    value
+        Recorded samples, offset included, shape [n].
+    baseline
+        Of the same samples.
+    name
+        Whose they are, for messages.
+    full_scale
+        Largest magnitude the recorder can show, in the unit of `value`; None if it is not known.
+
+    Raises
+    ------
+    ValueError
+        With the first such sample.
+    """
+    if full_scale is not None:
+        if not full_scale > 0.0:
+            raise ValueError(f"{name}: full_scale must be > 0, got {full_scale}")
+        beyond = np.flatnonzero(np.abs(value) >= full_scale)
+        if beyond.size:
+            raise ValueError(
+                f"{name}: {beyond.size} samples reach full scale, the first {value[beyond[0]]:.6g} at sample"
+                f" {beyond[0]}; all must be below {full_scale:.6g}: choose a wider range on the recorder, or"
+                " correct full_scale"
+            )
+        return
+    starts, lengths = _runs(value)
+    limit = max(8, 3 * baseline.longest_run)
+    for extreme in (value.max(), value.min()):
+        held = np.flatnonzero((value[starts] == extreme) & (lengths >= limit))
+        if held.size:
+            i, n = int(starts[held[0]]), int(lengths[held[0]])
+            raise ValueError(
+                f"{name}: stays at its extreme {extreme:.6g} for {n} samples from sample {i} on, the baseline"
+                f" at no value for more than {baseline.longest_run}: it is clipped; choose a wider range on"
+                " the recorder, or state full_scale if it is not"
+            )
+
+
+def _runs(value: FloatArray) -> tuple[IntArray, IntArray]:
+    """First sample and length of every stretch of equal samples."""
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(value) != 0.0) + 1])
+    return starts, np.diff(starts, append=value.size)
+
+
+CONTRASTS = 3
+"""Slowest parts of the baseline that the drift's strength is estimated from."""
+WEAKEST = 1.0
+"""Strength D0 beyond which the prior density (1 + D / D0)^-1 falls, as a share of that whose slowest part
+is as strong as the noise's [-]; with `CONTRASTS` so chosen that steady drifts are covered too."""
+MODES = 4
+"""Modes that the drift beyond the baseline is made of; they hold 95 % of its variance."""
+DRIFTING = ("gauge, zero", "gauge, drift", "gauge, drift's slope")
+"""Ends of the names of the budget's inputs for zero and drift, numbers left away."""
+
+
+def diffusion(value: FloatArray, interval: float, *, sigma: float, memory: float) -> float:
+    """Strength D of a random walk that the baseline shows, by its posterior mean [unit^2/s].
+
+    A random walk of variance D t, less its mean over the baseline T, is the sum of cosines cos(k pi t / T)
+    whose coefficients a_k, sqrt(2) times the mean of value times cosine, are independent with the variance
+    D T / (k pi)^2; noise adds s^2 = sigma^2 memory / n to each, Eq. (U.17). D is the mean of its posterior
+    from the first `CONTRASTS` of them, with the prior density (1 + D / D0)^-1,
+    D0 = `WEAKEST` s^2 pi^2 / T. It changes steadily with the samples: no test decides whether there is
+    one.
+
+    Parameters
+    ----------
+    value
+        Samples of the baseline, shape [n].
+    interval
+        Sampling interval [s].
+    sigma
+        Standard deviation of a sample's noise, > 0.
+    memory
+        Samples that carry the information of one [-], >= 1.
+    """
+    n = value.size
+    T = n * interval
+    k = np.arange(1, CONTRASTS + 1)
+    cosine = np.cos(np.outer(k, pi * (np.arange(n) + 0.5) / n))
+    a = sqrt(2.0) * cosine @ (value - value.mean()) / n
+    gain = T / (k * pi) ** 2
+    s2 = sigma**2 * memory / n
+    weakest = WEAKEST * s2 / gain[0]
+    strongest = max(weakest, float((a**2 / gain).max()))
+    D = np.geomspace(1e-4 * weakest, 1e6 * strongest, 2000)
+    variance = np.outer(D, gain) + s2
+    log = -0.5 * (np.log(variance) + a**2 / variance).sum(axis=1) - np.log1p(D / weakest)
+    density = np.exp(log - log.max()) * D  # over equal steps of log D
+    return float((density * D).sum() / density.sum())
+
+
+def drift_quantities(gauge: str, strength: float, length: float, unit: str = "1") -> list[Quantity]:
+    """The drift from the baseline's end to `length` later as independent inputs of a budget.
+
+    Karhunen's modes of a random walk: input k is the amplitude of sin((k - 1/2) pi t / length), with the
+    variance 2 D length / ((k - 1/2) pi)^2, Eq. (U.18), raised so that `MODES` of them hold all of the walk's
+    variance over the time.
+
+    Parameters
+    ----------
+    gauge
+        Whose drift it is; begins the names.
+    strength
+        D [unit^2/s].
+    length
+        Time from the baseline's end to the last sample that is used [s], > 0.
+    unit
+        Unit of the signal.
+    """
+    k = np.arange(1, MODES + 1)
+    share = 2.0 / ((k - 0.5) * pi) ** 2
+    sigma = np.sqrt(strength * length * share / share.sum())
+    return [
+        Quantity(f"{gauge}, drift {i}", 0.0, float(s), unit, "A", CONTRASTS)
+        for i, s in zip(k, sigma, strict=True)
+    ]
+
+
+def drift_at(time: FloatArray, end: float, length: float, amplitudes: FloatArray) -> FloatArray:
+    """Drift after the baseline's end for amplitudes of its modes, zero before; shape [n].
+
+    Parameters
+    ----------
+    time
+        Times [s], shape [n].
+    end
+        The baseline's last time [s].
+    length
+        As for `drift_quantities`.
+    amplitudes
+        One for each mode, shape [MODES].
+    """
+    t = np.clip((time - end) / length, 0.0, 1.0)
+    k = np.arange(1, amplitudes.size + 1)
+    return np.asarray(amplitudes @ np.sin(np.outer(k - 0.5, pi * t)))

@@ -1,0 +1,416 @@
+"""Bend of an actuator for a pressure in every direction of gravity, and the pressure for a wanted bend.
+
+The inverse is Newton's method on the exact slope, or bounded least squares for several pressures.
+
+For one pressure and one angle the equilibrium's own sensitivity gives the step,
+
+    p <- p - (Theta(p) - Theta_d) / (dTheta/dp),                                               (A.2)
+
+kept inside the bracket that the angles met so far make, by bisection where it would leave it. Several
+pressures, or a position of the tip, are found by SciPy's trust region with bounds (Branch, Coleman and Li
+1999) on (Theta - Theta_d) and (t - t_d) / L with their exact Jacobian.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.bodies.actuator_model import (
+    WEIGHT,
+    Actuator,
+    Bending,
+    Touching,
+    bend_of,
+    bend_slope,
+    smallest_gap,
+    touching,
+)
+from kolsky.bodies.actuator_reading import ActuatorSpec
+from kolsky.equilibrium.arc_length import ArcPath
+from kolsky.equilibrium.dynamics import Prony, march
+from kolsky.equilibrium.sensitivity import direct
+from kolsky.equilibrium.solid import Solid
+
+OVERLAP = 0.1
+"""Overlap of facing points with contact, as a share of the gap at rest, from which on it is named [-]."""
+_FILM_STEPS = 8
+"""Least number of steps to the largest pressure."""
+
+
+@dataclass(frozen=True)
+class Direction:
+    """The actuator under one direction of gravity."""
+
+    name: str
+    """Name of the direction in SPEC."""
+    pristine: Bending
+    """Equilibria under rising pressures."""
+    healed: Bending | None
+    """The same of the healed material."""
+    asked: FloatArray
+    """Steps of the declared pressures, shape [n_pressures]."""
+    gap: FloatArray
+    """Smallest distance of neighbouring chambers [m], shape [n]; below 0 they overlap. NaN without gaps."""
+    path: ArcPath | None = None
+    """Equilibria by arc length, where SPEC declares it."""
+    touching: Touching | None = None
+    """Their contact, where SPEC declares it."""
+
+    @property
+    def overlapping(self) -> BoolArray:
+        """Steps at which chambers have passed through each other, shape [n]; the facing points by which gaps
+        are measured may slide along walls in contact, so a tenth of the gap at rest is allowed there."""
+        allowed = 0.0 if self.touching is None else OVERLAP * self.gap[0]
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.gap < -allowed)
+
+
+def simulate_all(spec: ActuatorSpec) -> list[Direction]:
+    """Simulate every direction of gravity at the declared pressures and at steps between them.
+
+    Raises
+    ------
+    ValueError
+        If an equilibrium is not found, with its reason.
+    """
+    pressures, asked = schedule(spec.pressures)
+    found = []
+    for name, g in spec.gravities.items():
+        runs: list[Bending | None] = []
+        paths: list[ArcPath | None] = []
+        for solid in (None, spec.healed):
+            if solid is None and runs:
+                runs.append(None)
+                continue
+            run, path = _simulated(spec, g, pressures, solid)
+            paths.append(path)
+            outcome = run.solution.outcome
+            if not outcome.ok:
+                reached = 1e-5 * pressures[max(run.solution.reached - 1, 0)]
+                raise ValueError(f"{name}, beyond {reached:.3g} bar: {outcome.cause}; {outcome.cure}")
+            runs.append(run)
+        assert runs[0] is not None
+        gap, contact = smallest_gap(runs[0]), touching(runs[0])
+        found.append(Direction(name, runs[0], runs[1], asked, gap, paths[0], contact))
+    return found
+
+
+def _simulated(
+    spec: ActuatorSpec, gravity: FloatArray, pressures: FloatArray, solid: Solid | None
+) -> tuple[Bending, ArcPath | None]:
+    """Equilibria step by step, or along the path where SPEC declares one."""
+    section = spec.declared.path
+    if section is None:
+        return spec.actuator.simulate(gravity, pressures, solid=solid), None
+    return spec.actuator.follow(
+        gravity,
+        pressures,
+        first=section.first,
+        steps=section.steps,
+        longest=section.longest,
+        solid=solid,
+    )
+
+
+def path_angle(path: ArcPath) -> FloatArray:
+    """Bending angle along a path [rad], shape [n]."""
+    mesh = path.model.mesh
+    ends = [
+        (mesh.points[mesh.nodes(where)] + path.displacements[:, mesh.nodes(where)]).mean(axis=1)
+        for where in ("origin", "tip")
+    ]
+    return bend_of(ends[1] - ends[0])
+
+
+def schedule(pressures: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Steps from 0 to the largest pressure [Pa] that pass each of those given, and their places."""
+    step = float(pressures[-1]) / _FILM_STEPS
+    ends = np.concatenate([[0.0], pressures[pressures > 0.0]])
+    parts = [np.array([0.0])]
+    for a, b in pairwise(ends):
+        parts.append(np.linspace(a, b, max(1, int(np.ceil((b - a) / step - 1e-9))) + 1)[1:])
+    steps = np.concatenate(parts)
+    return steps, np.array([int(np.argmin(np.abs(steps - p))) for p in pressures])
+
+
+@dataclass(frozen=True)
+class BendInTime:
+    """A motion of the actuator under one direction of gravity."""
+
+    name: str
+    """Name of the direction in SPEC."""
+    time: FloatArray
+    """Times [s], shape [n]."""
+    pressure: FloatArray
+    """Pressure [Pa], shape [n]."""
+    angle: FloatArray
+    """Bending angle [rad], shape [n]."""
+
+
+def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
+    """Raise the largest pressure in time, from rest under the weight, as [motion] declares.
+
+    Raises
+    ------
+    ValueError
+        If a step is not found, with its reason.
+    """
+    section = spec.declared.motion
+    if section is None:
+        return []
+    prony = None
+    if section.prony:
+        prony = Prony(tuple(one.share for one in section.prony), tuple(one.time for one in section.prony))
+    steps = round((section.ramp + section.hold) / section.step)
+    time = np.asarray(section.step * np.arange(steps + 1), dtype=np.float64)
+    pressure = spec.pressures[-1] * np.minimum(time / section.ramp, 1.0)
+    found = []
+    for one in directions:
+        model = one.pristine.solution.model
+        histories = {WEIGHT: np.ones(steps), **{h: pressure[1:] for h in spec.actuator.histories}}
+        run = march(
+            model,
+            histories,
+            section.step,
+            density=spec.actuator.density,
+            scheme=section.scheme,
+            prony=prony,
+            start=one.pristine.solution.displacements[0],
+            start_histories={WEIGHT: 1.0, **dict.fromkeys(spec.actuator.histories, 0.0)},
+        )
+        if not run.outcome.ok:
+            reached = time[run.reached - 1]
+            raise ValueError(f"{one.name}, beyond {reached:.4g} s: {run.outcome.cause}; {run.outcome.cure}")
+        mesh = model.mesh
+        ends = [
+            mesh.points[mesh.nodes(where)].mean(axis=0) + run.mean_displacement(where)
+            for where in ("origin", "tip")
+        ]
+        found.append(BendInTime(one.name, time, pressure, bend_of(ends[1] - ends[0])))
+    return found
+
+
+def warnings_of(directions: list[Direction]) -> list[str]:
+    """What a reader must know before using the bends."""
+    said = []
+    for one in directions:
+        limits = np.array([]) if one.path is None else one.path.limits
+        if limits.size:
+            said.append(
+                f"{one.name}: the pressure has a limit point at {1e-5 * limits[0]:.3g} bar: the actuator "
+                "snaps there, and its bend jumps"
+            )
+        through = np.flatnonzero(one.overlapping)
+        if through.size:
+            pressure = 1e-5 * float(one.pristine.pressures[through[0]].max())
+            said.append(
+                f"{one.name}: from {pressure:.3g} bar on neighbouring chambers overlap, which they cannot: "
+                "the bends beyond are not those of the actuator; "
+                + ("declare [contact]" if one.touching is None else "take more steps or a finer mesh")
+            )
+    return said
+
+
+def relative_bend(one: Direction) -> FloatArray:
+    """Bend of the healed actuator over that of the pristine one, both from rest, less 1, at the declared
+    pressures [-], shape [n_pressures]."""
+    assert one.healed is not None
+    before, after = (run.angle - run.angle[0] for run in (one.pristine, one.healed))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray((after / before - 1.0)[one.asked])
+
+
+TOLERANCE = 1e-6
+"""Largest difference of the angle from the wanted one [rad]."""
+ITERATIONS = 25
+"""Most equilibria of a search."""
+RAMP = 4
+"""Steps to the first pressure."""
+
+
+class SearchEnd(StrEnum):
+    """How a search for a pressure ended."""
+
+    YES = "reached"
+    ABOVE = "beyond the largest pressure"
+    BELOW = "below the bend without pressure"
+    NEAREST = "the nearest within the bounds"
+    FAILED = "no equilibrium"
+    NOT_CONVERGED = "not converged"
+
+
+@dataclass(frozen=True)
+class Inversion:
+    """A pressure that was searched for."""
+
+    angle: float
+    """The wanted angle [rad]."""
+    pressures: FloatArray
+    """Pressure of each cavity [Pa], shape [n_cavities]; NaN where there was no equilibrium."""
+    found: float
+    """The angle there [rad]."""
+    slope: FloatArray
+    """dTheta/dp there [rad/Pa], shape [n_cavities]."""
+    ended: SearchEnd
+    """How it ended."""
+    equilibria: int
+    """Equilibria that were needed."""
+
+
+def pressure_for(
+    actuator: Actuator, gravity: Sequence[float] | FloatArray, angle: float, *, most: float
+) -> Inversion:
+    """Find the pressure in all cavities that bends an actuator to an angle, Eq. (A.2).
+
+    Parameters
+    ----------
+    actuator
+        The actuator.
+    gravity
+        Acceleration of free fall [m/s^2].
+    angle
+        Wanted angle [rad].
+    most
+        Largest pressure [Pa].
+    """
+    rest = actuator.simulate(gravity, np.zeros(1))
+    start = Search(angle, most, float(rest.angle[0]), 0.5 * most)
+    if not rest.solution.outcome.ok or angle < start.low_angle - TOLERANCE:
+        ended = SearchEnd.BELOW if rest.solution.outcome.ok else SearchEnd.FAILED
+        return _inversion(angle, rest, ended, 1)
+    near = rest
+    for n in range(2, ITERATIONS + 2):
+        near = _next_equilibrium(actuator, gravity, near, start.pressure)
+        if not near.solution.outcome.ok:
+            return _inversion(angle, near, SearchEnd.FAILED, n)
+        value, slope = float(near.angle[-1]), float(near.slopes()[-1].sum())
+        if abs(value - angle) <= TOLERANCE:
+            return _inversion(angle, near, SearchEnd.YES, n)
+        if start.pressure == most and value < angle:
+            return _inversion(angle, near, SearchEnd.ABOVE, n)
+        start.take(value, slope)
+    return _inversion(angle, near, SearchEnd.NOT_CONVERGED, ITERATIONS + 1)
+
+
+class Search:
+    """The bracket of a rising function, and the next place to look."""
+
+    def __init__(self, wanted: float, most: float, at_zero: float, first: float) -> None:
+        self.wanted, self.most = wanted, most
+        self.low, self.low_angle, self.high = 0.0, at_zero, most
+        self.pressure = first
+
+    def take(self, angle: float, slope: float) -> None:
+        """Go on from the angle and slope at `pressure`."""
+        if angle < self.wanted:
+            self.low = self.pressure
+        else:
+            self.high = self.pressure
+        step = self.pressure - (angle - self.wanted) / slope if slope > 0.0 else np.nan
+        inside = self.low < step < self.high
+        beyond = step >= self.high == self.most  # nothing was seen above it yet: look there
+        self.pressure = step if inside else self.most if beyond else 0.5 * (self.low + self.high)
+
+
+def _next_equilibrium(
+    actuator: Actuator, gravity: Sequence[float] | FloatArray, near: Bending, pressure: float
+) -> Bending:
+    before = float(near.pressures[-1, 0])
+    if near.solution.reached == 1 and before == 0.0:
+        return actuator.simulate(gravity, pressure * np.arange(1, RAMP + 1) / RAMP)
+    guess = near.solution.displacements[-1:]
+    return actuator.simulate(gravity, np.array([pressure]), guess=guess)
+
+
+def _inversion(angle: float, at: Bending, ended: SearchEnd, equilibria: int) -> Inversion:
+    ok = at.solution.outcome.ok
+    slope = at.slopes()[-1] if ok else np.full(at.pressures.shape[1], np.nan)
+    pressures = at.pressures[-1] if ok else np.full(at.pressures.shape[1], np.nan)
+    return Inversion(angle, pressures, float(at.angle[-1]), slope, ended, equilibria)
+
+
+def pressures_for(
+    actuator: Actuator,
+    gravity: Sequence[float] | FloatArray,
+    *,
+    angle: float,
+    tip: Sequence[float] | FloatArray | None = None,
+    most: float,
+) -> Inversion:
+    """Find the pressure of each cavity for a wanted angle, and position of the tip if there is one.
+
+    Parameters
+    ----------
+    actuator, gravity, most
+        As of `pressure_for`; every pressure lies in [0, most].
+    angle
+        Wanted angle [rad].
+    tip
+        Wanted position of the tip from the origin [m], shape [3]; None: only the angle counts.
+    """
+    count, memory = len(actuator.cavities), _Memory(actuator, gravity)
+    size = float(np.ptp(actuator.mesh.points[:, 0]))
+
+    def residual(x: FloatArray) -> FloatArray:
+        chord = memory.at(most * x).chord[-1]
+        left = np.array([float(bend_of(chord)) - angle])
+        return left if tip is None else np.concatenate([left, (chord - np.asarray(tip)) / size])
+
+    def jacobian(x: FloatArray) -> FloatArray:
+        near = memory.at(most * x)
+        by = most * _chord_slopes(near)
+        top = bend_slope(near.chord[-1])[None] @ by
+        return top if tip is None else np.concatenate([top, by / size])
+
+    try:
+        best = least_squares(residual, np.full(count, 0.4), jac=jacobian, bounds=(0.0, 1.0), xtol=1e-12)
+    except _NoEquilibriumError:
+        empty = np.full(count, np.nan)
+        return Inversion(angle, empty, np.nan, empty, SearchEnd.FAILED, memory.equilibria)
+    near = memory.at(most * best.x)
+    close = float(np.abs(best.fun).max()) <= 1e2 * TOLERANCE
+    ended = SearchEnd.YES if close else SearchEnd.NEAREST if best.status > 0 else SearchEnd.NOT_CONVERGED
+    return Inversion(angle, most * best.x, float(near.angle[-1]), near.slopes()[-1], ended, memory.equilibria)
+
+
+def _chord_slopes(near: Bending) -> FloatArray:
+    """Derivative of the chord by the pressures at the last step [m/Pa], shape [3, n_cavities]."""
+    names = tuple(h for h in near.solution.model.histories if h != WEIGHT)
+    found = direct(near.solution, histories=names)
+    by = (found.mean_displacement("tip") - found.mean_displacement("origin"))[-1]
+    return by[-len(names) :].T
+
+
+class _NoEquilibriumError(Exception):
+    """A place of the search has no equilibrium."""
+
+
+class _Memory:
+    """The last equilibrium, from which the next is reached."""
+
+    def __init__(self, actuator: Actuator, gravity: Sequence[float] | FloatArray) -> None:
+        self.actuator, self.gravity = actuator, gravity
+        self.last: Bending | None = None
+        self.equilibria = 0
+
+    def at(self, pressures: FloatArray) -> Bending:
+        """The equilibrium at pressures of shape [n_cavities]."""
+        last = self.last
+        if last is not None and np.array_equal(last.pressures[-1], pressures):
+            return last
+        self.equilibria += 1
+        if last is None:
+            found = self.actuator.simulate(self.gravity, np.outer(np.arange(1, RAMP + 1) / RAMP, pressures))
+        else:
+            found = self.actuator.simulate(
+                self.gravity, pressures[None], guess=last.solution.displacements[-1:]
+            )
+        if not found.solution.outcome.ok:
+            raise _NoEquilibriumError
+        self.last = found
+        return found

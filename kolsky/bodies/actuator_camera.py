@@ -1,0 +1,266 @@
+"""A camera that looks at the plane of bending: Zhang's calibration, blue markers in a picture, made
+pictures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dic.basics import cv2
+from kolsky.base.arrays import FloatArray
+
+BLUE, GREY = (200, 60, 20), (170, 170, 170)
+"""Colours of markers and background in made pictures, blue green red."""
+BOARD = (9, 6)
+"""Inner corners of the chessboard."""
+DOWN = np.array([1.0, -1.0])
+"""Signs of a board's columns and rows along x and z."""
+FINE = 4
+"""Bits of a pixel's fraction with which OpenCV draws polygons."""
+SHARP = 4
+"""Fine pixels along a pixel of a made chessboard."""
+
+
+@dataclass(frozen=True)
+class PlaneCamera:
+    """A camera and where the plane of bending is before it."""
+
+    matrix: FloatArray
+    """Focal lengths and principal point [px], shape [3, 3]."""
+    distortion: FloatArray
+    """Distortion coefficients of OpenCV [-], shape [5]."""
+    rotation: FloatArray
+    """Rotation vector from the plane's axes (x, z, out of it) to the camera's [rad], shape [3]."""
+    translation: FloatArray
+    """Origin of the plane in the camera's axes [m], shape [3]."""
+    error: float = 0.0
+    """Root mean square distance of the calibration's corners [px]."""
+
+    def project(self, places: FloatArray) -> FloatArray:
+        """Pixels of places x, z in the plane [m] of shape [n, 2], shape [n, 2]."""
+        solid = np.column_stack([places, np.zeros(len(places))])
+        found, _ = cv2.projectPoints(solid, self.rotation, self.translation, self.matrix, self.distortion)
+        return np.asarray(found[:, 0], dtype=np.float64)
+
+    def in_plane(self, pixels: FloatArray) -> FloatArray:
+        """Places x, z in the plane [m] of pixels of shape [n, 2], shape [n, 2]."""
+        rays = cv2.undistortPoints(
+            np.asarray(pixels, dtype=np.float64)[:, None], self.matrix, self.distortion,
+            criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12),
+        )  # fmt: skip
+        R, _ = cv2.Rodrigues(self.rotation)
+        # in the camera's axes the plane is R[:, :2] (x, z) + t: three equations for x, z and the depth
+        found = []
+        for ray in np.asarray(rays)[:, 0]:
+            system = np.column_stack([R[:, 0], R[:, 1], -np.array([ray[0], ray[1], 1.0])])
+            found.append(np.linalg.solve(system, -self.translation)[:2])
+        return np.array(found)
+
+
+def calibrate(
+    views: Sequence[FloatArray],
+    in_plane: FloatArray,
+    square: float,
+    size: tuple[int, int],
+    *,
+    first: tuple[float, float] = (0.0, 0.0),
+) -> PlaneCamera:
+    """Calibrate a camera by the corners of a chessboard.
+
+    Parameters
+    ----------
+    views
+        Corners of each view [px], each of shape [n, 2], row by row.
+    in_plane
+        Corners of the view in the plane of bending, whose rows run along x and follow each other along -z.
+    square
+        Edge of a square [m].
+    size
+        Width and height of the pictures [px].
+    first
+        Place x, z of the first of these corners in the plane [m].
+    """
+    board = board_corners(square)
+    flat = np.column_stack([board, np.zeros(len(board))]).astype(np.float32)
+    error, matrix, distortion, _, _ = cv2.calibrateCamera(
+        [flat] * len(views), [view.astype(np.float32)[:, None] for view in views], size, None, None
+    )
+    coefficients = np.asarray(distortion, dtype=np.float64).ravel()[:5]
+    _, rotation, translation = cv2.solvePnP(
+        flat + np.array([*first, 0.0]), in_plane.astype(np.float64), matrix, coefficients
+    )
+    lens, turn, place = (np.asarray(v, dtype=np.float64) for v in (matrix, rotation, translation))
+    return PlaneCamera(lens, coefficients, turn.ravel(), place.ravel(), float(error))
+
+
+def board_corners(square: float) -> FloatArray:
+    """Inner corners of the chessboard, row by row from the top: along x, then along -z [m], shape [n, 2]."""
+    columns, rows = BOARD
+    x, z = np.meshgrid(np.arange(columns), np.arange(rows))
+    return np.asarray(square * np.column_stack([x.ravel(), -z.ravel()]), dtype=np.float64)
+
+
+def find_corners(picture: np.ndarray) -> FloatArray:
+    """Corners of the chessboard in a picture [px], row by row, shape [n, 2].
+
+    Raises
+    ------
+    ValueError
+        If they are not all found.
+    """
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if picture.ndim == 3 else picture
+    ok, corners = cv2.findChessboardCornersSB(grey, BOARD)
+    if not ok:
+        raise ValueError(f"no chessboard with {BOARD[0]} x {BOARD[1]} inner corners is seen")
+    found = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
+    # either end of a board may come first: take the upper left one
+    return found if found[0].sum() <= found[-1].sum() else found[::-1]
+
+
+def draw_markers(
+    camera: PlaneCamera,
+    places: FloatArray,
+    *,
+    diameter: float,
+    size: tuple[int, int],
+    noise: float = 0.0,
+    rng: np.random.Generator | None = None,
+) -> np.ndarray:
+    """Make a picture of blue discs at places in the plane [m] of shape [n, 2], with noise in grey values."""
+    picture = np.full((size[1], size[0], 3), GREY, dtype=np.uint8)
+    turn = np.linspace(0.0, 2.0 * np.pi, 49)[:-1]
+    ring = 0.5 * diameter * np.column_stack([np.cos(turn), np.sin(turn)])
+    for place in places:
+        outline = np.rint(2**FINE * camera.project(place + ring)).astype(np.int32)
+        cv2.fillPoly(picture, [outline], BLUE, lineType=cv2.LINE_AA, shift=FINE)
+    return _grainy(picture, noise, rng)
+
+
+def draw_board(
+    camera: PlaneCamera,
+    square: float,
+    *,
+    first: tuple[float, float] = (0.0, 0.0),
+    size: tuple[int, int],
+    noise: float = 0.0,
+    rng: np.random.Generator | None = None,
+) -> np.ndarray:
+    """Make a picture of the chessboard in the plane of a camera."""
+    # OpenCV fills a polygon with its boundary's pixels: on fine pixels, whose mean is the picture's, that
+    # is little
+    picture = np.full((SHARP * size[1], SHARP * size[0]), 255, dtype=np.uint8)
+    edge = np.linspace(0.0, 1.0, 9)[:-1]
+    corners = [(edge, 0 * edge), (1 + 0 * edge, edge), (1 - edge, 1 + 0 * edge), (0 * edge, 1 - edge)]
+    outline = np.concatenate([np.column_stack(side) for side in corners])
+    for i in range(-1, BOARD[0]):
+        for j in range(-1, BOARD[1]):
+            if (i + j) % 2 == 0:
+                place = camera.project(np.asarray(first) + square * DOWN * (np.array([i, j]) + outline))
+                pixels = np.rint(2**FINE * (SHARP * (place + 0.5) - 0.5)).astype(np.int32)
+                cv2.fillPoly(picture, [pixels], 0, shift=FINE)
+    mean = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    return _grainy(cv2.cvtColor(mean, cv2.COLOR_GRAY2BGR), noise, rng)
+
+
+def _grainy(picture: np.ndarray, noise: float, rng: np.random.Generator | None) -> np.ndarray:
+    soft = cv2.GaussianBlur(picture, (5, 5), 0.8)
+    if noise == 0.0 or rng is None:
+        return soft
+    return np.clip(np.rint(soft + noise * rng.standard_normal(soft.shape)), 0, 255).astype(np.uint8)
+
+
+_HUE = (100, 130)
+"""Range of hue of the markers, in OpenCV's half degrees."""
+LEAST = 90, 60
+"""Least saturation and value of a blue pixel."""
+SMALLEST = 12
+"""Fewest pixels of a marker [px]."""
+RIM = 3
+"""Pixels around a part whose blueness counts [px]."""
+ROUNDS = 10
+"""Starts of k-means."""
+
+
+class NoMarkersError(ValueError):
+    """The picture does not show the markers."""
+
+
+@dataclass(frozen=True)
+class Markers:
+    """Markers of one picture."""
+
+    pixels: FloatArray
+    """Centroids [px], shape [n, 2], in the order of the chain from the start."""
+    split: bool
+    """Whether markers touched and were told apart by clustering."""
+
+
+def find_markers(picture: np.ndarray, count: int, start: FloatArray) -> Markers:
+    """Find blue markers in a picture in blue, green, red.
+
+    Parameters
+    ----------
+    picture
+        Grey values, shape [height, width, 3].
+    count
+        Number of markers.
+    start
+        Pixel at which the row of markers begins, shape [2].
+
+    Raises
+    ------
+    NoMarkersError
+        If there are fewer blue pixels than so many markers need, or more parts than markers.
+    """
+    mask = _blue_mask(picture)
+    n, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    kept = [k for k in range(1, n) if stats[k, cv2.CC_STAT_AREA] >= SMALLEST]
+    if not kept:
+        raise NoMarkersError(
+            "no blue part is large enough for a marker; check the light and the range of hue"
+        )
+    if len(kept) > count:
+        raise NoMarkersError(f"{len(kept)} blue parts are seen, {count} markers are wanted; cover other blue")
+    weight = blueness(picture)
+    if len(kept) == count:
+        found = np.array([_centroid(weight, labels == k) for k in kept])
+        return Markers(chain(found, start), False)
+    places = np.argwhere(np.isin(labels, kept))[:, ::-1].astype(np.float32)
+    if len(places) < SMALLEST * count:
+        raise NoMarkersError(f"{len(kept)} blue parts are seen, too small for {count} markers")
+    cv2.setRNGSeed(1)
+    rule = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-4)
+    nearest = np.zeros((len(places), 1), dtype=np.int32)
+    _, _, centres = cv2.kmeans(places, count, nearest, rule, ROUNDS, cv2.KMEANS_PP_CENTERS)
+    return Markers(chain(centres.astype(np.float64), start), True)
+
+
+def _blue_mask(picture: np.ndarray) -> np.ndarray:
+    """255 where a pixel is blue, single ones removed, shape [height, width]."""
+    hsv = cv2.cvtColor(picture, cv2.COLOR_BGR2HSV)
+    mask = cv2.inRange(hsv, (_HUE[0], *LEAST), (_HUE[1], 255, 255))
+    return np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)))
+
+
+def blueness(picture: np.ndarray) -> FloatArray:
+    """Blue less red, not below the picture's median, shape [height, width]."""
+    difference = picture[..., 0].astype(np.float64) - picture[..., 2]
+    return np.maximum(difference - np.median(difference), 0.0)
+
+
+def _centroid(weight: FloatArray, part: np.ndarray) -> FloatArray:
+    near = cv2.dilate(part.astype(np.uint8), np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)) > 0
+    rows, columns = np.nonzero(near)
+    w = weight[rows, columns]
+    return np.array([w @ columns, w @ rows]) / w.sum()
+
+
+def chain(places: FloatArray, start: FloatArray) -> FloatArray:
+    """Places of shape [n, 2] in the order of their neighbours, from the one nearest to `start` on."""
+    left, here, found = list(range(len(places))), np.asarray(start, dtype=float), []
+    while left:
+        nearest = min(left, key=lambda k: float(np.linalg.norm(places[k] - here)))
+        left.remove(nearest)
+        found.append(nearest)
+        here = places[nearest]
+    return places[found]

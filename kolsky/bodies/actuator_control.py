@@ -1,0 +1,580 @@
+"""Closed loop of an actuator: reduced model, controller, simulated plant, and the stored basis.
+
+The controller converts the measured bend to a pressure by the inverse of the reduced model in milliseconds.
+
+    s <- s + K (Theta_d - Theta_m),   p = Theta_model^-1(Theta_d + s)                           (A.3)
+
+at every tick, with the wanted angle, the measured one and the gain K. The sum s is what the model is wrong
+by and does not grow while the pressure stands at a bound. With a plant whose slope is gamma times the model's
+and a measurement that is d ticks late the loop is stable for
+
+    K gamma < 2 sin(pi / (2 (2 d + 1)))                                                        (A.4)
+
+(the roots of z^(d+1) - z^d + K gamma lie inside the unit circle; Levin and May 1976).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+from time import perf_counter, process_time, sleep
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from kolsky.base.arrays import BoolArray, FloatArray, IntArray
+from kolsky.base.hdf5 import Format, reading, writing
+from kolsky.base.hdf5_records import COLLECTION, Flags, Floats, Integers, Record, Text
+from kolsky.bodies.actuator_model import WEIGHT, Actuator, Bending, bend_of, bend_slope, smallest_gap
+from kolsky.bodies.actuator_reading import ControlSection
+from kolsky.equilibrium.reduction import Basis, ReducedModel, ReducedState, Sample, reduce
+from kolsky.equilibrium.solution import Outcome
+
+BASIS_PRESSURES = 13
+"""Pressures that the basis is made from; one less lie between them."""
+
+
+@dataclass(frozen=True)
+class ReducedBend:
+    """An equilibrium of the reduced actuator."""
+
+    angle: float
+    """Bending angle [rad]."""
+    slope: float
+    """dTheta/dp [rad/Pa]."""
+    state: ReducedState
+    """The equilibrium."""
+
+    @property
+    def ok(self) -> bool:
+        """Whether there is one."""
+        return self.state.outcome is Outcome.COMPLETED
+
+
+class ReducedActuator:
+    """Bend over pressure from a reduced model."""
+
+    def __init__(self, reduced: ReducedModel) -> None:
+        self.reduced = reduced
+        mesh = reduced.model.mesh
+        tip, origin = (mesh.points[mesh.nodes(where)].mean(axis=0) for where in ("tip", "origin"))
+        self._rest = tip - origin
+        self._modes = reduced.rows("tip") - reduced.rows("origin")
+        self._rows = reduced.constants()
+
+    def bend(
+        self, pressure: float, *, start: FloatArray | None = None, tolerance: float = 1e-9
+    ) -> ReducedBend:
+        """The bend under a pressure [Pa], from amplitudes near it."""
+        state = self.reduced.equilibrium([pressure], start=start, rows=self._rows, tolerance=tolerance)
+        chord = self._rest + self._modes @ state.q
+        slope = float(bend_slope(chord) @ (self._modes @ state.slopes[:, 0]))
+        return ReducedBend(float(bend_of(chord)), slope, state)
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """A reduced actuator with its error."""
+
+    model: ReducedActuator
+    """The reduced actuator."""
+    pressure: FloatArray
+    """Pressures between those that it is made from [Pa], shape [n]."""
+    angle: FloatArray
+    """Angle of the whole model there [rad], shape [n]."""
+    error: FloatArray
+    """Angle of the reduced model less that of the whole one [rad], shape [n]."""
+    gap: float
+    """Smallest distance of neighbouring chambers of the whole model at any pressure [m]; NaN without gaps."""
+
+    @property
+    def largest_error(self) -> float:
+        """Largest error at an unseen pressure [rad]."""
+        return float(np.abs(self.error).max())
+
+
+def reduce_actuator(
+    actuator: Actuator,
+    gravity: Sequence[float] | FloatArray,
+    *,
+    most: float,
+    modes: int,
+    tolerance: float,
+    seen: int = BASIS_PRESSURES,
+) -> Reduction:
+    """Reduce an actuator with one cavity for pressures in [0, most].
+
+    Raises
+    ------
+    ValueError
+        If it has several cavities, or an equilibrium is not found.
+    """
+    if len(actuator.cavities) != 1:
+        raise ValueError("the reduced model and its loop have one pressure: set separate = false")
+    if actuator.contacts:
+        raise ValueError("the reduced model has no contact of chambers: remove [contact]")
+    pressures = np.linspace(0.0, most, 2 * seen - 1)
+    whole = actuator.simulate(gravity, pressures)
+    outcome = whole.solution.outcome
+    if not outcome.ok:
+        reached = 1e-5 * pressures[max(whole.solution.reached - 1, 0)]
+        raise ValueError(f"beyond {reached:.3g} bar: {outcome.cause}; {outcome.cure}")
+    first, between = _every(whole, 0), _every(whole, 1)
+    made = ReducedActuator(reduce([first.solution], modes=modes, tolerance=tolerance, gravity=WEIGHT))
+    found, start = [], None
+    for pressure in between.pressures[:, 0]:
+        bend = made.bend(float(pressure), start=start)
+        if not bend.ok:
+            raise ValueError(f"the reduced model at {1e-5 * pressure:.3g} bar: {bend.state.outcome.cause}")
+        found.append(bend.angle)
+        start = bend.state.q
+    gaps = smallest_gap(whole)
+    gap = float("nan") if np.isnan(gaps).all() else float(np.nanmin(gaps))
+    at, angle = between.pressures[:, 0], between.angle
+    return Reduction(made, at, angle, np.array(found) - angle, gap)
+
+
+def _every(whole: Bending, offset: int) -> Bending:
+    """Every second step."""
+    s = whole.solution
+    part = slice(offset, None, 2)
+    cut = replace(
+        s,
+        steps={name: values[part] for name, values in s.steps.items()},
+        displacements=s.displacements[part],
+        forces=s.forces[part],
+        energy=s.energy[part],
+        reached=len(s.displacements[part]),
+    )
+    return Bending(cut, whole.pressures[part])
+
+
+ANGLE_TOLERANCE = 1e-5
+"""Difference of the model's angle from the one asked for at which the inverse ends [rad]."""
+_INVERSIONS = 8
+"""Most steps of Newton's method in a tick."""
+_EQUILIBRIUM = 1e-6
+"""Tolerance of the equilibria in a tick, as a share of the forces [-]."""
+
+
+def largest_gain(delay: int) -> float:
+    """Bound of K gamma for a delay of whole ticks, Eq. (A.4) [-]."""
+    return float(2.0 * np.sin(np.pi / (2.0 * (2.0 * delay + 1.0))))
+
+
+@dataclass(frozen=True)
+class Tick:
+    """What the controller decided."""
+
+    pressure: float
+    """Pressure [Pa], in [0, most]."""
+    bounded: bool
+    """Whether it stands at a bound."""
+    held: bool
+    """Whether the model gave none, and the last pressure was kept."""
+
+
+class Controller:
+    """The controller of Eq. (A.3); it holds the sum s and the last equilibrium."""
+
+    def __init__(self, model: ReducedActuator, *, gain: float, most: float) -> None:
+        if not 0.0 < gain <= 2.0:
+            raise ValueError(f"gain must be in (0, 2], got {gain}")
+        self.model, self.gain, self.most = model, gain, most
+        self.sum = 0.0
+        self.pressure = 0.0
+        self._low = model.bend(0.0)
+        self._high = self._highest()
+        self._last: ReducedBend = self._low
+
+    def _highest(self) -> ReducedBend:
+        found = self._low
+        for pressure in np.linspace(0.0, self.most, 9)[1:]:
+            found = self.model.bend(float(pressure), start=found.state.q)
+        return found
+
+    def tick(self, wanted: float, measured: float) -> Tick:
+        """Take a measured angle and give the pressure for the wanted one; both in rad."""
+        error = wanted - measured
+        asked = wanted + self.sum + self.gain * error
+        bounded = not self._low.angle <= asked <= self._high.angle
+        outward = (asked > self._high.angle and error > 0.0) or (asked < self._low.angle and error < 0.0)
+        if not outward:
+            self.sum += self.gain * error
+        if bounded:
+            above = asked > self._high.angle
+            self._last = self._high if above else self._low
+            self.pressure = self.most if above else 0.0
+            return Tick(self.pressure, True, False)
+        found = self._inverse(asked)
+        return Tick(self.pressure, False, not found)
+
+    def _inverse(self, asked: float) -> bool:
+        """Newton's method for the pressure from the last one; False where it ends nowhere."""
+        pressure, near = self.pressure, self._last
+        for _ in range(_INVERSIONS):
+            left = asked - near.angle
+            if abs(left) <= ANGLE_TOLERANCE:
+                self.pressure, self._last = pressure, near
+                return True
+            if not near.slope > 0.0:
+                return False
+            following = float(np.clip(pressure + left / near.slope, 0.0, self.most))
+            # the path goes on along dq/dp
+            start = near.state.q + near.state.slopes[:, 0] * (following - pressure)
+            near = self.model.bend(following, start=start, tolerance=_EQUILIBRIUM)
+            pressure = following
+            if not near.ok:
+                return False
+        return False
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A simulated actuator with its pressure supply and camera."""
+
+    pressure: FloatArray
+    """Pressures [Pa], rising, shape [n]."""
+    angle: FloatArray
+    """Angle of the whole model with the plant's own stiffness there [rad], shape [n]."""
+    lag: float
+    """Time constant of the pressure [s]."""
+    delay: int
+    """Ticks by which the camera is late."""
+    noise: float
+    """Standard deviation of a measured angle [rad]."""
+
+
+JUDGED_SHARE = 0.5
+"""Last share of the time of each wanted angle in which the error is judged [-]."""
+
+
+@dataclass(frozen=True)
+class Closed:
+    """A run of the closed loop."""
+
+    time: FloatArray
+    """Of the ticks [s], shape [n]."""
+    wanted: FloatArray
+    """Wanted angle [rad], shape [n]."""
+    measured: FloatArray
+    """Angle that the controller saw [rad], shape [n]."""
+    angle: FloatArray
+    """Angle of the plant [rad], shape [n]."""
+    pressure: FloatArray
+    """Pressure that was asked for [Pa], shape [n]."""
+    wall: FloatArray
+    """Wall time from the beginning of each tick to its pressure [s], shape [n]."""
+    processor: FloatArray
+    """Processor time of the controller in each tick [s], which other programs do not lengthen, shape [n]."""
+    bounded: BoolArray
+    """Ticks at a bound of the pressure, shape [n]."""
+    held: BoolArray
+    """Ticks in which the model gave no pressure, shape [n]."""
+    rate: float
+    """Ticks a second [1/s]."""
+    real_time: bool = False
+    """Whether every tick waited for its time; its wall time then begins when it was due."""
+
+    @property
+    def late(self) -> int:
+        """Ticks that took longer than their period."""
+        return int((self.wall > 1.0 / self.rate).sum())
+
+    def settled_error(self) -> FloatArray:
+        """Root mean square of plant less wanted angle in the last half of each wanted angle [rad]."""
+        starts = np.flatnonzero(np.diff(self.wanted, prepend=np.nan) != 0.0)
+        ends = [*starts[1:], len(self.wanted)]
+        found = []
+        for a, b in zip(starts, ends, strict=True):
+            part = slice(a + int(JUDGED_SHARE * (b - a)), b)
+            found.append(float(np.sqrt(np.mean((self.angle[part] - self.wanted[part]) ** 2))))
+        return np.array(found)
+
+
+def run_loop(
+    controller: Controller,
+    plant: Plant,
+    wanted: FloatArray,
+    *,
+    rate: float,
+    seed: int,
+    real_time: bool = False,
+) -> Closed:
+    """Close the loop for wanted angles [rad] of shape [n], one a tick.
+
+    The pressure in the actuator follows the one asked for with the plant's lag; the camera sees its angle,
+    with noise, some ticks late. In real time a tick waits until it is due, and what it takes to wake up is
+    part of its wall time; else the ticks follow one another at once.
+    """
+    rng = np.random.default_rng(seed)
+    bend = PchipInterpolator(plant.pressure, plant.angle)
+    n, dt = len(wanted), 1.0 / rate
+    follow = 1.0 - np.exp(-dt / plant.lag) if plant.lag > 0.0 else 1.0
+    inside = 0.0
+    columns = {name: np.zeros(n) for name in ("measured", "angle", "pressure", "wall", "processor")}
+    bounded, held = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+    begun = perf_counter()
+    for k in range(n):
+        columns["angle"][k] = bend(inside)
+        seen = columns["angle"][max(k - plant.delay, 0)] + plant.noise * rng.standard_normal()
+        due = begun + k * dt
+        while real_time and (left := due - perf_counter()) > 0.0:
+            sleep(left)
+        started, worked = due if real_time else perf_counter(), process_time()
+        decided = controller.tick(float(wanted[k]), float(seen))
+        columns["wall"][k], columns["processor"][k] = perf_counter() - started, process_time() - worked
+        columns["measured"][k], columns["pressure"][k] = seen, decided.pressure
+        bounded[k], held[k] = decided.bounded, decided.held
+        inside += follow * (decided.pressure - inside)
+    time = np.asarray(dt * np.arange(n), dtype=np.float64)
+    return Closed(
+        time, np.asarray(wanted), **columns, bounded=bounded, held=held, rate=rate, real_time=real_time
+    )
+
+
+FORMAT = Format("kolsky actuator basis")
+CURE = "delete it: it is made anew from the SPEC"
+
+
+@dataclass(frozen=True)
+class StoredBasis:
+    """A reduced actuator and its plant as they are stored."""
+
+    key: str
+    """SHA-256 of what they follow from."""
+    modes: FloatArray
+    """Orthonormal columns [-], shape [n_dofs, r]."""
+    singular: FloatArray
+    """Singular values [m], shape [n_snapshots]."""
+    cells: IntArray
+    """Chosen elements, shape [s]."""
+    weights: FloatArray
+    """Their weights [-], shape [s]."""
+    residual: float
+    """Share of the forces that they leave [-]."""
+    reached: bool
+    """Whether that is within the tolerance."""
+    pressure: FloatArray
+    """Pressures that the basis has not seen [Pa], shape [k]."""
+    angle: FloatArray
+    """Angle of the whole model there [rad], shape [k]."""
+    error: FloatArray
+    """Angle of the reduced model less that [rad], shape [k]."""
+    gap: float
+    """Smallest distance of neighbouring chambers at any of the pressures [m]; NaN without gaps."""
+    plant_pressure: FloatArray
+    """Pressures at which the plant was simulated [Pa], shape [p]."""
+    plant_angle: FloatArray
+    """Its angle there [rad], shape [p]."""
+
+
+_BASIS = Record(
+    StoredBasis,
+    COLLECTION,
+    {
+        "key": Text(),
+        "modes": Floats("1", "components modes"),
+        "singular": Floats("m", "snapshots"),
+        "cells": Integers("1", "elements"),
+        "weights": Floats("1", "elements"),
+        "residual": Floats("1"),
+        "reached": Flags("1"),
+        "pressure": Floats("Pa", "unseen"),
+        "angle": Floats("rad", "unseen"),
+        "error": Floats("rad", "unseen"),
+        "gap": Floats("m"),
+        "plant_pressure": Floats("Pa", "plant"),
+        "plant_angle": Floats("rad", "plant"),
+    },
+)
+
+
+def basis_key(
+    actuator: Actuator, gravity: Sequence[float] | FloatArray, section: ControlSection, steps: int
+) -> str:
+    """SHA-256 of all that a reduction and its plant, simulated at `steps` pressures, follow from."""
+    digest = sha256()
+    mesh, solid = actuator.mesh, actuator.solid
+    words = (
+        mesh.kind, type(solid).__name__, repr(solid), repr(actuator.cavities), repr(actuator.mixed),
+        repr(float(actuator.density)), repr([float(g) for g in gravity]), repr(steps),
+        repr((section.most, section.modes, section.tolerance, section.snapshots, section.plant_stiffness)),
+    )  # fmt: skip
+    for word in words:
+        digest.update(word.encode() + b"\0")
+    arrays = [mesh.points, mesh.cells, solid.parameters()]
+    for name in sorted(mesh.sets):
+        digest.update(name.encode() + b"\0")
+        arrays.append(mesh.nodes(name))
+    for array in arrays:
+        digest.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def stored(key: str, made: Reduction, plant: Plant) -> StoredBasis:
+    """What is stored of a reduction and a plant."""
+    reduced = made.model.reduced
+    sample, basis = reduced.sample, reduced.basis
+    return StoredBasis(
+        key, basis.modes, basis.values, sample.cells, sample.weights, sample.residual, sample.reached,
+        made.pressure, made.angle, made.error, made.gap, plant.pressure, plant.angle,
+    )  # fmt: skip
+
+
+def _write_basis(path: Path, found: StoredBasis) -> None:
+    """Write the file, and its folder where there is none."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with writing(path, FORMAT) as place:
+        _BASIS.write(place, found)
+
+
+def _read_basis(path: Path, key: str) -> StoredBasis | None:
+    """Read a file back; None where there is none, or one of another key.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged or of another format.
+    """
+    if not Path(path).exists():
+        return None
+    with reading(path, FORMAT, cure=CURE) as place:
+        found = _BASIS.read(place)
+    return found if found.key == key else None
+
+
+def _restored(
+    found: StoredBasis, actuator: Actuator, gravity: Sequence[float] | FloatArray
+) -> tuple[Reduction, FloatArray, FloatArray]:
+    """The reduction of an actuator, and pressure and angle of the plant.
+
+    Raises
+    ------
+    ValueError
+        If the file's modes or elements are not those of the actuator's mesh.
+    """
+    model = actuator.model(gravity)
+    if len(found.modes) != model.n_dofs or not (found.cells < len(model.mesh.cells)).all():
+        raise ValueError("the stored basis is of another mesh: delete it")
+    sample = Sample(found.cells, found.weights, found.residual, found.reached)
+    reduced = ReducedModel(model, Basis(found.modes, found.singular), sample, gravity=WEIGHT)
+    made = Reduction(ReducedActuator(reduced), found.pressure, found.angle, found.error, found.gap)
+    return made, found.plant_pressure, found.plant_angle
+
+
+_PLANT_STEPS = 9
+"""Pressures at which the plant's own bend is simulated."""
+
+
+def run_control(
+    actuator: Actuator,
+    gravities: Mapping[str, FloatArray],
+    section: ControlSection,
+    *,
+    basis: Path | None = None,
+) -> tuple[dict[str, Closed], dict[str, Reduction]]:
+    """Reduce the actuator, simulate the plant, and close the loop.
+
+    Parameters
+    ----------
+    actuator, gravities, section
+        What SPEC declares.
+    basis
+        Folder in which the reductions and the plants' bends are kept, and from which they are taken where
+        they follow from the same inputs; None: neither.
+
+    Raises
+    ------
+    ValueError
+        If an equilibrium of the model or of the plant is not found.
+    InputError
+        If a file of the folder is damaged.
+    """
+    prepared = {name: _prepared(actuator, g, section, name, basis) for name, g in gravities.items()}
+    closed = {}
+    for name, (made, plant) in prepared.items():
+        controller = Controller(made.model, gain=section.gain, most=section.most)
+        closed[name] = run_loop(
+            controller,
+            plant,
+            schedule(section),
+            rate=section.rate,
+            seed=section.seed,
+            real_time=section.real_time,
+        )
+    return closed, {name: made for name, (made, _) in prepared.items()}
+
+
+def _prepared(
+    actuator: Actuator, gravity: FloatArray, section: ControlSection, name: str, basis: Path | None
+) -> tuple[Reduction, Plant]:
+    """The reduction and the plant of a direction of gravity, from the folder where it has them."""
+    key = basis_key(actuator, gravity, section, _PLANT_STEPS)
+    file = None if basis is None else basis / f"{name}.h5"
+    found = None if file is None else _read_basis(file, key)
+    if found is not None:
+        made, pressure, angle = _restored(found, actuator, gravity)
+        return made, Plant(pressure, angle, section.lag, section.delay, section.noise)
+    made = reduce_actuator(
+        actuator,
+        gravity,
+        most=section.most,
+        modes=section.modes,
+        tolerance=section.tolerance,
+        seen=section.snapshots,
+    )
+    plant = _plant_of(actuator, gravity, section)
+    if file is not None:
+        _write_basis(file, stored(key, made, plant))
+    return made, plant
+
+
+def schedule(section: ControlSection) -> FloatArray:
+    """Wanted angle of each tick [rad], shape [n]."""
+    return np.repeat(np.array(section.angles), max(1, round(section.hold * section.rate)))
+
+
+def _plant_of(actuator: Actuator, gravity: FloatArray, section: ControlSection) -> Plant:
+    """The plant: the whole model with its own stiffness, a lag, a delay and noise."""
+    pressures = np.linspace(0.0, section.most, _PLANT_STEPS)
+    solid = actuator.solid.with_parameters(section.plant_stiffness * actuator.solid.parameters())
+    run = actuator.simulate(gravity, pressures, solid=solid)
+    if not run.solution.outcome.ok:
+        raise ValueError(f"the plant: {run.solution.outcome.cause}; {run.solution.outcome.cure}")
+    return Plant(pressures, run.angle, section.lag, section.delay, section.noise)
+
+
+def loop_warnings(
+    closed: Mapping[str, Closed], reductions: Mapping[str, Reduction], section: ControlSection
+) -> list[str]:
+    """What a reader must know before trusting the loop."""
+    said = []
+    bound = largest_gain(section.delay)
+    if section.gain / section.plant_stiffness >= bound:
+        said.append(
+            f"the gain {section.gain:g} on a plant {section.plant_stiffness:g} times as stiff is not below "
+            f"{bound * section.plant_stiffness:.3g}, the limit of stability with a delay of {section.delay} "
+            "tick(s): lower the gain"
+        )
+    for name, run in closed.items():
+        if run.late:
+            said.append(
+                f"{name}: {run.late} of {len(run.time)} ticks took longer than {1e3 / run.rate:.3g} ms"
+            )
+        if run.held.any():
+            said.append(
+                f"{name}: in {int(run.held.sum())} ticks the model gave no pressure; the last was held"
+            )
+        if reductions[name].gap < 0.0:
+            said.append(
+                f"{name}: neighbouring chambers overlap below the largest pressure, which they cannot: the "
+                "bends there are not those of the actuator; lower most or widen the gap"
+            )
+        sample = reductions[name].model.reduced.sample
+        if not sample.reached:
+            said.append(
+                f"{name}: the chosen elements leave {sample.residual:.2g} of the forces, "
+                "more than the tolerance"
+            )
+    return said

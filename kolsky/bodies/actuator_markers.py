@@ -1,0 +1,275 @@
+"""Measured markers compared with the model: distances, misfit over noise, and the fitted stiffness.
+
+Markers sit on the base's middle line at equal shares of its length at rest, the last at the tip. The
+distance of n of them is
+
+    RMSE = sqrt(1/n sum |x_measured - x_simulated|^2),                                          (A.5)
+
+and noise of sigma in each coordinate explains them where sum |.|^2 / sigma^2 is below the 99.9 % quantile of
+chi-square with 2 n degrees of freedom. One factor m of all moduli, Poisson's ratio held, is fitted to all
+markers of all directions and pressures by Gauss and Newton's method with the exact du/dm; its interval is
+
+    m +- t s_m,  s_m = sigma max(1, sqrt(chi2 / dof)) / |J|,                                    (A.6)
+
+with J = dx/dm of all coordinates and Student's t of 95 %.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2 as chi2_law
+from scipy.stats import t as student
+
+from kolsky.base.arrays import FloatArray
+from kolsky.base.errors import InputError
+from kolsky.bodies.actuator_bending import Direction
+from kolsky.bodies.actuator_model import Actuator, Bending, bend_of
+from kolsky.bodies.actuator_reading import ActuatorSpec
+from kolsky.equilibrium.sensitivity import direct
+from kolsky.readers.table import Column, read_table
+
+COUNT = 9
+"""Markers on the paper's actuator."""
+EXPLAINED = 0.999
+"""Probability of the chi-square quantile above which noise does not explain a distance."""
+ITERATIONS = 12
+"""Most iterations of the fit."""
+RANGE = 0.02, 50.0
+"""Factors within which the fit looks [-]; it ends at the last one inside."""
+FIT_TOLERANCE = 1e-3
+"""Step of m at which the fit ends, in its standard deviations."""
+PLANE = (0, 2)
+"""Coordinates of the plane of bending."""
+
+
+@dataclass(frozen=True)
+class MarkerComparison:
+    """Markers of one direction of gravity and one pressure."""
+
+    gravity: str
+    """Direction of gravity."""
+    pressure: float
+    """Pressure [Pa]."""
+    measured: FloatArray
+    """Measured x and z [m], shape [n, 2]."""
+    simulated: FloatArray
+    """Simulated ones, likewise."""
+    sigma: float
+    """Standard deviation of a measured coordinate [m]."""
+
+    @property
+    def rmse(self) -> float:
+        """Eq. (A.5) [m]."""
+        return float(np.sqrt(((self.measured - self.simulated) ** 2).sum(axis=1).mean()))
+
+    @property
+    def explained(self) -> bool:
+        """Whether noise of `sigma` explains the distances."""
+        square = float(((self.measured - self.simulated) ** 2).sum()) / self.sigma**2
+        return square <= float(chi2_law.ppf(EXPLAINED, self.measured.size))
+
+    @property
+    def measured_angle(self) -> float:
+        """Bending angle from the origin to the last marker [rad]."""
+        x, z = self.measured[-1]
+        return float(bend_of(np.array([x, 0.0, z])))
+
+
+@dataclass(frozen=True)
+class StiffnessFit:
+    """The factor of all moduli that the markers ask for."""
+
+    factor: float
+    """m [-]."""
+    sigma: float
+    """Its standard deviation, Eq. (A.6) [-]."""
+    low: float
+    """Lower end of the 95 % interval [-]."""
+    high: float
+    """Upper end."""
+    chi2: float
+    """Sum of squares over sigma^2 there [-]."""
+    degrees: int
+    """Degrees of freedom."""
+    converged: bool
+    """Whether the last step was small."""
+
+    @property
+    def explained(self) -> bool:
+        """Whether noise explains what is left."""
+        return self.chi2 <= float(chi2_law.ppf(EXPLAINED, self.degrees))
+
+
+def marker_weights(actuator: Actuator, count: int = COUNT) -> FloatArray:
+    """Weights of the points of "line" in the position of each marker [-], shape [count, n_line].
+
+    Raises
+    ------
+    ValueError
+        If the mesh has no line.
+    """
+    return marker_weights_of(actuator.mesh.points[actuator.mesh.nodes("line"), 0], count)
+
+
+def marker_positions(run: Bending, weights: FloatArray) -> FloatArray:
+    """Positions of the markers in the plane of bending [m], shape [n_steps, count, 2]."""
+    mesh = run.solution.model.mesh
+    nodes = mesh.nodes("line")
+    line = mesh.points[nodes] + run.solution.displacements[:, nodes]
+    return np.asarray((weights @ line)[..., PLANE])
+
+
+def compare(run: Bending, gravity: str, step: int, measured: FloatArray, sigma: float) -> MarkerComparison:
+    """Compare measured markers [m] of shape [n, 2] with a step of a simulation."""
+    model = run.solution.model
+    weights = marker_weights_of(model.mesh.points[model.mesh.nodes("line"), 0], len(measured))
+    simulated = marker_positions(run, weights)[step]
+    return MarkerComparison(gravity, float(run.pressures[step].max()), measured, simulated, sigma)
+
+
+def marker_weights_of(x: FloatArray, count: int) -> FloatArray:
+    """As `marker_weights`, of the rising places of a line [m]."""
+    shares = x[0] + (x[-1] - x[0]) * np.arange(1, count + 1) / count
+    return np.stack([np.interp(shares, x, unit) for unit in np.eye(len(x))], axis=-1)
+
+
+def interval(
+    left: FloatArray, J: FloatArray, sigma: float, factor: float, *, converged: bool
+) -> StiffnessFit:
+    """Interval of a factor by Eq. (A.6), from what is left [m] and dx/dm [m], each of shape [n]."""
+    degrees = left.size - 1
+    square = float((left**2).sum()) / sigma**2
+    deviation = sigma * max(1.0, np.sqrt(square / degrees)) / float(np.linalg.norm(J))
+    half = float(student.ppf(0.975, degrees)) * deviation
+    return StiffnessFit(factor, deviation, factor - half, factor + half, square, degrees, converged)
+
+
+def fit_stiffness(
+    actuator: Actuator,
+    gravities: Mapping[str, Sequence[float] | FloatArray],
+    measured: Mapping[str, Mapping[float, FloatArray]],
+    sigma: float,
+) -> StiffnessFit:
+    """Fit the factor m of all moduli to markers.
+
+    Parameters
+    ----------
+    actuator
+        The actuator with the moduli that m multiplies.
+    gravities
+        Acceleration of each direction [m/s^2].
+    measured
+        Markers [m] of shape [n, 2] by direction and pressure [Pa].
+    sigma
+        Standard deviation of a coordinate [m].
+
+    Raises
+    ------
+    ValueError
+        If an equilibrium is not found.
+    """
+    own = actuator.solid.parameters()
+    factor, converged = 1.0, False
+    guesses: dict[str, FloatArray] = {}
+    for _ in range(ITERATIONS):
+        lefts, slopes = [], []
+        for name, sets in measured.items():
+            pressures = np.array(sorted(sets))
+            solid = actuator.solid.with_parameters(factor * own)
+            run = actuator.simulate(gravities[name], pressures, solid=solid, guess=guesses.get(name))
+            if not run.solution.outcome.ok:
+                raise ValueError(f"{name} at {factor:.3g} times the stiffness: {run.solution.outcome.cause}")
+            guesses[name] = run.solution.displacements
+            count = len(next(iter(sets.values())))
+            weights = marker_weights(actuator, count)
+            nodes = actuator.mesh.nodes("line")
+            by = direct(run.solution).displacements[:, : len(own), nodes]  # [steps, constants, line, 3]
+            by_factor = np.einsum("c,scld->sld", own, by)
+            slope = (weights @ by_factor)[..., PLANE]
+            wanted = np.stack([sets[p] for p in pressures])
+            lefts.append((wanted - marker_positions(run, weights)).ravel())
+            slopes.append(slope.ravel())
+        left, J = np.concatenate(lefts), np.concatenate(slopes)
+        found = interval(left, J, sigma, factor, converged=converged)
+        if converged:
+            return found
+        step = float(J @ left) / float(J @ J)
+        following = float(np.clip(factor + step, 0.5 * factor, 2.0 * factor))
+        if not RANGE[0] < following < RANGE[1]:
+            return found
+        factor = following
+        converged = abs(step) <= FIT_TOLERANCE * found.sigma
+    return found
+
+
+EQUAL_PRESSURES = 1e-6
+"""Difference of pressures that are the same, as a share of the largest [-]."""
+
+
+def compared_markers(
+    spec: ActuatorSpec, directions: Sequence[Direction]
+) -> tuple[list[MarkerComparison], StiffnessFit | None, dict[str, str]]:
+    """Compare the markers that a SPEC names, fit the stiffness to them; with the hash of their file.
+
+    Raises
+    ------
+    InputError
+        If the file names a direction or pressure that the SPEC does not declare, or markers are missing.
+    ValueError
+        If an equilibrium of the fit is not found.
+    """
+    section = spec.declared.markers
+    if section is None:
+        return [], None, {}
+    measured, sha256 = _read_markers(spec)
+    known = {one.name: one for one in directions}
+    found = []
+    for name, sets in measured.items():
+        one = known[name]
+        for pressure, places in sets.items():
+            step = int(np.argmin(np.abs(one.pristine.pressures.max(axis=1) - pressure)))
+            found.append(compare(one.pristine, name, step, places, section.sigma))
+    stiffness = fit_stiffness(spec.actuator, spec.gravities, measured, section.sigma)
+    return found, stiffness, {section.file: sha256}
+
+
+def _read_markers(spec: ActuatorSpec) -> tuple[dict[str, dict[float, FloatArray]], str]:
+    """Markers [m] of shape [n, 2] by direction of gravity and pressure [Pa], and the hash of their file."""
+    section = spec.declared.markers
+    assert section is not None  # asked for only then
+    path = spec.toml.path.parent / section.file
+    if "line" not in spec.actuator.mesh.sets:
+        raise spec.toml.error(
+            "markers", 'need the set "line" of the mesh', cure="name the base's middle line"
+        )
+    table = read_table(path, layout=None if section.layout is None else section.layout.as_layout())
+    numbers = table.integers(Column(section.marker))
+    pressures = table.values(section.pressure.as_column())
+    named = Column(section.gravity)
+    names = [table.field(named, row).strip() for row in range(len(numbers))]
+    x, z = table.values(section.x.as_column()), table.values(section.z.as_column())
+    declared = spec.pressures
+    found: dict[str, dict[float, FloatArray]] = {}
+    for name in dict.fromkeys(names):
+        if name not in spec.gravities:
+            raise InputError(path, f"names the direction {name!r}", allowed=", ".join(spec.gravities))
+        found[name] = {}
+        rows = np.array([other == name for other in names])
+        for pressure in np.unique(pressures[rows]):
+            if np.abs(declared - pressure).min() > EQUAL_PRESSURES * declared.max():
+                raise InputError(
+                    path,
+                    f"has a pressure of {pressure:g} Pa, which SPEC does not declare",
+                    allowed=", ".join(f"{p:g}" for p in declared),
+                )
+            own = np.flatnonzero(rows & (pressures == pressure))
+            own = own[np.argsort(numbers[own], kind="stable")]
+            if not np.array_equal(numbers[own], np.arange(1, len(own) + 1)):
+                raise InputError(
+                    path,
+                    f"has the markers {numbers[own].astype(int).tolist()} of {name} at {pressure:g} Pa",
+                    allowed="1, 2, ..., each once, from the clamped end on",
+                )
+            found[name][float(pressure)] = np.column_stack([x[own], z[own]])
+    return found, table.sha256

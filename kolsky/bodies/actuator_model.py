@@ -1,0 +1,423 @@
+"""A bending actuator of chambers (Pneunet): mesh, material, weight, touching walls, equilibria along a
+pressure path.
+
+The bending angle is the one through which the chord from the base's clamped end to its free one has turned
+towards the base,
+
+    Theta = atan2((t - o) . b, (t - o) . a),                                                   (A.1)
+
+with the positions o and t of these two points, the actuator's axis a at rest and the direction b out of its
+base. The angle counted from another direction
+in that plane, such as the vertical through the base, differs by the angle between it and the axis at rest.
+
+The actuator lies along x with the middle of its clamped end's lower edge in the origin; its base is the side
+z = 0, and the chambers stand on it. A channel along the base joins them and goes on through the inlet to the
+clamped end. Inside a row along x the parts are
+
+    inlet, wall, chamber, wall, gap, wall, chamber, wall, gap, ... , wall, chamber, wall,
+
+along z the base, the channel, the rest of the chamber and its roof. Between neighbouring chambers the gap is
+open above the channel's roof. Every part is cut into the whole number of cells that makes them nearest to the
+wanted size, walls into at least `through_wall`. Without gravity across it the actuator is its own mirror
+image in the plane y = 0, and half of it is enough.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from kolsky.base.arrays import BoolArray, FloatArray, IntArray
+from kolsky.equilibrium.arc_length import ArcPath, follow
+from kolsky.equilibrium.meshes import Mesh, grid
+from kolsky.equilibrium.model import Condition, Fixed, Gravity, Model, Pressure, SelfContact
+from kolsky.equilibrium.sensitivity import direct
+from kolsky.equilibrium.solid import Solid
+from kolsky.equilibrium.solution import Solution
+from kolsky.equilibrium.solve import Newton, solve
+from kolsky.equilibrium.surface_contact import surface_contacts
+
+WEIGHT = "weight"
+"""History that lets the weight act, 0 or 1."""
+AXIS, BEND = 0, 2
+"""Coordinates of the axis a = +x and of b = -z."""
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A mesh with the sets of `kolsky.bodies.actuator_model.Pneunet.mesh`, and its material."""
+
+    mesh: Mesh
+    """The mesh."""
+    cavities: tuple[str, ...]
+    """Sets of pressurised walls; each has a pressure of its own."""
+    solid: Solid
+    """The material."""
+    density: float
+    """Mass density at rest [kg/m^3]."""
+    mixed: bool = False
+    """Whether volume ratio and pressure are fields of their own (nearly incompressible materials)."""
+    device: str = "cpu"
+    """Where the element kernels run."""
+    contacts: tuple[SelfContact, ...] = ()
+    """Walls of neighbouring chambers that may touch."""
+
+    @property
+    def histories(self) -> tuple[str, ...]:
+        """Names of the pressures in a solution."""
+        return tuple(f"pressure of {name}" for name in self.cavities)
+
+    def model(self, gravity: Sequence[float] | FloatArray) -> Model:
+        """The model with an acceleration of free fall [m/s^2], shape [3].
+
+        Raises
+        ------
+        ValueError
+            If gravity points across the mirror plane of a half.
+        """
+        g = tuple(float(value) for value in gravity)
+        conditions: list[Condition] = [Fixed("clamp")]
+        if "mirror" in self.mesh.sets:
+            if g[1] != 0.0:
+                raise ValueError("gravity along y needs the whole actuator: set half = false")
+            conditions.append(Fixed("mirror", (1,)))
+        conditions.append(Gravity(self.density, g, WEIGHT))
+        conditions += [Pressure(c, h) for c, h in zip(self.cavities, self.histories, strict=True)]
+        conditions += self.contacts
+        return Model(
+            self.mesh,
+            self.solid,
+            tuple(conditions),
+            volumetric="mixed" if self.mixed else "displacement",
+            device=self.device,
+        )
+
+    def simulate(
+        self,
+        gravity: Sequence[float] | FloatArray,
+        pressures: FloatArray,
+        *,
+        solid: Solid | None = None,
+        guess: FloatArray | None = None,
+        newton: Newton | None = None,
+    ) -> "Bending":
+        """Equilibria under pressures [Pa] of shape [n] (all cavities alike) or [n, n_cavities].
+
+        `solid` is another material in place of the actuator's own; `guess` as of
+        `kolsky.equilibrium.solve.solve`.
+        """
+        table = np.asarray(pressures, dtype=float)
+        table = np.repeat(table[:, None], len(self.cavities), axis=1) if table.ndim == 1 else table
+        if table.ndim != 2 or table.shape[1] != len(self.cavities):
+            raise ValueError(f"pressures must have shape [n, {len(self.cavities)}], got {table.shape}")
+        steps = {WEIGHT: np.ones(len(table)), **dict(zip(self.histories, table.T, strict=True))}
+        model = self.model(gravity)
+        constants = None if solid is None else solid.parameters()
+        return Bending(solve(model, steps, constants, guess=guess, newton=newton), table)
+
+    def follow(
+        self,
+        gravity: Sequence[float] | FloatArray,
+        pressures: FloatArray,
+        *,
+        first: float,
+        steps: int = 200,
+        longest: float = 4.0,
+        solid: Solid | None = None,
+    ) -> tuple["Bending", ArcPath]:
+        """Equilibria under rising pressures [Pa] of shape [n], the same in all cavities, past limit points.
+
+        Parameters
+        ----------
+        gravity, pressures, solid
+            As of `simulate`.
+        first, steps, longest
+            As of `kolsky.equilibrium.arc_length.follow`.
+
+        Returns
+        -------
+        tuple of Bending, ArcPath
+            The equilibria that a pressure raised from 0 meets, and the whole path between them.
+
+        Raises
+        ------
+        ValueError
+            If the path ends before the last pressure, with its reason.
+        """
+        constants = None if solid is None else solid.parameters()
+        path = follow(
+            self.model(gravity),
+            self.histories,
+            until=float(pressures[-1]),
+            first=first,
+            others={WEIGHT: 1.0},
+            parameters=constants,
+            steps=steps,
+            longest=longest,
+        )
+        if not path.outcome.ok:
+            highest = 1e-5 * float(path.load.max())
+            turned = ", where the pressure has a limit point" if path.limits.size else ""
+            cause, cure = path.outcome.cause, path.outcome.cure
+            raise ValueError(f"the path rises to {highest:.3g} bar{turned}: {cause}; {cure}")
+        found = self.simulate(gravity, pressures, solid=solid, guess=path.crossings(pressures))
+        return found, path
+
+
+@dataclass(frozen=True)
+class Bending:
+    """Equilibria of an actuator."""
+
+    solution: Solution
+    """Displacements and how it ended."""
+    pressures: FloatArray
+    """Pressure of each cavity at each step [Pa], shape [n, n_cavities]."""
+
+    @property
+    def angle(self) -> FloatArray:
+        """Bending angle, Eq. (A.1) [rad], shape [n]; NaN of steps that were not reached."""
+        return bend_of(self.chord)
+
+    @property
+    def chord(self) -> FloatArray:
+        """Vector from the origin to the tip [m], shape [n, 3]."""
+        return self.positions("tip") - self.positions("origin")
+
+    def positions(self, where: str) -> FloatArray:
+        """Mean position of a set of points [m], shape [n, 3]."""
+        mesh = self.solution.model.mesh
+        return np.asarray(
+            mesh.points[mesh.nodes(where)].mean(axis=0) + self.solution.mean_displacement(where)
+        )
+
+    def slopes(self) -> FloatArray:
+        """dTheta/dp by the pressure of each cavity [rad/Pa], shape [n, n_cavities]; exact."""
+        names = tuple(h for h in self.solution.model.histories if h != WEIGHT)
+        found = direct(self.solution, histories=names)
+        tip, origin = (found.mean_displacement(where) for where in ("tip", "origin"))
+        by = (tip - origin)[:, -len(names) :]  # the constants stand before the histories
+        return np.einsum("nd,npd->np", bend_slope(self.chord), by)
+
+
+def bend_of(chord: FloatArray) -> FloatArray:
+    """Eq. (A.1) of chords [m] of shape [..., 3], in rad."""
+    return np.asarray(np.arctan2(-chord[..., BEND], chord[..., AXIS]))
+
+
+def bend_slope(chord: FloatArray) -> FloatArray:
+    """Derivative of Eq. (A.1) by the chord [rad/m], shape [..., 3]."""
+    x, z = chord[..., AXIS], chord[..., BEND]
+    square = x**2 + z**2
+    slope = np.zeros_like(chord)
+    slope[..., AXIS], slope[..., BEND] = z / square, -x / square
+    return slope
+
+
+SOLID, CHANNEL, OUTSIDE = 0, -1, -2
+"""Kinds of cells of the grid; chambers are 1, 2, ..."""
+TIGHT = 1e-9
+"""Distance from a plane within which a point lies on it, as a share of the length [-]."""
+
+
+@dataclass(frozen=True)
+class Pneunet:
+    """Dimensions of an actuator and the fineness of its mesh."""
+
+    chambers: int = 6
+    """Number of chambers."""
+    wall: float = 2.5e-3
+    """Thickness of every wall and of the roofs [m]."""
+    base: float = 2.5e-3
+    """Thickness of the base below the channel [m]."""
+    chamber: tuple[float, float, float] = (3.0e-3, 10.0e-3, 10.0e-3)
+    """Inner length (along x), width (y) and height (z) of a chamber [m]."""
+    gap: float = 2.0e-3
+    """Distance between the walls of neighbouring chambers [m]."""
+    channel: tuple[float, float] = (2.0e-3, 2.0e-3)
+    """Width and height of the channel that joins the chambers [m]; it is the inlet's bore too."""
+    inlet: float = 5.0e-3
+    """Length of the clamped inlet block [m]."""
+    cell: float = 4.0e-3
+    """Wanted size of the cells [m]."""
+    through_wall: int = 1
+    """Fewest cells through a wall."""
+    element: str = "hex27"
+    """hex27, hex8, tet10 or tet4."""
+    half: bool = True
+    """Half of it, with the plane y = 0 as a mirror."""
+    separate: bool = False
+    """Chambers that nothing joins, each with a pressure of its own."""
+
+    def __post_init__(self) -> None:
+        if self.chambers < 1 or self.through_wall < 1:
+            raise ValueError("chambers and through_wall must be >= 1")
+        named = {
+            "wall": self.wall, "base": self.base, "gap": self.gap, "inlet": self.inlet, "cell": self.cell,
+            "chamber": min(self.chamber), "channel": min(self.channel),
+        }  # fmt: skip
+        for name, value in named.items():
+            if not (np.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} must be > 0 m, got {value}")
+        for what, inner, outer in (
+            ("width", self.channel[0], self.chamber[1]),
+            ("height", self.channel[1] + self.wall, self.chamber[2]),
+        ):
+            if not inner < outer:
+                raise ValueError(
+                    f"the channel's {what} (with its roof) must be below the chamber's, "
+                    f"got {inner:g} and {outer:g} m"
+                )
+        if self.element not in ("hex27", "hex8", "tet10", "tet4"):
+            raise ValueError(f"element must be hex27, hex8, tet10 or tet4, got {self.element!r}")
+
+    @property
+    def length(self) -> float:
+        """Whole length [m]."""
+        each = 2.0 * self.wall + self.chamber[0]
+        return self.inlet + self.chambers * each + (self.chambers - 1) * self.gap
+
+    @property
+    def width(self) -> float:
+        """Outer width [m]."""
+        return self.chamber[1] + 2.0 * self.wall
+
+    @property
+    def height(self) -> float:
+        """Outer height [m]."""
+        return self.base + self.chamber[2] + self.wall
+
+    @cached_property
+    def _grid(self) -> tuple[tuple[FloatArray, ...], IntArray]:
+        parts: list[tuple[float, int]] = [(self.inlet, CHANNEL)]
+        for number in range(1, self.chambers + 1):
+            parts += [(self.wall, CHANNEL), (self.chamber[0], number)]
+            parts += [(self.wall, CHANNEL), (self.gap, OUTSIDE)]
+        parts = [*parts[:-2], (self.wall, SOLID)]  # the last chamber ends in a whole wall
+        x, of_x = self._cut([length for length, _ in parts])
+        kinds = np.array([kind for _, kind in parts])[of_x]
+        bore, hollow = 0.5 * self.channel[0], 0.5 * self.chamber[1]
+        y, of_y = self._cut([bore, hollow - bore, self.wall])
+        if not self.half:
+            y, of_y = np.concatenate([-y[:0:-1], y]), np.concatenate([of_y[::-1], of_y])
+        roof = self.chamber[2] - self.channel[1] - self.wall
+        z, of_z = self._cut([self.base, self.channel[1], self.wall, roof, self.wall])
+        kx, ky, kz = np.meshgrid(kinds, of_y, of_z, indexing="ij")
+        cells = np.full(kx.shape, SOLID)
+        cells[(kx == OUTSIDE) & (kz > 2)] = OUTSIDE
+        if not self.separate:
+            cells[((kx == CHANNEL) | (kx == OUTSIDE)) & (ky == 0) & (kz == 1)] = CHANNEL
+        inside = (kx > 0) & (ky < 2) & (kz >= 1) & (kz < 4)
+        cells[inside] = kx[inside]
+        return (x, y, z), cells
+
+    def _cut(self, lengths: list[float]) -> tuple[FloatArray, IntArray]:
+        """Lines of parts in a row [m], and the part of each cell."""
+        counts = []
+        for length in lengths:
+            least = self.through_wall if length in (self.wall, self.base) else 1
+            counts.append(max(least, round(length / self.cell)))
+        ends = np.concatenate([[0.0], np.cumsum(lengths)])
+        lines = [np.linspace(a, b, n + 1)[1:] for a, b, n in zip(ends[:-1], ends[1:], counts, strict=True)]
+        return np.concatenate([[0.0], *lines]), np.repeat(np.arange(len(lengths)), counts)
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The mesh with its sets.
+
+        Sets: "clamp" (x = 0), "mirror" (y = 0, of a half), "cavity" or, of separate chambers, "cavity_1" and
+        so on, "origin" and "tip" (ends of the base's middle line), "line" (all of it), and of each gap
+        "gap_1_left", "gap_1_right": the walls that face each other.
+        """
+        lines, cells = self._grid
+        solid: BoolArray = cells == SOLID
+        mesh = grid(lines, solid, kind=self.element)
+        tight = TIGHT * self.length
+        p = mesh.points
+        sets: dict[str, IntArray] = {
+            "clamp": np.flatnonzero(p[:, 0] < tight),
+            "line": np.flatnonzero((np.abs(p[:, 1]) < tight) & (p[:, 2] < tight)),
+        }
+        if self.half:
+            sets["mirror"] = np.flatnonzero(p[:, 1] < tight)
+        sets["line"] = sets["line"][np.argsort(p[sets["line"], 0], kind="stable")]
+        sets["origin"], sets["tip"] = sets["line"][:1], sets["line"][-1:]
+        hollows = [("cavity", (cells > 0) | (cells == CHANNEL))]
+        if self.separate:
+            hollows = [(f"cavity_{n}", cells == n) for n in range(1, self.chambers + 1)]
+        for name, hollow in hollows:
+            sets[name] = _touching(p, lines, hollow, tight)
+        pitch = (self.length - self.inlet + self.gap) / self.chambers
+        rows = self.inlet + np.arange(1, self.chambers) * pitch
+        above = p[:, 2] > self.base + self.channel[1] + self.wall - tight
+        for number, end in enumerate(rows, start=1):
+            for side, at in (("left", end - self.gap), ("right", end)):
+                sets[f"gap_{number}_{side}"] = np.flatnonzero(above & (np.abs(p[:, 0] - at) < tight))
+        return Mesh(p, mesh.cells, mesh.kind, sets)
+
+    @property
+    def cavities(self) -> tuple[str, ...]:
+        """Sets of the pressurised walls."""
+        return tuple(f"cavity_{n}" for n in range(1, self.chambers + 1)) if self.separate else ("cavity",)
+
+
+def _touching(points: FloatArray, lines: tuple[FloatArray, ...], hollow: BoolArray, tight: float) -> IntArray:
+    """Points that lie in or on the hollow cells."""
+    found = np.zeros(len(points), dtype=bool)
+    # a point on a line belongs to the cells on both sides of it
+    sides = []
+    for axis, line in enumerate(lines):
+        low = np.clip(np.searchsorted(line, points[:, axis] - tight, side="right") - 1, 0, len(line) - 2)
+        high = np.clip(np.searchsorted(line, points[:, axis] + tight, side="right") - 1, 0, len(line) - 2)
+        sides.append((low, high))
+    for i in (0, 1):
+        for j in (0, 1):
+            for k in (0, 1):
+                found |= hollow[sides[0][i], sides[1][j], sides[2][k]]
+    return np.flatnonzero(found)
+
+
+def smallest_gap(run: Bending) -> FloatArray:
+    """Smallest distance of the facing walls of neighbouring chambers [m], shape [n].
+
+    Each pair of facing points is taken along the line between the middles of its two walls; negative where
+    they have passed each other.
+    """
+    mesh, u = run.solution.model.mesh, run.solution.displacements
+    smallest = np.full(len(u), np.nan)
+    number = 1
+    while f"gap_{number}_left" in mesh.sets:
+        left, right = (
+            mesh.points[mesh.sets[f"gap_{number}_{side}"]] + u[:, mesh.sets[f"gap_{number}_{side}"]]
+            for side in ("left", "right")
+        )
+        across = (right - left).mean(axis=1)
+        across = across / np.linalg.norm(across, axis=-1, keepdims=True)
+        each = np.einsum("npd,nd->np", right - left, across).min(axis=1)
+        smallest = np.fmin(smallest, each)
+        number += 1
+    return smallest
+
+
+@dataclass(frozen=True)
+class Touching:
+    """Contact of neighbouring chambers over a history."""
+
+    force: FloatArray
+    """Sum of the pressures between all walls over their area [N], of the whole actuator, shape [n]."""
+    depth: FloatArray
+    """Depth of the deepest point, which the penalty leaves [m], shape [n]."""
+
+
+def touching(run: Bending) -> Touching | None:
+    """Contact forces and depths of equilibria; None of a model without contact."""
+    model = run.solution.model
+    contacts = surface_contacts(model)
+    if not contacts:
+        return None
+    share = 2.0 if "mirror" in model.mesh.sets else 1.0
+    each = [u.reshape(-1) for u in run.solution.displacements]
+    return Touching(
+        np.array([share * sum(one.force(u) for one in contacts) for u in each]),
+        np.array([max(one.deepest(u) for one in contacts) for u in each]),
+    )

@@ -1,0 +1,193 @@
+"""Bends, inversions and runs of the loop as CSV and JSON."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kolsky.base.files import jsonable, write_table
+from kolsky.bodies.actuator_bending import BendInTime, Direction, Inversion, path_angle, relative_bend
+from kolsky.bodies.actuator_control import Closed, Reduction
+from kolsky.bodies.actuator_markers import MarkerComparison, StiffnessFit
+
+
+def write_bends(folder: Path, directions: Sequence[Direction]) -> None:
+    """Write bend.csv and line.csv (the base's middle line at the declared pressures)."""
+    bend: dict[str, list[Any]] = {}
+    line: dict[str, list[Any]] = {}
+    for one in directions:
+        run = one.pristine
+        healed = one.healed.angle if one.healed is not None else np.full(len(run.angle), np.nan)
+        slopes = run.slopes()
+        for k in range(len(run.angle)):
+            row: dict[str, Any] = {"gravity": one.name}
+            for j in range(run.pressures.shape[1]):
+                row[f"pressure {j + 1} (Pa)"] = float(run.pressures[k, j])
+            row |= {
+                "angle (rad)": float(run.angle[k]),
+                "angle healed (rad)": "" if np.isnan(healed[k]) else float(healed[k]),
+                "smallest gap (m)": "" if np.isnan(one.gap[k]) else float(one.gap[k]),
+            }
+            if one.touching is not None:
+                row["contact force (N)"] = float(one.touching.force[k])
+                row["contact depth (m)"] = float(one.touching.depth[k])
+            for j in range(slopes.shape[1]):
+                row[f"slope {j + 1} (rad/Pa)"] = float(slopes[k, j])
+            _append(bend, row)
+        mesh = run.solution.model.mesh
+        if "line" not in mesh.sets:
+            continue
+        nodes = mesh.nodes("line")
+        for k in one.asked:
+            for node, where in zip(
+                nodes, mesh.points[nodes] + run.solution.displacements[k, nodes], strict=True
+            ):
+                row = {"gravity": one.name, "pressure (Pa)": float(run.pressures[k].max())}
+                row["node"] = int(node)
+                row |= {f"{axis} (m)": float(x) for axis, x in zip("xyz", where, strict=True)}
+                _append(line, row)
+    write_table(folder / "bend.csv", bend)
+    for one in directions:
+        if one.path is not None:
+            columns = {"arc (m)": one.path.arc, "pressure (Pa)": one.path.load}
+            write_table(folder / f"path_{one.name}.csv", {**columns, "angle (rad)": path_angle(one.path)})
+    if line:
+        write_table(folder / "line.csv", line)
+
+
+def _append(columns: dict[str, list[Any]], row: Mapping[str, Any]) -> None:
+    for name, value in row.items():
+        columns.setdefault(name, []).append(value)
+
+
+def write_motion(path: Path, motions: Sequence[BendInTime]) -> None:
+    """Write the bend over time of every direction of gravity."""
+    columns: dict[str, list[Any]] = {}
+    for one in motions:
+        for time, pressure, angle in zip(one.time, one.pressure, one.angle, strict=True):
+            row = {"gravity": one.name, "time (s)": float(time), "pressure (Pa)": float(pressure)}
+            _append(columns, {**row, "angle (rad)": float(angle)})
+    write_table(path, columns)
+
+
+def bends_json(directions: Sequence[Direction], inputs: Mapping[str, str]) -> dict[str, Any]:
+    """Bends at the declared pressures as JSON types, SI."""
+    whole = {}
+    for one in directions:
+        run = one.pristine
+        whole[one.name] = {
+            "pressure_Pa": run.pressures[one.asked],
+            "angle_rad": run.angle[one.asked],
+            "slope_rad_per_Pa": run.slopes()[one.asked],
+            "limit_pressures_Pa": None if one.path is None else one.path.limits,
+            "contact_force_N": None if one.touching is None else one.touching.force[one.asked],
+            "contact_depth_m": None if one.touching is None else one.touching.depth[one.asked],
+            "angle_healed_rad": None if one.healed is None else one.healed.angle[one.asked],
+            "healed_over_pristine_less_1": None if one.healed is None else relative_bend(one),
+        }
+    return {key: jsonable(value, key) for key, value in {"bends": whole, "inputs": dict(inputs)}.items()}
+
+
+def inversions_json(found: Mapping[str, Sequence[Inversion]], inputs: Mapping[str, str]) -> dict[str, Any]:
+    """Inversions of every direction of gravity as JSON types, SI."""
+    whole = {
+        name: [
+            {
+                "wanted_rad": one.angle,
+                "found_rad": None if np.isnan(one.found) else one.found,
+                "pressures_Pa": None if np.isnan(one.pressures).any() else one.pressures,
+                "slopes_rad_per_Pa": None if np.isnan(one.slope).any() else one.slope,
+                "ended": one.ended.value,
+                "equilibria": one.equilibria,
+            }
+            for one in each
+        ]
+        for name, each in found.items()
+    }
+    return {key: jsonable(value, key) for key, value in {"found": whole, "inputs": dict(inputs)}.items()}
+
+
+def loop_json(
+    closed: Mapping[str, Closed], reductions: Mapping[str, Reduction], inputs: Mapping[str, str]
+) -> dict[str, Any]:
+    """Runs of the loop as JSON types, SI."""
+    whole = {}
+    for name, run in closed.items():
+        made = reductions[name]
+        whole[name] = {
+            "ticks": len(run.time),
+            "rate_Hz": run.rate,
+            "wall_median_s": float(np.median(run.wall)),
+            "wall_99_9_s": float(np.quantile(run.wall, 0.999)),
+            "wall_worst_s": float(run.wall.max()),
+            "processor_median_s": float(np.median(run.processor)),
+            "processor_worst_s": float(run.processor.max()),
+            "late_ticks": run.late,
+            "ticks_at_bound": int(run.bounded.sum()),
+            "ticks_held": int(run.held.sum()),
+            "settled_error_rad": run.settled_error(),
+            "modes": made.model.reduced.modes,
+            "elements": len(made.model.reduced.sample.cells),
+            "elements_of_all": len(made.model.reduced.model.mesh.cells),
+            "sampling_residual": made.model.reduced.sample.residual,
+            "largest_error_of_the_reduction_rad": made.largest_error,
+        }
+    return {key: jsonable(value, key) for key, value in {"runs": whole, "inputs": dict(inputs)}.items()}
+
+
+def markers_json(compared: Sequence[MarkerComparison], stiffness: StiffnessFit | None) -> dict[str, Any]:
+    """Markers and the factor of stiffness fitted to them as JSON types, SI."""
+    rows = [
+        {
+            "gravity": one.gravity,
+            "pressure_Pa": one.pressure,
+            "rmse_m": one.rmse,
+            "sigma_m": one.sigma,
+            "explained": one.explained,
+            "measured_angle_rad": one.measured_angle,
+        }
+        for one in compared
+    ]
+    fit = None
+    if stiffness is not None:
+        fit = {
+            "factor": stiffness.factor,
+            "sigma": stiffness.sigma,
+            "interval_95": [stiffness.low, stiffness.high],
+            "chi2": stiffness.chi2,
+            "degrees_of_freedom": stiffness.degrees,
+            "explained": stiffness.explained,
+            "converged": stiffness.converged,
+        }
+    return {"markers": jsonable(rows, "markers"), "stiffness": jsonable(fit, "stiffness")}
+
+
+def write_markers(path: Path, compared: Sequence[MarkerComparison]) -> None:
+    """Write measured and simulated places of every marker."""
+    columns: dict[str, list[Any]] = {}
+    for one in compared:
+        for number, (seen, made) in enumerate(zip(one.measured, one.simulated, strict=True), start=1):
+            row = {"gravity": one.gravity, "pressure (Pa)": one.pressure, "marker": number}
+            row |= {"x measured (m)": float(seen[0]), "z measured (m)": float(seen[1])}
+            row |= {"x simulated (m)": float(made[0]), "z simulated (m)": float(made[1])}
+            _append(columns, row)
+    write_table(path, columns)
+
+
+def write_loop(path: Path, run: Closed) -> None:
+    """Write every tick of a run of the loop."""
+    write_table(
+        path,
+        {
+            "time (s)": run.time,
+            "wanted (rad)": run.wanted,
+            "measured (rad)": run.measured,
+            "plant (rad)": run.angle,
+            "pressure (Pa)": run.pressure,
+            "wall time (s)": run.wall,
+            "processor time (s)": run.processor,
+            "at a bound": run.bounded.astype(int),
+            "held": run.held.astype(int),
+        },
+    )

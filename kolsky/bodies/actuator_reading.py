@@ -1,0 +1,359 @@
+"""SPEC.toml of an actuator: its tables, and the actuator with directions of gravity and pressures made from
+them."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from kolsky.base.arrays import FloatArray
+from kolsky.base.units import UnitError, quantity
+from kolsky.bodies.actuator_model import Actuator, Pneunet
+from kolsky.bodies.specimen_constants import COUPLED, POISSON, solid_of
+from kolsky.bodies.specimen_reading import read_constants
+from kolsky.equilibrium.meshes import Mesh, from_pyvista
+from kolsky.equilibrium.model import SelfContact
+from kolsky.equilibrium.solid import Isotropic, Solid, bulk
+from kolsky.readers.meshes import read_gmsh_volume, read_vtu
+from kolsky.schema import fields as f
+from kolsky.schema.fields import ColumnSection, LengthColumn, Section, TextLayoutSection
+from kolsky.schema.shot_file import TomlFile, parse_toml
+
+Pressure = Annotated[float, BeforeValidator(f.physical("Pa", ">= 0", "a pressure"))]
+Angle = Annotated[float, BeforeValidator(f.physical("rad", what="an angle"))]
+Acceleration = Annotated[float, BeforeValidator(f.number)]
+Count = Annotated[int, Field(ge=1, le=200)]
+Vector = Annotated[list[Acceleration], Field(min_length=3, max_length=3)]
+
+
+class PressureColumn(ColumnSection):
+    """A column of pressures."""
+
+    unit: f.StressUnit
+
+
+class GeometrySection(Section):
+    """[geometry]: dimensions of a row of chambers, or the file of a mesh."""
+
+    mesh: f.FileName | None = None
+    mesh_unit: f.LengthUnit | None = None
+    chambers: Count = 6
+    wall: f.Length = 2.5e-3
+    base: f.Length = 2.5e-3
+    chamber: Annotated[list[f.Length], Field(min_length=3, max_length=3)] | None = None
+    gap: f.Length = 2e-3
+    channel: Annotated[list[f.Length], Field(min_length=2, max_length=2)] | None = None
+    inlet: f.Length = 5e-3
+    cell: f.Length = 4e-3
+    through_wall: Annotated[int, Field(ge=1, le=8)] = 1
+    element: Literal["hex27", "hex8", "tet10", "tet4"] = "hex27"
+    half: bool = True
+    separate: bool = False
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> "GeometrySection":
+        if self.mesh is None:
+            return self
+        extra = sorted(self.model_fields_set - {"mesh", "mesh_unit"})
+        if extra:
+            raise f.problem("has no effect beside a mesh", key=extra[0], cure="remove it")
+        if self.mesh_unit is None:
+            raise f.problem("is missing", key="mesh_unit", cure='write the unit of its points, e.g. "mm"')
+        return self
+
+
+class MaterialSection(Section):
+    """[material]: a law with its constants, how it resists a change of volume, its density."""
+
+    law: f.Name = "neo_hookean"
+    constants: dict[str, Any]
+    D1: Any = None
+    poisson: f.Poisson | None = None
+    density: f.Density
+    mixed: bool = False
+
+    @model_validator(mode="after")
+    def _one_volume(self) -> "MaterialSection":
+        if (self.D1 is None) == (self.poisson is None):
+            raise f.problem(
+                "or poisson must be given, one of the two",
+                key="D1",
+                cure='write D1 = "1.150 1/MPa" where U = (J - 1)^2 / D1, D1 = "1.150 MPa" where '
+                "U = D1 (J - 1)^2",
+            )
+        return self
+
+
+class ContactSection(Section):
+    """[contact]: neighbouring chambers touch, by a penalty."""
+
+    penalty: Annotated[float, Field(gt=0.0, le=1e6)] = 500.0
+    depth: f.Length | None = None
+
+
+class PathSection(Section):
+    """[path]: the equilibria are followed by arc length, past limit points of the pressure."""
+
+    first: Pressure
+    steps: Annotated[int, Field(ge=1, le=5000)] = 200
+    longest: Annotated[float, Field(ge=1.0, le=1000.0)] = 4.0
+
+    @model_validator(mode="after")
+    def _begins(self) -> "PathSection":
+        if not self.first > 0.0:
+            raise f.problem("must be > 0", key="first", cure='write the pressure of a small step, "0.02 bar"')
+        return self
+
+
+class PronySection(Section):
+    """One term of [motion] prony: the stress at once over the slow one, less 1, and its time."""
+
+    share: Annotated[float, Field(gt=0.0, le=100.0)]
+    time: f.PositiveTime
+
+
+class MotionSection(Section):
+    """[motion]: the largest pressure raised in time, with inertia and damping."""
+
+    ramp: f.PositiveTime
+    hold: f.PositiveTime
+    step: f.PositiveTime
+    scheme: Literal["backward_euler", "trapezoidal"] = "backward_euler"
+    prony: list[PronySection] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _several(self) -> "MotionSection":
+        if not 4.0 <= (self.ramp + self.hold) / self.step <= 10_000.0:
+            raise f.problem("makes too few or too many steps", key="step", allowed="4 to 10 000 steps in all")
+        return self
+
+
+class InvertSection(Section):
+    """[invert]: the wanted bend, and the largest pressure."""
+
+    angles: Annotated[list[Angle], Field(min_length=1)]
+    most: Pressure
+    tip: Annotated[list[f.Offset], Field(min_length=3, max_length=3)] | None = None
+
+
+class ControlSection(Section):
+    """[control]: the closed loop and the plant it is tried on."""
+
+    angles: Annotated[list[Angle], Field(min_length=1)]
+    hold: f.PositiveTime = 5.0
+    rate: Annotated[float, Field(gt=0.0, le=10_000.0)] = 20.0
+    gain: Annotated[float, Field(gt=0.0, le=2.0)] = 0.3
+    most: Pressure
+    modes: Annotated[int, Field(ge=1, le=60)] = 8
+    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-3
+    snapshots: Annotated[int, Field(ge=3, le=200)] = 13
+    plant_stiffness: Annotated[float, Field(gt=0.0, le=10.0)] = 0.85
+    delay: Annotated[int, Field(ge=0, le=50)] = 1
+    lag: Annotated[float, BeforeValidator(f.physical("s", ">= 0"))] = 0.05
+    noise: Annotated[float, BeforeValidator(f.physical("rad", ">= 0"))] = 0.0
+    seed: Annotated[int, Field(ge=0)] = 1
+    real_time: bool = False
+
+
+class MarkersSection(Section):
+    """[markers]: measured centroids of the markers, one row a direction, pressure and marker."""
+
+    file: f.FileName
+    layout: TextLayoutSection | None = None
+    x: LengthColumn
+    z: LengthColumn
+    gravity: f.Name = "gravity"
+    pressure: PressureColumn
+    marker: f.Name = "marker"
+    sigma: f.LengthDeviation
+
+
+class ActuatorFile(Section):
+    """A whole SPEC.toml."""
+
+    geometry: GeometrySection = Field(default_factory=GeometrySection)
+    material: MaterialSection
+    gravity: dict[str, Vector]
+    pressures: Annotated[list[Pressure], Field(min_length=1)]
+    healed: dict[str, Any] | None = None
+    contact: ContactSection | None = None
+    path: PathSection | None = None
+    motion: MotionSection | None = None
+    invert: InvertSection | None = None
+    control: ControlSection | None = None
+    markers: MarkersSection | None = None
+
+    @model_validator(mode="after")
+    def _rising(self) -> "ActuatorFile":
+        if any(b <= a for a, b in zip(self.pressures[:-1], self.pressures[1:], strict=True)):
+            raise f.problem("do not rise", key="pressures", cure="list them from small to large")
+        if not self.gravity:
+            raise f.problem("is empty", key="gravity", cure="write e.g. downward = [0.0, 0.0, -9.81]")
+        return self
+
+
+NEEDED = ("clamp", "origin", "tip")
+"""Sets that a mesh from a file must have, beside "cavity" or "cavity_1" and so on."""
+
+
+@dataclass(frozen=True)
+class ActuatorSpec:
+    """A SPEC.toml that was read."""
+
+    toml: TomlFile
+    """The file."""
+    declared: ActuatorFile
+    """What it declares, in SI."""
+    actuator: Actuator
+    """The actuator."""
+    shape: Pneunet | None
+    """Its dimensions; None of a mesh from a file."""
+    healed: Solid | None
+    """The healed material, where its constants are declared."""
+    inputs: dict[str, str]
+    """SHA-256 of every file that was read, by name."""
+
+    @property
+    def name(self) -> str:
+        """Name of the file without its ending."""
+        return self.toml.path.stem
+
+    @property
+    def gravities(self) -> dict[str, FloatArray]:
+        """Acceleration of free fall of each direction [m/s^2], shape [3]."""
+        return {name: np.array(g) for name, g in self.declared.gravity.items()}
+
+    @property
+    def pressures(self) -> FloatArray:
+        """Pressures [Pa], rising, shape [n]."""
+        return np.array(self.declared.pressures)
+
+
+def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
+    """Read a SPEC.toml of an actuator and its mesh, if it names one.
+
+    Raises
+    ------
+    InputError
+        If it declares anything unknown, incomplete or impossible, or a file cannot be read.
+    """
+    toml = parse_toml(Path(path))
+    declared = toml.validated(ActuatorFile)
+    inputs = {toml.path.name: toml.sha256}
+    shape = None
+    if declared.geometry.mesh is None:
+        try:
+            shape = _pneunet_of(declared.geometry)
+        except ValueError as error:
+            raise toml.error("geometry", f"makes no actuator: {error}") from None
+        mesh, cavities = shape.mesh, shape.cavities
+    else:
+        mesh = _mesh(toml, declared.geometry, inputs)
+        cavities = tuple(sorted(name for name in mesh.sets if name.split("_")[0] == "cavity"))
+        missing = [name for name in NEEDED if name not in mesh.sets] + ([] if cavities else ["cavity"])
+        if missing:
+            raise toml.error(
+                "geometry.mesh",
+                f"has no set {missing[0]!r}; it has {', '.join(sorted(mesh.sets)) or 'none'}",
+                cure='name the points in Gmsh\'s physical groups, or point data "set:clamp" of a VTU file',
+            )
+    given = declared.material.constants
+    solid = _solid(toml, declared, "material.constants", given, declared.material.D1)
+    healed = None
+    if declared.healed is not None:
+        other = dict(declared.healed)
+        d1 = other.pop("D1", declared.material.D1)
+        healed = _solid(toml, declared, "healed", {**given, **other}, d1)
+    contacts = _contacts_of(mesh, declared.contact)
+    if declared.contact is not None and not contacts:
+        raise toml.error(
+            "contact",
+            'needs the walls that may touch, the sets "gap_1_left" and "gap_1_right" and so on of the mesh',
+            cure="name them, take two chambers or more, or remove [contact]",
+        )
+    actuator = Actuator(
+        mesh, cavities, solid, declared.material.density, declared.material.mixed, device, contacts
+    )
+    for name, g in declared.gravity.items():
+        try:
+            actuator.model(g)
+        except ValueError as error:
+            raise toml.error(f"gravity.{name}", f"cannot be used: {error}") from None
+    return ActuatorSpec(toml, declared, actuator, shape, healed, inputs)
+
+
+def _pneunet_of(section: GeometrySection) -> Pneunet:
+    """The dimensions that [geometry] declares."""
+    given: dict[str, Any] = {
+        key: tuple(value) if isinstance(value, list) else value
+        for key, value in section.model_dump(exclude={"mesh", "mesh_unit"}, exclude_none=True).items()
+    }
+    return Pneunet(**given)
+
+
+def _contacts_of(mesh: Mesh, section: ContactSection | None) -> tuple[SelfContact, ...]:
+    """The contacts of the walls at the gaps of a mesh; none without a section."""
+    found: list[SelfContact] = []
+    while section is not None and f"gap_{len(found) + 1}_left" in mesh.sets:
+        n = len(found) + 1
+        found.append(
+            SelfContact(f"gap_{n}_left", f"gap_{n}_right", penalty=section.penalty, depth=section.depth)
+        )
+    return tuple(found)
+
+
+def volume_reading(d1: Any) -> float:
+    """Bulk modulus K [Pa] of a written D1, by its unit.
+
+    A compressibility is that of U = (J - 1)^2 / D1, K = 2 / D1 (Abaqus, and Table 1 of the paper); a modulus
+    is that of U = D1 (J - 1)^2, K = 2 D1.
+
+    Raises
+    ------
+    UnitError
+        If it is neither.
+    """
+    try:
+        value, modulus = quantity(d1, "1/Pa"), None
+    except UnitError:
+        modulus = quantity(d1, "Pa")
+        value = modulus
+    if value <= 0.0:
+        raise UnitError(d1, "is not > 0", "1/Pa" if modulus is None else "Pa")
+    return 2.0 / value if modulus is None else 2.0 * value
+
+
+def _solid(toml: TomlFile, declared: ActuatorFile, key: str, given: dict[str, Any], d1: Any) -> Solid:
+    law, poisson = declared.material.law, declared.material.poisson
+    values = read_constants(toml, key, law, given)
+    try:
+        if poisson is not None:
+            return solid_of(law, {**values, POISSON: poisson})
+        if law == COUPLED:
+            raise toml.error("material.D1", f"does not belong to {COUPLED}", cure="write poisson = 0.44")
+        # only the bulk modulus is another: any Poisson's ratio makes the shear part
+        made = solid_of(law, {**values, POISSON: 0.0})
+        assert isinstance(made, Isotropic)
+        return replace(made, volumetric=bulk(volume_reading(d1)))
+    except UnitError as error:
+        raise toml.error("material.D1", error.problem, cure='write "1.150 1/MPa" or "1.150 MPa"') from None
+    except ValueError as error:
+        raise toml.error(key, f"are not those of the law: {error}") from None
+
+
+def _mesh(toml: TomlFile, section: GeometrySection, inputs: dict[str, str]) -> Mesh:
+    assert section.mesh is not None  # asked for only then
+    assert section.mesh_unit is not None  # the schema saw to it
+    path = toml.path.parent / section.mesh
+    if path.suffix.lower() == ".msh":
+        raw = read_gmsh_volume(path)
+        inputs[section.mesh] = raw.sha256
+        return Mesh(section.mesh_unit * raw.points, raw.cells, raw.kind, raw.groups)
+    grid, inputs[section.mesh] = read_vtu(path)
+    try:
+        made = from_pyvista(grid)
+    except ValueError as error:
+        raise toml.error("geometry.mesh", f"cannot be read: {error}", cure="save a VTU or MSH file") from None
+    return replace(made, points=section.mesh_unit * made.points)

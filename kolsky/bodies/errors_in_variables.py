@@ -1,0 +1,362 @@
+"""Constants fitted to forces and displacements that both have errors (Schumacher and others 2020, Eqs. 1-2).
+
+Their objective lets the force of every sample move, f_i, and asks the simulation under it for the
+displacement:
+
+    g = sum_i 1/2 (d(p, f_i) - d_i)^2 + w_f 1/2 (f_i - F_i)^2,                                  (S.1)
+
+d_i and F_i measured. A force and the displacement in equilibrium with it are one to one, so the moving
+displacement may be the unknown as well, and every simulation is driven by displacements: with sigma_d and
+sigma_f for the noise of each, and w_f = (sigma_d / sigma_f)^2,
+
+    chi^2 = sum_i |(x_i - d_i) / sigma_d|^2 + |(f(p, x_i) - F_i) / sigma_f|^2.
+
+About x_i, with k = df/dx and S = df/dp from one factorisation, the best x_i is linear in the rest: what is
+left is a least-squares problem in p alone,
+
+    r_i = f(p, x_i) - F_i - k (x_i - d_i),   V_i = sigma_f^2 I + k sigma_d^2 k^T,
+    minimise sum_i (r_i + S_i dp)^T V_i^-1 (r_i + S_i dp),    x_i - d_i = -sigma_d^2 k^T V_i^-1 (r_i + S_i
+    dp),
+
+solved within the bounds of Table I by Levenberg and Marquardt's steps.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import lsq_linear, minimize
+
+from kolsky.base.arrays import FloatArray
+
+DAMPING, MOST_DAMPING = 1e-3, 1e8
+"""First damping, and beyond which no step has lowered chi-square."""
+STEP_TOLERANCE = 1e-3
+"""Length of the next undamped step, in standard deviations of the residuals, at which the search has
+ended."""
+CHI_SQUARE_TOLERANCE = 1e-9
+"""Relative change of chi-square below which it has ended as well: data without noise."""
+MOST_STEPS = 60
+"""Most simulations of a search."""
+LONGEST = 2.0
+"""Longest step of a constant over its size (its scale, or its value where that is larger)."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Measured displacements and forces of the moving ends of one specimen."""
+
+    displacement: FloatArray
+    """[m], shape [n, ends]."""
+    force: FloatArray
+    """[N], shape [n, ends]."""
+    sigma_displacement: float
+    """Standard deviation of a displacement [m]; 0 takes them as exact."""
+    sigma_force: float
+    """Standard deviation of a force [N], > 0."""
+
+    @property
+    def weight_force(self) -> float:
+        """w_f of Eq. (S.1) [m^2/N^2]."""
+        return (self.sigma_displacement / self.sigma_force) ** 2
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """Forces of a specimen and their slopes at some constants and displacements."""
+
+    force: FloatArray
+    """[N], shape [n, ends]."""
+    by_constants: FloatArray
+    """df/dp, shape [n, ends, p]."""
+    by_displacement: FloatArray
+    """df/dx [N/m], shape [n, ends, ends]."""
+
+
+Respond = Callable[[FloatArray, tuple[FloatArray, ...]], tuple[Linearised, ...] | str]
+"""Constants and the displacements of each specimen in; their forces out, or why there are none."""
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """The least-squares problem in the constants alone, all specimens together."""
+
+    residual: FloatArray
+    """L^-1 r with V = L L^T, shape [m]."""
+    jacobian: FloatArray
+    """L^-1 S, shape [m, p]."""
+
+
+@dataclass(frozen=True)
+class SearchOptimum:
+    """Where a search ended."""
+
+    constants: FloatArray
+    """Shape [p]."""
+    displacements: tuple[FloatArray, ...]
+    """x_i of each specimen [m]."""
+    linearised: tuple[Linearised, ...]
+    """Forces and slopes there."""
+    reduced: Reduced
+    """The problem in the constants there."""
+    chi2: float
+    """Eq. (S.1) over sigma_d^2 / 2 [-]."""
+    at_bound: tuple[bool, ...]
+    """Constants at a bound, shape [p]."""
+    converged: bool
+    """Whether the search came to rest."""
+    ended: str
+    """How it ended."""
+    simulations: int
+    """Trial points, refused ones included."""
+
+
+def chi_square(samples: Samples, x: FloatArray, force: FloatArray) -> float:
+    """The objective (S.1) in standard deviations [-]."""
+    moved = x - samples.displacement
+    found = float((((force - samples.force) / samples.sigma_force) ** 2).sum())
+    if samples.sigma_displacement > 0.0:
+        found += float(((moved / samples.sigma_displacement) ** 2).sum())
+    return found
+
+
+def reduce(samples: Samples, x: FloatArray, there: Linearised) -> Reduced:
+    """Eliminate the displacements, see the top of this module.
+
+    Parameters
+    ----------
+    samples
+        The data.
+    x
+        Displacements at which the specimen was simulated [m], shape [n, ends].
+    there
+        What the simulation gave.
+    """
+    moved = x - samples.displacement
+    r = there.force - samples.force - np.einsum("nij,nj->ni", there.by_displacement, moved)
+    factor = np.linalg.cholesky(_covariance(samples, there))
+    residual = np.linalg.solve(factor, r[..., None])[..., 0]
+    jacobian = np.linalg.solve(factor, there.by_constants)
+    return Reduced(residual.ravel(), jacobian.reshape(-1, jacobian.shape[-1]))
+
+
+def best_displacement(samples: Samples, x: FloatArray, there: Linearised, step: FloatArray) -> FloatArray:
+    """Displacements that go with a step of the constants, shape [n, ends] [m]."""
+    moved = x - samples.displacement
+    r = there.force - samples.force - np.einsum("nij,nj->ni", there.by_displacement, moved)
+    r = r + there.by_constants @ step
+    weighed = np.linalg.solve(_covariance(samples, there), r[..., None])[..., 0]
+    gain = samples.sigma_displacement**2 * np.einsum("nji,nj->ni", there.by_displacement, weighed)
+    return np.asarray(samples.displacement - gain)
+
+
+def search(
+    respond: Respond,
+    samples: tuple[Samples, ...],
+    start: FloatArray,
+    *,
+    bounds: tuple[FloatArray, FloatArray],
+    scales: FloatArray,
+) -> SearchOptimum:
+    """Minimise chi-square over the constants and the displacements of all samples.
+
+    Parameters
+    ----------
+    respond
+        The simulations.
+    samples
+        Data of each specimen; one set of constants holds for all.
+    start, scales
+        Constants to begin with, and their sizes, shape [p].
+    bounds
+        Least and largest values, each of shape [p].
+
+    Raises
+    ------
+    ValueError
+        If the simulation at the start fails, with its reason.
+    """
+    p = np.clip(start, *bounds)
+    x = tuple(own.displacement for own in samples)
+    there = respond(p, x)
+    if isinstance(there, str):
+        raise ValueError(f"the simulation at the start failed: {there}")
+    chi2 = sum(chi_square(own, at, f.force) for own, at, f in zip(samples, x, there, strict=True))
+    damping, runs, ended, converged, why = DAMPING, 1, "the steps were used up", False, ""
+    while runs < MOST_STEPS:
+        problem = _joined([reduce(own, at, f) for own, at, f in zip(samples, x, there, strict=True)])
+        size = np.maximum(scales, np.abs(p))
+        free = _step(problem, p, bounds, size, 0.0)
+        moves = tuple(
+            best_displacement(own, at, f, free) for own, at, f in zip(samples, x, there, strict=True)
+        )
+        expected = float(np.linalg.norm(problem.jacobian @ free))
+        apart = max(
+            float(np.abs(move - at).max()) / own.sigma_displacement if own.sigma_displacement > 0.0 else 0.0
+            for own, at, move in zip(samples, x, moves, strict=True)
+        )
+        if expected <= STEP_TOLERANCE and apart <= STEP_TOLERANCE:
+            converged, ended = True, f"the next step is within {STEP_TOLERANCE:g} standard deviations"
+            break
+        step = _step(problem, p, bounds, size, damping)
+        trial = np.clip(p + step, *bounds)
+        moved = tuple(
+            best_displacement(own, at, f, trial - p) for own, at, f in zip(samples, x, there, strict=True)
+        )
+        found = respond(trial, moved)
+        runs += 1
+        if isinstance(found, str):
+            why, lower = found, np.inf
+        else:
+            lower = sum(
+                chi_square(own, at, f.force) for own, at, f in zip(samples, moved, found, strict=True)
+            )
+        if lower < chi2 and not isinstance(found, str):
+            settled = chi2 - lower <= CHI_SQUARE_TOLERANCE * chi2
+            p, x, there, chi2, damping = trial, moved, found, lower, max(0.1 * damping, 1e-12)
+            if settled:
+                converged, ended = True, "chi-square no longer falls"
+                break
+            continue
+        damping *= 10.0
+        if damping > MOST_DAMPING:
+            converged = lower <= chi2 * (1.0 + CHI_SQUARE_TOLERANCE)
+            ended = "chi-square no longer falls" if converged else f"no step lowers chi-square {why}".strip()
+            break
+    return _optimum_at(samples, p, x, there, bounds, scales, converged=converged, ended=ended, runs=runs)
+
+
+def _optimum_at(
+    samples: tuple[Samples, ...],
+    p: FloatArray,
+    x: tuple[FloatArray, ...],
+    there: tuple[Linearised, ...],
+    bounds: tuple[FloatArray, FloatArray],
+    scales: FloatArray,
+    *,
+    converged: bool,
+    ended: str,
+    runs: int,
+) -> SearchOptimum:
+    """What a search found where it ended; the arguments are the fields of `Found` and those of `search`."""
+    problem = _joined([reduce(own, at, f) for own, at, f in zip(samples, x, there, strict=True)])
+    chi2 = sum(chi_square(own, at, f.force) for own, at, f in zip(samples, x, there, strict=True))
+    near = 1e-6 * np.maximum(scales, np.abs(p))
+    at = (p - bounds[0] <= near) | (bounds[1] - p <= near)
+    return SearchOptimum(p, x, there, problem, chi2, tuple(map(bool, at)), converged, ended, runs)
+
+
+def _covariance(samples: Samples, there: Linearised) -> FloatArray:
+    """V = sigma_f^2 I + k sigma_d^2 k^T [N^2], shape [n, ends, ends]."""
+    k = there.by_displacement
+    own = samples.sigma_force**2 * np.eye(k.shape[-1])
+    return np.asarray(own + samples.sigma_displacement**2 * k @ np.swapaxes(k, -1, -2))
+
+
+def _joined(parts: list[Reduced]) -> Reduced:
+    return Reduced(
+        np.concatenate([part.residual for part in parts]), np.concatenate([part.jacobian for part in parts])
+    )
+
+
+def _step(
+    problem: Reduced, p: FloatArray, bounds: tuple[FloatArray, FloatArray], size: FloatArray, damping: float
+) -> FloatArray:
+    """Bounded step of the linear problem, no longer than `LONGEST` sizes, shape [p]."""
+    scaled = problem.jacobian * size
+    columns = np.sqrt((scaled**2).sum(axis=0))
+    weight = np.sqrt(damping) * np.maximum(columns, 1e-3 * max(float(columns.max()), np.finfo(float).tiny))
+    matrix = np.concatenate([scaled, np.diag(weight)])
+    right = np.concatenate([-problem.residual, np.zeros(len(p))])
+    low = np.maximum((bounds[0] - p) / size, -LONGEST)
+    high = np.minimum((bounds[1] - p) / size, LONGEST)
+    # A constant on a bound has one side; the other is zero, which must not meet the first.
+    solved = lsq_linear(matrix, right, (np.minimum(low, -1e-14), np.maximum(high, 1e-14)), method="bvls")
+    return np.asarray(solved.x * size)
+
+
+MOST = 400
+"""Most simulations of a search."""
+FLATTEST = 1e-3
+"""Largest slope of chi-square at the end, by standard deviations of constants and displacements [-]."""
+
+
+class _FailedError(Exception):
+    """A simulation failed."""
+
+
+def search_by_quasi_newton(
+    respond: Respond,
+    samples: tuple[Samples, ...],
+    start: FloatArray,
+    *,
+    bounds: tuple[FloatArray, FloatArray],
+    scales: FloatArray,
+) -> SearchOptimum:
+    """Minimise chi-square over the constants and the displacements of all samples.
+
+    Parameters and errors are those of `kolsky.bodies.errors_in_variables.search`. A simulation that fails
+    on the way ends the search, which has not converged then.
+    """
+    p = np.clip(start, *bounds)
+    x = tuple(own.displacement for own in samples)
+    there = respond(p, x)
+    if isinstance(there, str):
+        raise ValueError(f"the simulation at the start failed: {there}")
+    free = [own.sigma_displacement > 0.0 for own in samples]
+    slopes = np.concatenate(
+        [
+            one.by_constants.reshape(-1, len(p)) / own.sigma_force
+            for one, own in zip(there, samples, strict=True)
+        ]
+    )
+    unit = 1.0 / np.maximum(np.linalg.norm(slopes, axis=0), 1e-12 / np.maximum(scales, np.abs(p)))
+    best: tuple[FloatArray, tuple[FloatArray, ...], tuple[Linearised, ...]] = (p, x, there)
+    lowest, runs = _chi2(samples, x, there), 0
+
+    def objective(z: FloatArray) -> tuple[float, FloatArray]:
+        nonlocal runs, best, lowest
+        at = np.clip(z[: len(p)] * unit, *bounds)
+        moved, parts, used = [], [], len(p)
+        for own, moves in zip(samples, free, strict=True):
+            size = own.displacement.size if moves else 0
+            by = z[used : used + size].reshape(own.displacement.shape) if moves else 0.0
+            moved.append(own.displacement + own.sigma_displacement * by)
+            used += size
+        runs += 1
+        found = respond(at, tuple(moved))
+        if isinstance(found, str):
+            raise _FailedError(found)
+        gradient = np.zeros(len(p))
+        for own, moves, one, xs in zip(samples, free, found, moved, strict=True):
+            weighed = (one.force - own.force) / own.sigma_force**2
+            gradient += 2.0 * np.einsum("nip,ni->p", one.by_constants, weighed)
+            if moves:
+                pulled = np.einsum("nij,ni->nj", one.by_displacement, weighed)
+                by_x = 2.0 * (xs - own.displacement) / own.sigma_displacement**2 + 2.0 * pulled
+                parts.append((own.sigma_displacement * by_x).ravel())
+        value = _chi2(samples, tuple(moved), found)
+        if value < lowest:
+            best, lowest = (at, tuple(moved), found), value
+        return value, np.concatenate([gradient * unit, *parts])
+
+    n_moved = sum(own.displacement.size for own, moves in zip(samples, free, strict=True) if moves)
+    limits = [*zip(bounds[0] / unit, bounds[1] / unit, strict=True), *[(-np.inf, np.inf)] * n_moved]
+    converged = False
+    try:
+        result = minimize(
+            objective,
+            np.concatenate([p / unit, np.zeros(n_moved)]),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=limits,
+            options={"maxfun": MOST, "maxiter": MOST, "ftol": 1e-15, "gtol": FLATTEST, "maxcor": 20},
+        )
+        converged, ended = bool(result.success), f"L-BFGS-B: {result.message}"
+    except _FailedError as failed:
+        ended = f"a simulation failed: {failed}"
+    return _optimum_at(samples, *best, bounds, scales, converged=converged, ended=ended, runs=runs + 1)
+
+
+def _chi2(samples: tuple[Samples, ...], x: tuple[FloatArray, ...], there: tuple[Linearised, ...]) -> float:
+    return sum(chi_square(own, at, one.force) for own, at, one in zip(samples, x, there, strict=True))

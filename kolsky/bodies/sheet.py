@@ -1,0 +1,382 @@
+"""A sheet pulled between two pads: its model, and the measured field projected on its nodes.
+
+The projection is a local quadratic by weighted least squares, with a gate for outliers.
+
+The displacements of image correlation stand at points of a grid; the cost of Sutula and others (2020, Sec. 6)
+needs them at the nodes of the mesh. At a node x0 the nine nearest points are fitted by
+
+    p(x) = a0 + a1 x + a2 y + a3 x^2 + a4 x y + a5 y^2,   x, y from x0,
+    weights w = e + (1 - e)(1 - r/r_max)^2
+
+and the node's value is a0 (Belytschko and others 1996). A point that its neighbours do not predict is left
+out before that.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.spatial import cKDTree
+
+from dic.basics import MAD
+from kolsky.base.arrays import BoolArray, FloatArray, IntArray
+from kolsky.bodies.specimen_constants import COUPLED, Constants
+from kolsky.equilibrium.meshes import Mesh
+from kolsky.equilibrium.model import Fixed, Model, Prescribed
+from kolsky.equilibrium.sensitivity import Sensitivities, direct
+from kolsky.equilibrium.solid import Solid
+from kolsky.equilibrium.solution import Solution
+from kolsky.equilibrium.solve import solve
+
+NEIGHBOURS = 9
+"""Points of a local fit; six are its least."""
+LEAST_WEIGHT = 1e-4
+"""Weight e of the farthest point."""
+_CONDITION = 1e-6
+"""Least determinant of the normal matrix over the product of its diagonal: below it the points lie on a conic
+and the weighted mean stands in."""
+_GATE_NEIGHBOURS = 20
+"""Points that predict one point for the gate."""
+GATE = 6.0
+"""Largest deviation from the prediction, in robust standard deviations of all points."""
+_GATE_PASSES = 5
+"""Most times that the gate is applied again without what it took out."""
+
+
+@dataclass(frozen=True)
+class Projected:
+    """Values at targets."""
+
+    values: FloatArray
+    """Shape [n_targets, k], unit of what was projected."""
+    mean_only: NDArray[np.bool_]
+    """Targets at which the points allow no quadratic: the weighted mean, shape [n_targets]."""
+    outside: FloatArray
+    """Distance of a target from its nearest point over the points' spacing [-], shape [n_targets]."""
+
+
+def project(points: FloatArray, values: FloatArray, targets: FloatArray) -> Projected:
+    """Project point values on targets by local quadratics.
+
+    Parameters
+    ----------
+    points
+        Where values are known [m], shape [n, 2].
+    values
+        Shape [n, k]: any number of fields, in any unit.
+    targets
+        Where they are wanted [m], shape [n_targets, 2].
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than `NEIGHBOURS` points, or a value is not finite.
+    """
+    if len(points) < NEIGHBOURS:
+        raise ValueError(f"a quadratic takes at least {NEIGHBOURS} points, got {len(points)}")
+    if not np.isfinite(values).all():
+        raise ValueError("values must be finite: leave out the points that image correlation lost")
+    tree = cKDTree(points)
+    distance, near = tree.query(targets, k=NEIGHBOURS)
+    weights, flat = _weights(points[near] - targets[:, None], distance)
+    return Projected(np.einsum("nk,nkf->nf", weights, values[near]), flat, distance[:, 0] / spacing(points))
+
+
+def spacing(points: FloatArray) -> float:
+    """Median distance between neighbours [m]."""
+    return float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))
+
+
+def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> NDArray[np.bool_]:
+    """Find the points that their neighbours do not predict.
+
+    Each point is predicted by the quadratic of its `GATE_NEIGHBOURS` nearest others. Its deviation, over the
+    noise that the prediction has itself and in standard deviations of all of that field (from their median,
+    so that outliers do not widen it), must be at most `gate`. What is found is taken out and the rest judged
+    again, for
+    an outlier spoils its neighbours.
+
+    Parameters
+    ----------
+    points, values
+        As in `project`; finite.
+    gate
+        Limit in standard deviations, > 0.
+
+    Returns
+    -------
+    array of bool, shape [n]
+    """
+    bad = np.zeros(len(points), dtype=np.bool_)
+    for _ in range(_GATE_PASSES):
+        good = np.flatnonzero(~bad)
+        if len(good) <= _GATE_NEIGHBOURS + 1:
+            break
+        own, field = points[good], values[good]
+        distance, near = cKDTree(own).query(own, k=_GATE_NEIGHBOURS + 1)
+        weights, _ = _weights(own[near[:, 1:]] - own[:, None], distance[:, 1:])
+        expected = np.einsum("nk,nkf->nf", weights, field[near[:, 1:]])
+        # A point at an edge is extrapolated: its prediction has more noise of its own.
+        deviation = np.abs(field - expected) / np.sqrt(1.0 + (weights**2).sum(axis=1))[:, None]
+        scale = MAD * np.median(deviation, axis=0)
+        ratio = np.divide(deviation, scale, out=np.zeros_like(deviation), where=scale > 0.0).max(axis=1)
+        if not (ratio > gate).any():
+            break
+        # Of neighbours that spoil each other the worst goes first.
+        worst = (ratio > gate) & (ratio >= ratio[near[:, 1:9]].max(axis=1))
+        bad[good[worst]] = True
+    return bad
+
+
+def point_noise(points: FloatArray, values: FloatArray) -> float:
+    """Standard deviation of a value from what its neighbours predict, all fields together [unit of values].
+
+    Of what is smooth over `GATE_NEIGHBOURS` points nothing is left; a rough field counts as noise too.
+    """
+    distance, near = cKDTree(points).query(points, k=_GATE_NEIGHBOURS + 1)
+    weights, _ = _weights(points[near[:, 1:]] - points[:, None], distance[:, 1:])
+    expected = np.einsum("nk,nkf->nf", weights, values[near[:, 1:]])
+    deviation = np.abs(values - expected) / np.sqrt(1.0 + (weights**2).sum(axis=1))[:, None]
+    return float(MAD * np.median(deviation))
+
+
+def _weights(offsets: FloatArray, distance: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Weights c of the local fit, whose value at the target is sum c_k f_k, [n, k]; and where it is the
+    mean."""
+    length = np.maximum(distance.max(axis=1), np.finfo(float).tiny)
+    x, y = np.moveaxis(offsets / length[:, None, None], -1, 0)
+    weight = LEAST_WEIGHT + (1.0 - LEAST_WEIGHT) * (1.0 - distance / length[:, None]) ** 2
+    basis = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+    weighed = basis * weight[..., None]
+    normal = np.einsum("nka,nkb->nab", weighed, basis)
+    flat = np.linalg.det(normal) <= _CONDITION * np.prod(np.einsum("naa->na", normal), axis=1)
+    normal[flat] = np.eye(6)
+    constant = np.zeros((len(normal), 6, 1))
+    constant[:, 0] = 1.0
+    found = np.einsum("nka,na->nk", weighed, np.linalg.solve(normal, constant)[..., 0])
+    found[flat] = (weight / weight.sum(axis=1, keepdims=True))[flat]
+    return np.asarray(found), flat
+
+
+@dataclass(frozen=True)
+class BoundaryEdges:
+    """Edges of a set of points, with the triangle behind each."""
+
+    cells: IntArray
+    """Triangle of each edge, shape [n]."""
+    normals: FloatArray
+    """Outward normal times length [m], shape [n, 2]."""
+    gradients: FloatArray
+    """Gradients of the triangles' shape functions [1/m], shape [n, 3, 2]."""
+
+
+def boundary_edges(mesh: Mesh, where: str) -> BoundaryEdges:
+    """Find the edges on the boundary whose points both belong to a set.
+
+    Raises
+    ------
+    ValueError
+        If the mesh has other cells than linear triangles.
+    """
+    if mesh.kind != "tri3":
+        raise ValueError(f"tractions are known of tri3 only, got {mesh.kind}: take the reactions")
+    inside = np.zeros(len(mesh.points), dtype=bool)
+    inside[mesh.nodes(where)] = True
+    pairs = mesh.cells[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    _, first, counts = np.unique(np.sort(pairs, axis=1), axis=0, return_index=True, return_counts=True)
+    found = first[(counts == 1) & inside[pairs[first]].all(axis=1)]
+    cells, edges = found // 3, pairs[found]
+    corners = mesh.points[mesh.cells[cells]]
+    along = mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]]
+    normals = np.stack([along[:, 1], -along[:, 0]], axis=-1)
+    outward = np.einsum("ni,ni->n", normals, mesh.points[edges].mean(axis=1) - corners.mean(axis=1))
+    normals *= np.sign(outward)[:, None]
+    jacobian = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=-1)
+    reference = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    return BoundaryEdges(cells, normals, reference @ np.linalg.inv(jacobian))
+
+
+def traction_force(
+    mesh: Mesh,
+    edges: BoundaryEdges,
+    lame: tuple[float, float],
+    u: FloatArray,
+    du: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Force on the body's boundary for a thickness of 1 m, and its slopes by (mu, lambda).
+
+    Parameters
+    ----------
+    mesh, edges
+        The mesh and the edges of the boundary.
+    lame
+        mu and lambda [Pa].
+    u
+        Displacements [m], shape [n_points, 2].
+    du
+        Their derivatives by mu and lambda [m/Pa], shape [2, n_points, 2].
+
+    Returns
+    -------
+    force
+        [N/m], shape [2].
+    slopes
+        By mu and lambda, shape [2, 2].
+    """
+    mu, lam = lame
+    nodes = mesh.cells[edges.cells]
+    F = np.eye(2) + np.einsum("nai,naj->nij", u[nodes], edges.gradients)
+    inverse = np.linalg.inv(F)
+    transposed = np.swapaxes(inverse, 1, 2)
+    log = np.log(np.linalg.det(F))[:, None, None]
+    P = mu * (F - transposed) + lam * log * transposed
+    slopes = []
+    for own, change in zip((F - transposed, log * transposed), du, strict=True):
+        dF = np.einsum("nai,naj->nij", change[nodes], edges.gradients)
+        dP = mu * dF + (mu - lam * log) * transposed @ np.swapaxes(dF, 1, 2) @ transposed
+        dP += lam * np.einsum("nij,nji->n", inverse, dF)[:, None, None] * transposed
+        slopes.append(np.einsum("nij,nj->i", own + dP, edges.normals))
+    return np.einsum("nij,nj->i", P, edges.normals), np.array(slopes)
+
+
+ENDS = "pad"
+"""Name of the history of the pad's displacement."""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A flat specimen with two pads."""
+
+    mesh: Mesh
+    """Its mesh, with the pads as sets."""
+    kinematics: Literal["plane_stress", "plane_strain"]
+    """What the thickness does."""
+    thickness: float
+    """[m]."""
+    moving: str
+    """Set of the moving pad."""
+    fixed: str
+    """Set of the pad at rest."""
+    axis: int = 0
+    """Direction of the pull."""
+    regions: IntArray | None = None
+    """Region of each cell; 0 is fitted, the others are held, shape [m]. None: one material."""
+    held: Mapping[int, Solid] = field(default_factory=dict)
+    """Materials of the held regions."""
+    force_from: Literal["reactions", "tractions"] = "reactions"
+    """Sum of the nodal reactions, or the integral of the elements' tractions; see `tractions`."""
+    device: str = "cpu"
+    """Where the element kernels run."""
+
+    def model(self, solid: Solid) -> Model:
+        """The sheet of a material."""
+        other = 1 - self.axis
+        conditions = (
+            Fixed(self.fixed),
+            Prescribed(self.moving, self.axis, ENDS),
+            Fixed(self.moving, (other,)),
+        )
+        return Model(
+            self.mesh,
+            solid,
+            conditions,
+            kinematics=self.kinematics,
+            thickness=self.thickness,
+            regions=self.regions,
+            device=self.device,
+        )
+
+    def parameters(self, solid: Solid) -> FloatArray:
+        """Constants of all regions, shape [n_regions, n_parameters]."""
+        n = 1 if self.regions is None else int(self.regions.max()) + 1
+        return np.array([self.held.get(r, solid).parameters() for r in range(n)])
+
+    def simulate(self, solid: Solid, pad: FloatArray) -> Solution:
+        """Equilibria at displacements of the moving pad [m], shape [n]."""
+        return solve(self.model(solid), {ENDS: pad}, self.parameters(solid))
+
+    def force(self, solution: Solution) -> FloatArray:
+        """Force on the body at the moving pad along the pull [N], shape [n]."""
+        return np.asarray(solution.reaction(self.moving)[:, self.axis])
+
+
+@dataclass(frozen=True)
+class SheetState:
+    """A sheet simulated at some constants, with derivatives by the free ones."""
+
+    solution: Solution
+    """Equilibria."""
+    displacements: FloatArray
+    """[m], shape [n, nodes, 2]."""
+    by_constants: FloatArray
+    """du/dm, shape [n, p, nodes, 2]."""
+    force: FloatArray
+    """[N], shape [n]."""
+    force_by_constants: FloatArray
+    """df/dm, shape [n, p]."""
+    slopes: Sensitivities
+    """Derivatives by the constants of all regions' energies."""
+
+
+def sheet_state(sheet: Sheet, constants: Constants, free: FloatArray, pad: FloatArray) -> SheetState | str:
+    """Simulate a sheet and differentiate it, or say why it cannot be done."""
+    try:
+        solid = constants.solid(free)
+    except ValueError as error:
+        return str(error)
+    solution = sheet.simulate(solid, pad)
+    if not solution.outcome.ok:
+        at = 1e3 * pad[solution.reached]
+        return f"the sheet at {at:.4g} mm: {solution.outcome.cause}; {solution.outcome.cure}"
+    slopes = direct(solution)
+    chain = constants.chain(free)
+    n_own = len(chain)  # region 0 comes first
+    by = np.einsum("npai,pq->nqai", slopes.displacements[:, :n_own], chain)
+    if sheet.force_from == "tractions":
+        force, by_force = _tractions(sheet, constants.law, solution, slopes, n_own)
+    else:
+        force = sheet.force(solution)
+        by_force = slopes.reaction(sheet.moving)[:, :n_own, sheet.axis]
+    return SheetState(solution, solution.displacements, by, force, by_force @ chain, slopes)
+
+
+def _tractions(
+    sheet: Sheet, law: str, solution: Solution, slopes: Sensitivities, n_own: int
+) -> tuple[FloatArray, FloatArray]:
+    if law != COUPLED or sheet.kinematics != "plane_strain":
+        raise ValueError(f'tractions are known of "{COUPLED}" in plane strain only: take the reactions')
+    edges = boundary_edges(sheet.mesh, sheet.moving)
+    mu, lam = (float(value) for value in solution.parameters[0])
+    force, by = [], []
+    for u, du in zip(solution.displacements, slopes.displacements[:, :n_own], strict=True):
+        whole, parts = traction_force(sheet.mesh, edges, (mu, lam), u, du)
+        force.append(sheet.thickness * whole[sheet.axis])
+        by.append(sheet.thickness * parts[:, sheet.axis])
+    return np.array(force), np.array(by)
+
+
+def mass_matrix(mesh: Mesh, cells: BoolArray) -> csr_matrix:
+    """Integral of products of shape functions over some cells [m^2], shape [nodes, nodes].
+
+    One displacement component; the other has the same.
+    """
+    element = mesh.element
+    points, weights = element.rule(element.gauss + 1)
+    values, gradients = element.values(points), element.gradients(points)
+    own = mesh.cells[cells]
+    jacobian = np.einsum("gkj,mki->mgij", gradients, mesh.points[own])
+    area = np.abs(np.linalg.det(jacobian)) * weights
+    each = np.einsum("mg,ga,gb->mab", area, values, values)
+    k = own.shape[1]
+    rows, columns = np.repeat(own, k, axis=1).ravel(), np.tile(own, (1, k)).ravel()
+    n = len(mesh.points)
+    return coo_matrix((each.ravel(), (rows, columns)), shape=(n, n)).tocsr()
+
+
+def cells_inside(mesh: Mesh, low: FloatArray, high: FloatArray) -> BoolArray:
+    """Cells whose points all lie inside a rectangle, shape [m]."""
+    inside = np.asarray(((mesh.points > low) & (mesh.points < high)).all(axis=1))
+    return np.asarray(inside[mesh.cells].all(axis=1))

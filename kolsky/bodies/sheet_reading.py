@@ -1,0 +1,274 @@
+"""From the [field] of a SPEC.toml and its files to a sheet with data, measured or simulated before the
+test."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.base.errors import InputError
+from kolsky.base.units import UnitError, quantity
+from kolsky.bodies.sheet import Sheet, cells_inside, outliers, point_noise, project, spacing
+from kolsky.bodies.sheet_fit import SMALLEST_EIGENVALUE, Cost, FieldData, FieldProblem
+from kolsky.bodies.specimen_constants import POISSON, Constants, solid_of
+from kolsky.bodies.specimen_reading import Specification, read_constants
+from kolsky.bodies.specimen_schema import FieldSection
+from kolsky.bodies.specimen_studies import Expected, plan
+from kolsky.equilibrium.meshes import Mesh
+from kolsky.equilibrium.solid import Solid
+from kolsky.readers.meshes import GmshMesh, read_gmsh
+from kolsky.readers.table import Column, read_table
+from kolsky.schema.shot_file import TomlFile
+
+KINDS = {3: "tri3", 4: "quad4", 6: "tri6", 8: "quad8", 9: "quad9"}
+"""Element by the number of its points."""
+
+
+@dataclass(frozen=True)
+class MeasuredField:
+    """A sheet's problem with what was measured."""
+
+    problem: FieldProblem
+    """To be fitted."""
+    points: FloatArray
+    """Measured points [m], shape [n, 2]."""
+    left_out: BoolArray
+    """Points that the gate left out, shape [n]."""
+    displacements: FloatArray
+    """Of the points [m], shape [frames, n, 2]."""
+    frames: tuple[int, ...]
+    """Frames that are fitted."""
+    inputs: dict[str, str]
+    """SHA-256 of the files, by name."""
+
+
+def read_field(spec: Specification) -> MeasuredField:
+    """Read the mesh, the points and the pad of a sheet.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, a frame is missing, or points do not lie on the mesh.
+    """
+    section, toml = spec.declared.field, spec.toml
+    assert section is not None  # whoever calls this has looked
+    folder = toml.path.parent
+    raw = read_gmsh(folder / section.mesh)
+    sheet = _sheet(toml, section, spec.constants, raw)
+    hashes: dict[str, str] = {}
+    hashes[section.mesh] = raw.sha256
+    points, displacements, hashes[section.points.file] = _points(toml, section)
+    pad, force, hashes[section.pad.file] = _pad(toml, section)
+    bad = np.zeros(len(points), dtype=np.bool_)
+    flat = np.moveaxis(displacements, 0, 1).reshape(len(points), -1)
+    if section.points.gated:
+        bad = outliers(points, flat, gate=section.points.gate)
+    kept = ~bad
+    noise = section.sigma_displacement or point_noise(points[kept], flat[kept])
+    if not noise > 0.0:
+        raise toml.error(
+            "field.sigma_displacement", "is missing, and the points show no noise", cure='write e.g. "5 um"'
+        )
+    low, high = points[kept].min(axis=0), points[kept].max(axis=0)
+    margin = 1e-12 * float((high - low).max())
+    cells = cells_inside(sheet.mesh, low - margin, high + margin)
+    if not cells.any():
+        raise toml.error(
+            "field.points", "lie on no whole cell of the mesh", cure="check field.mesh_unit and the origin"
+        )
+    found = project(points[kept], flat[kept], sheet.mesh.points).values
+    nodal = np.moveaxis(found.reshape(len(found), -1, 2), 0, 1)
+    data = FieldData(pad, force, nodal, cells, noise, section.sigma_force, spacing(points) ** 2)
+    problem = FieldProblem(sheet, data, spec.constants)
+    return MeasuredField(problem, points, bad, displacements, tuple(section.frames), hashes)
+
+
+def _sheet(toml: TomlFile, section: FieldSection, constants: Constants, raw: GmshMesh) -> Sheet:
+    groups, curves, cells = raw.cell_groups, raw.point_groups, raw.cells
+    for key, name in (("moving", section.moving), ("fixed", section.fixed)):
+        if name not in curves:
+            raise toml.error(f"field.{key}", "is no group of curves of the mesh", allowed=", ".join(curves))
+    mesh = Mesh(section.mesh_unit * raw.points, cells, KINDS[cells.shape[1]], curves)
+    regions = None
+    held: dict[int, Solid] = {}
+    if section.region is not None:
+        if section.region not in groups:
+            raise toml.error("field.region", "is no group of surfaces", allowed=", ".join(groups))
+        regions = np.zeros(len(cells), dtype=np.int64)
+        for number, name in enumerate((n for n in groups if n != section.region), start=1):
+            if name not in section.held:
+                raise toml.error("field.held", f"says nothing of the region {name}")
+            regions[groups[name]] = number
+            held[number] = solid_of(
+                constants.law, _fixed_constants(toml, constants.law, name, section.held[name])
+            )
+    return Sheet(
+        mesh,
+        section.kinematics,
+        section.thickness,
+        section.moving,
+        section.fixed,
+        "xy".index(section.axis),
+        regions,
+        held,
+        section.force_from,
+    )
+
+
+def _fixed_constants(toml: TomlFile, law: str, name: str, given: object) -> dict[str, float]:
+    key = f"field.held.{name}"
+    if not isinstance(given, dict) or POISSON not in given:
+        raise toml.error(key, "is no table with poisson and the law's constants")
+    rest = {k: v for k, v in given.items() if k != POISSON}
+    try:
+        nu = quantity(given[POISSON], "1") if isinstance(given[POISSON], str) else float(given[POISSON])
+    except (UnitError, TypeError, ValueError):
+        raise toml.error(f"{key}.{POISSON}", "is not a number") from None
+    return {**read_constants(toml, key, law, rest), POISSON: nu}
+
+
+def _points(toml: TomlFile, section: FieldSection) -> tuple[FloatArray, FloatArray, str]:
+    """Points, their displacements in the fitted frames, and the file's hash."""
+    own = section.points
+    path = toml.path.parent / own.file
+    table = read_table(path, layout=None if own.layout is None else own.layout.as_layout())
+    frame = table.integers(Column(own.frame))
+    columns = [table.values(column.as_column()) for column in (own.x, own.y, own.ux, own.uy)]
+    rows = [np.flatnonzero(frame == number) for number in section.frames]
+    for number, found in zip(section.frames, rows, strict=True):
+        if not len(found):
+            raise toml.error("field.frames", f"names frame {number}, which {own.file} does not have")
+        if len(found) != len(rows[0]):
+            raise InputError(
+                path,
+                f"has {len(found)} points in frame {number}, {len(rows[0])} in the first",
+                cure="export the same points in every frame",
+            )
+    points = np.stack([columns[0][rows[0]], columns[1][rows[0]]], axis=-1)
+    for number, found in zip(section.frames, rows, strict=True):
+        there = np.stack([columns[0][found], columns[1][found]], axis=-1)
+        if not np.array_equal(there, points):
+            raise InputError(
+                path, f"has other points in frame {number}", cure="export the points of the reference"
+            )
+    displacements = np.stack([np.stack([columns[2][f], columns[3][f]], axis=-1) for f in rows])
+    return points, displacements, table.sha256
+
+
+def _pad(toml: TomlFile, section: FieldSection) -> tuple[FloatArray, FloatArray, str]:
+    own = section.pad
+    path: Path = toml.path.parent / own.file
+    table = read_table(path, layout=None if own.layout is None else own.layout.as_layout())
+    frame = table.integers(Column(own.frame))
+    rows = []
+    for number in section.frames:
+        found = np.flatnonzero(frame == number)
+        if len(found) != 1:
+            raise toml.error("field.frames", f"names frame {number}: {own.file} has {len(found)} rows of it")
+        rows.append(int(found[0]))
+    displacement = table.values(own.displacement.as_column())[rows]
+    return displacement, table.values(own.force.as_column())[rows], table.sha256
+
+
+FIELD, FORCE = "field", "force"
+"""Names of the two parts of a sheet's test."""
+
+
+@dataclass(frozen=True)
+class SimulatedSheet:
+    """Simulated measurements of a sheet."""
+
+    frames: tuple[int, ...]
+    """Numbers of the frames."""
+    points: FloatArray
+    """Places of the points [m], shape [n, 2]."""
+    displacements: FloatArray
+    """Of the points, with their noise if there is any [m], shape [frames, n, 2]."""
+    pad: FloatArray
+    """Displacement of the moving pad [m], shape [frames]."""
+    force: FloatArray
+    """Force on it, likewise [N], shape [frames]."""
+
+    @property
+    def point_columns(self) -> dict[str, FloatArray]:
+        """Columns of the CSV file that `[field.points]` can name."""
+        n = len(self.points)
+        places = np.tile(self.points, (len(self.frames), 1))
+        moved = self.displacements.reshape(-1, 2)
+        return {
+            "frame": np.repeat(self.frames, n),
+            "x (mm)": 1e3 * places[:, 0],
+            "y (mm)": 1e3 * places[:, 1],
+            "ux (mm)": 1e3 * moved[:, 0],
+            "uy (mm)": 1e3 * moved[:, 1],
+        }
+
+    @property
+    def pad_columns(self) -> dict[str, FloatArray]:
+        """Columns of the CSV file that `[field.pad]` can name."""
+        return {
+            "frame": np.array(self.frames),
+            "pad (mm)": 1e3 * self.pad,
+            "force (mN)": 1e3 * self.force,
+        }
+
+
+def simulate_sheet(measured: MeasuredField, *, seed: int | None = None) -> SimulatedSheet:
+    """Measurements of a sheet with the declared constants, at the points and pad displacements of its files.
+
+    Parameters
+    ----------
+    measured
+        The sheet; what was measured of it is not used but for the places and the noise.
+    seed
+        Of the noise of displacements and forces; None: no noise.
+
+    Raises
+    ------
+    ValueError
+        If the simulation fails, with its reason.
+    """
+    problem = measured.problem
+    cost = _simulated(problem)
+    nodal = np.moveaxis(cost.state.displacements, 0, 1)
+    at_points = project(problem.sheet.mesh.points, nodal.reshape(len(nodal), -1), measured.points).values
+    u = np.moveaxis(at_points.reshape(len(measured.points), -1, 2), 0, 1)
+    force = cost.state.force
+    if seed is not None:
+        rng = np.random.default_rng(seed)
+        u = u + problem.data.sigma_displacement * rng.standard_normal(u.shape)
+        force = force + problem.data.sigma_force * rng.standard_normal(force.shape)
+    return SimulatedSheet(measured.frames, measured.points, u, problem.data.pad, force)
+
+
+def plan_sheet(problem: FieldProblem, *, wanted: tuple[str, ...] = ()) -> list[Expected]:
+    """Expected deviations of the constants from the field and the force together, and from each alone.
+
+    The information of the field is int du/dm_I . du/dm_J / (a sigma_u^2), Eq. (K.30) over the noise of one
+    point for the area a, that of the force df/dm_I df/dm_J / sigma_f^2.
+
+    Raises
+    ------
+    ValueError
+        If the simulation fails, with its reason.
+    """
+    cost, data, constants = _simulated(problem), problem.data, problem.constants
+    variance = data.area * data.sigma_displacement**2
+    sizes = np.maximum(np.abs(constants.start), 1e-3 * constants.scales)
+    information = cost.curvature_displacement / variance * np.outer(sizes, sizes)
+    values, vectors = np.linalg.eigh(information)
+    seen = values > SMALLEST_EIGENVALUE * values[-1]
+    rows = np.zeros_like(vectors)
+    rows[seen] = (vectors * np.sqrt(np.maximum(values, 0.0))).T[seen] / sizes
+    whitened = {FIELD: rows, FORCE: cost.state.force_by_constants / data.sigma_force}
+    peak = float(np.abs(cost.state.force).max())
+    choices = ((FIELD, FORCE), (FIELD,), (FORCE,))
+    return plan(choices, whitened, {FIELD: peak, FORCE: peak}, constants, wanted=wanted)
+
+
+def _simulated(problem: FieldProblem) -> Cost:
+    cost = problem.cost(problem.constants.start)
+    if isinstance(cost, str):
+        raise ValueError(cost)
+    return cost

@@ -1,0 +1,296 @@
+"""Constants of a compressible law, with Poisson's ratio in place of the bulk modulus; the law as a curve.
+
+The curve is what `identify` reads as [curve] or [law] of a shot.
+
+A fit in the constants of the energy can run to where no element is stable. Schumacher and others (2020,
+Table I) take the bulk modulus from linear elasticity instead,
+
+    K = 2 mu_0 (1 + nu) / (3 (1 - 2 nu)),   mu_0 the law's shear modulus at rest,               (S.I)
+
+hold nu (or bound it, 0 < nu < 1/2 - eps) and keep every constant that multiplies an energy non-negative.
+Their D1 is K/2. Three kinds of law are offered:
+
+- every law of `explicit.materials.LAWS` with K/2 (J - 1)^2,
+- "yeoh_d": Yeoh's with D1 (J - 1)^2 + D2 (J - 1)^4 + D3 (J - 1)^6,
+- "neo_hookean_coupled": mu/2 (I1 - 3 - 2 ln J) + lambda/2 (ln J)^2, fitted in E and nu; in a plane model
+  it is the law of Sutula and others (2020, Eq. 37).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from explicit.materials import LAWS, AnyLaw
+from explicit.materials.volumetric import bulk_modulus
+from kolsky.base.arrays import FloatArray
+from kolsky.equilibrium.solid import CompressibleNeoHookean, Isotropic, Solid, bulk, polynomial
+
+POISSON = "poisson"
+"""Name of Poisson's ratio among the constants."""
+LARGEST_POISSON = 0.4999
+"""Upper bound of a free Poisson's ratio: 1/2 - eps."""
+YOUNG = "E"
+"""Name of Young's modulus, the other constant of the coupled law."""
+_SECOND_DIFFERENCE = 1e-3
+"""That of the second derivatives of this map."""
+COUPLED, YEOH_D = "neo_hookean_coupled", "yeoh_d"
+DIFFERENCE = 1e-6
+"""Relative step of the derivatives of the map from fitted constants to those of the energy."""
+
+
+@dataclass(frozen=True)
+class ConstantSpec:
+    """One constant that may be fitted."""
+
+    name: str
+    unit: str
+    """ "Pa" or "1"."""
+    lower: float
+    upper: float
+
+
+def constants_of(law: str) -> tuple[ConstantSpec, ...]:
+    """Constants of a law by name, Poisson's ratio last.
+
+    Raises
+    ------
+    ValueError
+        If there is no such law; the message lists those there are.
+    """
+    poisson = ConstantSpec(POISSON, "1", 0.0, LARGEST_POISSON)
+    if law == COUPLED:
+        return ConstantSpec(YOUNG, "Pa", 0.0, np.inf), poisson
+    known = LAWS.get("yeoh" if law == YEOH_D else law)
+    if known is None:
+        raise ValueError(f"law must be one of {', '.join(sorted([*LAWS, COUPLED, YEOH_D]))}, got {law!r}")
+    own = [ConstantSpec(s.name, s.unit, s.lower, s.upper) for s in known.PARAMETERS]
+    if law == YEOH_D:
+        own += [ConstantSpec(name, "Pa", 0.0, np.inf) for name in ("D2", "D3")]
+    return (*own, poisson)
+
+
+def solid_of(law: str, values: Mapping[str, float]) -> Solid:
+    """The material with these constants, Eq. (S.I).
+
+    Raises
+    ------
+    ValueError
+        If they make no law: its shear modulus at rest is not > 0, or Poisson's ratio is outside [0, 0.5).
+    """
+    nu = values[POISSON]
+    if law == COUPLED:
+        return CompressibleNeoHookean.from_young(values[YOUNG], nu)
+    kind = LAWS["yeoh" if law == YEOH_D else law]
+    made = kind.of([values[spec.name] for spec in kind.PARAMETERS])
+    modulus = float(bulk_modulus(made.shear_modulus, nu))
+    volumetric = polynomial(0.5 * modulus, values["D2"], values["D3"]) if law == YEOH_D else bulk(modulus)
+    return Isotropic(made, volumetric)
+
+
+@dataclass(frozen=True)
+class Constants:
+    """A law's constants with their values, and which of them are free."""
+
+    law: str
+    """A name that `constants_of` knows."""
+    values: Mapping[str, float]
+    """Every constant, SI."""
+    free: tuple[str, ...]
+    """Names of those that are fitted."""
+
+    def __post_init__(self) -> None:
+        names = [spec.name for spec in self.specs]
+        for name in names:
+            if name not in self.values:
+                raise ValueError(f"{self.law} needs {name}; its constants are {', '.join(names)}")
+        for name in (*self.values, *self.free):
+            if name not in names:
+                raise ValueError(f"{self.law} has no constant {name}; it has {', '.join(names)}")
+        if len(set(self.free)) != len(self.free):
+            raise ValueError("a free constant is named twice")
+        for spec in self.specs:
+            if not spec.lower <= self.values[spec.name] <= spec.upper and spec.name in self.free:
+                raise ValueError(
+                    f"{spec.name} must start in [{spec.lower:g}, {spec.upper:g}], got "
+                    f"{self.values[spec.name]:g}"
+                )
+
+    @property
+    def specs(self) -> tuple[ConstantSpec, ...]:
+        """All constants."""
+        return constants_of(self.law)
+
+    @property
+    def free_specs(self) -> tuple[ConstantSpec, ...]:
+        """The free ones, in their order."""
+        known = {spec.name: spec for spec in self.specs}
+        return tuple(known[name] for name in self.free)
+
+    @property
+    def start(self) -> FloatArray:
+        """Values of the free constants, shape [n_free]."""
+        return np.array([self.values[name] for name in self.free])
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds of the free constants, each of shape [n_free], Table I."""
+        return (
+            np.array([spec.lower for spec in self.free_specs]),
+            np.array([spec.upper for spec in self.free_specs]),
+        )
+
+    @property
+    def scales(self) -> FloatArray:
+        """Sizes by which the free constants are compared: mu_0 of the start for moduli, 1 for numbers."""
+        shear = self.solid(self.start).shear_modulus
+        return np.array([shear if spec.unit == "Pa" else 1.0 for spec in self.free_specs])
+
+    def all(self, free: Sequence[float] | FloatArray) -> dict[str, float]:
+        """All constants with these values of the free ones."""
+        return {**self.values, **dict(zip(self.free, map(float, free), strict=True))}
+
+    def solid(self, free: Sequence[float] | FloatArray) -> Solid:
+        """The material with these values of the free constants."""
+        return solid_of(self.law, self.all(free))
+
+    def chain(self, free: Sequence[float] | FloatArray) -> FloatArray:
+        """Derivative of the material's own parameters by the free constants, shape [n_parameters, n_free].
+
+        A force's slope by what is fitted is its slope by the energy's constants times this. Central
+        differences of the closed form; one-sided where the other side is no law.
+        """
+        at = np.asarray(free, dtype=np.float64)
+        sizes = self.scales
+        columns = []
+        for j in range(len(at)):
+            step = DIFFERENCE * max(abs(at[j]), 1e-2 * sizes[j])
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = at.copy()
+                moved[j] += sign * step
+                try:
+                    ends.append((moved[j], self.solid(moved).parameters()))
+                except ValueError:
+                    ends.append((at[j], self.solid(at).parameters()))
+            (up, above), (down, below) = ends
+            columns.append((above - below) / (up - down))
+        return np.stack(columns, axis=-1)
+
+    def chain_changes(self, free: Sequence[float] | FloatArray) -> FloatArray:
+        """Derivative of `chain` by the free constants, shape [n_parameters, n_free, n_free].
+
+        Differences of `chain`, one-sided where the other side is no law.
+        """
+        at = np.asarray(free, dtype=np.float64)
+        changes = []
+        for j, size in enumerate(self.scales):
+            step = _SECOND_DIFFERENCE * max(abs(at[j]), 1e-2 * size)
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = at.copy()
+                moved[j] += sign * step
+                try:
+                    self.solid(moved)
+                except ValueError:
+                    moved = at
+                ends.append((moved[j], self.chain(moved)))
+            (up, above), (down, below) = ends
+            changes.append((above - below) / (up - down))
+        whole = np.stack(changes, axis=-1)
+        return np.asarray(0.5 * (whole + np.swapaxes(whole, 1, 2)))
+
+
+POINTS = 41
+"""Points of the curve, rest included."""
+SLOPE_STEP = 1e-5
+"""Relative step of the slopes by the constants."""
+
+
+@dataclass(frozen=True)
+class LawCurve:
+    """Nominal stress over nominal strain of a fitted law."""
+
+    branch: Literal["tension", "compression"]
+    """Which side of rest."""
+    strain: FloatArray
+    """Nominal, tension positive [-], shape [n]."""
+    stress: FloatArray
+    """Nominal, tension positive [Pa], shape [n]."""
+    modes: FloatArray
+    """Standard deviations that move all points together [Pa], shape [modes, n]."""
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Standard uncertainty of each stress [Pa], shape [n]."""
+        return np.asarray(np.sqrt((self.modes**2).sum(axis=0)))
+
+
+def _incompressible_law(constants: Constants, free: FloatArray) -> AnyLaw:
+    """The law of `explicit.materials` with these constants; the coupled one becomes neo-Hookean."""
+    values = constants.all(free)
+    if constants.law == COUPLED:
+        return LAWS["neo_hookean"].of([values[YOUNG] / (2.0 * (1.0 + values[POISSON]))])
+    kind = LAWS["yeoh" if constants.law == YEOH_D else constants.law]
+    return kind.of([values[spec.name] for spec in kind.PARAMETERS])
+
+
+def uniaxial_stress(law: AnyLaw, stretch: FloatArray) -> FloatArray:
+    """Nominal stress of the incompressible law under uniaxial load [Pa], shape [n]."""
+    slope, side, _ = law.principal(stretch, stretch**-0.5, stretch**-0.5)
+    return np.asarray(slope - side * stretch**-1.5)
+
+
+def law_curve(
+    constants: Constants,
+    covariance: FloatArray,
+    *,
+    branch: Literal["tension", "compression"],
+    largest_strain: float,
+) -> LawCurve:
+    """The curve of a fitted law with the uncertainty of its constants.
+
+    Parameters
+    ----------
+    constants
+        The fitted law.
+    covariance
+        Of its free constants, SI, shape [p, p]; not finite where they are not known, then the curve has no
+        modes of its own.
+    branch, largest_strain
+        Side, and the largest nominal strain, > 0 and in compression < 1.
+    """
+    end = 1.0 + largest_strain if branch == "tension" else 1.0 - largest_strain
+    stretch = np.linspace(1.0, end, POINTS)
+    free = constants.start
+    stress = uniaxial_stress(_incompressible_law(constants, free), stretch)
+    if not np.isfinite(covariance).all():
+        return LawCurve(branch, stretch - 1.0, stress, np.zeros((0, POINTS)))
+    values, vectors = np.linalg.eigh(covariance)
+    slopes = []
+    for j in range(len(free)):
+        step = SLOPE_STEP * max(abs(free[j]), 1e-3 * constants.scales[j])
+        moved = free.copy()
+        moved[j] += step
+        slopes.append((uniaxial_stress(_incompressible_law(constants, moved), stretch) - stress) / step)
+    modes = (vectors * np.sqrt(np.maximum(values, 0.0))).T @ np.array(slopes)
+    kept = np.abs(modes).max(axis=1) > 0.0
+    return LawCurve(branch, stretch - 1.0, stress, modes[kept])
+
+
+def shot_lines(curve: LawCurve, file: str) -> str:
+    """The lines of a shot.toml that make the curve its [curve]."""
+    lines = [
+        "[curve]",
+        f'file = "{file}"',
+        'strain = { column = "strain", unit = "1" }',
+        'stress = { column = "stress (Pa)", unit = "Pa" }',
+        'convention = "tension positive"',
+        f'branch = "{curve.branch}"',
+    ]
+    if len(curve.modes):
+        lines.append('modes = { prefix = "mode", unit = "Pa" }')
+    else:
+        lines.append('relative_sigma = ""  # fill in: the constants have no covariance')
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,543 @@
+"""Constants fitted to whole specimens: one or several tests, with intervals, correlations and checks.
+
+Checks: does the law explain the data, and does a bond peel
+(a force that falls as if the bonded length became shorter).
+
+From the whitened Jacobian J of the problem in the constants alone, with those at a bound held,
+
+    C = s^2 a (J^T J)^-1,   s^2 = max(1, chi^2 / (n - p)),   a = max(1, (1 + rho) / (1 - rho)),
+
+s^2 where the residual is larger than the declared noise (Birge 1932), and a where neighbouring residuals are
+alike: with the correlation rho of neighbours n residuals tell as much as n / a independent ones
+(Bartlett 1946).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Literal
+
+import numpy as np
+from scipy.stats import chi2 as chi2_distribution
+from scipy.stats import qmc
+from scipy.stats import t as student
+
+from doe.uncertainty.covariance import SingularInformationError, inverse_information
+from kolsky.base.arrays import FloatArray
+from kolsky.bodies.errors_in_variables import (
+    Linearised,
+    Reduced,
+    Samples,
+    SearchOptimum,
+    reduce,
+    search,
+    search_by_quasi_newton,
+)
+from kolsky.bodies.specimen_constants import Constants
+from kolsky.bodies.specimen_model import SpecimenModel
+
+LEVEL = 0.95
+"""Probability of the intervals."""
+TOGETHER = 0.95
+"""Size of a correlation from which two constants are known together and not each."""
+NARROW = 0.1
+"""Half width of an interval over the value up to which a constant is known by itself all the same."""
+_BROAD = 0.5
+"""Half width of an interval over the value from which a constant counts as hardly determined."""
+EXPLAINED = 1e-3
+"""Probability of a larger chi-square below which the law does not explain the data."""
+_LARGEST_NEIGHBOUR = 0.9
+"""Largest correlation of neighbours that is taken: beyond it the factor has no bound."""
+
+
+class ConstantVerdict(Enum):
+    """What the data say of a constant."""
+
+    IDENTIFIED = "identified"
+    """An interval inside the bounds."""
+    TOGETHER = "known together with another"
+    """Correlated so much with another constant that only a combination of both is known."""
+    HARDLY = "hardly determined"
+    """The interval is wider than the constant."""
+    AT_BOUND = "at its bound"
+    """The least chi-square lies on a bound: the data ask for a value outside, and there is no interval."""
+    NOT_SEEN = "not seen"
+    """Some combination of the constants moves no force of these tests."""
+
+
+@dataclass(frozen=True)
+class ConstantEstimate:
+    """A fitted constant with its interval."""
+
+    name: str
+    """Name, as in the specification."""
+    value: float
+    """SI."""
+    sigma: float | None
+    """Standard uncertainty, SI; None where there is none."""
+    low: float | None
+    """Lower end of the interval, SI; not below the bound."""
+    high: float | None
+    """Upper end, SI."""
+    verdict: ConstantVerdict
+    """What the data say of it."""
+    partner: str
+    """The constant that it is correlated with most; empty if it is alone."""
+    correlation: float
+    """Correlation with that one [-]."""
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in words."""
+        if self.verdict is ConstantVerdict.TOGETHER:
+            return (
+                f"{self.name} is known only together with {self.partner} (correlation "
+                f"{self.correlation:.3f}): these tests hide one against the other; add another kind of "
+                "test, or hold one"
+            )
+        cures = {
+            ConstantVerdict.HARDLY: "its interval is wide: strain further, or add another kind of test",
+            ConstantVerdict.AT_BOUND: "the data ask for a value outside its bounds: try another law",
+            ConstantVerdict.NOT_SEEN: "a combination of the constants moves no force: hold one of them",
+        }
+        said = f"{self.name} is {self.verdict.value}"
+        return f"{said}: {cures[self.verdict]}" if self.verdict in cures else said
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Estimates of all free constants."""
+
+    estimates: tuple[ConstantEstimate, ...]
+    """In the order of the free constants."""
+    covariance: FloatArray
+    """SI, shape [p, p]; rows of constants at a bound are zero, NaN throughout if some are not seen."""
+    scale: float
+    """s^2 a: variance of the residual over that of the declared noise, as the intervals take it [-]."""
+    neighbours: float
+    """Correlation of neighbouring residuals [-]."""
+    degrees: int
+    """Degrees of freedom."""
+    probability: float
+    """Probability of a chi-square as large or larger if law and declared noise were right [-]."""
+
+    @property
+    def explained(self) -> bool:
+        """Whether the law explains the data within the declared noise."""
+        return self.probability >= EXPLAINED
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Of the constants, shape [p, p]; 0 with a constant at a bound."""
+        return correlation_of(self.covariance)
+
+
+def correlation_of(covariance: FloatArray) -> FloatArray:
+    """Correlations of a covariance; rows of zero variance have 0 off the diagonal, shape [p, p]."""
+    sigma = np.sqrt(np.diag(covariance))
+    outer = np.outer(sigma, sigma)
+    found = np.divide(covariance, outer, out=np.zeros_like(covariance), where=outer > 0.0)
+    np.fill_diagonal(found, 1.0)
+    return np.asarray(found)
+
+
+def neighbour_correlation(residual: FloatArray) -> float:
+    """Correlation of neighbours in one series of residuals about zero [-]."""
+    total = float(residual @ residual)
+    return float(residual[1:] @ residual[:-1]) / total if total > 0.0 and len(residual) > 2 else 0.0
+
+
+def intervals(
+    names: tuple[str, ...],
+    values: FloatArray,
+    reduced: Reduced,
+    series: tuple[FloatArray, ...],
+    *,
+    at_bound: tuple[bool, ...],
+    bounds: tuple[FloatArray, FloatArray],
+) -> Intervals:
+    """Intervals at the end of a search.
+
+    Parameters
+    ----------
+    names, values
+        The free constants, shape [p].
+    reduced
+        The whitened problem there.
+    series
+        The same residuals, one series for each moving end of each test, neighbours beside each other.
+    at_bound
+        Constants at a bound.
+    bounds
+        Least and largest values.
+    """
+    free = np.flatnonzero(~np.asarray(at_bound))
+    degrees = len(reduced.residual) - len(free)
+    if degrees < 1:
+        raise ValueError(f"{len(reduced.residual)} samples do not determine {len(free)} constants")
+    chi2 = float(reduced.residual @ reduced.residual)
+    weights = [len(own) for own in series]
+    alike = float(np.average([neighbour_correlation(own) for own in series], weights=weights))
+    scale = max(1.0, chi2 / degrees) * inflation(alike)
+    p = len(names)
+    covariance = np.zeros((p, p))
+    if len(free):
+        size = np.sqrt((reduced.jacobian[:, free] ** 2).sum(axis=0))
+        try:
+            if not (size > 0.0).all():
+                raise SingularInformationError("no force depends on a constant")
+            inverse = inverse_information(reduced.jacobian[:, free] / size) / np.outer(size, size)
+            covariance[np.ix_(free, free)] = scale * inverse
+        except SingularInformationError:
+            covariance[:] = np.nan
+    factor = float(student.ppf(0.5 + 0.5 * LEVEL, degrees))
+    probability = float(chi2_distribution.sf(chi2, degrees))
+    estimates = tuple(
+        _estimate(j, names, values, covariance, factor, at_bound[j], (bounds[0][j], bounds[1][j]))
+        for j in range(p)
+    )
+    return Intervals(estimates, covariance, scale, alike, degrees, probability)
+
+
+def inflation(alike: float) -> float:
+    """Variance of an estimate with correlated residuals over that with independent ones, >= 1 [-]."""
+    rho = min(max(alike, 0.0), _LARGEST_NEIGHBOUR)
+    return (1.0 + rho) / (1.0 - rho)
+
+
+def _estimate(
+    j: int,
+    names: tuple[str, ...],
+    values: FloatArray,
+    covariance: FloatArray,
+    factor: float,
+    at_bound: bool,
+    bounds: tuple[float, float],
+) -> ConstantEstimate:
+    value = float(values[j])
+    if at_bound or not np.isfinite(covariance).all():
+        verdict = ConstantVerdict.AT_BOUND if at_bound else ConstantVerdict.NOT_SEEN
+        return ConstantEstimate(names[j], value, None, None, None, verdict, "", 0.0)
+    row = correlation_of(covariance)[j].copy()
+    row[j] = 0.0
+    most = int(np.abs(row).argmax())
+    partner, correlation = (names[most], float(row[most])) if len(row) > 1 else ("", 0.0)
+    sigma = float(np.sqrt(covariance[j, j]))
+    half = factor * sigma
+    verdict = ConstantVerdict.IDENTIFIED
+    if half > _BROAD * abs(value):
+        verdict = ConstantVerdict.HARDLY
+    if abs(correlation) >= TOGETHER and half > NARROW * abs(value):
+        verdict = ConstantVerdict.TOGETHER
+    low, high = max(value - half, bounds[0]), min(value + half, bounds[1])
+    return ConstantEstimate(names[j], value, sigma, low, high, verdict, partner, correlation)
+
+
+LIMIT = 5.0
+"""Least z, over all samples, that is called a peeling bond."""
+LEAST_SHARE = 1e-6
+"""Least share of a template that the constants cannot imitate; below it the test says nothing."""
+FIRST, LAST = 0.15, 0.85
+"""Range of the series in which an opening is looked for, as shares of its length."""
+
+
+@dataclass(frozen=True)
+class Debonding:
+    """The strongest sign of a peeling bond."""
+
+    sample: int
+    """First sample after the opening."""
+    length: float
+    """Peeled length of each bond [m]; negative if the specimen seems better bonded."""
+    sigma: float
+    """Its standard deviation [m]."""
+    z: float
+    """Their ratio [-]."""
+    searched: int
+    """Samples at which an opening was tried."""
+
+    @property
+    def suspected(self) -> bool:
+        """Whether a bond seems to peel."""
+        return self.z > LIMIT
+
+
+def debonding(
+    residual: FloatArray,
+    jacobian: FloatArray,
+    shortened: FloatArray,
+    *,
+    amount: float,
+    scale: float,
+) -> Debonding | None:
+    """Search a series of residuals for the opening of a bond.
+
+    Parameters
+    ----------
+    residual
+        Measured less simulated force of one end, over sigma [-], shape [n].
+    jacobian
+        Its slopes by the fitted constants over sigma, shape [n, p].
+    shortened
+        Force with a bond shorter by `amount`, less the force as it is, over sigma, shape [n].
+    amount
+        Peeled length of each bond that `shortened` stands for [m].
+    scale
+        Variance of the residuals over that of the declared noise, >= 1.
+
+    Returns
+    -------
+    Debonding or None
+        None if the constants imitate every opening, so that this test cannot say.
+    """
+    n = len(residual)
+    basis, _ = np.linalg.qr(jacobian)
+    left = residual - basis @ (basis.T @ residual)
+    best, searched = None, 0
+    for j in range(max(1, round(FIRST * n)), max(2, round(LAST * n))):
+        template = np.where(np.arange(n) >= j, shortened, 0.0)
+        seen = template - basis @ (basis.T @ template)
+        information = float(seen @ seen)
+        if information <= LEAST_SHARE * float(template @ template) or information == 0.0:
+            continue
+        searched += 1
+        length = float(seen @ left) / information
+        sigma = float(np.sqrt(scale / information))
+        found = Debonding(j, amount * length, amount * sigma, length / sigma, 0)
+        if best is None or abs(found.z) > abs(best.z):
+            best = found
+    return None if best is None else Debonding(best.sample, best.length, best.sigma, best.z, searched)
+
+
+DECADES = 1.0
+"""Decades to each side of the declared start over which further starts of a modulus are drawn."""
+EQUAL_OPTIMA = 1e-3
+"""Largest difference of two starts' ends, in standard deviations, that counts as one minimum."""
+
+
+@dataclass(frozen=True)
+class SlowTest:
+    """A specimen and what was measured on it."""
+
+    model: SpecimenModel
+    """The specimen."""
+    samples: Samples
+    """Displacements and forces of its ends, with their noise."""
+
+    @property
+    def name(self) -> str:
+        """Name of the test."""
+        return self.model.name
+
+
+@dataclass(frozen=True)
+class TestFit:
+    """A test beside its simulation with the fitted constants."""
+
+    test: SlowTest
+    """The test."""
+    displacement: FloatArray
+    """Displacements of the simulation: the measured ones within their noise [m], shape [n, ends]."""
+    force: FloatArray
+    """Simulated force at the measured displacements, to first order [N], shape [n, ends]."""
+    band: FloatArray
+    """Half width of its interval from the constants [N], shape [n, ends]."""
+    fitted: bool
+    """Whether the test took part in the fit; else it is predicted."""
+    debonding: tuple[Debonding | None, ...] = ()
+    """Strongest sign of a peeling bond at each end; empty if it was not looked for."""
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square of simulated less measured force [N]."""
+        return float(np.sqrt(np.mean((self.force - self.test.samples.force) ** 2)))
+
+
+Method = Literal["gauss_newton", "quasi_newton"]
+"""How a fit is searched for."""
+_SEARCHES = {"gauss_newton": search, "quasi_newton": search_by_quasi_newton}
+
+
+@dataclass(frozen=True)
+class SpecimenFit:
+    """One set of constants for some tests."""
+
+    name: str
+    """Name of the group of tests."""
+    constants: Constants
+    """The law with the fitted values in place."""
+    intervals: Intervals
+    """Of the free constants."""
+    tests: tuple[TestFit, ...]
+    """Fitted tests, then predicted ones."""
+    found: SearchOptimum
+    """The search."""
+    starts: tuple[FloatArray, ...]
+    """Where the other starts ended, best first, each of shape [p]."""
+
+    @property
+    def fitted(self) -> tuple[str, ...]:
+        """Names of the tests that were fitted."""
+        return tuple(one.test.name for one in self.tests if one.fitted)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What to know before using the constants."""
+        said = []
+        if not self.found.converged:
+            said.append(f"{self.name}: the search did not come to rest: {self.found.ended}")
+        said += [
+            f"{self.name}: {one.sentence}"
+            for one in self.intervals.estimates
+            if one.verdict.value != "identified"
+        ]
+        if not self.intervals.explained:
+            said.append(
+                f"{self.name}: the law does not explain the forces within their declared noise (probability "
+                f"{self.intervals.probability:.2g}): its misfit is {np.sqrt(self.intervals.scale):.3g} "
+                "times as large, and the intervals are widened by that; try another law, or check sigma_force"
+            )
+        for one in self.tests:
+            for end, peel in zip("xy", one.debonding, strict=False):
+                if peel is not None and peel.suspected:
+                    at = 1e3 * one.test.samples.displacement[peel.sample, "xy".index(end)]
+                    said.append(
+                        f"{self.name}: a bond of {one.test.name} seems to peel from {at:.3g} mm on (as if it "
+                        f"were {1e3 * peel.length:.2g} ± {2e3 * peel.sigma:.2g} mm shorter): look at the "
+                        "specimen, or end the data before it"
+                    )
+        return said
+
+
+def fit(
+    name: str,
+    tests: Sequence[SlowTest],
+    constants: Constants,
+    *,
+    predicted: Sequence[SlowTest] = (),
+    starts: int = 1,
+    seed: int = 1,
+    bonds: bool = True,
+    method: Method = "gauss_newton",
+) -> SpecimenFit:
+    """Fit one set of constants to tests.
+
+    Parameters
+    ----------
+    name
+        Of the fit.
+    tests
+        The tests.
+    constants
+        The law, its constants at the start, and which are free.
+    predicted
+        Tests that are simulated with the result for comparison.
+    starts, seed
+        Number of starts, the first as declared and the others drawn around it, and the seed of the draws.
+    bonds
+        Look for peeling bonds: one more simulation a test.
+    method
+        "gauss_newton" (with Levenberg and Marquardt's damping) or "quasi_newton" (L-BFGS-B), which needs more
+        simulations.
+
+    Raises
+    ------
+    ValueError
+        If the simulation at the start fails, or there are not more samples than constants.
+    """
+
+    def respond(values: FloatArray, at: tuple[FloatArray, ...]) -> tuple[Linearised, ...] | str:
+        answers = []
+        for test, x in zip(tests, at, strict=True):
+            answer = test.model.linearised(constants, values, x)
+            if isinstance(answer, str):
+                return answer
+            answers.append(answer)
+        return tuple(answers)
+
+    samples = tuple(test.samples for test in tests)
+    ends, refused, limits = [], "", constants.bounds
+    for start in _remote_starts(constants, starts, seed):
+        try:
+            ends.append(_SEARCHES[method](respond, samples, start, bounds=limits, scales=constants.scales))
+        except ValueError as error:
+            refused = str(error)
+    if not ends:
+        raise ValueError(refused)
+    ends.sort(key=lambda one: one.chi2)
+    best = ends[0]
+    series: list[FloatArray] = []
+    for own, x, there in zip(samples, best.displacements, best.linearised, strict=True):
+        series += list(reduce(own, x, there).residual.reshape(x.shape).T)
+    said = intervals(
+        constants.free,
+        best.constants,
+        best.reduced,
+        tuple(series),
+        at_bound=best.at_bound,
+        bounds=constants.bounds,
+    )
+    values = Constants(constants.law, constants.all(best.constants), constants.free)
+    beside = []
+    for test, x, there in zip(tests, best.displacements, best.linearised, strict=True):
+        one = _test_fit(test, x, there, said, fitted=True)
+        beside.append(_with_bonds(one, values, there, said) if bonds else one)
+    for test in predicted:
+        answer = test.model.linearised(constants, best.constants, test.samples.displacement)
+        if isinstance(answer, str):
+            raise ValueError(f"the prediction failed: {answer}")
+        beside.append(_test_fit(test, test.samples.displacement, answer, said, fitted=False))
+    others = tuple(one.constants for one in ends)
+    return SpecimenFit(name, values, said, tuple(beside), best, others)
+
+
+def _remote_starts(constants: Constants, count: int, seed: int) -> list[FloatArray]:
+    """The declared start, and others within `DECADES` of it for moduli, anywhere in the bounds for
+    numbers."""
+    first = constants.start
+    if count == 1:
+        return [first]
+    cube = qmc.LatinHypercube(len(first), rng=np.random.default_rng(seed)).random(count - 1)
+    low, high = constants.bounds
+    units = np.array([spec.unit == "Pa" for spec in constants.free_specs])
+    size = np.maximum(np.abs(first), 0.05 * constants.scales)
+    drawn = np.where(
+        units,
+        size * 10.0 ** (DECADES * (2.0 * cube - 1.0)),
+        low + (np.where(np.isfinite(high), high, first + 1.0) - low) * cube,
+    )
+    return [first, *np.clip(drawn, low, high)]
+
+
+def _test_fit(test: SlowTest, x: FloatArray, there: Linearised, said: Intervals, *, fitted: bool) -> TestFit:
+    moved = x - test.samples.displacement
+    force = there.force - np.einsum("nij,nj->ni", there.by_displacement, moved)
+    slopes = there.by_constants
+    variance = np.einsum("nip,pq,niq->ni", slopes, np.nan_to_num(said.covariance), slopes)
+    factor = float(student.ppf(0.5 + 0.5 * LEVEL, said.degrees))
+    return TestFit(test, x, force, factor * np.sqrt(np.maximum(variance, 0.0)), fitted)
+
+
+def _with_bonds(one: TestFit, constants: Constants, there: Linearised, said: Intervals) -> TestFit:
+    """The test with its bonds looked at; as it is where the bond cannot be shortened or that fails."""
+    test = one.test
+    try:
+        shorter = test.model.shortened()
+    except ValueError:
+        return one
+    answer = shorter.linearised(constants, constants.start, one.displacement)
+    if isinstance(answer, str):
+        return one
+    amount = test.model.shape.size[0] / test.model.shape.elements[0]
+    sigma = test.samples.sigma_force
+    found = tuple(
+        debonding(
+            (test.samples.force[:, end] - one.force[:, end]) / sigma,
+            there.by_constants[:, end] / sigma,
+            (answer.force[:, end] - there.force[:, end]) / sigma,
+            amount=amount,
+            scale=said.scale,
+        )
+        for end in range(test.model.shape.ends)
+    )
+    return TestFit(test, one.displacement, one.force, one.band, one.fitted, found)

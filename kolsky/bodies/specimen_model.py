@@ -1,0 +1,275 @@
+"""A slow test's specimen as a model: mesh, bonds, symmetry, and the forces at its ends with their slopes.
+
+A specimen is glued between rigid parts over its whole width and a length at each end, on the top and the
+bottom face (Schumacher and others 2020, Sec. VI). All points of a bond move as one along the pull and do not
+move across it: the coupling of their Eq. (6), whose unknown d is prescribed here. Without gravity nothing
+distinguishes the two ends, the two faces and the two edges, so an eighth of the specimen gives the same
+displacements and a quarter of the force.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+from kolsky.bodies.errors_in_variables import Linearised
+from kolsky.bodies.specimen_constants import Constants
+from kolsky.bodies.specimen_schema import TestSection
+from kolsky.equilibrium.meshes import Mesh, box, cross, dog_bone
+from kolsky.equilibrium.model import Condition, Fixed, Gravity, Model, Prescribed
+from kolsky.equilibrium.sensitivity import direct
+from kolsky.equilibrium.solid import Solid
+from kolsky.equilibrium.solution import Solution
+from kolsky.equilibrium.solve import solve
+
+AXES = "xy"
+TIGHT = 1e-9
+"""Distance from a plane, relative to the length, within which a point lies on it."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Form, bonds and mesh of a specimen."""
+
+    kind: str
+    """"strip", "dog_bone" or "cross"."""
+    size: tuple[float, float, float]
+    """Length, width (of a cross: both are its whole length), thickness [m]."""
+    bond: float
+    """Bonded length at each end [m]."""
+    elements: tuple[int, int, int]
+    """Elements along each edge of the whole specimen."""
+    arm: float | None = None
+    """Width of the arms of a cross [m]."""
+    waist: float | None = None
+    """Least width of a dog-bone [m]."""
+    straight: float | None = None
+    """Length over which it has that width [m]."""
+    element: str = "hex27"
+    """Hexahedron."""
+    gauss: int | None = None
+    """Gauss points a direction; None: the element's own."""
+    gravity: tuple[float, float, float] | None = None
+    """Acceleration of free fall [m/s^2]; None: left out."""
+    density: float | None = None
+    """Mass density [kg/m^3], where there is gravity."""
+    symmetry: bool = True
+    """Whether to simulate an eighth where nothing is against it."""
+
+    @property
+    def ends(self) -> int:
+        """Independent moving ends: 2 of a cross, else 1."""
+        return 2 if self.kind == "cross" else 1
+
+    @property
+    def eighth(self) -> bool:
+        """Whether an eighth is simulated: even numbers of elements, and no gravity."""
+        return self.symmetry and self.gravity is None and all(n % 2 == 0 for n in self.elements)
+
+    @property
+    def multiplicity(self) -> float:
+        """Force of an end over that of its simulated part [-]."""
+        return 4.0 if self.eighth else 1.0
+
+    def shortened(self) -> "Shape":
+        """The specimen with each bond one element shorter.
+
+        Raises
+        ------
+        ValueError
+            If the bond is only one element long.
+        """
+        step = self.size[0] / self.elements[0]
+        if self.bond < 1.5 * step:
+            raise ValueError(
+                f"the bond is {self.bond / step:.1f} elements long; it takes at least 2 to shorten it by one"
+            )
+        return replace(self, bond=self.bond - step)
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The mesh, with its middle in the origin and its bonds as sets "bond_x+" and so on."""
+        n = self.elements
+        if self.kind == "cross":
+            corner = tuple(
+                round(0.5 * (size - self.arm) / size * count)  # type: ignore[operator]
+                for size, count in zip(self.size[:2], n[:2], strict=True)
+            )
+            mesh = cross(self.size, n, corner, kind=self.element)
+        elif self.kind == "dog_bone":
+            assert self.waist is not None  # a dog-bone has both
+            assert self.straight is not None
+            mesh = dog_bone(self.size, n, waist=self.waist, straight=self.straight, kind=self.element)
+        else:
+            mesh = box(self.size, n, kind=self.element)
+        points = mesh.points - 0.5 * np.asarray(self.size)
+        cells = mesh.cells
+        if self.eighth:
+            cells = cells[(points[cells].mean(axis=1) > 0.0).all(axis=1)]
+        used, cells = np.unique(cells, return_inverse=True)
+        points, cells = points[used], cells.reshape(-1, mesh.cells.shape[1])
+        sets = {}
+        on_face = np.abs(np.abs(points[:, 2]) - 0.5 * self.size[2]) < TIGHT * self.size[0]
+        for axis in range(self.ends):
+            for sign, name in ((1.0, "+"), (-1.0, "-")):
+                along = sign * points[:, axis] >= 0.5 * self.size[axis] - self.bond - TIGHT * self.size[0]
+                if (on_face & along).any():
+                    sets[f"bond_{AXES[axis]}{name}"] = np.flatnonzero(on_face & along)
+        if self.eighth:
+            for axis in range(3):
+                sets[f"plane_{axis}"] = np.flatnonzero(np.abs(points[:, axis]) < TIGHT * self.size[0])
+        return Mesh(points, cells, mesh.kind, sets)
+
+    def model(self, solid: Solid, *, device: str = "cpu") -> Model:
+        """The specimen of a material; histories "d_x" (and "d_y") are the displacements of its ends [m].
+
+        A displacement is that of one end relative to the other; each moves by half of it.
+        """
+        mesh = self.mesh
+        conditions: list[Condition] = []
+        if self.eighth:
+            conditions += [Fixed(f"plane_{axis}", (axis,)) for axis in range(3)]
+        for axis in range(self.ends):
+            others = tuple(other for other in range(3) if other != axis)
+            for name, factor in (("+", 0.5), ("-", -0.5)):
+                where = f"bond_{AXES[axis]}{name}"
+                if where in mesh.sets:
+                    conditions += [Prescribed(where, axis, f"d_{AXES[axis]}", factor), Fixed(where, others)]
+        if self.gravity is not None and self.density is not None:
+            conditions.append(Gravity(self.density, self.gravity))
+        return Model(mesh, solid, tuple(conditions), gauss=self.gauss, device=device)
+
+    def mid_region(self) -> FloatArray:
+        """Mid-points of the cells in the inner half of the free length, as a mask, shape [m]."""
+        middle = self.mesh.points[self.mesh.cells].mean(axis=1)
+        free = 0.5 * self.size[0] - self.bond
+        return np.asarray((np.abs(middle[:, : self.ends]) < 0.5 * free).all(axis=1))
+
+
+def shape_of(
+    section: TestSection, *, element: str, gauss: int | None, symmetry: bool, density: float | None
+) -> Shape:
+    """The shape that a test's table describes."""
+    length, width, thickness = section.size
+    nx, ny, nz = section.elements
+    return Shape(
+        section.shape,
+        (length, width, thickness),
+        section.bond,
+        (nx, ny, nz),
+        section.arm,
+        section.waist,
+        section.straight,
+        element,
+        gauss,
+        None if section.gravity is None else (section.gravity[0], section.gravity[1], section.gravity[2]),
+        density if section.gravity is not None else None,
+        symmetry,
+    )
+
+
+@dataclass(frozen=True)
+class SpecimenModel:
+    """A specimen that can be simulated with any constants."""
+
+    name: str
+    """Name of the test."""
+    shape: Shape
+    """Form, bonds and mesh."""
+    device: str = "cpu"
+    """Where the element kernels run."""
+
+    def simulate(self, solid: Solid, displacement: FloatArray) -> Solution:
+        """Equilibria at the displacements of the ends.
+
+        Parameters
+        ----------
+        solid
+            The material.
+        displacement
+            Of one end relative to the other [m], shape [n, ends].
+        """
+        steps = {f"d_{AXES[axis]}": displacement[:, axis] for axis in range(self.shape.ends)}
+        return solve(self.shape.model(solid, device=self.device), steps)
+
+    def force(self, solution: Solution) -> FloatArray:
+        """Force on each end, tension positive [N], shape [n, ends]."""
+        return np.stack(
+            [
+                self.shape.multiplicity * solution.reaction(f"bond_{AXES[axis]}+")[:, axis]
+                for axis in range(self.shape.ends)
+            ],
+            axis=-1,
+        )
+
+    def linearised(
+        self, constants: Constants, free: FloatArray, displacement: FloatArray
+    ) -> Linearised | str:
+        """Forces and slopes at the displacements, or why there are none.
+
+        Parameters
+        ----------
+        constants
+            The law and what of it is free.
+        free
+            Values of the free constants, SI, shape [p].
+        displacement
+            [m], shape [n, ends]; in any order.
+        """
+        try:
+            solid = constants.solid(free)
+        except ValueError as error:
+            return str(error)
+        order = np.argsort(np.abs(displacement).sum(axis=1), kind="stable")
+        solution = self.simulate(solid, displacement[order])
+        if not solution.outcome.ok:
+            worst = displacement[order][solution.reached]
+            there = ", ".join(f"{1e3 * value:.4g} mm" for value in worst)
+            return f"{self.name} at {there}: {solution.outcome.cause}; {solution.outcome.cure}"
+        histories = tuple(f"d_{AXES[axis]}" for axis in range(self.shape.ends))
+        slopes = direct(solution, histories=histories)
+        back = np.argsort(order, kind="stable")
+        n_own = slopes.displacements.shape[1] - len(histories)
+        by_all = np.stack(
+            [
+                self.shape.multiplicity * slopes.reaction(f"bond_{AXES[axis]}+")[:, :, axis]
+                for axis in range(self.shape.ends)
+            ],
+            axis=1,
+        )[back]
+        chain = constants.chain(free)
+        return Linearised(self.force(solution)[back], by_all[..., :n_own] @ chain, by_all[..., n_own:])
+
+    def shortened(self) -> "SpecimenModel":
+        """The specimen with each bond one element shorter; see `Shape.shortened`."""
+        return replace(self, shape=self.shape.shortened())
+
+
+def strains(solution: Solution, step: int) -> tuple[FloatArray, FloatArray]:
+    """Normal strains F_ii - 1 at the Gauss points along the coordinate axes, with their volumes.
+
+    Parameters
+    ----------
+    solution
+        Equilibria of a three-dimensional model.
+    step
+        Which.
+
+    Returns
+    -------
+    strain
+        F_ii - 1 [-], shape [m, g, 3].
+    volume
+        Of each point in the reference state [m^3], shape [m, g].
+    """
+    model = solution.model
+    element = model.mesh.element
+    points, weights = element.rule(model.gauss or element.gauss)
+    gradients = element.gradients(points)
+    corners = model.mesh.points[model.mesh.cells]
+    jacobian = np.einsum("gkj,mki->mgij", gradients, corners)
+    moved = np.einsum("gkj,mki->mgij", gradients, corners + solution.displacements[step][model.mesh.cells])
+    deformation = moved @ np.linalg.inv(jacobian)
+    strain = np.einsum("mgii->mgi", deformation) - 1.0
+    return strain, np.abs(np.linalg.det(jacobian)) * weights

@@ -1,0 +1,227 @@
+"""From SPEC.toml and its files to tests that can be fitted, or simulated with noise."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+from kolsky.base.errors import InputError
+from kolsky.base.units import UnitError, quantity
+from kolsky.bodies.errors_in_variables import Samples
+from kolsky.bodies.specimen_constants import POISSON, Constants, constants_of
+from kolsky.bodies.specimen_fit import SlowTest
+from kolsky.bodies.specimen_model import AXES, SpecimenModel, shape_of
+from kolsky.bodies.specimen_schema import SpecimenFile, TestSection
+from kolsky.equilibrium.solution import Solution
+from kolsky.readers.table import read_table
+from kolsky.schema.shot_file import TomlFile, parse_toml
+
+FEWEST = 4
+"""Samples that a test needs."""
+
+
+@dataclass(frozen=True)
+class Specification:
+    """A SPEC.toml that was read."""
+
+    toml: TomlFile
+    """The file."""
+    declared: SpecimenFile
+    """What it declares, in SI."""
+    constants: Constants
+    """The law, its constants and which are free."""
+    models: dict[str, SpecimenModel]
+    """Every specimen by the name of its test."""
+    samples: dict[str, Samples]
+    """What was measured, of the tests with a file."""
+    inputs: dict[str, str]
+    """SHA-256 of every file that was read, by name."""
+
+    @property
+    def name(self) -> str:
+        """Name of the file without its ending."""
+        return self.toml.path.stem
+
+    def test(self, name: str) -> SlowTest:
+        """A test with its data.
+
+        Raises
+        ------
+        InputError
+            If it has no file.
+        """
+        if name not in self.samples:
+            raise self.toml.error(
+                f"tests.{name}", "has no data", cure="name its file, or `kolsky specimen simulate`"
+            )
+        return SlowTest(self.models[name], self.samples[name])
+
+    def schedule(self, name: str) -> FloatArray:
+        """Displacements of the ends at which a test is simulated [m], shape [n, ends]."""
+        if name in self.samples:
+            return self.samples[name].displacement
+        section = self.declared.tests[name]
+        assert section.stroke is not None  # the schema saw to it
+        one = section.stroke * np.arange(1, section.samples + 1) / section.samples
+        return np.repeat(one[:, None], section.ends, axis=1)
+
+
+def read_specification(path: Path, *, device: str = "cpu") -> Specification:
+    """Read a SPEC.toml and the files of its tests.
+
+    Parameters
+    ----------
+    path
+        The file.
+    device
+        Where the element kernels run.
+
+    Raises
+    ------
+    InputError
+        If it declares anything unknown, incomplete or impossible, or a file cannot be read.
+    """
+    toml = parse_toml(Path(path))
+    declared = toml.validated(SpecimenFile)
+    material, numerics = declared.material, declared.numerics
+    constants = _constants(toml, declared)
+    models, samples = {}, {}
+    inputs = {toml.path.name: toml.sha256}
+    for name, section in declared.tests.items():
+        shape = shape_of(
+            section,
+            element=numerics.element,
+            gauss=numerics.gauss,
+            symmetry=numerics.symmetry,
+            density=material.density,
+        )
+        models[name] = SpecimenModel(name, shape, device)
+        try:
+            found = shape.mesh.sets
+        except ValueError as error:
+            raise toml.error(f"tests.{name}.elements", f"make no mesh: {error}") from None
+        step = shape.size[0] / shape.elements[0]
+        if abs(shape.bond / step - round(shape.bond / step)) > 1e-6 or "bond_x+" not in found:
+            raise toml.error(
+                f"tests.{name}.bond",
+                f"does not end between two elements, which are {1e3 * step:g} mm long",
+                cure="choose elements so that the bond is a whole number of them",
+            )
+        if section.file is not None:
+            samples[name], inputs[section.file] = _samples(toml, section)
+    return Specification(toml, declared, constants, models, samples, inputs)
+
+
+def _constants(toml: TomlFile, declared: SpecimenFile) -> Constants:
+    material = declared.material
+    values = read_constants(toml, "material.constants", material.law, material.constants)
+    try:
+        return Constants(material.law, {**values, POISSON: material.poisson}, tuple(material.free))
+    except ValueError as error:
+        raise toml.error("material.constants", f"are not those of the law: {error}") from None
+
+
+def read_constants(toml: TomlFile, key: str, law: str, given: dict[str, Any]) -> dict[str, float]:
+    """A law's constants with their units, in SI; Poisson's ratio is not one of them.
+
+    Raises
+    ------
+    InputError
+        If one is missing, unknown or cannot be read.
+    """
+    specs = {spec.name: spec for spec in constants_of(law) if spec.name != POISSON}
+    for name in specs:
+        if name not in given:
+            raise toml.error(f"{key}.{name}", "is missing", cure=f"{law} has {', '.join(specs)}")
+    values: dict[str, float] = {}
+    for name, value in given.items():
+        if name not in specs:
+            raise toml.error(f"{key}.{name}", f"is not a constant of {law}", allowed=", ".join(specs))
+        if specs[name].unit == "1" and isinstance(value, int | float) and not isinstance(value, bool):
+            values[name] = float(value)
+            continue
+        try:
+            values[name] = quantity(value, specs[name].unit)
+        except UnitError as error:
+            raise toml.error(f"{key}.{name}", error.problem, cure=f'write {name} = "12.5 kPa"') from None
+    return values
+
+
+def _samples(toml: TomlFile, section: TestSection) -> tuple[Samples, str]:
+    """Measured displacements and forces of a test, and the hash of their file."""
+    assert section.file is not None
+    path = toml.path.parent / section.file
+    table = read_table(path, layout=None if section.layout is None else section.layout.as_layout())
+    displacement = np.stack(
+        [table.values(column.as_column()) for column in section.columns("displacement")], -1
+    )
+    force = np.stack([table.values(column.as_column()) for column in section.columns("force")], -1)
+    if len(force) < FEWEST:
+        raise InputError(
+            path, f"has {len(force)} samples; it must be at least {FEWEST}", cure="export more of the test"
+        )
+    back = np.flatnonzero((np.diff(displacement, axis=0) <= 0.0).any(axis=1))
+    if back.size or (displacement[0] < 0.0).any():
+        row = int(back[0]) + 1 if back.size else 0
+        raise InputError(
+            path,
+            f"the displacement does not rise: {1e3 * displacement[row].max():g} mm",
+            line=table.first_line + row,
+            cure="keep one pull from rest outward; first and last pull are two tests",
+        )
+    return Samples(displacement, force, section.sigma_displacement, section.sigma_force), table.sha256
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A simulated test."""
+
+    displacement: FloatArray
+    """Of the ends, with its noise if there is any [m], shape [n, ends]."""
+    force: FloatArray
+    """On the ends, likewise [N], shape [n, ends]."""
+    solution: Solution
+    """Equilibria at the true displacements."""
+
+    @property
+    def columns(self) -> dict[str, FloatArray]:
+        """Columns of its CSV file, which `[tests.NAME]` can name."""
+        found = {}
+        for end in range(self.displacement.shape[1]):
+            found[f"displacement {AXES[end]} (mm)"] = 1e3 * self.displacement[:, end]
+            found[f"force {AXES[end]} (N)"] = self.force[:, end]
+        return found
+
+
+def simulate_tests(spec: Specification, *, seed: int | None = None) -> dict[str, Simulated]:
+    """Simulate every test of a specification with its declared constants.
+
+    Parameters
+    ----------
+    spec
+        The specification.
+    seed
+        Of the noise of displacements and forces; None: no noise.
+
+    Raises
+    ------
+    ValueError
+        If a simulation fails, with its reason.
+    """
+    rng = None if seed is None else np.random.default_rng(seed)
+    solid = spec.constants.solid(spec.constants.start)
+    made = {}
+    for name, model in spec.models.items():
+        section = spec.declared.tests[name]
+        d = spec.schedule(name)
+        solution = model.simulate(solid, d)
+        if not solution.outcome.ok:
+            raise ValueError(f"{name}: {solution.outcome.cause}; {solution.outcome.cure}")
+        force = model.force(solution)
+        if rng is not None:
+            d = d + section.sigma_displacement * rng.standard_normal(d.shape)
+            force = force + section.sigma_force * rng.standard_normal(force.shape)
+        made[name] = Simulated(d, force, solution)
+    return made

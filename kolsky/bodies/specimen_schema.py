@@ -1,0 +1,194 @@
+"""SPEC.toml: a material and the slow tests of whole specimens that it is fitted to."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from kolsky.schema import fields as f
+from kolsky.schema.fields import ColumnSection, LengthColumn, Section, TextLayoutSection
+
+ForceDeviation = Annotated[float, BeforeValidator(f.physical("N", "> 0", "a standard deviation"))]
+Displacement = Annotated[float, BeforeValidator(f.physical("m"))]
+Acceleration = Annotated[float, BeforeValidator(f.number)]
+
+
+class ForceColumn(ColumnSection):
+    """A column of forces."""
+
+    unit: Annotated[float, BeforeValidator(f.factor("N"))]
+
+
+class MaterialSection(Section):
+    """[material]: a law, its constants, and which of them are fitted."""
+
+    law: f.Name
+    constants: dict[str, Any]
+    poisson: f.Poisson
+    free: Annotated[list[f.Name], Field(min_length=1)]
+    density: f.Density | None = None
+
+    @model_validator(mode="after")
+    def _known(self) -> "MaterialSection":
+        from kolsky.bodies.specimen_constants import constants_of
+
+        try:
+            specs = constants_of(self.law)
+        except ValueError as error:
+            raise f.problem(f"is not known: {error}", key="law") from None
+        names = [spec.name for spec in specs]
+        for name in self.free:
+            if name not in names:
+                raise f.problem(
+                    f"names {name!r}, which the law does not have", key="free", allowed=", ".join(names)
+                )
+        return self
+
+
+class NumericsSection(Section):
+    """[numerics]: elements and steps."""
+
+    element: Literal["hex27", "hex8"] = "hex27"
+    gauss: Annotated[int, Field(ge=1, le=6)] | None = None
+    symmetry: bool = True
+
+
+class TestSection(Section):
+    """[tests.NAME]: a specimen, how it is held, and what was measured."""
+
+    shape: Literal["strip", "dog_bone", "cross"] = "strip"
+    size: Annotated[list[f.Length], Field(min_length=3, max_length=3)]
+    bond: f.Length
+    elements: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=3, max_length=3)]
+    arm: f.Length | None = None
+    waist: f.Length | None = None
+    straight: f.Length | None = None
+    gravity: Annotated[list[Acceleration], Field(min_length=3, max_length=3)] | None = None
+    file: f.FileName | None = None
+    layout: TextLayoutSection | None = None
+    displacement: LengthColumn | list[LengthColumn] | None = None
+    force: ForceColumn | list[ForceColumn] | None = None
+    samples: Annotated[int, Field(ge=4, le=400)] = 20
+    stroke: f.Length | None = None
+    sigma_force: ForceDeviation
+    sigma_displacement: f.LengthDeviation = 0.0
+
+    @model_validator(mode="after")
+    def _of_the_shape(self) -> "TestSection":
+        only = {"arm": "cross", "waist": "dog_bone", "straight": "dog_bone"}
+        for key, shape in only.items():
+            if (getattr(self, key) is not None) != (self.shape == shape):
+                said = "is missing" if self.shape == shape else f'has no effect on a "{self.shape}"'
+                raise f.problem(said, key=key, cure=f'it belongs to shape = "{shape}"')
+        if self.file is None and self.stroke is None:
+            raise f.problem(
+                "is missing", key="file", cure='add the file of the test, or stroke = "60 mm" to plan one'
+            )
+        if self.file is not None:
+            for key in ("displacement", "force"):
+                if getattr(self, key) is None:
+                    raise f.problem("is missing", key=key, cure='write e.g. { column = "force", unit = "N" }')
+                if len(self.columns(key)) != self.ends:
+                    raise f.problem(
+                        f"must name {self.ends} column(s)", key=key, cure="a cross has one an axis"
+                    )
+        if 2.0 * self.bond >= self.size[0]:
+            raise f.problem("leaves no free length", key="bond", allowed=f"below {0.5 * self.size[0]:g} m")
+        return self
+
+    @property
+    def ends(self) -> int:
+        """Independent moving ends: 2 of a cross, else 1."""
+        return 2 if self.shape == "cross" else 1
+
+    def columns(self, key: str) -> list[ColumnSection]:
+        """Columns of the displacement or the force, one for each end."""
+        found = getattr(self, key)
+        return found if isinstance(found, list) else [found]
+
+
+class PointsSection(Section):
+    """[field.points]: the measured displacements, one row a frame and point."""
+
+    file: f.FileName
+    layout: TextLayoutSection | None = None
+    frame: f.Name = "frame"
+    x: LengthColumn
+    y: LengthColumn
+    ux: LengthColumn
+    uy: LengthColumn
+    gate: Annotated[float, Field(gt=2.0, le=100.0)] = 6.0
+    gated: bool = True
+
+
+class PadSection(Section):
+    """[field.pad]: displacement and force of the moving pad, one row a frame."""
+
+    file: f.FileName
+    layout: TextLayoutSection | None = None
+    frame: f.Name = "frame"
+    displacement: LengthColumn
+    force: ForceColumn
+
+
+class FieldSection(Section):
+    """[field]: a sheet pulled between two pads, its displacement field and the force on a pad."""
+
+    mesh: f.FileName
+    mesh_unit: f.LengthUnit
+    thickness: f.Length
+    kinematics: Literal["plane_stress", "plane_strain"]
+    moving: f.Name
+    fixed: f.Name
+    axis: Literal["x", "y"] = "x"
+    force_from: Literal["reactions", "tractions"] = "reactions"
+    points: PointsSection
+    pad: PadSection
+    frames: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)]
+    sigma_displacement: f.LengthDeviation | None = None
+    sigma_force: ForceDeviation
+    region: f.Name | None = None
+    held: dict[str, Any] = Field(default_factory=dict)
+
+
+class FitSection(Section):
+    """[fit]: which tests are fitted together, and from how many starts."""
+
+    together: dict[str, list[f.Name]] = Field(default_factory=dict)
+    method: Literal["gauss_newton", "quasi_newton"] = "gauss_newton"
+    starts: Annotated[int, Field(ge=1, le=50)] = 1
+    seed: Annotated[int, Field(ge=0)] = 1
+
+
+class PlanSection(Section):
+    """[plan]: what one wants to know, and the shapes to compare."""
+
+    wanted: list[f.Name] = Field(default_factory=list)
+    compare: Annotated[list[list[f.Name]], Field(min_length=1)] | None = None
+
+
+class SpecimenFile(Section):
+    """A whole SPEC.toml."""
+
+    material: MaterialSection
+    numerics: NumericsSection = Field(default_factory=NumericsSection)
+    tests: dict[str, TestSection] = Field(default_factory=dict)
+    field: FieldSection | None = None
+    fit: FitSection = Field(default_factory=FitSection)
+    plan: PlanSection = Field(default_factory=PlanSection)
+
+    @model_validator(mode="after")
+    def _something_to_fit(self) -> "SpecimenFile":
+        if not self.tests and self.field is None:
+            raise f.problem("is missing", key="tests", cure="add [tests.NAME], or [field] for a sheet")
+        if self.tests and self.field is not None:
+            raise f.problem("is given beside [tests]", key="field", cure="fit each from a file of its own")
+        named = [("fit.together", names) for names in self.fit.together.values()]
+        named += [("plan.compare", names) for names in self.plan.compare or []]
+        for key, names in named:
+            for name in names:
+                if name not in self.tests:
+                    raise f.problem(f"names {name!r}", key=key, allowed=", ".join(self.tests))
+        for name, test in self.tests.items():
+            if test.gravity is not None and self.material.density is None:
+                raise f.problem("is missing", key="material.density", cure=f"[tests.{name}] has gravity")
+        return self

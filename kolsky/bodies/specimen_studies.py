@@ -1,0 +1,258 @@
+"""What a fit depends on: mesh, noise, softening, start; and the intervals that a planned test would give.
+
+Sections VI-C, VI-D and VI-F of Schumacher and others (2020) as functions of tests.
+
+At constants that one expects, the slopes of the forces by the constants give the covariance of a fit,
+C = (sum_tests J^T J)^-1 with J whitened by the noise of the instruments; no data are needed. Shapes are
+compared by the relative deviation of what is wanted, or, where all is wanted, by the determinant of the
+relative covariance (D-optimality, Kiefer and Wolfowitz 1960).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from doe.uncertainty.covariance import SingularInformationError, inverse_information
+from kolsky.base.arrays import FloatArray
+from kolsky.bodies.errors_in_variables import Linearised, Samples, reduce
+from kolsky.bodies.specimen_constants import Constants
+from kolsky.bodies.specimen_fit import SlowTest, SpecimenFit, correlation_of, fit
+from kolsky.bodies.specimen_model import SpecimenModel
+
+
+@dataclass(frozen=True)
+class StudyRow:
+    """One fit of a study."""
+
+    label: str
+    """What was varied, in words."""
+    values: dict[str, float]
+    """All constants, SI."""
+    rmse: float
+    """Of the force over all tests [N]."""
+    unknowns: int
+    """Displacement components of the mesh of the first test."""
+    simulations: int
+    """Trial points of the search."""
+
+
+def _row(label: str, found: SpecimenFit) -> StudyRow:
+    parts = [one for one in found.tests if one.fitted]
+    rmse = float(np.sqrt(np.mean([one.rmse**2 for one in parts])))
+    unknowns = parts[0].test.model.shape.mesh.points.size
+    return StudyRow(label, dict(found.constants.values), rmse, unknowns, found.found.simulations)
+
+
+def resolution_study(
+    test: SlowTest,
+    constants: Constants,
+    *,
+    factors: Sequence[int],
+    orders: Sequence[str],
+    base: Sequence[int],
+) -> list[StudyRow]:
+    """Constants over the mesh and the order of its elements (their Fig. 6).
+
+    Parameters
+    ----------
+    test
+        One test.
+    constants
+        The law, its start and what is free.
+    factors
+        Factors of the numbers of elements.
+    orders
+        Elements: "hex8" (linear) and "hex27" (quadratic).
+    base
+        Elements along each edge at the factor 1, as 20 x 5 x 1.
+
+    Raises
+    ------
+    ValueError
+        If a fit fails.
+    """
+    rows = []
+    for element in orders:
+        start = constants
+        for factor in factors:
+            elements = (factor * base[0], factor * base[1], factor * base[2])
+            shape = replace(test.model.shape, elements=elements, element=element)
+            own = replace(test, model=replace(test.model, shape=shape))
+            found = fit(f"{element} {elements}", [own], start, bonds=False)
+            label = f"{element} {elements[0]} x {elements[1]} x {elements[2]}"
+            rows.append(_row(label, found))
+            start = found.constants  # of the coarser mesh: fewer steps
+    return rows
+
+
+def noise_study(
+    test: SlowTest, constants: Constants, *, sigmas: Sequence[float], repeats: int, seed: int = 1
+) -> list[StudyRow]:
+    """Constants with noise of rising size added to the forces (their Fig. 9).
+
+    Parameters
+    ----------
+    test, constants
+        As in `resolution_study`.
+    sigmas
+        Standard deviations of what is added [N].
+    repeats
+        Draws of each.
+    seed
+        Of the draws.
+    """
+    rng = np.random.default_rng(seed)
+    rows = []
+    for sigma in sigmas:
+        for draw in range(repeats if sigma > 0.0 else 1):
+            added = sigma * rng.standard_normal(test.samples.force.shape)
+            total = float(np.hypot(test.samples.sigma_force, sigma))
+            samples = replace(test.samples, force=test.samples.force + added, sigma_force=total)
+            found = fit("noise", [replace(test, samples=samples)], constants, bonds=False)
+            rows.append(_row(f"sigma {sigma:g} N, draw {draw + 1}", found))
+    return rows
+
+
+def pulls_study(pulls: Mapping[str, SlowTest], laws: Sequence[Constants]) -> list[StudyRow]:
+    """Several laws fitted to each pull of a softening material (their Fig. 7, the Mullins effect).
+
+    The first pull is the stiffest the material will ever be, the last pull to the largest strain bounds it
+    from below: a design takes both.
+    """
+    rows = []
+    for name, test in pulls.items():
+        for constants in laws:
+            found = fit(name, [test], constants, bonds=False)
+            rows.append(_row(f"{name}, {constants.law}", found))
+    return rows
+
+
+def cross_table(fits: Sequence[SpecimenFit], tests: Sequence[str]) -> FloatArray:
+    """RMSE of each test (column) with the constants of each fit (row) [N], shape [fits, tests]."""
+    table = np.full((len(fits), len(tests)), np.nan)
+    for row, found in enumerate(fits):
+        for one in found.tests:
+            if one.test.name in tests:
+                table[row, list(tests).index(one.test.name)] = one.rmse
+    return table
+
+
+_LEAST_COLUMN = 1e-6
+"""Least slope by a relative constant, as a share of the largest, that is not rounding [-]."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What a choice of tests would tell."""
+
+    tests: tuple[str, ...]
+    """The tests."""
+    relative: FloatArray
+    """Expected standard deviation of each constant over its size [-], shape [p]; infinite if not seen."""
+    correlation: FloatArray
+    """Expected correlations [-], shape [p, p]."""
+    criterion: float
+    """What is compared, smaller is better: the largest relative deviation of what is wanted, or with nothing
+    wanted in particular the geometric mean of all principal ones [-]."""
+    peak_force: float
+    """Largest force that the tests need [N]."""
+
+
+def expected(
+    tests: Sequence[str],
+    whitened: Mapping[str, FloatArray],
+    forces: Mapping[str, float],
+    constants: Constants,
+    wanted: Sequence[str],
+) -> Expected:
+    """Expected deviations of the constants from tests together.
+
+    Parameters
+    ----------
+    tests
+        Which.
+    whitened
+        L^-1 df/dp of each test, shape [m, p].
+    forces
+        Largest force of each test [N].
+    constants
+        The constants at which the tests are planned.
+    wanted
+        Names of those that one wants to know; none: all.
+    """
+    sizes = np.maximum(np.abs(constants.start), 1e-3 * constants.scales)
+    jacobian = np.concatenate([whitened[name] for name in tests]) * sizes
+    peak = max(forces[name] for name in tests)
+    p = len(sizes)
+    relative, correlation = np.full(p, np.inf), np.eye(p)
+    columns = np.sqrt((jacobian**2).sum(axis=0))
+    seen = np.flatnonzero(columns > _LEAST_COLUMN * columns.max())
+    criterion = np.inf
+    try:
+        if len(seen) == 0 or len(jacobian) < len(seen):
+            raise SingularInformationError("a constant moves nothing")
+        scaled = jacobian[:, seen] / columns[seen]
+        covariance = inverse_information(scaled) / np.outer(columns[seen], columns[seen])
+    except SingularInformationError:
+        return Expected(tuple(tests), relative, correlation, criterion, peak)
+    relative[seen] = np.sqrt(np.diag(covariance))
+    correlation[np.ix_(seen, seen)] = correlation_of(covariance)
+    if wanted:
+        criterion = float(max(relative[constants.free.index(name)] for name in wanted))
+    elif len(seen) == p:
+        criterion = float(np.linalg.det(covariance) ** (0.5 / p))
+    return Expected(tuple(tests), relative, correlation, criterion, peak)
+
+
+def slopes(
+    models: Mapping[str, SpecimenModel],
+    schedules: Mapping[str, FloatArray],
+    noise: Mapping[str, tuple[float, float]],
+    constants: Constants,
+) -> tuple[dict[str, FloatArray], dict[str, float], dict[str, Linearised]]:
+    """Simulate every planned test once.
+
+    Parameters
+    ----------
+    models
+        Specimens by name.
+    schedules
+        Displacements of their ends [m], shape [n, ends].
+    noise
+        sigma of displacement [m] and of force [N].
+    constants
+        The constants at which the tests are planned.
+
+    Returns
+    -------
+    whitened slopes, largest forces [N], and the simulations, each by the name of the test
+
+    Raises
+    ------
+    ValueError
+        If a simulation fails.
+    """
+    whitened, forces, found = {}, {}, {}
+    for name, model in models.items():
+        answer = model.linearised(constants, constants.start, schedules[name])
+        if isinstance(answer, str):
+            raise ValueError(answer)
+        samples = Samples(schedules[name], answer.force, *noise[name])
+        whitened[name] = reduce(samples, schedules[name], answer).jacobian
+        forces[name] = float(np.abs(answer.force).max())
+        found[name] = answer
+    return whitened, forces, found
+
+
+def plan(
+    choices: Sequence[Sequence[str]],
+    whitened: Mapping[str, FloatArray],
+    forces: Mapping[str, float],
+    constants: Constants,
+    *,
+    wanted: Sequence[str] = (),
+) -> list[Expected]:
+    """Compare choices of tests, the one that tells most first; see `expected`."""
+    found = [expected(tests, whitened, forces, constants, wanted) for tests in choices]
+    return sorted(found, key=lambda one: one.criterion)

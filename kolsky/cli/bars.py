@@ -1,0 +1,184 @@
+"""`kolsky waves`, `wavespeed` and `repeats`: tests between bars.
+
+The classical reduction of one test, the wave speed and relative gain from a shot with the bars together,
+and the mean curve of repeated tests.
+"""
+
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kolsky.base.errors import InputError
+from kolsky.cli import texts
+from kolsky.cli.options import AsJson, Figures, Out, OutFolder, ShotPath
+
+if TYPE_CHECKING:
+    from kolsky.bars.records import ReducedTest
+
+
+def waves(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: AsJson = False) -> None:
+    """Reduce a shot's bar signals: forces, equilibrium, strain, rate and stress, each with its uncertainty.
+
+    A test between bars needs the tables bars, recorders and gauges in shot.toml; without gauges it is a
+    flyer test. Writes waves.h5, waves.html and CSV tables into SHOT/results.
+    """
+    started = perf_counter()
+    formats = texts.figure_formats(figures)
+    from kolsky.bars.reduction.output import summary
+    from kolsky.base.files import usable_folder
+    from kolsky.cli.terminal import print_result, progress_bars, since
+    from kolsky.report.result_folder import write_waves_results
+    from kolsky.schema.shot_file import folder_of
+    from kolsky.shot.waves import waves as reduced
+
+    place = out or folder_of(shot) / "results"
+    with progress_bars() as progress:
+        result = reduced(shot, results=usable_folder(place), progress=progress)
+    folder = usable_folder(place)
+    write_waves_results(folder, result, formats=formats)
+    print_result(
+        _wave_rows(result),
+        summary(result) if as_json else None,
+        rest={
+            "result": folder / "waves.h5",
+            "page": folder / "waves.html",
+            "wall time": since(started),
+        },
+        warnings=result.remarks,
+    )
+
+
+def _wave_rows(result: "ReducedTest") -> dict[str, str]:
+    """The lines that a terminal gets."""
+    from kolsky.report.pages.waves import answers, means_over, quantity
+
+    balanced = result.reduction.balanced
+    return {
+        "shot": result.name,
+        **{
+            row["name"]: f"{row['value']} ± {row['U']} {row['unit']}".rstrip() + " (k = 2)"
+            for row in answers(result)
+        },
+        "balanced": "never"
+        if balanced is None
+        else "{:.4g} to {:.4g} µs".format(*(1e6 * t for t in balanced)),
+        **({"means": said} if (said := means_over(result)) else {}),
+        **_own_rows(result),
+        **{name: quantity(value, unit) for name, (value, unit) in result.facts.items()},
+    }
+
+
+def _own_rows(result: "ReducedTest") -> dict[str, str]:
+    """Rows of one kind of test."""
+    from kolsky.bars.records import FlyerResult, WavesResult
+
+    if isinstance(result, WavesResult):
+        return {
+            "analysis": result.analysis,
+            "windows": f"by {result.windows.source}",
+            "validity": result.validity,
+        }
+    assert isinstance(result, FlyerResult)  # there is no third kind
+    rows = {
+        name: "not found: " + how if at is None else f"{1e3 * at:.4f} ms"
+        for name, at, _, how in result.events
+        if name != "end of symmetry"
+    }
+    return {**rows, "validity": result.validity, "clocks": result.synchronisation or "no incident transducer"}
+
+
+def wavespeed(shot: ShotPath, out: Out = None, figures: Figures = "", as_json: AsJson = False) -> None:
+    """Find the bars' wave speed and the gauges' relative gain from a shot with the bars together.
+
+    Needs the tables bars, recorders and gauges in shot.toml, no specimen. Writes wavespeed.csv into
+    SHOT/results.
+    """
+    formats = texts.figure_formats(figures)
+    from kolsky.base.files import filling, usable_folder
+    from kolsky.cli.terminal import print_result
+    from kolsky.schema.shot_file import folder_of
+    from kolsky.shot.waves import wave_speed_of, wave_speed_summary, write_residual
+
+    name, found, notes = wave_speed_of(shot)
+    folder = usable_folder(out or folder_of(shot) / "results")
+    with filling(folder) as partial:
+        write_residual(partial / "wavespeed.csv", found)
+        if formats:
+            from kolsky.report.canvas import save_figures
+
+            save_figures(partial / "figures", found, formats=formats)
+    print_result(
+        {
+            "shot": name,
+            "wave speed c0": f"{found.wave_speed:.2f} ± {2.0 * found.wave_speed_sigma:.2f} m/s (k = 2)",
+            "gain, transmission over incident": f"{found.gain:.5f} ± {2.0 * found.gain_sigma:.5f} (k = 2)",
+            "residual, rms of peak": f"{100.0 * found.rms:.2f} %",
+            "residual, largest of peak": f"{100.0 * found.largest:.2f} %",
+            "plain shift, rms": f"{100.0 * found.plain_rms:.2f} % at {found.plain_wave_speed:.1f} m/s",
+            "by Poisson's ratio": f"{found.by_poisson:.3g} m/s per unit",
+            "by distance": f"{found.wave_speed / found.distance * 1e-3:.3g} m/s per mm",
+        },
+        {"shot": name, **wave_speed_summary(found), "remarks": list(notes)} if as_json else None,
+        rest={"residual": folder / "wavespeed.csv"},
+        warnings=notes,
+    )
+
+
+_FEWEST = 2
+"""Tests that have a scatter between them."""
+
+
+def repeats(
+    shots: Annotated[
+        list[Path], typer.Argument(metavar="SHOT...", help="Two or more shots with bars and gauges.")
+    ],
+    out: OutFolder = Path("repeats"),
+    figures: Figures = "",
+    as_json: AsJson = False,
+) -> None:
+    """Average the stress-strain curves of repeated tests between bars, with a confidence band.
+
+    Writes repeats.csv: the mean, its 95 % band (scatter and shared uncertainties), every test.
+    """
+    formats = texts.figure_formats(figures)
+    if len(shots) < _FEWEST:
+        raise InputError(
+            texts.COMMAND_LINE,
+            f"got {len(shots)} shot, the scatter between tests needs {_FEWEST} or more",
+            cure="name all repeats of the test",
+        )
+    from kolsky.base.files import filling, usable_folder, write_table
+    from kolsky.cli.terminal import print_result, progress_bars
+    from kolsky.shot.waves import repeats as repeated
+
+    folder = usable_folder(out)
+    try:
+        with progress_bars() as progress:
+            found = repeated(shots, progress=progress)
+    except ValueError as error:
+        raise InputError(
+            texts.COMMAND_LINE, str(error), cure="give two tests or more of one specimen and setup"
+        ) from error
+    with filling(folder) as partial:
+        write_table(partial / "repeats.csv", found.columns())
+        if formats:
+            from kolsky.report.canvas import save_figures
+
+            save_figures(partial / "figures", found.mean, formats=formats)
+    said = found.summary()
+    (first, last), largest = said["strain_range"], said["largest_mean_stress"]
+    low, high = largest["band"]
+    print_result(
+        {
+            "tests": ", ".join(found.names),
+            "strains": f"{first:.4g} to {last:.4g}",
+            "largest mean stress": f"{largest['value']:.4g} Pa, 95 % band {low:.4g} to {high:.4g} Pa"
+            f" at strain {largest['strain']:.4g}",
+            "scatter between tests there": f"{largest['scatter']:.3g} Pa",
+        },
+        said if as_json else None,
+        rest={"curves": folder / "repeats.csv"},
+        warnings=found.mean.repeats.remarks,
+    )

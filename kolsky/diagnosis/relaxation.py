@@ -1,0 +1,647 @@
+"""Does a shot, or do several, ask for a material that relaxes? Score test, search for a branch, model
+choice.
+
+An elastic optimum is tested for a branch by the score of its residuals against planted elastic data.
+Where the branch may be strong it is searched for. Several shots compare both optima by AIC, BIC and the
+same test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from doe import Box
+from doe.least_squares import Whitening, least_squares
+from kolsky.base.apparatus import Relaxation, prony_names
+from kolsky.base.arrays import FloatArray, IntArray
+from kolsky.inverse.joint_problem import JointProblem, Stack
+from kolsky.inverse.joint_result import LEAST_STRENGTH, ModelChoice, is_strength, rate_of
+from kolsky.inverse.joint_search import Optimum, relaxing_points, second_levels
+from kolsky.inverse.objective import BLOCKS, Objective
+from kolsky.inverse.observations import predict
+from kolsky.inverse.parameters import MOVED, design_box, same_bulk
+from kolsky.inverse.result import Estimate, Verdict
+from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.valleys import VALLEY, from_search, search_box, to_search
+from kolsky.material.relaxation.rate_fit import SIGNIFICANT
+from kolsky.uncertainty.mesh_error import joint_mesh_change, mesh_patterns
+
+DRAWS = 20000
+"""Planted elastic data."""
+MOST_TAKEN = 0.75
+"""Share of a direction's own blocks beyond which a block length says nothing of it [-]."""
+
+
+@dataclass(frozen=True)
+class BranchTest:
+    """What a weak branch would improve."""
+
+    gain: float
+    """Improvement of chi-square by the best branch, or by the one that was searched for [-]."""
+    time: float
+    """Its relaxation time [s]."""
+    strength: float
+    """The strength that a linear model asks for [-]."""
+    probability: float
+    """Share of planted elastic data that improve as much, at least 1 / (draws + 1) [-]."""
+
+    @property
+    def significant(self) -> bool:
+        """True if chance does not explain it."""
+        return self.probability < SIGNIFICANT
+
+
+def branch_test(
+    residual: FloatArray,
+    slopes: FloatArray,
+    directions: FloatArray,
+    times: Sequence[float] | FloatArray,
+    *,
+    blocks: Sequence[IntArray] = (),
+    draws: int = DRAWS,
+    seed: int = 1,
+    realised: float = 0.0,
+) -> BranchTest:
+    """Hold the residuals of an elastic fit against branches of some relaxation times.
+
+    Parameters
+    ----------
+    residual
+        Data less prediction, whitened, shape [k].
+    slopes
+        Of the prediction by the free parameters, whitened, shape [k, d].
+    directions
+        Change of the prediction by a unit of strength, whitened, a row a time, shape [n, k].
+    times
+        The relaxation times [s], shape [n].
+    blocks
+        Labels of the entries: residuals of one label may be correlated, shape [k] each.
+    draws, seed
+        Planted elastic data, and the seed of their noise.
+    realised
+        Fall of -2 ln L by the branch that was searched for, 0 if none was [-].
+
+    Raises
+    ------
+    ValueError
+        If no branch has an effect of its own.
+    """
+    basis, _ = np.linalg.qr(slopes)
+    own = directions - (directions @ basis) @ basis.T
+    left = residual - basis @ (basis.T @ residual)
+    size = np.linalg.norm(own, axis=1)
+    seen = size > 1e-9 * max(float(np.linalg.norm(directions, axis=1).max()), np.finfo(float).tiny)
+    if not seen.any():
+        raise ValueError("no branch has an effect that the free parameters cannot follow")
+    unit, taus, size = own[seen] / size[seen, None], np.asarray(times, dtype=float)[seen], size[seen]
+    scale = _block_deviations(unit, left, blocks)
+    score = unit @ left / scale
+    best = int(np.argmax(score))
+    gain = max(max(0.0, float(score[best])) ** 2, realised / float(scale.max()) ** 2)
+    rng = np.random.default_rng(seed)
+    values, vectors = np.linalg.eigh(unit @ unit.T)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    planted = np.maximum(rng.standard_normal((draws, len(unit))) @ root.T, 0.0).max(axis=1) ** 2
+    as_much = int((planted >= gain).sum())
+    strength = max(0.0, float(unit[best] @ left) / float(size[best]))
+    return BranchTest(gain, float(taus[best]), strength, (1 + as_much) / (draws + 1))
+
+
+def _block_deviations(unit: FloatArray, left: FloatArray, blocks: Sequence[IntArray]) -> FloatArray:
+    """Standard deviation of each score if residuals of a block are correlated in any way, >= 1, shape [n].
+
+    Block sums of what the direction itself leaves of the residual. A direction whose weight w_b lies in
+    1 / sum w_b^2 = n_e blocks has taken a share 1 / n_e of them along, which is given back.
+    """
+    bare = left - (unit @ left)[:, None] * unit
+    scale = np.ones(len(unit))
+    for label in blocks:
+        n = int(label.max()) + 1
+        for k, (row, rest) in enumerate(zip(unit, bare, strict=True)):
+            taken = float((np.bincount(label, row**2, minlength=n) ** 2).sum())
+            squares = float((np.bincount(label, row * rest, minlength=n) ** 2).sum())
+            if taken < MOST_TAKEN:
+                scale[k] = max(scale[k], float(np.sqrt(squares)) / (1.0 - taken))
+    return scale
+
+
+STRENGTH, TIME = prony_names(1)
+SHORTEST_SEARCHED = 2e-5
+"""Shortest relaxation time that is searched [s]; the longest is the window."""
+STRENGTHS, SCANNED_TIMES = (0.1, 0.4), 6
+"""Strengths and times of the first scan."""
+STARTS, STEPS, STEP, AT_REST = 2, 8, 1e-3, 0.5
+"""Points of the scan that are searched from, trial points of each, half the distance of differences in the
+unit box, and the next step at which a search is at rest, in standard deviations."""
+HALF = 0.5
+"""Share of what an elastic model leaves from which on a branch explains more than it leaves [-].
+
+In seven shots of a planted branch (draws 0 to 6 of seed 41907 of `benchmarks.branch_advice`) it was 0.89 to
+0.99; in five elastic ones that were searched all the same (0 to 4 of seed 50923 of `benchmarks.coverage`)
+-0.23 to -0.005."""
+
+
+@dataclass(frozen=True)
+class BranchFit:
+    """A shot with a branch beside the same without."""
+
+    strength: float
+    """Of the branch [-]."""
+    time: float
+    """Its relaxation time [s]."""
+    aic: float
+    """Akaike's criterion with it less that without [-]."""
+    share: float
+    """Share of what the elastic model leaves beyond noise and clocks that it explains [-]."""
+    inside: bool
+    """Whether strength and time lie inside their ranges."""
+
+    @property
+    def asked_for(self) -> bool:
+        """Whether the data ask for it."""
+        return self.inside and self.aic < 0.0 and self.share >= HALF
+
+
+def branch_fit(stages: StagedRuns, x: FloatArray, objective: Objective) -> BranchFit | None:
+    """Search for a branch beside an elastic optimum, all free parameters moving with it.
+
+    Parameters
+    ----------
+    stages
+        The identification's simulations; some 200 runs are added on the surrogate's mesh.
+    x
+        The optimum, shape [d].
+    objective
+        Of the optimum.
+
+    Returns
+    -------
+    BranchFit or None
+        None if the shot declares what relaxes, or too few runs complete.
+    """
+    forward, numerics = stages.prepared.forward, stages.settings.numerics
+    if forward.shot.relaxation is not None or numerics.compressible is not None:
+        return None
+    first, last = forward.shot.window
+    ranges = zip(stages.box.names, stages.box.lower, stages.box.upper, strict=True)
+    box = design_box(
+        {
+            **{n: (low, high) for n, low, high in ranges},
+            STRENGTH: None,
+            TIME: (SHORTEST_SEARCHED, last - first),
+        }
+    )
+    series = Relaxation("prony", {STRENGTH: 0.0, TIME: last - first})
+    relaxing = replace(forward, shot=replace(forward.shot, relaxation=series))
+    prior, d, k = stages.prior, len(x), len(objective.data)
+    known = 0 if prior is None else len(prior.rows())
+
+    def run(points: FloatArray) -> FloatArray:
+        stages.progress("what relaxes", 0, len(points))
+        columns = dict(zip(box.names, points.T, strict=True))
+        response = relaxing.run({**stages.settings.held, **columns}, numerics)
+        found = np.full((len(points), k + known), np.nan)
+        rows = np.flatnonzero(response.completed)
+        if rows.size:
+            seen = objective.vectors(predict(response.select(rows), objective.observations))
+            # An outline point that a run does not reach adds nothing.
+            found[rows, :k] = np.where(np.isnan(seen), objective.data, seen)
+            if prior is not None:
+                found[rows, k:] = prior.residuals(points[rows, :d])
+        stages.progress("what relaxes", len(points), len(points))
+        return found
+
+    def weighting(residual: FloatArray) -> Whitening:
+        weighed = objective.with_discrepancy(objective.data + residual[:k])
+        patterns = np.pad(weighed.common, ((0, 0), (0, known)))
+        return Whitening(np.concatenate([weighed.own_sigma, np.ones(known)]), patterns)
+
+    data = np.concatenate([objective.data, np.zeros(known)])
+
+    def deviance(vector: FloatArray) -> float:
+        if np.isnan(vector).any():
+            return np.inf
+        weights = weighting(vector - data)
+        return float((weights.apply(vector - data) ** 2).sum()) + weights.log_determinant
+
+    at = stages.solver_values(x[None], numerics.mesh)[0]
+    scan = np.clip(scan_points(box, at), box.lower, box.upper)
+    vectors = run(np.concatenate([np.append(at, [0.0, last - first])[None], scan]))
+    costs = np.array([deviance(vector) for vector in vectors])
+    likely = np.argsort(costs[1:])[:STARTS]
+    if not np.isfinite(costs[[0, *(1 + likely)]]).all():
+        return None
+    best = least_squares(
+        lambda points: run(from_search(box, points)),
+        search_box(box),
+        to_search(box, scan[likely]),
+        data=data,
+        weighting=weighting,
+        step=STEP,
+        max_steps=STEPS,
+        at_rest=AT_REST,
+    )[0]
+    point = from_search(box, best.x)
+    found = run(point[None])[0]
+    return BranchFit(
+        strength=float(point[-2]),
+        time=float(point[-1]),
+        aic=deviance(found) - float(costs[0]) + 4.0,
+        share=explained_share(objective, vectors[0, :k], found[:k]),
+        inside=not {STRENGTH, TIME} & set(best.at_bound),
+    )
+
+
+def scan_points(box: Box, at: FloatArray) -> FloatArray:
+    """Points with a branch beside an elastic one that are as stiff in the mean, shape [n, d + 2].
+
+    A branch of strength c stiffens by 1 to 1 + c: m gives way by the root of 1 + c. The bulk modulus, which
+    goes with m (1 + c) / (1 - 2 nu) and sets the pace of the ringing, stays where Poisson's ratio is free.
+
+    Parameters
+    ----------
+    box
+        Of all parameters, strength and time last.
+    at
+        The elastic point, shape [d].
+    """
+    times = np.geomspace(box.lower[-1], box.upper[-1], SCANNED_TIMES + 2)[1:-1]
+    found = []
+    for strength in STRENGTHS:
+        point, root = at.copy(), np.sqrt(1.0 + strength)
+        if MOVED in box.names:
+            point[box.names.index(MOVED)] /= root
+        if VALLEY in box.names:
+            i = box.names.index(VALLEY)
+            stiffer = root if MOVED in box.names else root**2
+            point[i] = same_bulk(point[i], stiffer)
+        found += [np.append(point, [strength, time]) for time in times]
+    return np.array(found)
+
+
+def explained_share(objective: Objective, before: FloatArray, after: FloatArray) -> float:
+    """Share of what one vector leaves beyond noise and patterns that another does not leave [-].
+
+    Parameters
+    ----------
+    objective
+        Data and noise.
+    before, after
+        Predictions, shape [k].
+    """
+
+    def left(vector: FloatArray) -> float:
+        o = objective.with_discrepancy(vector)
+        size = np.full(len(o.data), o.shape_discrepancy)
+        size[: o.n_force] = o.force_discrepancy
+        return float(((size / o.noise) ** 2).sum())
+
+    most = left(before)
+    return 1.0 - left(after) / most if most > 0.0 else 0.0
+
+
+WEAK_STRENGTH = 1e-3
+"""Strength of the branches whose directions are taken [-]: so small that the ringing stays in step also where
+Poisson's ratio is held, and the bulk modulus grows by as much."""
+SHORTEST_TESTED, TESTED_TIMES = 2e-5, 7
+"""Shortest relaxation time that is tried [s], and how many up to the duration of the window."""
+
+
+def shot_branch_test(
+    stages: StagedRuns, x: FloatArray, objective: Objective, slopes: FloatArray, vector: FloatArray
+) -> BranchTest | None:
+    """Hold what an elastic identification leaves against branches of some relaxation times.
+
+    Parameters
+    ----------
+    stages
+        The identification's simulations; a run a time is added on the surrogate's mesh.
+    x
+        The optimum, shape [d].
+    objective
+        With the discrepancies of the optimum.
+    slopes
+        Jacobian there, shape [k, d].
+    vector
+        Data as the refined mesh predicts them there, shape [k].
+
+    Returns
+    -------
+    BranchTest or None
+        None if the shot declares what relaxes, or a run does not complete.
+    """
+    forward, numerics = stages.prepared.forward, stages.settings.numerics
+    if forward.shot.relaxation is not None or numerics.compressible is not None:
+        return None
+    first, last = forward.shot.window
+    times = np.geomspace(SHORTEST_TESTED, last - first, TESTED_TIMES)
+    series = Relaxation("prony", dict(zip(prony_names(1), (WEAK_STRENGTH, float(times[0])), strict=True)))
+    relaxing = replace(forward, shot=replace(forward.shot, relaxation=series))
+    at = stages.solver_values(x[None], numerics.mesh)[0]
+    point = {**stages.settings.held, **dict(zip(stages.box.names, at.tolist(), strict=True))}
+    columns = {name: np.full(TESTED_TIMES + 1, value) for name, value in point.items()}
+    # The first run has no branch: the same kernel, so that nothing but the branch differs.
+    columns["prony_strength_1"] = np.append(0.0, np.full(TESTED_TIMES, WEAK_STRENGTH))
+    columns["prony_time_1"] = np.append(times[0], times)
+    if VALLEY in stages.box.names:
+        columns[VALLEY] = same_bulk(columns[VALLEY], 1.0 + columns["prony_strength_1"])
+    stages.progress("what relaxes", 0, TESTED_TIMES + 1)
+    response = relaxing.run(columns, numerics)
+    stages.progress("what relaxes", TESTED_TIMES + 1, TESTED_TIMES + 1)
+    if not response.completed.all():
+        return None
+    vectors = objective.vectors(predict(response, objective.observations))
+    directions = np.nan_to_num(vectors[1:] - vectors[0]) / WEAK_STRENGTH
+    residual = np.nan_to_num(objective.data - vector)
+    times_of, width = objective.times, float(np.diff(objective.observations.bins.edges).mean())
+    block = ((times_of - times_of.min()) / width).astype(int)
+    whitened = objective.whitened
+    try:
+        return branch_test(
+            whitened(residual),
+            whitened(slopes.T).T,
+            whitened(directions),
+            times,
+            blocks=[block // length for length in BLOCKS],
+            seed=stages.settings.seed,
+        )
+    except ValueError:  # no branch has an effect that the free parameters cannot follow
+        return None
+
+
+TRY = (
+    "if no input is wrong, identify again with --relaxation prony, best several shots of different speeds "
+    "together with slow tests; m is then that of the long-term curve"
+)
+
+
+def rate_advice(test: BranchTest | None, fit: BranchFit | None = None) -> tuple[str, ...]:
+    """Say that a branch would explain what an elastic material leaves; nothing where chance does.
+
+    Parameters
+    ----------
+    test
+        Of a weak branch at the elastic optimum.
+    fit
+        Of a branch of any strength, where that is not significant.
+    """
+    if test is not None and test.significant:
+        chance = f"{100.0 * test.probability:.2g} % of planted elastic data gain as much"
+        return (
+            f"a branch that relaxes in about {1e6 * test.time:.2g} us would explain part of what this "
+            f"elastic material leaves ({chance}): {TRY}",
+        )
+    if fit is not None and fit.asked_for:
+        return (
+            f"with a branch of the strength {fit.strength:.2g} that relaxes in about {1e6 * fit.time:.2g} us "
+            f"the model explains {100.0 * fit.share:.0f} % of what this elastic material leaves (AIC "
+            f"{fit.aic:+.0f}): {TRY}",
+        )
+    return ()
+
+
+def branch_figures(test: BranchTest | None, fit: BranchFit | None) -> dict[str, float]:
+    """What the advice is given by, as figures of the search.
+
+    Parameters
+    ----------
+    test, fit
+        As of `rate_advice`.
+    """
+    found = {} if test is None else {"branch_probability": test.probability}
+    if fit is not None:
+        found |= {
+            "branch_strength": fit.strength,
+            "branch_time": fit.time,
+            "branch_share": fit.share,
+            "branch_aic": fit.aic,
+        }
+    return found
+
+
+WEAK_STRENGTHS = 0.05
+"""Strength of the branch beside the elastic optimum from which a search begins [-]."""
+LINEAR = 1e-3
+"""Strength of the branches whose directions are taken [-]: so small that the ringing stays in step also where
+Poisson's ratio is held, and the bulk modulus grows by as much."""
+
+
+def optimum_without_branch(problem: JointProblem, elastic: JointProblem, without: Optimum) -> Optimum | None:
+    """The elastic optimum as one with a strength of nothing; None if bounds of the strengths leave that out.
+
+    Parameters
+    ----------
+    problem
+        With what relaxes.
+    elastic, without
+        The same without, and its optimum.
+    """
+    box = problem.unknowns.box
+    bounds = zip(problem.unknowns.names, box.lower, strict=True)
+    if any(low > 0.0 for name, low in bounds if is_strength(name)):
+        return None
+    if not any(is_strength(name) for name in problem.unknowns.names):
+        return None
+    x = weak_branch(problem, elastic, without.x, strength=0.0)
+    seen = problem.vector_for(problem.stack, x, problem.refined)
+    vector = np.concatenate([seen[: len(seen) - problem.stack.known], problem.known(x)])
+    start = weak_branch(problem, elastic, without.start, strength=0.0)
+    return Optimum(x, start, vector, without.slopes, None, without.confirmed)
+
+
+def weak_branch(
+    problem: JointProblem, elastic: JointProblem, at: FloatArray, *, strength: float = WEAK_STRENGTHS
+) -> FloatArray:
+    """A point without what relaxes, with a weak branch beside it: where that is no worse than nothing.
+
+    Parameters
+    ----------
+    problem
+        With what relaxes.
+    elastic
+        The same without.
+    at
+        A point of it, shape [d].
+    strength
+        Of the branch [-].
+    """
+    names, box = list(problem.unknowns.names), problem.unknowns.box
+    x = np.sqrt(np.maximum(np.array(box.lower), 1e-12) * np.array(box.upper))
+    for i, name in enumerate(elastic.unknowns.names):
+        x[names.index(name)] = at[i]
+    strengths = [i for i, name in enumerate(names) if is_strength(name)]
+    x[strengths] = strength
+    x = points_in_step(names, x[None], strength * len(strengths))[0]
+    return np.clip(x, box.lower, box.upper)
+
+
+UNREACHED = 1.0
+"""Rise of -2 ln L above a model that is contained in another from which on the search of the larger one has
+not reached its optimum: searches end within a part of a standard uncertainty, where it rises by less."""
+
+
+def choose_model(
+    problem: JointProblem, found: Optimum, elastic: JointProblem, without: Optimum
+) -> ModelChoice:
+    """Hold the optimum with what relaxes against the one without it, both on the refined mesh.
+
+    Parameters
+    ----------
+    problem, found
+        With what relaxes, and its optimum.
+    elastic, without
+        The same shots, slow tests and free parameters without, and its optimum.
+
+    Raises
+    ------
+    ValueError
+        If no weak branch has an effect of its own.
+    """
+    stack, x, vector = elastic.stack, without.x, without.vector
+    # The optimum with what relaxes, judged by the same data, patterns and prior.
+    both = [i for i, name in enumerate(problem.unknowns.names) if name in elastic.unknowns.names]
+    seen = problem.vector_for(stack, found.x, problem.refined)
+    other = np.concatenate([seen[: len(seen) - stack.known], elastic.known(found.x[both])])
+    patterns = mesh_patterns(stack, joint_mesh_change(elastic, without))
+    more = len(problem.unknowns.names) - len(elastic.unknowns.names)
+    lower = deviance_with_mesh_patterns(stack, other, patterns) - deviance_with_mesh_patterns(
+        stack, vector, patterns
+    )
+    missed = 0.0
+    nothing = optimum_without_branch(problem, elastic, without)
+    if nothing is not None:
+        # A strength of nothing is among what relaxes: its optimum explains no less.
+        lower = min(lower, 0.0)
+        above = problem.deviance(found.vector) - problem.deviance(nothing.vector)
+        missed = above if above > UNREACHED else 0.0
+    aic = lower + 2.0 * more
+    bic = lower + more * float(np.log(stack.ends[-1] + len(stack.slow)))
+    residual = vector - stack.data
+    whitening = stack.whitening(stack.weighed_beside(residual, patterns), patterns)
+
+    names = list(problem.unknowns.bounds)
+    base = found.start.copy()
+    for i, name in enumerate(elastic.unknowns.bounds):
+        base[names.index(name)] = without.start[i]
+    for i, name in enumerate(names):
+        if is_strength(name):
+            base[i] = problem.unknowns.box.lower[i]
+    numerics = problem.mesh
+    weak = points_in_step(names, relaxing_points(problem, base, (LINEAR,), follow=False), LINEAR)
+    bare = elastic.vector_for(stack, without.start, numerics)
+    directions = [(problem.vector_for(stack, p, numerics) - bare) / LINEAR for p in weak]
+    second = "prony_time_1" if "prony_time_1" in names else "creep_resistance"
+    times = second_levels(problem, second) if second in names else np.full(len(weak), np.nan)
+    test = branch_test(
+        whitening.apply(-residual),
+        whitening.apply(np.concatenate([without.slopes.T, patterns])).T,
+        whitening.apply(np.nan_to_num(np.array(directions))),
+        times,
+        blocks=stack.blocks,
+        seed=problem.settings.seed,
+        realised=-lower,
+    )
+    asked = aic < 0.0 and test.significant
+    return ModelChoice(
+        aic=aic,
+        bic=bic,
+        elastic=dict(zip(elastic.unknowns.names, x.tolist(), strict=True)),
+        gain=test.gain,
+        time=test.time,
+        probability=test.probability,
+        asked_for=asked,
+        sentence=choice_in_words(aic, test.probability, asked=asked, missed=missed),
+    )
+
+
+def _inside_range(e: Estimate | None) -> bool:
+    """Whether a parameter is held, or ends inside its range."""
+    return e is None or e.outcome is not Verdict.AT_BOUND
+
+
+def points_in_step(names: Sequence[str], points: FloatArray, strength: float) -> FloatArray:
+    """Points with a branch of a strength, the bulk modulus what it was without if it can be, shape [n, d].
+
+    Parameters
+    ----------
+    names
+        Of the unknowns.
+    points
+        The points with the branch, shape [n, d].
+    strength
+        Of the branch [-].
+    """
+    found = points.copy()
+    if VALLEY in names:
+        i = names.index(VALLEY)
+        found[:, i] = same_bulk(points[:, i], 1.0 + strength)
+    return found
+
+
+def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) -> ModelChoice:
+    """The choice with the strengths' own uncertainties: what the mesh alone may feign is not asked for.
+
+    Nor is a branch whose time ends at a bound of its range: a short one is damping by another name, a long
+    one a stiffer curve.
+
+    Parameters
+    ----------
+    choice
+        By criterion and planted data, which know the noise of these shots.
+    shared
+        The shared parameters, corrected for the mesh.
+    """
+    sizes = [e for name, e in shared.items() if is_strength(name)]
+    if not choice.asked_for or not sizes:
+        return choice
+    strong = [e for e in sizes if e.value > LEAST_STRENGTH * e.sigma]
+    if any(_inside_range(shared.get(rate_of(e.name))) for e in strong):
+        return choice
+    if strong:
+        return replace(
+            choice,
+            asked_for=False,
+            sentence=f"the data do not ask for what relaxes: {rate_of(strong[0].name)} ends at a bound of "
+            "its range, where a branch is damping or a stiffer curve by another name: identify without it, "
+            f"or give another range with --free {rate_of(strong[0].name)}",
+        )
+    most = max(sizes, key=lambda e: e.value / e.sigma)
+    return replace(
+        choice,
+        asked_for=False,
+        sentence=f"the data do not ask for what relaxes: its strength, {most.value:.2g} with a standard "
+        f"uncertainty of {most.sigma:.2g}, mesh included, may be nothing: identify without it, or refine",
+    )
+
+
+def deviance_with_mesh_patterns(stack: Stack, vector: FloatArray, patterns: FloatArray) -> float:
+    """-2 ln L of a vector up to a constant; a point that a run does not reach adds nothing.
+
+    Parameters
+    ----------
+    stack
+        Data and weights.
+    vector
+        Prediction, shape [k].
+    patterns
+        Errors of the mesh that the weights know beside their own, shape [n, k].
+    """
+    residual = np.where(np.isnan(vector), 0.0, vector - stack.data)
+    weights = stack.whitening(stack.weighed_beside(residual, patterns), patterns)
+    return float((weights.apply(residual) ** 2).sum()) + weights.log_determinant
+
+
+def choice_in_words(aic: float, probability: float, *, asked: bool, missed: float = 0.0) -> str:
+    """The choice in words; `missed` is how far the larger search ended above the elastic optimum."""
+    chance = f"{100.0 * probability:.2g} % of planted elastic data improve as much by a branch"
+    if missed > 0.0:
+        return (
+            f"not decided whether the data ask for what relaxes: its search ended {missed:.3g} in -2 ln L"
+            f" above the optimum without it, which is among its models ({chance}): give bounds with --free"
+        )
+    if asked:
+        return f"the data ask for what relaxes (AIC {aic:+.1f}; {chance})"
+    return f"the data do not ask for what relaxes (AIC {aic:+.1f}; {chance}): identify without it"

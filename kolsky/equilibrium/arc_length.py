@@ -1,0 +1,233 @@
+r"""A path of equilibria past limit points of the load, by arc length.
+
+The load p and the unknowns u follow from
+
+    r(u, p) = 0,   t . (u - u_0) = ds,                                                         (L.1)
+
+with the unit tangent t of the path at u_0 (Riks 1979; the plane normal to the tangent). With f = -dr/dp each
+iteration solves K a = -r and K b = f and moves by du = a + b dp, dp = (ds - t . (u - u_0) - t . a) / t . b;
+the tangent is b / |b|, in the direction in which the path came. A step that fails is halved, and its length
+follows the number of iterations.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from explicit.arrays import FloatArray
+from kolsky.equilibrium.equations import Equations, State
+from kolsky.equilibrium.linear.base import SingularError
+from kolsky.equilibrium.model import Model
+from kolsky.equilibrium.solution import Outcome
+from kolsky.equilibrium.solve import Iteration, Newton
+
+ITERATIONS = 12
+"""Most iterations of a step."""
+WANTED = 5
+"""Iterations for which the length of the steps is meant."""
+SHORTEST = 1e-6
+"""Length of a step below which the path ends, as a share of the first."""
+
+
+@dataclass(frozen=True)
+class ArcPath:
+    """Equilibria in the order of the path."""
+
+    model: Model
+    """The model."""
+    load: FloatArray
+    """Value of the histories that grow together, shape [n]; the first is 0."""
+    displacements: FloatArray
+    """Displacements [m], shape [n, n_points, d]."""
+    arc: FloatArray
+    """Length of the path in the space of the unknown displacements [m], shape [n]."""
+    outcome: Outcome
+    """How it ended."""
+
+    @property
+    def limits(self) -> FloatArray:
+        """Loads at limit points, where the load turns, in their order, shape [...]: the extremum of the
+        parabola through three equilibria."""
+        found = []
+        for k in range(1, len(self.load) - 1):
+            if (self.load[k] - self.load[k - 1]) * (self.load[k + 1] - self.load[k]) < 0.0:
+                curve = np.polynomial.Polynomial.fit(
+                    self.arc[k - 1 : k + 2], self.load[k - 1 : k + 2], 2, domain=[]
+                )
+                found.append(float(curve(curve.deriv().roots()[0].real)))
+        return np.array(found)
+
+    def crossings(self, loads: Sequence[float] | FloatArray) -> FloatArray:
+        """Displacements near the equilibria that a load raised through rising `loads` meets, interpolated,
+        shape [len(loads), n_points, d].
+
+        Past a limit point a raised load leaves the path and meets it again where it first rises to the load.
+
+        Raises
+        ------
+        ValueError
+            If the path does not reach a load.
+        """
+        found, start = [], 0
+        for load in loads:
+            rising = (self.load[:-1] <= load) & (self.load[1:] >= load)
+            rising[:start] = False
+            if not rising.any():
+                raise ValueError(f"the path does not reach a load of {load:g}")
+            start = int(np.argmax(rising))
+            span = self.load[start + 1] - self.load[start]
+            share = (load - self.load[start]) / span if span > 0.0 else 0.0
+            ends = self.displacements[start : start + 2]
+            found.append(ends[0] + share * (ends[1] - ends[0]))
+        return np.array(found)
+
+
+def follow(
+    model: Model,
+    histories: Sequence[str],
+    *,
+    until: float,
+    first: float,
+    others: Mapping[str, float] | None = None,
+    parameters: ArrayLike | None = None,
+    steps: int = 200,
+    longest: float = 4.0,
+    tolerance: float = 1e-8,
+) -> ArcPath:
+    """Follow equilibria from a load of 0 until it first rises to `until`.
+
+    Parameters
+    ----------
+    model : Model
+        The body with its supports and loads.
+    histories : sequence of str
+        Histories of loads, not of prescribed displacements, that all have the value of the load.
+    until : float
+        Load at which the path ends, > 0.
+    first : float
+        Load of the first step, > 0.
+    others : mapping of str to float, optional
+        Values of the other histories, such as that of the weight.
+    parameters : array, optional
+        As of `kolsky.equilibrium.solve.solve`.
+    steps : int
+        Most steps.
+    longest : float
+        Largest length of a step over that of the first [-].
+    tolerance : float
+        Largest residual as a share of the internal forces [-].
+
+    Raises
+    ------
+    ValueError
+        If a history is missing, unknown or one of displacements, or a number is not > 0.
+    """
+    fixed = {} if others is None else dict(others)
+    if set(fixed) | set(histories) != set(model.histories) or set(fixed) & set(histories):
+        raise ValueError(f"histories and others must be {sorted(model.histories)}, each once")
+    if any(name in histories for _, name, _ in model.unknowns.prescribed):
+        raise ValueError("a path follows loads, not prescribed displacements")
+    if not (until > 0.0 and first > 0.0 and steps >= 1 and longest >= 1.0):
+        raise ValueError(f"until, first must be > 0, steps, longest >= 1, got {until, first, steps, longest}")
+    stepper = _Stepper(Equations(model, model.parameters(parameters)), tuple(histories), fixed, tolerance)
+    state = stepper.begin()
+    loads, found, arcs = [0.0], [np.zeros(model.n_dofs)], [0.0]
+    if isinstance(state, Outcome):
+        return _path(model, loads, [np.full(model.n_dofs, np.nan)], arcs, state)
+    found[0] = state.u
+    outcome, before, length, most, least = Outcome.UNFINISHED, None, 0.0, np.inf, 0.0
+    for _ in range(steps):
+        slope = stepper.slope(state)
+        if slope is None:
+            outcome = Outcome.SINGULAR
+            break
+        size = float(np.linalg.norm(slope))
+        if before is None:
+            length = first * size
+            most, least = longest * length, SHORTEST * length
+        sign = 1.0 if before is None or float(before @ slope) > 0.0 else -1.0
+        tangent = sign * slope / size
+        while True:
+            reached = stepper.step(state, loads[-1], tangent, sign * length / size, length)
+            if not isinstance(reached, Outcome):
+                break
+            length *= 0.5
+            if length < least:
+                return _path(model, loads, found, arcs, reached)
+        state, load, needed = reached
+        before = tangent
+        loads.append(load)
+        found.append(state.u)
+        arcs.append(arcs[-1] + length)
+        if load >= until:
+            outcome = Outcome.COMPLETED
+            break
+        length = min(most, length * float(np.clip(np.sqrt(WANTED / max(needed, 1)), 0.5, 1.5)))
+    return _path(model, loads, found, arcs, outcome)
+
+
+def _path(
+    model: Model, loads: list[float], found: list[FloatArray], arcs: list[float], outcome: Outcome
+) -> ArcPath:
+    shape = (len(found), *model.mesh.points.shape)
+    return ArcPath(model, np.array(loads), np.array(found).reshape(shape), np.array(arcs), outcome)
+
+
+class _Stepper:
+    """Steps along a path."""
+
+    def __init__(
+        self, equations: Equations, histories: tuple[str, ...], others: dict[str, float], tolerance: float
+    ) -> None:
+        self.equations, self.histories, self.others = equations, histories, others
+        self.tolerance = tolerance
+
+    def at(self, load: float) -> dict[str, float]:
+        """Values of all histories."""
+        return {**self.others, **dict.fromkeys(self.histories, load)}
+
+    def begin(self) -> State | Outcome:
+        """The equilibrium without load."""
+        start = self.equations.evaluate(np.zeros(self.equations.model.n_dofs), self.at(0.0))
+        if not start.external.any():
+            return start  # nothing loads it: it is at rest
+        return Iteration(self.equations, Newton(tolerance=self.tolerance)).equilibrium(start)
+
+    def slope(self, state: State) -> FloatArray | None:
+        """b = du/dp of the unknowns, or None where the tangent stiffness is singular."""
+        try:
+            factors = self.equations.factors(self.equations.stiffness(state), state)
+        except SingularError:
+            return None
+        return factors.solve(self._push(state))
+
+    def _push(self, state: State) -> FloatArray:
+        """f: change of the external forces by a unit of load, which enters linearly."""
+        more = {**state.at, **{name: state.at[name] + 1.0 for name in self.histories}}
+        return self.equations.external_change(state, more)
+
+    def step(
+        self, start: State, load: float, tangent: FloatArray, change: float, length: float
+    ) -> tuple[State, float, int] | Outcome:
+        """The equilibrium a length further, its load, and the iterations; or why there is none."""
+        equations = self.equations
+        moved, p = length * tangent, load + change
+        for number in range(ITERATIONS + 1):
+            u = start.u + equations.expanded(moved)
+            state = equations.evaluate(u, self.at(p), like=start)
+            if state.inverted:
+                return Outcome.INVERTED
+            if equations.converged(state, self.tolerance) and number > 0:
+                return (state, p, number) if equations.closed(state) else Outcome.PENETRATION
+            try:
+                factors = equations.factors(equations.stiffness(state), state)
+            except SingularError:
+                return Outcome.SINGULAR
+            a, b = factors.solve(np.stack([-state.residual, self._push(state)], axis=-1)).T
+            dp = (length - float(tangent @ moved) - float(tangent @ a)) / float(tangent @ b)
+            moved, p = moved + a + b * dp, p + dp
+            if not np.isfinite(p):
+                return Outcome.NOT_CONVERGED
+        return Outcome.NOT_CONVERGED

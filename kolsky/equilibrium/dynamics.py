@@ -1,0 +1,313 @@
+"""Motions: inertia by two implicit schemes, relaxation of the stress, and the march in time.
+
+    backward Euler     v = (u - u0) / dt,              a = (v - v0) / dt                         (D.1)
+    trapezoidal rule   v = v0 + dt/2 (a0 + a),         u = u0 + dt/2 (v0 + v)                    (D.2)
+
+The first is of first order and damps every motion that a step does not resolve; the second is of second
+order
+and damps nothing (Newmark's with beta = 1/4, gamma = 1/2). With the second Piola-Kirchhoff stress S of the
+law,
+whose constants are those of slow loading, a Prony series relaxes by
+
+    S_total = S + sum_i h_i,   h_i <- e^(-dt/tau_i) h_i + beta_i e^(-dt/(2 tau_i)) (S - S_before)    (D.3)
+
+(Simo and Hughes 1998, Section 10.3, with beta_i relative to the law's stress). Volume and shape relax
+alike.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from explicit.arrays import FloatArray
+from kolsky.equilibrium.body import Body, BodyState
+from kolsky.equilibrium.equations import Equations, State
+from kolsky.equilibrium.linear.base import SingularError
+from kolsky.equilibrium.model import Model
+from kolsky.equilibrium.points import element_forces, geometry
+from kolsky.equilibrium.solution import Outcome
+from kolsky.equilibrium.solve import checked_steps
+
+Scheme = Literal["backward_euler", "trapezoidal"]
+
+
+@dataclass(frozen=True)
+class Instant:
+    """Displacement, velocity and acceleration of all components, each of shape [n d]."""
+
+    u: FloatArray
+    """Displacements [m]."""
+    v: FloatArray
+    """Velocities [m/s]."""
+    a: FloatArray
+    """Accelerations [m/s2]."""
+
+
+def element_masses(model: Model, density: float) -> FloatArray:
+    """Consistent mass of each element [kg], shape [m, k d, k d].
+
+    Raises
+    ------
+    ValueError
+        If the density is not > 0.
+    """
+    if not density > 0.0:
+        raise ValueError(f"density must be > 0 kg/m3, got {density}")
+    # products of shape functions are of twice their degree
+    gauss = (model.mesh.element.gauss if model.gauss is None else model.gauss) + 1
+    g = geometry(model.mesh, kinematics=model.kinematics, thickness=model.thickness, gauss=gauss)
+    scalar = density * np.einsum("mg,ga,gb->mab", g.volumes, g.values, g.values, optimize=True)
+    m, k, d = len(scalar), scalar.shape[1], model.dimension
+    return np.einsum("mab,ij->maibj", scalar, np.eye(d)).reshape(m, k * d, k * d)
+
+
+def factor(scheme: Scheme, dt: float) -> float:
+    """A of a = A (u - u0) - b [1/s2]."""
+    return (1.0 if scheme == "backward_euler" else 4.0) / dt**2
+
+
+def following(scheme: Scheme, dt: float, before: Instant, u: FloatArray) -> Instant:
+    """Velocity and acceleration at displacements u one step later, Eqs. (D.1) and (D.2)."""
+    if scheme == "backward_euler":
+        v = (u - before.u) / dt
+        return Instant(u, v, (v - before.v) / dt)
+    a = 4.0 / dt**2 * (u - before.u) - 4.0 / dt * before.v - before.a
+    return Instant(u, before.v + 0.5 * dt * (before.a + a), a)
+
+
+@dataclass(frozen=True)
+class Prony:
+    """A Prony series."""
+
+    shares: tuple[float, ...]
+    """beta_i, stress at once over the slow one less 1 [-], > 0."""
+    times: tuple[float, ...]
+    """tau_i [s], > 0."""
+
+    def __post_init__(self) -> None:
+        if len(self.shares) != len(self.times) or not self.shares:
+            raise ValueError("a Prony series has as many shares as times, at least one")
+        if min(self.shares) <= 0.0 or min(self.times) <= 0.0:
+            raise ValueError("shares and times of a Prony series must be > 0")
+
+
+class Relaxing:
+    """Forces and stiffness that the series adds to those of a body, step by step."""
+
+    def __init__(self, body: Body, series: Prony, dt: float) -> None:
+        model = body.model
+        if model.kinematics != "3d" or body.points.mixed:
+            raise ValueError('relaxation needs a three-dimensional model with volumetric = "displacement"')
+        self.body, self.dt = body, dt
+        tau, beta = np.array(series.times), np.array(series.shares)
+        self.decay = np.exp(-dt / tau)
+        self.gain = beta * np.exp(-0.5 * dt / tau)
+        m, g = body.points.shape
+        self.stress: FloatArray = np.zeros((m, g, 3, 3))
+        self.parts = np.zeros((len(tau), m, g, 3, 3))
+
+    def _deformation(self, u: FloatArray) -> FloatArray:
+        model = self.body.model
+        at = u.reshape(-1, 3)[model.mesh.cells]
+        return np.eye(3) + np.einsum("mki,mgkj->mgij", at, self.body.points.geometry.E, optimize=True)
+
+    def _known(self) -> FloatArray:
+        """What of (D.3) the last step left [Pa], shape [m, g, 3, 3]."""
+        return np.tensordot(self.decay, self.parts, axes=1) - self.gain.sum() * self.stress
+
+    def forces(self, state: BodyState) -> FloatArray:
+        """Forces of each element beside those of the law [N], shape [m, k d]."""
+        geometry = self.body.points.geometry
+        added = np.matmul(self._deformation(state.u), self._known())
+        m, g = geometry.volumes.shape
+        weighted = added.reshape(m, g, 9) * geometry.volumes[..., None]
+        known = element_forces(geometry.T, weighted).reshape(m, -1)
+        return np.asarray(self.gain.sum() * state.points.forces + known)
+
+    def stiffness(self, elastic: FloatArray) -> FloatArray:
+        """Their derivative [N/m] from the stiffness of the law alone, shape [m, k d, k d]."""
+        E, volumes = self.body.points.geometry.E, self.body.points.geometry.volumes
+        weighted = self._known() * volumes[..., None, None]
+        scalar = np.einsum("mgai,mgij,mgbj->mab", E, weighted, E, optimize=True)
+        m, k = scalar.shape[:2]
+        geometric = np.einsum("mab,ij->maibj", scalar, np.eye(3)).reshape(m, 3 * k, 3 * k)
+        return np.asarray(self.gain.sum() * elastic + geometric)
+
+    def accept(self, state: BodyState) -> None:
+        """Take a state as the end of a step."""
+        m, g = self.body.points.shape
+        P = state.points.P.reshape(m, g, 3, 3)
+        stress = np.asarray(np.linalg.solve(self._deformation(state.u), P), dtype=np.float64)
+        change = stress - self.stress
+        for i, (decay, gain) in enumerate(zip(self.decay, self.gain, strict=True)):
+            self.parts[i] = decay * self.parts[i] + gain * change
+        self.stress = stress
+
+
+ITERATIONS = 30
+"""Most iterations of a step."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion; steps that were not reached hold NaN, and the outcome says why."""
+
+    model: Model
+    """The model."""
+    time: FloatArray
+    """Times [s], the first 0, shape [n + 1]."""
+    displacements: FloatArray
+    """Displacements [m], shape [n + 1, n_points, d]."""
+    velocities: FloatArray
+    """Velocities [m/s], of the same shape."""
+    forces: FloatArray
+    """Forces that supports exert on the points: internal and inertial ones less weight and pressure [N], of
+    the same shape; 0 at the start."""
+    outcome: Outcome
+    """How it ended."""
+    reached: int
+    """Number of times reached, the start included."""
+
+    def mean_displacement(self, where: str) -> FloatArray:
+        """Mean displacement of a set of points [m], shape [n + 1, d]."""
+        return np.asarray(self.displacements[:, self.model.mesh.nodes(where)].mean(axis=1))
+
+    def reaction(self, where: str) -> FloatArray:
+        """Sum of `forces` over a set of points [N], shape [n + 1, d]."""
+        return np.asarray(self.forces[:, self.model.mesh.nodes(where)].sum(axis=1))
+
+
+def march(
+    model: Model,
+    histories: Mapping[str, ArrayLike] | None,
+    dt: float,
+    *,
+    density: float,
+    scheme: Scheme = "backward_euler",
+    prony: Prony | None = None,
+    steps: int | None = None,
+    start: FloatArray | None = None,
+    start_histories: Mapping[str, float] | None = None,
+    tolerance: float = 1e-8,
+) -> Motion:
+    """Step a model through time from rest.
+
+    Parameters
+    ----------
+    model : Model
+        The body with its supports and loads, without rigid planes.
+    histories : mapping of str to array
+        Value of each history at the end of each step, shape [n].
+    dt : float
+        Length of a step [s].
+    density : float
+        At rest [kg/m3].
+    scheme : str
+        "backward_euler" or "trapezoidal".
+    prony : Prony, optional
+        Relaxation of the stress.
+    steps : int, optional
+        Number of steps of a model without histories.
+    start : array, shape [n_points, d], optional
+        Displacements at the start [m], where nothing moves; None: undeformed.
+    start_histories : mapping of str to float, optional
+        Values of the histories at the start; None: those of the first step.
+    tolerance : float
+        Largest residual as a share of the internal, external or inertial forces [-].
+
+    Raises
+    ------
+    ValueError
+        If a history does not fit, dt is not > 0, the scheme is not known or there is a rigid plane.
+    """
+    table = checked_steps(model, histories)
+    n = len(next(iter(table.values()))) if table else (steps or 1)
+    equations = Equations(model, model.parameters())
+    if not dt > 0.0 or scheme not in get_args(Scheme):
+        raise ValueError(f"dt must be > 0 s and scheme one of {get_args(Scheme)}, got {dt} and {scheme!r}")
+    if equations.contacts:
+        raise ValueError("a motion with a rigid plane is not offered: remove the contact")
+    masses = element_masses(model, density)
+    relaxing = None if prony is None else Relaxing(equations.body, prony, dt)
+    at = [{name: float(values[k]) for name, values in table.items()} for k in range(n)]
+    u = np.zeros(model.n_dofs) if start is None else np.asarray(start, dtype=float).reshape(-1)
+    first = equations.evaluate(u, at[0] if start_histories is None else dict(start_histories))
+    if relaxing is not None:
+        relaxing.accept(first.body)
+    now = _at_rest(equations, first, masses, u)
+    found = [now]
+    shape = (n + 1, *model.mesh.points.shape)
+    forces = np.full(shape, np.nan)
+    forces[0] = 0.0
+    outcome = Outcome.COMPLETED
+    stepper = _Stepper(equations, masses, relaxing, scheme, dt, tolerance)
+    for k in range(n):
+        outcome, following_state, state = stepper.step(now, at[k])
+        if not outcome.ok:
+            break
+        now = following_state
+        inertia = equations.times(masses, now.a)
+        added = 0.0 if relaxing is None else equations.body.pattern.vector(relaxing.forces(state.body))
+        forces[k + 1] = (state.body.forces + added + inertia - state.carried).reshape(shape[1:])
+        if relaxing is not None:
+            relaxing.accept(state.body)
+        found.append(now)
+    moved, velocity = np.full(shape, np.nan), np.full(shape, np.nan)
+    for k, one in enumerate(found):
+        moved[k], velocity[k] = one.u.reshape(shape[1:]), one.v.reshape(shape[1:])
+    time = np.asarray(dt * np.arange(n + 1), dtype=np.float64)
+    return Motion(model, time, moved, velocity, forces, outcome, len(found))
+
+
+def _at_rest(equations: Equations, state: State, masses: FloatArray, u: FloatArray) -> Instant:
+    """The start: nothing moves, and the acceleration is that of the forces."""
+    push = equations.factors(masses).solve(-state.residual)
+    return Instant(u, np.zeros_like(u), equations.expanded(push))
+
+
+class _Stepper:
+    """One step of a motion."""
+
+    def __init__(
+        self,
+        equations: Equations,
+        masses: FloatArray,
+        relaxing: Relaxing | None,
+        scheme: Scheme,
+        dt: float,
+        tolerance: float,
+    ) -> None:
+        self.equations, self.masses, self.relaxing = equations, masses, relaxing
+        self.scheme, self.dt, self.tolerance = scheme, dt, tolerance
+
+    def step(self, before: Instant, at: dict[str, float]) -> tuple[Outcome, Instant, State]:
+        """The end of a step, and its state."""
+        equations = self.equations
+        u = equations.with_prescribed(before.u, at)
+        for _ in range(ITERATIONS):
+            state = equations.evaluate(u, at)
+            now = following(self.scheme, self.dt, before, u)
+            if state.inverted:
+                return Outcome.INVERTED, now, state
+            inertia = equations.reduced(equations.times(self.masses, now.a))
+            residual = state.residual + inertia
+            if self.relaxing is not None:
+                residual = residual + equations.reduced(
+                    equations.body.pattern.vector(self.relaxing.forces(state.body))
+                )
+            sizes = [float(np.linalg.norm(x)) for x in (state.body.forces, state.external, inertia)]
+            if float(np.linalg.norm(residual)) <= max(self.tolerance * max(sizes), equations.floor):
+                closed = Outcome.COMPLETED if equations.closed(state) else Outcome.PENETRATION
+                return closed, now, state
+            elements = equations.stiffness(state) + factor(self.scheme, self.dt) * self.masses
+            if self.relaxing is not None:
+                elements = elements + self.relaxing.stiffness(equations.body.stiffness(state.body))
+            try:
+                change = equations.factors(elements, state).solve(-residual)
+            except SingularError:
+                return Outcome.SINGULAR, now, state
+            u = u + equations.expanded(change)
+        return Outcome.NOT_CONVERGED, now, state

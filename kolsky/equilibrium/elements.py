@@ -1,0 +1,277 @@
+"""Reference elements by name: nodes, shape functions, faces, Gauss rules; node order of VTK.
+
+The shape functions are the Lagrange basis of a space of monomials xi^e: with V_am = xi_a^(e_m) at the
+nodes,
+N(xi) = V^-T xi^e. They are 1 at their node and 0 at the others, and they hold all polynomials of the space.
+
+A hypercube takes the product of Gauss and Legendre's points. A simplex takes Stroud's conical product of
+Gauss and Jacobi's points (Stroud 1971, section 2.4), exact to degree 2 n - 1 with n points in each
+direction;
+for n <= 2 the symmetric rules of 1 and d + 1 points, exact to degree 1 and 2, are smaller.
+
+To add one write an `Element` (its nodes in reference coordinates and the monomials that its shape functions
+span) and one line in `ELEMENTS`; the patch tests go over the registry.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from scipy.special import roots_jacobi
+
+from explicit.arrays import FloatArray, IntArray
+
+
+def hypercube_rule(gauss: int, dimension: int) -> tuple[FloatArray, FloatArray]:
+    """Points in [-1, 1]^d, shape [gauss^d, d], and weights of sum 2^d, shape [gauss^d]."""
+    x, w = np.polynomial.legendre.leggauss(_checked(gauss))
+    points = np.stack(np.meshgrid(*[x] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
+    weights = np.stack(np.meshgrid(*[w] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
+    return points, weights.prod(axis=1)
+
+
+def simplex_rule(gauss: int, dimension: int) -> tuple[FloatArray, FloatArray]:
+    """Points in the unit simplex, shape [g, d], and weights of sum 1 / d!, shape [g]."""
+    volume = 1.0 / (1.0, 1.0, 2.0, 6.0)[dimension]
+    if _checked(gauss) == 1:
+        return np.full((1, dimension), 1.0 / (dimension + 1)), np.array([volume])
+    if gauss == 2:
+        # a point on each line from the centre to a corner: exact for degree 2 (Stroud's Tn: 2-1)
+        near = {2: 1.0 / 6.0, 3: (5.0 - 5.0**0.5) / 20.0}[dimension]
+        points = np.full((dimension + 1, dimension), near)
+        points[np.arange(dimension), np.arange(dimension)] = 1.0 - dimension * near
+        return points, np.full(dimension + 1, volume / (dimension + 1))
+    # x_1 = t_1, x_2 = (1 - t_1) t_2, x_3 = (1 - t_1)(1 - t_2) t_3 with the weight (1 - t_i)^(d - i)
+    rules = [roots_jacobi(gauss, dimension - 1 - i, 0.0) for i in range(dimension)]
+    t = np.stack(np.meshgrid(*[0.5 * (x + 1.0) for x, _ in rules], indexing="ij"), axis=-1)
+    scaled = [w * 0.5 ** (dimension - i) for i, (_, w) in enumerate(rules)]
+    weights = np.stack(np.meshgrid(*scaled, indexing="ij"), axis=-1).reshape(-1, dimension)
+    t = t.reshape(-1, dimension)
+    left = np.cumprod(np.column_stack([np.ones(len(t)), 1.0 - t[:, :-1]]), axis=1)
+    return left * t, weights.prod(axis=1)
+
+
+def _checked(gauss: int) -> int:
+    if not 1 <= gauss <= 12:
+        raise ValueError(f"gauss must be in [1, 12] points a direction, got {gauss}")
+    return gauss
+
+
+Shape = Literal["hypercube", "simplex"]
+
+
+@dataclass(frozen=True)
+class Face:
+    """A face as an affine image of the reference face: xi = origin + tangents @ s.
+
+    The normal that follows from the tangents (their cross product; in two dimensions the tangent turned by
+    -90 degrees) points outwards.
+    """
+
+    origin: tuple[float, ...]
+    """Point s = 0 in the element's coordinates [-], shape [d]."""
+    tangents: tuple[tuple[float, ...], ...]
+    """One tangent for each coordinate s of the face [-], shape [d - 1, d]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Element:
+    """A Lagrange element."""
+
+    name: str
+    """Its name in `kolsky.equilibrium.elements.ELEMENTS`."""
+    shape: Shape
+    """ "hypercube": coordinates in [-1, 1]; "simplex": coordinates >= 0 with a sum <= 1."""
+    nodes: FloatArray
+    """Reference coordinates of the nodes, in the order of VTK [-], shape [k, d]."""
+    exponents: IntArray
+    """The monomials of the space, shape [k, d]."""
+    faces: tuple[Face, ...]
+    """Its faces (edges in two dimensions)."""
+    gauss: int
+    """Gauss points in each direction unless a model says otherwise [-]."""
+    pressure_degree: int | None
+    """Degree of the discontinuous pressure that is stable with it in a mixed formulation; None: none is."""
+    vtk: int
+    """Number of the cell type in VTK."""
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates d."""
+        return int(self.nodes.shape[1])
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes k."""
+        return len(self.nodes)
+
+    @cached_property
+    def coefficients(self) -> FloatArray:
+        """V^-1: column a holds the factors of the monomials in N_a, shape [k, k]."""
+        vandermonde = (self.nodes[:, None, :] ** self.exponents[None]).prod(axis=-1)
+        return np.asarray(np.linalg.inv(vandermonde))
+
+    def values(self, points: FloatArray) -> FloatArray:
+        """Shape functions N_a at points of shape [g, d], shape [g, k]."""
+        monomials = (np.asarray(points)[:, None, :] ** self.exponents[None]).prod(axis=-1)
+        return np.asarray(monomials @ self.coefficients)
+
+    def gradients(self, points: FloatArray) -> FloatArray:
+        """Their derivatives dN_a/dxi_j at points of shape [g, d], shape [g, k, d]."""
+        points = np.asarray(points, dtype=float)
+        columns = []
+        for j in range(self.dimension):
+            lowered = self.exponents.copy()
+            lowered[:, j] = np.maximum(lowered[:, j] - 1, 0)
+            monomials = self.exponents[:, j] * (points[:, None, :] ** lowered[None]).prod(axis=-1)
+            columns.append(monomials @ self.coefficients)
+        return np.stack(columns, axis=-1)
+
+    def curvatures(self, points: FloatArray) -> FloatArray:
+        """Their second derivatives d2N_a/dxi_i dxi_j at points of shape [g, d], shape [g, k, d, d]."""
+        points = np.asarray(points, dtype=float)
+        found = np.empty((len(points), self.n_nodes, self.dimension, self.dimension))
+        for i in range(self.dimension):
+            factor = self.exponents[:, i]
+            once = self.exponents.copy()
+            once[:, i] = np.maximum(once[:, i] - 1, 0)
+            for j in range(self.dimension):
+                twice = once.copy()
+                twice[:, j] = np.maximum(twice[:, j] - 1, 0)
+                monomials = factor * once[:, j] * (points[:, None, :] ** twice[None]).prod(axis=-1)
+                found[:, :, i, j] = monomials @ self.coefficients
+        return found
+
+    def rule(self, gauss: int) -> tuple[FloatArray, FloatArray]:
+        """Gauss points [g, d] and weights [g] with `gauss` points in each direction."""
+        rule = hypercube_rule if self.shape == "hypercube" else simplex_rule
+        return rule(gauss, self.dimension)
+
+    def face_rule(self, gauss: int) -> tuple[FloatArray, FloatArray]:
+        """Gauss points [g, d - 1] and weights [g] of the reference face."""
+        rule = hypercube_rule if self.shape == "hypercube" else simplex_rule
+        if self.dimension == 2 and self.shape == "simplex":  # an edge is [0, 1] there
+            points, weights = hypercube_rule(gauss, 1)
+            return 0.5 * (points + 1.0), 0.5 * weights
+        return rule(gauss, self.dimension - 1)
+
+    def nodes_on(self, face: Face) -> IntArray:
+        """Local numbers of the nodes on a face, shape [m]."""
+        tangents = np.asarray(face.tangents)
+        if self.dimension == 3:
+            normal = np.cross(tangents[0], tangents[1])
+        else:
+            normal = np.array([tangents[0, 1], -tangents[0, 0]])
+        return np.flatnonzero(np.abs((self.nodes - np.asarray(face.origin)) @ normal) < 1e-9)
+
+
+def complete(degree: int, dimension: int) -> IntArray:
+    """Exponents of all monomials up to a total degree, shape [m, d]."""
+    grid = np.stack(np.meshgrid(*[np.arange(degree + 1)] * dimension, indexing="ij"), axis=-1)
+    flat = grid.reshape(-1, dimension)
+    return np.asarray(flat[flat.sum(axis=1) <= degree], dtype=np.int64)
+
+
+def tensor(degree: int, dimension: int) -> IntArray:
+    """Exponents of all monomials up to a degree in each coordinate, shape [m, d]."""
+    grid = np.stack(np.meshgrid(*[np.arange(degree + 1)] * dimension, indexing="ij"), axis=-1)
+    return np.asarray(grid.reshape(-1, dimension), dtype=np.int64)
+
+
+_QUAD = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0], [0, 0]], dtype=float)
+_EDGES = (
+    Face((0.0, -1.0), ((1.0, 0.0),)),
+    Face((1.0, 0.0), ((0.0, 1.0),)),
+    Face((0.0, 1.0), ((-1.0, 0.0),)),
+    Face((-1.0, 0.0), ((0.0, -1.0),)),
+)
+_X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+_FACES = (
+    Face((-1.0, 0.0, 0.0), (_Z, _Y)),
+    Face((1.0, 0.0, 0.0), (_Y, _Z)),
+    Face((0.0, -1.0, 0.0), (_X, _Z)),
+    Face((0.0, 1.0, 0.0), (_Z, _X)),
+    Face((0.0, 0.0, -1.0), (_Y, _X)),
+    Face((0.0, 0.0, 1.0), (_X, _Y)),
+)
+
+
+def _hexahedron() -> FloatArray:
+    corners = [[x, y, z] for z in (-1, 1) for x, y in _QUAD[:4]]
+    edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+    middles = [np.mean([corners[a], corners[b]], axis=0) for a, b in edges]
+    faces = [face.origin for face in _FACES]
+    return np.array([*corners, *middles, *faces, [0.0, 0.0, 0.0]], dtype=float)
+
+
+_HEX = _hexahedron()
+
+QUAD4 = Element("quad4", "hypercube", _QUAD[:4], tensor(1, 2), _EDGES, 2, 0, 9)
+QUAD8 = Element("quad8", "hypercube", _QUAD[:8], tensor(2, 2)[:-1], _EDGES, 3, 0, 23)
+QUAD9 = Element("quad9", "hypercube", _QUAD, tensor(2, 2), _EDGES, 3, 1, 28)
+HEX8 = Element("hex8", "hypercube", _HEX[:8], tensor(1, 3), _FACES, 2, 0, 12)
+HEX27 = Element("hex27", "hypercube", _HEX, tensor(2, 3), _FACES, 3, 1, 29)
+
+
+_TRIANGLE_EDGES = (
+    Face((0.0, 0.0), ((1.0, 0.0),)),
+    Face((1.0, 0.0), ((-1.0, 1.0),)),
+    Face((0.0, 1.0), ((0.0, -1.0),)),
+)
+_ORIGIN = (0.0, 0.0, 0.0)
+_TET_FACES = (
+    Face(_ORIGIN, (_Y, _X)),
+    Face(_ORIGIN, (_X, _Z)),
+    Face(_ORIGIN, (_Z, _Y)),
+    Face(_X, ((-1.0, 1.0, 0.0), (-1.0, 0.0, 1.0))),
+)
+
+
+def _with_middles(corners: FloatArray, edges: tuple[tuple[int, int], ...]) -> FloatArray:
+    return np.vstack([corners, [0.5 * (corners[a] + corners[b]) for a, b in edges]])
+
+
+_TRIANGLE = np.array([[0, 0], [1, 0], [0, 1]], dtype=float)
+_TET = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+
+TRI3 = Element("tri3", "simplex", _TRIANGLE, complete(1, 2), _TRIANGLE_EDGES, 1, None, 5)
+TRI6 = Element(
+    "tri6",
+    "simplex",
+    _with_middles(_TRIANGLE, ((0, 1), (1, 2), (2, 0))),
+    complete(2, 2),
+    _TRIANGLE_EDGES,
+    2,
+    0,
+    22,
+)
+TET4 = Element("tet4", "simplex", _TET, complete(1, 3), _TET_FACES, 1, None, 10)
+TET10 = Element(
+    "tet10",
+    "simplex",
+    _with_middles(_TET, ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))),
+    complete(2, 3),
+    _TET_FACES,
+    2,
+    None,  # a constant pressure fails the inf-sup condition in 3-D: its faces have no point of their own
+    24,
+)
+
+
+ELEMENTS: dict[str, Element] = {
+    element.name: element for element in (TRI3, TRI6, QUAD4, QUAD8, QUAD9, TET4, TET10, HEX8, HEX27)
+}
+
+
+def element(name: str) -> Element:
+    """Look an element up by name.
+
+    Raises
+    ------
+    ValueError
+        If there is no such element; the message lists those there are.
+    """
+    if name not in ELEMENTS:
+        raise ValueError(f"kind must be one of {sorted(ELEMENTS)}, got {name!r}")
+    return ELEMENTS[name]

@@ -1,0 +1,202 @@
+"""Equations of equilibrium of a model: residual and tangent of the unknown displacements."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from explicit.arrays import FloatArray
+from kolsky.equilibrium.body import Body, BodyState
+from kolsky.equilibrium.linear.base import Factors
+from kolsky.equilibrium.linear.solvers import BridgedSolver, linear_solver
+from kolsky.equilibrium.loads import FollowerPressure, PlaneContact, nodal_forces, weight
+from kolsky.equilibrium.model import Model, Pressure, RigidPlane
+from kolsky.equilibrium.surface_contact import surface_contacts
+
+
+@dataclass(frozen=True)
+class State:
+    """A state that need not be an equilibrium."""
+
+    at: dict[str, float]
+    """Value of each history."""
+    u: FloatArray
+    """Displacements [m], shape [n d]."""
+    body: BodyState
+    """Its internal forces."""
+    carried: FloatArray
+    """Weight and pressure on the points [N], shape [n d]."""
+    external: FloatArray
+    """All external forces of the points, contact included [N], shape [n d]."""
+    residual: FloatArray
+    """Internal less external forces of the unknowns [N], shape [n_unknowns]."""
+    multipliers: tuple[FloatArray, ...] = ()
+    """Multipliers of the points of each contact [N]."""
+
+    @property
+    def inverted(self) -> bool:
+        """Whether the body is inside out somewhere."""
+        return self.body.inverted
+
+
+class Equations:
+    """A model with its constants."""
+
+    def __init__(self, model: Model, parameters: FloatArray, *, linear: str = "auto") -> None:
+        self.model = model
+        self.body = Body(model, parameters)
+        self.pressures = [
+            (c.history, FollowerPressure(model, c.where)) for c in model.conditions if isinstance(c, Pressure)
+        ]
+        self.contacts = [PlaneContact(model, c) for c in model.conditions if isinstance(c, RigidPlane)]
+        self.surfaces = surface_contacts(model)
+        self.symmetric = not self.pressures
+        self.solver = linear_solver(linear, self.body.pattern, model.mesh.points, model.mesh.cells)
+        self.smooth = not (self.contacts or self.surfaces)
+        """Whether a tangent tells of states near its own: where points touch and part it does not."""
+        self.worth = self.solver.worth if self.smooth else 1
+        """Iterations with a kept tangent that take about the time of a factorisation."""
+        self._bridged = BridgedSolver(linear, self.body.pattern, model.mesh.points, model.mesh.cells)
+        size = float(np.ptp(model.mesh.points, axis=0).max())
+        depth = model.thickness if model.kinematics.startswith("plane") else size
+        self.floor = 1e-13 * model.solid.shear_modulus * size * depth
+        """Residual of rounding at rest, where there are no forces to compare with [N]."""
+
+    def with_prescribed(self, u: FloatArray, at: Mapping[str, float]) -> FloatArray:
+        """Displacements with the prescribed components of a moment, shape [n d]."""
+        moved = u.copy()
+        for dofs, name, factor in self.model.unknowns.prescribed:
+            moved[dofs] = factor * at[name]
+        return moved
+
+    def expanded(self, unknowns: FloatArray) -> FloatArray:
+        """Changes of the unknowns in all components, shape [..., n d]."""
+        return self.body.pattern.expanded(unknowns)
+
+    def reduced(self, full: FloatArray) -> FloatArray:
+        """Forces of all components summed into the unknowns, shape [..., n_unknowns]."""
+        return self.body.pattern.reduced(full)
+
+    def travel(self, contact: PlaneContact, at: Mapping[str, float]) -> float:
+        """Travel of a plane [m]."""
+        return 0.0 if contact.plane.history is None else at[contact.plane.history]
+
+    def rest(self) -> State:
+        """The undeformed state, all histories at 0."""
+        return self.evaluate(np.zeros(self.model.n_dofs), dict.fromkeys(self.model.histories, 0.0))
+
+    def evaluate(
+        self,
+        u: FloatArray,
+        at: dict[str, float],
+        *,
+        like: State | None = None,
+        multipliers: tuple[FloatArray, ...] | None = None,
+    ) -> State:
+        """State at displacements [m] of shape [n d]; `like`: one near it, for multipliers and thickness."""
+        body = self.body.evaluate(u, start=None if like is None else like.body)
+        if multipliers is None:
+            multipliers = tuple(np.zeros(len(c.nodes)) for c in self.contacts)
+            multipliers = multipliers if like is None else like.multipliers
+        carried = self._carried(u, at)
+        external = self._external(u, at, multipliers, carried)
+        return State(at, u, body, carried, external, self.reduced(body.forces - external), multipliers)
+
+    def excess(self, state: State, tolerance: float) -> float:
+        """The residual over what is allowed of it [-]."""
+        scale = max(float(np.linalg.norm(state.body.forces)), float(np.linalg.norm(state.external)))
+        return float(np.linalg.norm(state.residual)) / max(tolerance * scale, self.floor)
+
+    def converged(self, state: State, tolerance: float) -> bool:
+        """Whether the residual is below its tolerance."""
+        return self.excess(state, tolerance) <= 1.0
+
+    def augmented(self, state: State) -> tuple[tuple[FloatArray, ...], bool]:
+        """Multipliers that take over the penalty forces, and whether no point was too deep before."""
+        pushes, closed = [], True
+        for contact, pushed in zip(self.contacts, state.multipliers, strict=True):
+            travel = self.travel(contact, state.at)
+            pushes.append(contact.pushes(state.u, travel, pushed))
+            gaps = contact.gaps(state.u, travel)
+            apart = np.where(pushes[-1] > 0.0, np.abs(gaps), -np.minimum(gaps, 0.0))
+            closed = closed and bool(apart.max(initial=0.0) <= contact.depth)
+        return tuple(pushes), closed
+
+    def carried_stiffness(self, state: State, *, single: bool = False) -> FloatArray:
+        """Tangent of the internal forces less weight and pressure, element by element [N/m]."""
+        elements = self.body.stiffness(state.body, single=single)
+        for name, pressure in self.pressures:
+            for cells, by in pressure.evaluate(state.u)[1]:
+                np.add.at(elements, cells, -state.at[name] * by)
+        return elements
+
+    def stiffness(self, state: State, *, held: bool = False, single: bool = False) -> FloatArray:
+        """Tangent of the residual, element by element [N/m], shape [m, k d, k d].
+
+        `held` keeps points in contact on their plane, as derivatives of the solution need it; `single`
+        is for factors that only guide an iteration.
+        """
+        return self.with_contact(self.carried_stiffness(state, single=single), state, held=held)
+
+    def with_contact(self, elements: FloatArray, state: State, *, held: bool) -> FloatArray:
+        """Element matrices with the stiffness of the points in contact; the same array if there are none."""
+        if self.contacts:
+            elements = elements.copy()
+        for contact, pushed in zip(self.contacts, state.multipliers, strict=True):
+            pushes = contact.pushes(state.u, self.travel(contact, state.at), pushed)
+            contact.add_stiffness(elements, pushes, held=held)
+        return elements
+
+    def factors(self, elements: FloatArray, state: State | None = None) -> Factors:
+        """Element matrices, and what the contact of surfaces adds in a state, factorised."""
+        nodes, blocks = [], []
+        if state is not None:
+            for contact in self.surfaces:
+                pairs, stiff = contact.blocks(state.u)
+                nodes.append(contact.nodes_of(pairs))
+                blocks.append(stiff)
+        if sum(map(len, nodes)) == 0:
+            return self.solver.factors(elements, symmetric=self.symmetric)
+        joined = np.concatenate(nodes), np.concatenate(blocks)
+        return self._bridged.factors(elements, *joined, symmetric=self.symmetric)
+
+    def closed(self, state: State) -> bool:
+        """Whether no surface is deeper in another than it may be."""
+        return all(contact.deepest(state.u) <= contact.depth for contact in self.surfaces)
+
+    def times(self, elements: FloatArray, du: FloatArray) -> FloatArray:
+        """Element matrices times changes [m] of shape [..., n d], summed in all components [N]."""
+        dofs = self.body.pattern.dofs
+        rows = np.atleast_2d(du)
+        products = np.matmul(elements, np.moveaxis(rows[:, dofs], 0, 2))
+        found = np.array([self.body.pattern.vector(products[..., j]) for j in range(len(rows))])
+        return found.reshape(du.shape)
+
+    def external_change(self, state: State, at: dict[str, float]) -> FloatArray:
+        """Change of the external forces with the histories at fixed displacements [N], in the unknowns."""
+        external = self._external(state.u, at, state.multipliers, self._carried(state.u, at))
+        return self.reduced(external - state.external)
+
+    def carried_change(self, state: State, at: dict[str, float]) -> FloatArray:
+        """Change of weight and pressure with the histories at fixed displacements [N], shape [n d]."""
+        return self._carried(state.u, at) - state.carried
+
+    def _carried(self, u: FloatArray, at: dict[str, float]) -> FloatArray:
+        total = weight(self.model, self.body.points.geometry, at)
+        for name, pressure in self.pressures:
+            total = total + at[name] * pressure.evaluate(u)[0]
+        return total
+
+    def _external(
+        self,
+        u: FloatArray,
+        at: dict[str, float],
+        multipliers: tuple[FloatArray, ...],
+        carried: FloatArray,
+    ) -> FloatArray:
+        total = carried + nodal_forces(self.model, at)
+        for contact, pushed in zip(self.contacts, multipliers, strict=True):
+            total = total + contact.forces(contact.pushes(u, self.travel(contact, at), pushed))
+        for surface in self.surfaces:
+            total = total + surface.forces(u)
+        return total

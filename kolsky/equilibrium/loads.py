@@ -1,0 +1,246 @@
+"""External forces: weight and dead loads, pressure that follows the surface, contact with a rigid plane.
+
+Pressure: with the tangents t_1, t_2 of the deformed face along its coordinates, n da = t_1 x t_2 ds and
+
+    f_a = -p int N_a (t_1 x t_2) ds,                                                           (P.1)
+
+whose derivative by the displacements is not symmetric. In two dimensions n da is the tangent turned by -90
+degrees times the thickness, or times 2 pi r of the deformed radius.
+
+Contact: a point at the distance g above the plane is pushed out with max(0, lam - k g) (augmented Lagrange
+multipliers; Simo and Laursen 1992). After each equilibrium lam takes that value, until no point is deeper
+than
+the tolerance.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from explicit.arrays import FloatArray, IntArray
+from kolsky.equilibrium.elements import Face
+from kolsky.equilibrium.meshes import Mesh
+from kolsky.equilibrium.model import Gravity, Model, NodalForce, RigidPlane, Traction, unit
+from kolsky.equilibrium.points import Geometry
+
+CONTACT_STIFFNESS = 500.0
+"""Penalty of a point, in shear moduli times the mean spacing of the points in the body."""
+DIFFERENTIATION_STIFFNESS = 1e5
+"""Factor of the stiffness with which points in contact are held where the solution is differentiated [-]."""
+
+
+class PlaneContact:
+    """The contact of one set with one plane."""
+
+    def __init__(self, model: Model, plane: RigidPlane) -> None:
+        if len(plane.normal) != model.dimension or len(plane.position) != model.dimension:
+            raise ValueError(f"normal and position of {plane} must have {model.dimension} components")
+        if plane.stiffness is not None and not plane.stiffness > 0.0:
+            raise ValueError(f"stiffness must be > 0 N/m, got {plane.stiffness}")
+        if not 0.0 < plane.tolerance < 1.0:
+            raise ValueError(f"tolerance must be in (0, 1), got {plane.tolerance}")
+        self.plane, self.model = plane, model
+        self.normal = unit(plane.normal)
+        self.nodes = model.mesh.nodes(plane.where)
+        size = np.ptp(model.mesh.points, axis=0)
+        self.depth = plane.tolerance * float(size.max())
+        spacing = float(size.prod() / len(model.mesh.points)) ** (1.0 / model.dimension)
+        across = spacing if model.kinematics == "3d" else _across(model)
+        usual = CONTACT_STIFFNESS * model.solid.shear_modulus * across
+        self.stiffness = usual if plane.stiffness is None else plane.stiffness
+        self.cells = _cell_with(model.mesh.cells, self.nodes)
+
+    def gaps(self, u: FloatArray, travel: float) -> FloatArray:
+        """Distances of the points above the plane [m], shape [p]."""
+        x = (self.model.mesh.points + u.reshape(-1, self.model.dimension))[self.nodes]
+        return np.asarray((x - np.asarray(self.plane.position)) @ self.normal - travel)
+
+    def pushes(self, u: FloatArray, travel: float, multipliers: FloatArray) -> FloatArray:
+        """Forces on the points along the normal [N], shape [p]."""
+        return np.maximum(0.0, multipliers - self.stiffness * self.gaps(u, travel))
+
+    def forces(self, pushes: FloatArray) -> FloatArray:
+        """Forces of all points [N], shape [n d]."""
+        total = np.zeros(self.model.mesh.points.shape)
+        np.add.at(total, self.nodes, pushes[:, None] * self.normal)
+        return total.reshape(-1)
+
+    def add_stiffness(self, elements: FloatArray, pushes: FloatArray, *, held: bool) -> None:
+        """Add the stiffness of the points in contact to that of a cell of each, in place."""
+        d = self.model.dimension
+        block = (
+            self.stiffness * (DIFFERENTIATION_STIFFNESS if held else 1.0) * np.outer(self.normal, self.normal)
+        )
+        for node, cell in zip(self.nodes[pushes > 0.0], self.cells[pushes > 0.0], strict=True):
+            at = d * int(np.flatnonzero(self.model.mesh.cells[cell] == node)[0])
+            elements[cell, at : at + d, at : at + d] += block
+
+
+def _across(model: Model) -> float:
+    """Length of a point's share in the third direction [m]."""
+    if model.kinematics == "axisymmetric":
+        return float(np.pi * np.ptp(model.mesh.points[:, 0]))
+    return model.thickness
+
+
+def _cell_with(cells: IntArray, nodes: IntArray) -> IntArray:
+    """A cell that has each point."""
+    of = np.full(int(cells.max()) + 1, -1)
+    of[cells.ravel()] = np.repeat(np.arange(len(cells)), cells.shape[1])
+    if (of[nodes] < 0).any():
+        raise ValueError("a point of the contact belongs to no cell")
+    return np.asarray(of[nodes])
+
+
+@dataclass(frozen=True)
+class Faces:
+    """Faces of one local kind (such as all left ones)."""
+
+    cells: IntArray
+    """Their cells, shape [f]."""
+    values: FloatArray
+    """Shape functions at the face's Gauss points [-], shape [g, k]."""
+    slopes: FloatArray
+    """Their derivatives along the face's coordinates [-], shape [g, k, d - 1]."""
+    weights: FloatArray
+    """Weights of the Gauss points [-], shape [g]."""
+    face: Face
+    """The local face."""
+
+
+def faces_on(mesh: Mesh, where: str, gauss: int | None = None) -> list[Faces]:
+    """Faces on the boundary of the mesh whose points all belong to a set.
+
+    Raises
+    ------
+    ValueError
+        If there are none.
+    """
+    element = mesh.element
+    member = np.zeros(len(mesh.points), dtype=bool)
+    member[mesh.nodes(where)] = True
+    points, weights = element.face_rule(element.gauss if gauss is None else gauss)
+    found, keys = [], []
+    for face in element.faces:
+        nodes = mesh.cells[:, element.nodes_on(face)]
+        keys.append(np.sort(nodes, axis=1))
+        found.append(np.flatnonzero(member[nodes].all(axis=1)))
+    # a face of two cells is inside; all its points name it: faces that meet in an edge share its points
+    _, inverse, counts = np.unique(np.concatenate(keys), axis=0, return_inverse=True, return_counts=True)
+    outer = (counts[inverse.ravel()] == 1).reshape(len(element.faces), len(mesh.cells))
+    result = []
+    for number, face in enumerate(element.faces):
+        cells = found[number][outer[number, found[number]]]
+        if len(cells) == 0:
+            continue
+        tangents = np.asarray(face.tangents)
+        places = np.asarray(face.origin) + points @ tangents
+        slopes = element.gradients(places) @ tangents.T
+        result.append(Faces(cells, element.values(places), slopes, weights, face))
+    if not result:
+        raise ValueError(f"no face of the mesh has all its points in the set {where!r}")
+    return result
+
+
+def weight(model: Model, geometry: Geometry, at: Mapping[str, float]) -> FloatArray:
+    """Weight of the points [N], shape [n d]; `at` holds the value of each history."""
+    total = np.zeros(model.mesh.points.shape)
+    for condition in model.conditions:
+        if isinstance(condition, Gravity):
+            factor = 1.0 if condition.history is None else at[condition.history]
+            # Eq. (11): the integral of rho g . u, so every point carries that of its shape function
+            share = np.einsum("mg,gk->mk", geometry.volumes, geometry.values)
+            volume = np.bincount(model.mesh.cells.ravel(), weights=share.ravel(), minlength=len(total))
+            total += volume[:, None] * (factor * condition.density * np.asarray(condition.acceleration))
+    return total.reshape(-1)
+
+
+def nodal_forces(model: Model, at: Mapping[str, float]) -> FloatArray:
+    """Forces on points, on coupled points and on faces [N], shape [n d]."""
+    total = np.zeros(model.mesh.points.shape)
+    for condition in model.conditions:
+        if isinstance(condition, NodalForce):
+            nodes = model.mesh.nodes(condition.where)
+            total[nodes, condition.axis] += at[condition.history] / len(nodes)
+        elif isinstance(condition, Traction):
+            total[:, condition.axis] += at[condition.history] * areas(model, condition.where)
+    flat = total.reshape(-1)
+    for component, name in model.unknowns.forces:
+        flat[component] += at[name]
+    return flat
+
+
+def areas(model: Model, where: str) -> FloatArray:
+    """Share of each point in the undeformed faces of a set, the integrals of the shape functions [m2],
+    shape [n]."""
+    total = np.zeros(len(model.mesh.points))
+    for faces in faces_on(model.mesh, where, model.gauss):
+        nodes = model.mesh.cells[faces.cells]
+        X = model.mesh.points[nodes]
+        tangents = np.einsum("gkt,fkd->fgtd", faces.slopes, X)
+        if X.shape[2] == 3:
+            area = np.linalg.norm(np.cross(tangents[:, :, 0], tangents[:, :, 1]), axis=-1)
+        else:
+            area = np.linalg.norm(tangents[:, :, 0], axis=-1)
+            if model.kinematics == "axisymmetric":
+                area = area * (2.0 * np.pi * np.einsum("gk,fk->fg", faces.values, X[..., 0]))
+            else:
+                area = area * model.thickness
+        np.add.at(total, nodes, np.einsum("g,gk,fg->fk", faces.weights, faces.values, area))
+    return total
+
+
+_SKEW = np.zeros((3, 3, 3))
+for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    _SKEW[_i, _j, _k], _SKEW[_i, _k, _j] = 1.0, -1.0
+_TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
+
+
+class FollowerPressure:
+    """Forces of a unit pressure on the faces of a set, and their derivative."""
+
+    def __init__(self, model: Model, where: str) -> None:
+        self.model = model
+        self.faces = faces_on(model.mesh, where, model.gauss)
+
+    def evaluate(self, u: FloatArray) -> tuple[FloatArray, list[tuple[IntArray, FloatArray]]]:
+        """Forces per unit of pressure [m2], shape [n d], and of each group of faces its cells and the
+        derivative of the cells' forces by their displacements [m], shape [f, k d, k d]."""
+        mesh, d = self.model.mesh, self.model.dimension
+        x = mesh.points + u.reshape(-1, d)
+        total = np.zeros(mesh.points.shape)
+        derivatives = []
+        for faces in self.faces:
+            nodes = mesh.cells[faces.cells]
+            force, by = self._of_faces(faces, x[nodes])
+            np.add.at(total, nodes, force)
+            k = nodes.shape[1]
+            derivatives.append((faces.cells, by.reshape(len(nodes), k * d, k * d)))
+        return total.reshape(-1), derivatives
+
+    def _of_faces(self, faces: Faces, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Forces [f, k, d] and derivatives [f, k, d, k, d] for a unit pressure."""
+        N, w = faces.values, faces.weights
+        tangents = np.einsum("gkt,fkd->fgtd", faces.slopes, x)
+        if x.shape[2] == 3:
+            normal = np.cross(tangents[:, :, 0], tangents[:, :, 1])
+            # d(t1 x t2) = [t1 x] dt2 - [t2 x] dt1 with (a x b)_i = e_ijk a_j b_k
+            first = np.einsum("ijk,fgj->fgik", _SKEW, tangents[:, :, 0])
+            second = np.einsum("ijk,fgj->fgik", _SKEW, tangents[:, :, 1])
+            by = np.einsum("fgij,gb->fgibj", first, faces.slopes[:, :, 1])
+            by -= np.einsum("fgij,gb->fgibj", second, faces.slopes[:, :, 0])
+        else:
+            normal = tangents[:, :, 0] @ _TURN.T
+            by = np.einsum("ij,gb->gibj", _TURN, faces.slopes[:, :, 0])[None].repeat(len(x), axis=0)
+            if self.model.kinematics == "axisymmetric":
+                radius = np.einsum("gk,fk->fg", N, x[..., 0])
+                by = by * radius[:, :, None, None, None]
+                by[..., 0] += np.einsum("fgi,gb->fgib", normal, N)
+                normal = normal * radius[..., None]
+                scale = 2.0 * np.pi
+            else:
+                scale = self.model.thickness
+            normal, by = scale * normal, scale * by
+        force = -np.einsum("g,ga,fgi->fai", w, N, normal)
+        return force, -np.einsum("g,ga,fgibj->faibj", w, N, by)

@@ -1,0 +1,232 @@
+"""Meshes: structured ones of boxes, crosses and dog-bones, and those of files that PyVista reads."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+
+from explicit.arrays import BoolArray, FloatArray, IntArray
+from kolsky.equilibrium.elements import ELEMENTS, Element, element
+
+SIDES = (("left", "right"), ("bottom", "top"), ("back", "front"))
+"""Names of the node sets at the smallest and the largest coordinate of each axis."""
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Points, cells of one kind, and named sets of points."""
+
+    points: FloatArray
+    """Coordinates [m], shape [n, d]; in an axisymmetric model (r, z)."""
+    cells: IntArray
+    """Points of each cell, in the order of VTK, shape [m, k]."""
+    kind: str
+    """The element, a name in `kolsky.equilibrium.elements.ELEMENTS`."""
+    sets: Mapping[str, IntArray] = field(default_factory=dict)
+    """Points by name, each of shape [...]."""
+
+    def __post_init__(self) -> None:
+        shape = self.element.n_nodes, self.element.dimension
+        if self.cells.ndim != 2 or self.cells.shape[1] != shape[0]:
+            raise ValueError(f"cells of {self.kind} have {shape[0]} points, got shape {self.cells.shape}")
+        if self.points.ndim != 2 or self.points.shape[1] != shape[1]:
+            raise ValueError(f"points of {self.kind} have shape [n, {shape[1]}], got {self.points.shape}")
+        if not np.isfinite(self.points).all():
+            raise ValueError("points must be finite")
+        if self.cells.min(initial=0) < 0 or self.cells.max(initial=-1) >= len(self.points):
+            raise ValueError(f"cells must name points in [0, {len(self.points) - 1}]")
+
+    @property
+    def element(self) -> Element:
+        """The element of the cells."""
+        return element(self.kind)
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates d."""
+        return int(self.points.shape[1])
+
+    def nodes(self, name: str) -> IntArray:
+        """Points of a set.
+
+        Raises
+        ------
+        ValueError
+            If there is no such set; the message lists those there are.
+        """
+        if name not in self.sets:
+            raise ValueError(f"the mesh has no set {name!r}; it has {sorted(self.sets)}")
+        return np.asarray(self.sets[name], dtype=np.int64)
+
+    def with_set(self, name: str, where: Callable[[FloatArray], BoolArray] | IntArray) -> "Mesh":
+        """The mesh with one more set: indices, or a function of the points that says which belong to it."""
+        found = np.flatnonzero(where(self.points)) if callable(where) else np.asarray(where, dtype=np.int64)
+        if len(found) == 0:
+            raise ValueError(f"the set {name!r} would be empty")
+        return replace(self, sets={**self.sets, name: found})
+
+
+def box(size: Sequence[float], cells: Sequence[int], *, kind: str = "hex27") -> Mesh:
+    """A box (a rectangle in two dimensions) with its corner in the origin.
+
+    Parameters
+    ----------
+    size : sequence of float
+        Edge lengths [m], d of them.
+    cells : sequence of int
+        Hexahedra or quadrilaterals along each edge. Those are cut into six tetrahedra or two triangles for
+        those kinds.
+    kind : str
+        The element.
+    """
+    return _structured(size, cells, kind, None)
+
+
+def rectangle(size: Sequence[float], cells: Sequence[int], *, kind: str = "quad9") -> Mesh:
+    """A rectangle; see `box`."""
+    return _structured(size, cells, kind, None)
+
+
+def cross(size: Sequence[float], cells: Sequence[int], corner: Sequence[int], *, kind: str = "hex27") -> Mesh:
+    """A box (or rectangle) without its four corners in x and y, each of ``corner`` cells."""
+    nx, ny = cells[0], cells[1]
+    if not (0 < 2 * corner[0] < nx and 0 < 2 * corner[1] < ny):
+        raise ValueError(f"corner must leave cells of {tuple(cells[:2])} in both axes, got {tuple(corner)}")
+    inside = np.ones((nx, ny), dtype=bool)
+    for i in (slice(None, corner[0]), slice(nx - corner[0], None)):
+        for j in (slice(None, corner[1]), slice(ny - corner[1], None)):
+            inside[i, j] = False
+    keep = inside if len(cells) == 2 else np.repeat(inside[..., None], cells[2], axis=2)
+    return _structured(size, cells, kind, keep)
+
+
+def dog_bone(
+    size: Sequence[float],
+    cells: Sequence[int],
+    *,
+    waist: float,
+    straight: float,
+    kind: str = "hex27",
+) -> Mesh:
+    """A bar along x whose width (along y) falls by a cosine from that of the ends to ``waist`` [m] over the
+    middle length ``straight`` [m]."""
+    if not 0.0 < waist <= size[1]:
+        raise ValueError(f"waist must be in (0, {size[1]}] m, got {waist}")
+    if not 0.0 <= straight < size[0]:
+        raise ValueError(f"straight must be in [0, {size[0]}) m, got {straight}")
+    mesh = _structured(size, cells, kind, None)
+    ramp = 0.5 * (size[0] - straight)
+    away = np.clip((np.abs(mesh.points[:, 0] - 0.5 * size[0]) - 0.5 * straight) / ramp, 0.0, 1.0)
+    width = waist + (size[1] - waist) * 0.5 * (1.0 - np.cos(np.pi * away))
+    points = mesh.points.copy()
+    middle = 0.5 * size[1]
+    points[:, 1] = middle + (points[:, 1] - middle) * width / size[1]
+    return replace(mesh, points=points)
+
+
+def grid(lines: Sequence[FloatArray], keep: BoolArray, *, kind: str = "hex27") -> Mesh:
+    """Cells of a rectangular grid with any spacing, of which some are left out.
+
+    Parameters
+    ----------
+    lines : sequence of array
+        Rising coordinates of the grid's lines along each axis [m], d of them.
+    keep : array of bool
+        Which cells there are, shape [n_0, .., n_(d-1)] with n_i one less than the number of lines.
+    kind : str
+        The element; a cell of simplices is six tetrahedra or two triangles.
+
+    Raises
+    ------
+    ValueError
+        If lines do not rise, or `keep` has another shape or no cell.
+    """
+    shape = tuple(len(line) - 1 for line in lines)
+    if keep.shape != shape or not keep.any():
+        raise ValueError(f"keep must have shape {shape} and a cell in it, got {keep.shape}")
+    if any((np.diff(line) <= 0.0).any() for line in lines):
+        raise ValueError("the lines of a grid must rise")
+    unit = _structured([float(n) for n in shape], shape, kind, keep)
+    placed = [np.interp(unit.points[:, i], np.arange(len(line)), line) for i, line in enumerate(lines)]
+    return replace(unit, points=np.stack(placed, axis=-1))
+
+
+def from_pyvista(grid: Any) -> Mesh:
+    """The mesh of a PyVista (VTK) unstructured grid whose cells are all of one known kind.
+
+    Point data whose name begins with "set:" are masks of node sets. A flat mesh of triangles or
+    quadrilaterals (z = 0) becomes one of two coordinates.
+
+    Raises
+    ------
+    ValueError
+        If there are several kinds of cells, or one that is not in `kolsky.equilibrium.elements.ELEMENTS`.
+    """
+    kinds = {item.vtk: item for item in ELEMENTS.values()}
+    present = list(grid.cells_dict)
+    if len(present) != 1 or present[0] not in kinds:
+        known = ", ".join(f"{item.name} ({vtk})" for vtk, item in kinds.items())
+        raise ValueError(f"cells must be of one type out of {known}, got VTK types {present}")
+    item = kinds[present[0]]
+    points = np.asarray(grid.points, dtype=float)
+    if item.dimension == 2:
+        if np.ptp(points[:, 2]) > 0.0:
+            raise ValueError("a mesh of plane cells must lie in a plane of constant z")
+        points = points[:, :2]
+    sets = {
+        name.removeprefix("set:"): np.flatnonzero(np.asarray(grid.point_data[name]))
+        for name in grid.point_data
+        if name.startswith("set:")
+    }
+    mesh = Mesh(points, np.asarray(grid.cells_dict[present[0]], dtype=np.int64), item.name)
+    return replace(_used(mesh), sets=sets) if len(sets) == 0 else replace(mesh, sets=sets)
+
+
+def _structured(size: Sequence[float], cells: Sequence[int], kind: str, keep: BoolArray | None) -> Mesh:
+    item = element(kind)
+    d = item.dimension
+    if len(size) != d or len(cells) != d:
+        raise ValueError(f"{kind} needs {d} edge lengths and numbers of cells, got {len(size)}, {len(cells)}")
+    if min(size) <= 0.0 or min(cells) < 1:
+        raise ValueError(f"size must be > 0 m and cells >= 1, got {tuple(size)} and {tuple(cells)}")
+    order = int(item.exponents.max())
+    patterns = _patterns(item) * order  # nodes in the unit cell, in steps of the lattice
+    counts = np.asarray(cells)
+    corners = np.stack(np.meshgrid(*[np.arange(n) for n in cells], indexing="ij"), axis=-1)
+    chosen = corners.reshape(-1, d) if keep is None else corners[keep]
+    lattice = order * counts + 1
+    index = np.rint(order * chosen[:, None, None, :] + patterns[None]).astype(np.int64)
+    flat = np.ravel_multi_index(tuple(np.moveaxis(index, -1, 0)), tuple(lattice)).reshape(-1, item.n_nodes)
+    axes = [np.linspace(0.0, length, n) for length, n in zip(size, lattice, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, d)
+    mesh = _used(Mesh(points, flat, kind))
+    sets = {}
+    for axis, names in enumerate(SIDES[:d]):
+        for name, end in zip(names, (0.0, size[axis]), strict=True):
+            sets[name] = np.flatnonzero(np.abs(mesh.points[:, axis] - end) < 1e-9 * size[axis])
+    return replace(mesh, sets=sets)
+
+
+def _patterns(item: Element) -> FloatArray:
+    """Node coordinates in the unit cell of the elements that fill it, shape [parts, k, d]."""
+    if item.shape == "hypercube":
+        return 0.5 * (item.nodes[None] + 1.0)
+    d, parts = item.dimension, []
+    for order in permutations(range(d)):  # Kuhn's simplices: from (0..0) to (1..1), an axis after the other
+        corners = np.zeros((d + 1, d))
+        for step, axis in enumerate(order):
+            corners[step + 1 :, axis] = 1.0
+        edges = corners[1:] - corners[0]
+        if np.linalg.det(edges) < 0.0:
+            corners[[1, 2]] = corners[[2, 1]]
+            edges = corners[1:] - corners[0]
+        parts.append(corners[0] + item.nodes @ edges)
+    return np.array(parts)
+
+
+def _used(mesh: Mesh) -> Mesh:
+    """The mesh without the points that no cell has."""
+    used, cells = np.unique(mesh.cells, return_inverse=True)
+    return Mesh(mesh.points[used], cells.reshape(mesh.cells.shape).astype(np.int64), mesh.kind)

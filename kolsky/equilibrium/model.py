@@ -1,0 +1,356 @@
+"""A body with its material, supports and loads. It never changes while it is solved.
+
+Histories of supports and loads are given by name when it is solved.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from explicit.arrays import FloatArray, IntArray
+from kolsky.equilibrium.meshes import Mesh
+from kolsky.equilibrium.solid import Solid
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """Displacements held at zero."""
+
+    where: str
+    """Set of points."""
+    axes: tuple[int, ...] | None = None
+    """Components held; None: all."""
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """One displacement component that follows a history."""
+
+    where: str
+    """Set of points."""
+    axis: int
+    """The component."""
+    history: str
+    """Name of the history [m]."""
+    factor: float | FloatArray = 1.0
+    """Factor of the history [-], one for all points of the set or one for each, in its order."""
+
+
+@dataclass(frozen=True)
+class Coupled:
+    """Points that move together along an axis (a rigid interface that slides), under a force or none.
+
+    This is the coupling of Schumacher and others (2020), Eq. (6): the component is one unknown.
+    """
+
+    where: str
+    """Set of points."""
+    axis: int
+    """The component they share."""
+    force: str | None = None
+    """Name of the history of the force on them [N]; None: no force."""
+
+
+@dataclass(frozen=True)
+class NodalForce:
+    """A dead force, shared equally by the points of a set."""
+
+    where: str
+    """Set of points."""
+    axis: int
+    """Its direction."""
+    history: str
+    """Name of the history [N]."""
+
+
+@dataclass(frozen=True)
+class Traction:
+    """A dead load on the faces whose points all belong to a set, per undeformed area."""
+
+    where: str
+    """Set of points."""
+    axis: int
+    """Its direction."""
+    history: str
+    """Name of the history [Pa]."""
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """Weight (Schumacher and others 2020, Eq. 11)."""
+
+    density: float
+    """In the reference state [kg/m3]."""
+    acceleration: tuple[float, ...]
+    """Acceleration of free fall [m/s2], shape [d]."""
+    history: str | None = None
+    """Name of a history of its factor [-]; None: it acts from the first step on."""
+
+
+@dataclass(frozen=True)
+class Pressure:
+    """A pressure that stays normal to the deformed faces whose points all belong to a set."""
+
+    where: str
+    """Set of points."""
+    history: str
+    """Name of the history [Pa], positive where it presses."""
+
+
+@dataclass(frozen=True)
+class RigidPlane:
+    """A frictionless rigid plane that points of a set cannot pass.
+
+    The multipliers of the points in contact are found by augmentation: a penalty force stiffness * depth + a
+    multiplier, which is raised by the penalty force until no point is deeper than the tolerance.
+    """
+
+    where: str
+    """Set of points that may touch."""
+    normal: tuple[float, ...]
+    """Direction out of the plane, towards the body [-], shape [d]; its length does not matter."""
+    position: tuple[float, ...]
+    """A point of the plane at history value 0 [m], shape [d]."""
+    history: str | None = None
+    """Name of the history of the plane's travel along its normal [m]; None: it stays."""
+    stiffness: float | None = None
+    """Penalty of a point [N/m]; None: from the shear modulus and the spacing of the points."""
+    tolerance: float = 1e-6
+    """Largest depth, as a share of the mesh's size [-]."""
+
+
+@dataclass(frozen=True)
+class SelfContact:
+    """Two surfaces of the body that cannot pass through each other, without friction.
+
+    Points of integration of each are pushed out of the other by a penalty; an equilibrium in which one
+    is deeper than `depth` is none.
+    """
+
+    where: str
+    """Set of points of the first surface."""
+    other: str
+    """Set of points of the second surface."""
+    penalty: float = 500.0
+    """Pressure over depth, in shear moduli over the size of a face [-]."""
+    depth: float | None = None
+    """Largest depth of an equilibrium [m]; None: a hundredth of the size of a face."""
+    reach: float | None = None
+    """Distance within which a surface is looked for [m], less than the body is thick behind it; None: the
+    size of a face."""
+
+    def __post_init__(self) -> None:
+        for name in ("penalty", "depth", "reach"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} of a contact must be > 0, got {value}")
+
+
+Load = NodalForce | Traction | Gravity | Pressure
+Condition = Fixed | Prescribed | Coupled | RigidPlane | SelfContact | Load
+
+
+def histories_of(conditions: tuple[Condition, ...]) -> tuple[str, ...]:
+    """Names of the histories that the conditions ask for, in their order, each once."""
+    names: list[str] = []
+    for condition in conditions:
+        name = condition.force if isinstance(condition, Coupled) else getattr(condition, "history", None)
+        if name is not None and name not in names:
+            names.append(name)
+    return tuple(names)
+
+
+def unit(normal: tuple[float, ...]) -> FloatArray:
+    """A direction of length 1, shape [d]."""
+    vector = np.asarray(normal, dtype=float)
+    length = float(np.linalg.norm(vector))
+    if not length > 0.0:
+        raise ValueError("the normal of a plane must not be zero")
+    return np.asarray(vector / length)
+
+
+Kinematics = Literal["3d", "plane_strain", "plane_stress", "axisymmetric"]
+
+
+@dataclass(frozen=True)
+class Model:
+    """One specimen."""
+
+    mesh: Mesh
+    """Its mesh."""
+    solid: Solid
+    """Its material, with the constants taken where `solve` is given none."""
+    conditions: tuple[Condition, ...] = ()
+    """Supports and loads; a later condition on the same displacement is an error."""
+    kinematics: Kinematics = "3d"
+    """Three-dimensional, or what the third direction of a plane model does."""
+    thickness: float = 1.0
+    """Thickness of a plane model [m]; an axisymmetric one is the whole revolution."""
+    volumetric: Literal["displacement", "mixed"] = "displacement"
+    """ "mixed": the volume ratio and the pressure are fields of their own, discontinuous between elements and
+    eliminated in each (Simo, Taylor and Pister 1985), for nearly incompressible materials."""
+    regions: IntArray | None = None
+    """Region of each cell from 0, shape [m]; every region has constants of its own. None: one region."""
+    gauss: int | None = None
+    """Gauss points a direction; None: the element's own."""
+    device: str = "cpu"
+    """Where the element kernels run: "cpu", "cuda", "cuda:1" …"""
+
+    def __post_init__(self) -> None:
+        d = 3 if self.kinematics == "3d" else 2
+        if self.kinematics not in ("3d", "plane_strain", "plane_stress", "axisymmetric"):
+            raise ValueError(
+                f"kinematics must be 3d, plane_strain, plane_stress or axisymmetric, got {self.kinematics!r}"
+            )
+        if self.mesh.dimension != d:
+            raise ValueError(f"{self.kinematics} needs a mesh of {d} coordinates, got {self.mesh.dimension}")
+        if not self.thickness > 0.0:
+            raise ValueError(f"thickness must be > 0 m, got {self.thickness}")
+        if self.volumetric not in ("displacement", "mixed"):
+            raise ValueError(f'volumetric must be "displacement" or "mixed", got {self.volumetric!r}')
+        if self.volumetric == "mixed":
+            if self.kinematics == "plane_stress":
+                raise ValueError('plane stress has no volumetric locking: take volumetric = "displacement"')
+            if self.mesh.element.pressure_degree is None:
+                raise ValueError(
+                    f"{self.mesh.kind} has no stable pressure: take hexahedra, quadrilaterals or tri6"
+                )
+            self.solid.isochoric_functions()
+        if self.kinematics == "axisymmetric" and (self.mesh.points[:, 0] < 0.0).any():
+            raise ValueError("an axisymmetric mesh has radii (first coordinate) >= 0 m")
+        if self.regions is not None:
+            regions = np.asarray(self.regions)
+            if regions.shape != (len(self.mesh.cells),) or regions.min() < 0:
+                raise ValueError(f"regions must be one number >= 0 for each of {len(self.mesh.cells)} cells")
+        for condition in self.conditions:
+            for where in (getattr(condition, name, None) for name in ("where", "other")):
+                if where is not None:
+                    self.mesh.nodes(where)
+
+    @property
+    def dimension(self) -> int:
+        """Displacement components of a point d."""
+        return self.mesh.dimension
+
+    @property
+    def n_dofs(self) -> int:
+        """Displacement components of all points, held ones included."""
+        return int(self.mesh.points.size)
+
+    @property
+    def n_regions(self) -> int:
+        """Number of regions."""
+        return 1 if self.regions is None else int(np.max(self.regions)) + 1
+
+    @cached_property
+    def cell_regions(self) -> IntArray:
+        """Region of each cell, shape [m]."""
+        if self.regions is None:
+            return np.zeros(len(self.mesh.cells), dtype=np.int64)
+        return np.asarray(self.regions, dtype=np.int64)
+
+    @property
+    def histories(self) -> tuple[str, ...]:
+        """Names of the histories its conditions ask for."""
+        return histories_of(self.conditions)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the constants; with several regions "name[region]"."""
+        names = self.solid.parameter_names
+        if self.n_regions == 1:
+            return names
+        return tuple(f"{name}[{r}]" for r in range(self.n_regions) for name in names)
+
+    def parameters(self, values: ArrayLike | None = None) -> FloatArray:
+        """Constants of every region, shape [n_regions, n_parameters]; None: the material's own.
+
+        Raises
+        ------
+        ValueError
+            If their number is another, or the material cannot have them.
+        """
+        own = self.solid.parameters()
+        if values is None:
+            return np.tile(own, (self.n_regions, 1))
+        table = np.asarray(values, dtype=float)
+        if table.size != self.n_regions * len(own):
+            raise ValueError(
+                f"the model has {self.n_regions} regions with the constants {self.solid.parameter_names}, "
+                f"got {table.size} values"
+            )
+        table = table.reshape(self.n_regions, len(own))
+        for row in table:
+            self.solid.with_parameters(row)
+        return table
+
+    @cached_property
+    def unknowns(self) -> "Unknowns":
+        """Which displacements are unknown."""
+        return _number_unknowns(self)
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Numbering of the unknown displacements."""
+
+    index: IntArray
+    """Unknown of each component (point by point); -1: it is held or prescribed, shape [n d]."""
+    count: int
+    """Number of unknowns."""
+    prescribed: tuple[tuple[IntArray, str, FloatArray], ...]
+    """Components, history and factor of what is prescribed."""
+    forces: tuple[tuple[int, str], ...]
+    """Component of a point, and history, of the forces on coupled points."""
+
+
+def _number_unknowns(model: Model) -> Unknowns:
+    """Number the unknowns of a model.
+
+    Raises
+    ------
+    ValueError
+        If two conditions claim one displacement.
+    """
+    d = model.dimension
+    owner = np.full(model.n_dofs, -1)
+    master = np.arange(model.n_dofs)
+    prescribed, forces = [], []
+    for number, condition in enumerate(model.conditions):
+        if not isinstance(condition, Fixed | Prescribed | Coupled):
+            continue
+        nodes = model.mesh.nodes(condition.where)
+        axes = (
+            (range(d) if condition.axes is None else condition.axes)
+            if isinstance(condition, Fixed)
+            else (condition.axis,)
+        )
+        for axis in axes:
+            if not 0 <= axis < d:
+                raise ValueError(f"axis of {condition} must be in [0, {d - 1}], got {axis}")
+            dofs = nodes * d + axis
+            taken = owner[dofs] >= 0
+            if isinstance(condition, Fixed) and all(
+                isinstance(model.conditions[k], Fixed) for k in owner[dofs[taken]]
+            ):
+                dofs = dofs[~taken]  # an edge of two fixed faces is held once
+            elif taken.any():
+                other = model.conditions[int(owner[dofs[taken]][0])]
+                raise ValueError(f"{condition} and {other} both claim axis {axis} of {taken.sum()} points")
+            owner[dofs] = number
+            if isinstance(condition, Prescribed):
+                factor = np.broadcast_to(np.asarray(condition.factor, dtype=float), dofs.shape).copy()
+                prescribed.append((dofs, condition.history, factor))
+            elif isinstance(condition, Coupled):
+                master[dofs] = dofs[0]
+                if condition.force is not None:
+                    forces.append((int(dofs[0]), condition.force))
+    held = np.array([k >= 0 and not isinstance(model.conditions[k], Coupled) for k in owner], dtype=bool)
+    index = np.full(model.n_dofs, -1)
+    free = np.flatnonzero(~held & (master == np.arange(model.n_dofs)))
+    index[free] = np.arange(len(free))
+    index[~held] = index[master[~held]]
+    return Unknowns(index, len(free), tuple(prescribed), tuple(forces))

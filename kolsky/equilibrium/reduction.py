@@ -1,0 +1,361 @@
+"""A model in few unknowns: u = V q, its forces from few weighted elements, its loads exactly.
+
+The basis V is that of the snapshots U = [u_1 .. u_n] which leaves the least of them (Sirovich 1987),
+
+    sum_j |u_j - V V^T u_j|^2 = sum_{k > r} s_k^2.                                             (R.1)
+
+With the elements' shares g_e = V_e^T f_e in the reduced forces of training states, stacked as columns of G,
+and their sum b = G 1, weights w >= 0 are sought of which few are not zero and
+
+    |G w - b| <= tau |b|                                                                       (R.2)
+
+(energy-conserving sampling and weighting; Farhat, Avery, Chapman and Cortial 2014), by Lawson and Hanson's
+active set. The equilibrium follows from Newton's method with the exact tangent of
+
+    sum_e w_e V_e^T f_e(V q, c) = sum_k p_k (a_k + B_k q + 1/2 q^T C_k q) + lam V^T f_g          (R.3)
+
+A follower pressure on the faces of Lagrange elements is a polynomial of second degree in the positions: a,
+B and C
+are computed once and hold for every q.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from explicit.arrays import FloatArray, IntArray
+from kolsky.equilibrium.equations import Equations
+from kolsky.equilibrium.meshes import Mesh
+from kolsky.equilibrium.model import (
+    Coupled,
+    Gravity,
+    Model,
+    NodalForce,
+    Prescribed,
+    Pressure,
+    RigidPlane,
+    SelfContact,
+    Traction,
+)
+from kolsky.equilibrium.points import Points
+from kolsky.equilibrium.solution import Outcome, Solution
+
+SMALLEST = 1e-14
+"""Square of the smallest singular value that counts, as a share of that of the largest [-]."""
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Modes of displacement."""
+
+    modes: FloatArray
+    """Orthonormal columns V [-], shape [n d, r]."""
+    values: FloatArray
+    """All singular values s_k [m], falling, shape [n_snapshots]."""
+
+    @property
+    def lost(self) -> float:
+        """Root of the share of the snapshots' sum of squares that the basis leaves, Eq. (R.1) [-]."""
+        squares = self.values**2
+        return float(np.sqrt(squares[self.modes.shape[1] :].sum() / squares.sum()))
+
+
+def independent(snapshots: FloatArray) -> int:
+    """Number of independent snapshots of shape [n_snapshots, n d]."""
+    squares = np.linalg.eigvalsh(snapshots @ snapshots.T)
+    return int((squares > SMALLEST * squares[-1]).sum())
+
+
+def decompose(snapshots: FloatArray, modes: int) -> Basis:
+    """Find the modes of snapshots [m] of shape [n_snapshots, n d].
+
+    Raises
+    ------
+    ValueError
+        If there are fewer independent snapshots than modes.
+    """
+    U = np.asarray(snapshots, dtype=float)
+    gram = U @ U.T
+    squares, vectors = np.linalg.eigh(gram)
+    squares, vectors = np.maximum(squares[::-1], 0.0), vectors[:, ::-1]
+    rank = int((squares > SMALLEST * squares[0]).sum())
+    if not 1 <= modes <= rank:
+        raise ValueError(f"modes must be in [1, {rank}], the independent snapshots, got {modes}")
+    V = U.T @ (vectors[:, :modes] / np.sqrt(squares[:modes]))
+    # the Gram matrix squares the condition: once more orthonormal
+    V, R = np.linalg.qr(V)
+    return Basis(V * np.sign(np.diag(R)), np.sqrt(squares))
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Chosen elements."""
+
+    cells: IntArray
+    """Their numbers, rising, shape [s]."""
+    weights: FloatArray
+    """Weight of each [-], > 0, shape [s]."""
+    residual: float
+    """|G w - b| / |b| [-]."""
+    reached: bool
+    """Whether the tolerance was reached."""
+
+
+def choose(G: FloatArray, *, tolerance: float, most: int | None = None) -> Sample:
+    """Choose elements and weights, Eq. (R.2).
+
+    Parameters
+    ----------
+    G : array, shape [n, m]
+        Shares of the m elements.
+    tolerance : float
+        tau, in (0, 1).
+    most : int, optional
+        Most elements.
+    """
+    if not 0.0 < tolerance < 1.0:
+        raise ValueError(f"tolerance must be in (0, 1), got {tolerance}")
+    b = G.sum(axis=1)
+    size = float(np.linalg.norm(b))
+    limit = min(G.shape) if most is None else min(most, *G.shape)
+    sizes = np.linalg.norm(G, axis=0)
+    w = np.zeros(G.shape[1])
+    active: list[int] = []
+    residual = b.copy()
+    barred = sizes == 0.0
+    while np.linalg.norm(residual) > tolerance * size and len(active) < limit:
+        gain = (residual @ G) / np.where(barred, np.inf, sizes)
+        gain[active] = -np.inf
+        best = int(np.argmax(gain))
+        if not gain[best] > 0.0:
+            break
+        active.append(best)
+        while True:
+            found = np.linalg.lstsq(G[:, active], b, rcond=None)[0]
+            if (found > 0.0).all():
+                w[:] = 0.0
+                w[active] = found
+                break
+            # the way to the unconstrained optimum is left where the first weight becomes zero
+            old = w[active]
+            falling = found <= 0.0
+            share = float((old[falling] / (old[falling] - found[falling])).min())
+            w[active] = old + share * (found - old)
+            active = [e for e in active if w[e] > 1e-14 * w.max()]
+            w[[e for e in range(len(w)) if e not in active]] = 0.0
+            if not active:
+                break
+        before = residual
+        residual = b - G @ w
+        if np.linalg.norm(residual) >= (1.0 - 1e-12) * np.linalg.norm(before):
+            barred[best] = True  # it does not help: not again
+    cells = np.flatnonzero(w > 0.0)
+    left = float(np.linalg.norm(residual)) / size
+    return Sample(cells, w[cells], left, left <= tolerance)
+
+
+ITERATIONS = 30
+"""Most iterations of an equilibrium."""
+
+
+@dataclass(frozen=True)
+class ReducedState:
+    """An equilibrium of a reduced model."""
+
+    q: FloatArray
+    """Amplitudes of the modes [m], shape [r]."""
+    slopes: FloatArray
+    """dq/dp by each pressure [m/Pa], shape [r, n_pressures]."""
+    outcome: Outcome
+    """How it ended."""
+    iterations: int
+    """Newton iterations."""
+
+
+class ReducedModel:
+    """A model, its basis, and the elements that stand for all."""
+
+    def __init__(self, model: Model, basis: Basis, sample: Sample, *, gravity: str | None = None) -> None:
+        """Take a model whose conditions are supports, weight and pressures, with its basis and elements.
+
+        `gravity` is the history of the weight's factor.
+        """
+        _checked(model)
+        self.model, self.basis, self.sample = model, basis, sample
+        V = basis.modes
+        self.pressures = tuple(c.history for c in model.conditions if isinstance(c, Pressure))
+        equations = Equations(model, model.parameters(), linear="superlu")
+        self._loads = [_polynomial(equations, number, V) for number in range(len(self.pressures))]
+        at = {name: 0.0 for name in model.histories}
+        if gravity is not None:
+            at[gravity] = 1.0
+        self.weight = V.T @ equations.evaluate(np.zeros(model.n_dofs), at).carried
+        used, cells = np.unique(model.mesh.cells[sample.cells], return_inverse=True)
+        d = model.dimension
+        small = Mesh(model.mesh.points[used], cells.reshape(len(sample.cells), -1), model.mesh.kind)
+        self._points = Points(Model(small, model.solid, kinematics=model.kinematics, gauss=model.gauss))
+        dofs = (used[:, None] * d + np.arange(d)).ravel()
+        self._rows_of = V[dofs]
+        local = (small.cells[..., None] * d + np.arange(d)).reshape(len(small.cells), -1)
+        self._of_cells = self._rows_of[local]
+        self._weighted = sample.weights[:, None, None] * self._of_cells
+
+    @property
+    def modes(self) -> int:
+        """Number of unknowns r."""
+        return self.basis.modes.shape[1]
+
+    def expanded(self, q: FloatArray) -> FloatArray:
+        """Displacements of amplitudes [m], shape [n, d]."""
+        return (self.basis.modes @ q).reshape(-1, self.model.dimension)
+
+    def rows(self, where: str) -> FloatArray:
+        """Mean of the modes over a set of points [-], shape [d, r]."""
+        d = self.model.dimension
+        V = self.basis.modes.reshape(-1, d, self.modes)
+        return np.asarray(V[self.model.mesh.nodes(where)].mean(axis=0))
+
+    def constants(self, parameters: ArrayLike | None = None) -> FloatArray:
+        """The kernels' rows of the sampled elements with other constants of the material."""
+        table = self.model.solid.parameters() if parameters is None else np.asarray(parameters, dtype=float)
+        return self._points.rows(table.reshape(1, -1))
+
+    def internal(self, q: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray, bool]:
+        """Reduced internal forces [N], their tangent [N/m], and whether an element is inside out."""
+        u = (self._rows_of @ q).reshape(-1, self.model.dimension)
+        state = self._points.evaluate(u, rows, tangent=True)
+        assert state.stiffness is not None
+        forces = np.einsum("ekr,ek->r", self._weighted, state.forces)
+        half = np.matmul(state.stiffness, self._of_cells)
+        tangent = np.einsum("ekr,eks->rs", self._weighted, half, optimize=True)
+        return forces, tangent, bool((state.J <= 0.0).any())
+
+    def loads(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Reduced forces of a unit of each pressure [m2], shape [n_p, r], and their derivatives [m],
+        shape [n_p, r, r]."""
+        forces, by = [], []
+        for a, B, C in self._loads:
+            Cq = C @ q  # [r, r]: derivative of B q + 1/2 q C q is B + C q
+            forces.append(a + B @ q + 0.5 * Cq @ q)
+            by.append(B + Cq)
+        return np.array(forces), np.array(by)
+
+    def equilibrium(
+        self,
+        pressures: Sequence[float] | FloatArray,
+        *,
+        start: FloatArray | None = None,
+        rows: FloatArray | None = None,
+        weight: float = 1.0,
+        tolerance: float = 1e-9,
+    ) -> ReducedState:
+        """Find the equilibrium under pressures [Pa] of shape [n_pressures] from amplitudes `start`."""
+        p = np.asarray(pressures, dtype=float)
+        q = np.zeros(self.modes) if start is None else np.asarray(start, dtype=float).copy()
+        rows = self.constants() if rows is None else rows
+        nothing = np.full((self.modes, len(p)), np.nan)
+        for iteration in range(ITERATIONS + 1):
+            internal, tangent, inverted = self.internal(q, rows)
+            if inverted or not np.isfinite(internal).all():
+                return ReducedState(q, nothing, Outcome.INVERTED, iteration)
+            unit, by = self.loads(q)
+            external = p @ unit + weight * self.weight
+            residual = internal - external
+            K = tangent - np.tensordot(p, by, axes=1)
+            scale = max(float(np.linalg.norm(internal)), float(np.linalg.norm(external)))
+            try:
+                if float(np.linalg.norm(residual)) <= tolerance * scale:
+                    return ReducedState(
+                        q,
+                        np.asarray(np.linalg.solve(K, unit.T), dtype=np.float64),
+                        Outcome.COMPLETED,
+                        iteration,
+                    )
+                q = q - np.linalg.solve(K, residual)
+            except np.linalg.LinAlgError:
+                return ReducedState(q, nothing, Outcome.SINGULAR, iteration)
+        return ReducedState(q, nothing, Outcome.NOT_CONVERGED, ITERATIONS)
+
+
+def reduce(
+    solutions: Sequence[Solution],
+    *,
+    modes: int,
+    tolerance: float,
+    gravity: str | None = None,
+    most: int | None = None,
+) -> ReducedModel:
+    """Make a reduced model from equilibria of one model.
+
+    Parameters
+    ----------
+    solutions : sequence of Solution
+        Equilibria with the same mesh, conditions and constants; every step that was reached is a snapshot.
+    modes : int
+        Unknowns at most; there are no more than independent snapshots.
+    tolerance : float
+        Of the elements' choice, Eq. (R.2).
+    gravity : str, optional
+        History of the weight's factor.
+    most : int, optional
+        Most elements.
+    """
+    model = solutions[0].model
+    snapshots = np.concatenate([s.displacements[: s.reached].reshape(s.reached, -1) for s in solutions])
+    basis = decompose(snapshots, min(modes, independent(snapshots)))
+    G = shares(model, basis, snapshots)
+    return ReducedModel(model, basis, choose(G, tolerance=tolerance, most=most), gravity=gravity)
+
+
+def shares(model: Model, basis: Basis, snapshots: FloatArray) -> FloatArray:
+    """The elements' shares in the reduced forces of projected snapshots [N], shape [n_snapshots r, m]."""
+    points, V = Points(model), basis.modes
+    rows = points.rows(model.parameters())
+    d = model.dimension
+    dofs = (model.mesh.cells[..., None] * d + np.arange(d)).reshape(len(model.mesh.cells), -1)
+    of_cells = V[dofs]
+    found = []
+    for u in snapshots:
+        projected = V @ (V.T @ u)
+        state = points.evaluate(projected.reshape(-1, d), rows, tangent=False)
+        share = np.einsum("ekr,ek->re", of_cells, state.forces)
+        found.append(share / np.linalg.norm(share.sum(axis=1)))
+    return np.concatenate(found)
+
+
+def _polynomial(
+    equations: Equations, number: int, V: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """a, B and C of Eq. (R.3) of one pressure, of shapes [r], [r, r], [r, r, r]."""
+    load = equations.pressures[number][1]
+
+    def at(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        force, derivatives = load.evaluate(u)
+        tangent = np.zeros((V.shape[1], V.shape[1]))
+        for cells, by in derivatives:
+            of_cells = V[equations.body.pattern.dofs[cells]]
+            tangent += np.einsum("fkr,fkl,fls->rs", of_cells, by, of_cells, optimize=True)
+        return V.T @ force, tangent
+
+    a, B = at(np.zeros(len(V)))
+    # C_ijk = d2 f_i / dq_j dq_k: the derivative is linear in q, so a unit amplitude gives it exactly
+    C = np.stack([at(V[:, k])[1] - B for k in range(V.shape[1])], axis=-1)
+    return a, B, C
+
+
+def _checked(model: Model) -> None:
+    wrong = [
+        c
+        for c in model.conditions
+        if isinstance(c, Prescribed | Coupled | NodalForce | Traction | RigidPlane | SelfContact)
+    ]
+    if wrong:
+        raise ValueError(f"a reduced model has supports, weight and pressures, not {wrong[0]}")
+    if model.volumetric != "displacement" or model.regions is not None:
+        raise ValueError('a reduced model has one region and volumetric = "displacement"')
+    if model.kinematics != "3d":
+        raise ValueError("a reduced model is three-dimensional: its pressure is then of second degree")
+    if sum(isinstance(c, Gravity) for c in model.conditions) > 1:
+        raise ValueError("a reduced model has one weight")

@@ -1,0 +1,103 @@
+"""What a history of equilibria gave, and how it ended: a named cause with its cure."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from explicit.arrays import FloatArray
+from kolsky.equilibrium.model import Model
+
+
+class Outcome(IntEnum):
+    """How a history of equilibria ended."""
+
+    COMPLETED = 0
+    NOT_CONVERGED = 1
+    INVERTED = 2
+    SINGULAR = 3
+    THICKNESS = 4
+    PENETRATION = 5
+    UNFINISHED = 6
+
+    @property
+    def ok(self) -> bool:
+        """True when every step was reached."""
+        return self is Outcome.COMPLETED
+
+    @property
+    def cause(self) -> str:
+        """Cause, in one sentence."""
+        return _TEXTS[self][0]
+
+    @property
+    def cure(self) -> str:
+        """The user's next step."""
+        return _TEXTS[self][1]
+
+
+_TEXTS = {
+    Outcome.COMPLETED: ("every step was reached", "nothing to do"),
+    Outcome.NOT_CONVERGED: (
+        "Newton's iteration found no equilibrium, however small the step was made",
+        "look for buckling or a limit point of the load, prescribe displacements in place of forces, or "
+        "check the constants of the law",
+    ),
+    Outcome.INVERTED: (
+        "an element turned inside out (J <= 0)",
+        "refine the mesh where it deforms most, or end the history earlier",
+    ),
+    Outcome.SINGULAR: (
+        "the tangent stiffness is singular",
+        "hold the rigid motions of every part, or look for buckling",
+    ),
+    Outcome.THICKNESS: (
+        "no thickness stretch makes the stress across the sheet zero",
+        "check the constants of the law, or end the history earlier",
+    ),
+    Outcome.UNFINISHED: (
+        "the path did not reach its last load within its steps",
+        "allow more or longer steps, or end at a load that the body can carry",
+    ),
+    Outcome.PENETRATION: (
+        "a contact did not close within its tolerance",
+        "raise the stiffness or the tolerance of the contact, or take smaller steps",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A history of equilibria; steps that were not reached hold NaN, and the outcome says why."""
+
+    model: Model
+    """The model."""
+    parameters: FloatArray
+    """Constants of each region, shape [n_regions, n_parameters]."""
+    steps: dict[str, FloatArray]
+    """Value of each history at each step, shape [n_steps]."""
+    displacements: FloatArray
+    """Displacements [m], shape [n_steps, n, d]."""
+    forces: FloatArray
+    """Forces that supports, grips, planes and nodal loads exert on the points: the internal ones less weight
+    and pressure [N], shape [n_steps, n, d]."""
+    energy: FloatArray
+    """Strain energy [J], shape [n_steps]."""
+    outcome: Outcome
+    """How it ended."""
+    reached: int
+    """Number of steps reached."""
+    iterations: int = 0
+    """Newton iterations of all steps."""
+    factorisations: int = 0
+    """Factorisations of all steps."""
+    contact_forces: tuple[FloatArray, ...] = ()
+    """Forces of the points of each rigid plane along its normal [N], each of shape [n_steps, p]."""
+
+    def reaction(self, where: str) -> FloatArray:
+        """Sum of `forces` over a set of points [N], shape [n_steps, d]."""
+        return np.asarray(self.forces[:, self.model.mesh.nodes(where)].sum(axis=1))
+
+    def mean_displacement(self, where: str) -> FloatArray:
+        """Mean displacement of a set of points [m], shape [n_steps, d]."""
+        return np.asarray(self.displacements[:, self.model.mesh.nodes(where)].mean(axis=1))

@@ -1,0 +1,480 @@
+"""The joint least-squares problem of several shots and slow tests: prediction and weights.
+
+Every shot keeps the weights that it has alone: noise, a discrepancy of each channel, the patterns of its
+front face's noise (`kolsky.inverse.objective`). The clock and scale of its force and its own stiffness
+are one pattern more each, with a standard deviation: linear unknowns with Gaussian priors, removed from
+the likelihood in closed form. A calibration that shots share is one pattern through all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from doe.least_squares import Whitening, least_squares
+from kolsky.base.arrays import BoolArray, FloatArray, IntArray
+from kolsky.inverse.coarse_search import front_modes, noise_of
+from kolsky.inverse.forward import Numerics
+from kolsky.inverse.joint_result import JointSettings, Slow
+from kolsky.inverse.joint_runs import JointRuns, Unknowns, smoothness
+from kolsky.inverse.objective import BLOCKS, Objective, Prior
+from kolsky.inverse.observations import Observations
+from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.slow_tests import slow_measured, slow_predicted
+
+GAIN, CLOCK, SCATTER = "gain", "clock", "scatter"
+"""Shot-wise unknowns."""
+
+
+@dataclass(frozen=True)
+class ShotData:
+    """One shot's data, and the patterns of what it may be off by."""
+
+    observations: Observations
+    """What was measured."""
+    counted: BoolArray
+    """Outline points that count, shape [Q]."""
+    front: FloatArray
+    """Patterns of the front face's noise over bins and all points, shape [n, n_bins + Q]."""
+    own: Mapping[str, FloatArray] = field(default_factory=dict)
+    """Change of bins and all points by one standard deviation of each shot-wise unknown, [n_bins + Q]."""
+
+    @cached_property
+    def objective(self) -> Objective:
+        """Weights without discrepancies."""
+        rows = [self.front, *(row[None] for row in self.own.values())]
+        return Objective(replace(self.observations, front_noise=np.concatenate(rows)), self.counted)
+
+    @property
+    def kept(self) -> BoolArray:
+        """Entries of bins and all points that count, shape [n_bins + Q]."""
+        return np.concatenate([np.ones(self.observations.n_force, bool), self.counted])
+
+    def taken(self, vectors: FloatArray) -> FloatArray:
+        """The counted entries of vectors; an outline point that a run does not reach adds nothing."""
+        seen = vectors[..., self.kept]
+        lost = np.isnan(seen).all(axis=-1, keepdims=True)
+        return np.asarray(np.where(np.isnan(seen) & ~lost, self.objective.data, seen))
+
+
+@dataclass(frozen=True)
+class Stack:
+    """All data in one vector: the shots in their order, slow tests, what is known beforehand."""
+
+    shots: tuple[ShotData, ...]
+    """The shots."""
+    slow: FloatArray
+    """Measured values of the slow tests, shape [s]."""
+    slow_sigma: FloatArray
+    """Their standard uncertainties, shape [s]."""
+    known: int
+    """Rows of prior knowledge, residuals of unit variance, at the end."""
+    common: FloatArray | None = None
+    """Changes of the shots' counted entries by one standard deviation of what several share, [n, K]."""
+    curve: FloatArray | None = None
+    """The same of the slow curves' noise, slow tests behind the shots, [n, K + s]."""
+
+    @cached_property
+    def ends(self) -> tuple[int, ...]:
+        """Where each shot ends in the vector."""
+        return tuple(np.cumsum([len(one.objective.data) for one in self.shots]).tolist())
+
+    @cached_property
+    def data(self) -> FloatArray:
+        """The vector of all data, shape [k]."""
+        parts = [one.objective.data for one in self.shots]
+        return np.concatenate([*parts, self.slow, np.zeros(self.known)])
+
+    def parts(self, vector: FloatArray) -> list[FloatArray]:
+        """The shots' parts of a vector."""
+        return np.split(vector[: self.ends[-1]], self.ends[:-1])
+
+    def joined(self, vectors: Sequence[FloatArray], slow: FloatArray, known: FloatArray) -> FloatArray:
+        """One vector of all predictions, shape [n, k], from the shots' own [n, n_bins + Q] each."""
+        taken = [one.taken(v) for one, v in zip(self.shots, vectors, strict=True)]
+        return np.concatenate([*taken, slow, known], axis=1)
+
+    def weighed(self, residual: FloatArray) -> list[Objective]:
+        """Every shot's weights, with the discrepancies that explain its part of a residual."""
+        parts = zip(self.shots, self.parts(residual), strict=True)
+        return [one.objective.with_discrepancy(one.objective.data + r) for one, r in parts]
+
+    def whitening(self, objectives: Sequence[Objective], more: FloatArray | None = None) -> Whitening:
+        """The weights of the whole vector.
+
+        Parameters
+        ----------
+        objectives
+            Of the shots, with their discrepancies.
+        more
+            Further patterns through the vector, shape [n, k].
+        """
+        sigma = np.concatenate([*(o.own_sigma for o in objectives), self.slow_sigma, np.ones(self.known)])
+        rows = [np.zeros((0, len(sigma)))]
+        start = 0
+        for objective, end in zip(objectives, self.ends, strict=True):
+            rows.append(np.zeros((len(objective.common), len(sigma))))
+            rows[-1][:, start:end] = objective.common
+            start = end
+        for shared in (self.common, self.curve):
+            if shared is not None:
+                rows.append(np.pad(shared, ((0, 0), (0, len(sigma) - shared.shape[1]))))
+        if more is not None:
+            rows.append(more)
+        return Whitening(sigma, np.concatenate(rows))
+
+    def weighting(self, residual: FloatArray) -> Whitening:
+        """Weights with the discrepancies that explain a residual."""
+        return self.whitening(self.weighed(residual))
+
+    def weighed_beside(self, residual: FloatArray, patterns: FloatArray) -> list[Objective]:
+        """Every shot's weights, with the discrepancies of what some patterns leave of a residual.
+
+        Parameters
+        ----------
+        residual
+            Prediction less data, shape [k].
+        patterns
+            Changes that are free in size, shape [n, k].
+        """
+        whitening = self.weighting(residual)
+        u, r = whitening.apply(patterns), whitening.apply(residual)
+        return self.weighed(residual - np.linalg.lstsq(u.T, r, rcond=None)[0] @ patterns)
+
+    def of_shot(self, k: int, row: FloatArray) -> FloatArray:
+        """A row of all data with what belongs to one shot alone, shape [k]."""
+        found = np.zeros_like(row)
+        start = self.ends[k - 1] if k else 0
+        found[start : self.ends[k]] = row[start : self.ends[k]]
+        return found
+
+    @cached_property
+    def blocks(self) -> list[IntArray]:
+        """Of each length of `BLOCKS`, a label for every entry: residuals of one label may be correlated."""
+        found = []
+        for length in BLOCKS:
+            labels, first = [], 0
+            for one in self.shots:
+                times = one.objective.times
+                width = float(np.diff(one.observations.bins.edges).mean())
+                own = ((times - times.min()) / width).astype(int) // length
+                labels.append(first + own)
+                first += int(own.max()) + 1
+            rest = len(self.slow) + self.known
+            labels.append(first + np.arange(rest))
+            found.append(np.concatenate(labels))
+        return found
+
+
+BLIND = 0.1
+"""Change of all data by the whole range of an unknown, in standard deviations, below which they do not see
+it."""
+
+
+def information(rows: FloatArray, widths: FloatArray) -> FloatArray:
+    """Information on the unknowns, shape [d, d]; one that the data do not see keeps the width of its range.
+
+    Where a branch has no strength its time moves nothing. The variance of a range of the width w that is
+    evenly likely is w^2 / 12.
+
+    Parameters
+    ----------
+    rows
+        Whitened slopes, shape [d, k].
+    widths
+        Of the unknowns' ranges, shape [d].
+    """
+    blind = np.linalg.norm(rows, axis=1) * widths < BLIND
+    return np.asarray(rows @ rows.T + np.diag(np.where(blind, 12.0 / widths**2, 0.0)))
+
+
+def bounded_step(rows: FloatArray, residual: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """The step to the least-squares optimum of a linear model inside bounds, shape [d].
+
+    Parameters
+    ----------
+    rows
+        Whitened slopes, shape [d, k].
+    residual
+        Prediction less data, whitened, shape [k].
+    lower, upper
+        Bounds of the step, around 0, shape [d].
+    """
+    width = upper - lower  # unknowns of different units
+    bounds = np.minimum(lower / width, -1e-15), np.maximum(upper / width, 1e-15)
+    found = lsq_linear((rows * width[:, None]).T, -residual, bounds, method="bvls")
+    return np.asarray(found.x * width, dtype=np.float64)
+
+
+def covariance(
+    slopes: FloatArray, residual: FloatArray, whitening: Whitening, stack: Stack, widths: FloatArray
+) -> FloatArray:
+    """Covariance of the unknowns, residuals correlated in time or not, shape [d, d].
+
+    The larger of the Gauss-Newton covariance and of the block "sandwich" in which the residuals of a block of
+    time of one shot may be correlated in any way; every variance is the largest that any block length gives.
+    What the patterns explain of the residual is not in the blocks: it is in the weights.
+
+    Parameters
+    ----------
+    slopes
+        By the unknowns, shape [k, d].
+    residual
+        Prediction less data, shape [k].
+    whitening
+        The weights.
+    stack
+        Whose blocks.
+    widths
+        Of the unknowns' ranges, shape [d].
+    """
+    rows = whitening.apply(slopes.T)
+    plain = np.linalg.inv(information(rows, widths))
+    score = (plain @ rows) * whitening.apply(residual)
+    best, d = plain, len(plain)
+    for label in stack.blocks:
+        n = int(label.max()) + 1
+        sums = np.array([np.bincount(label, row, minlength=n) for row in score])
+        sandwich = sums @ sums.T * n / max(n - d, 1)
+        short = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(best), 1.0))
+        best = short[:, None] * best * short
+    return np.asarray(best)
+
+
+STEP = 1e-3
+"""Half the distance of the differences in the unit box of the search."""
+AT_REST = 0.3
+"""Length of the next step, in standard deviations, at which a search is at rest."""
+NEIGHBOUR = 0.3
+"""Half the distance of the last differences, in standard deviations."""
+WIDEST = 0.05
+"""The same over the edge of the box, at most."""
+
+
+class JointProblem:
+    """Shots and slow tests as functions of the shared unknowns.
+
+    Parameters
+    ----------
+    runs
+        The shots' simulations.
+    settings
+        Noise, nodes, meshes.
+    slow
+        Slow tests.
+    prior
+        Of the parameters among the unknowns; None if nothing is known.
+    """
+
+    def __init__(self, runs: JointRuns, settings: JointSettings, slow: Slow, prior: Prior | None) -> None:
+        self.runs, self.settings, self.slow, self.prior = runs, settings, slow, prior
+        self.unknowns: Unknowns = runs.unknowns
+        self.first = runs.prepared[0].forward
+        values, sigma = slow_measured(slow)
+        shots = []
+        for prepared in runs.prepared:
+            seen = prepared.observations
+            size = seen.n_force + len(seen.centre_line.Z)
+            shots.append(ShotData(seen, np.ones(len(seen.centre_line.Z), bool), np.zeros((0, size))))
+        known = 0 if prior is None else len(prior.rows())
+        known += max(self.unknowns.nodes - 2, 0)
+        self.stack = Stack(tuple(shots), values, sigma, known)
+
+    @property
+    def mesh(self) -> Numerics:
+        """Numerics of the search."""
+        return self.settings.numerics
+
+    @property
+    def refined(self) -> Numerics:
+        """Numerics of the answer."""
+        return self.mesh.with_mesh(self.settings.refined_mesh)
+
+    def predict(self, stage: str, points: FloatArray, numerics: Numerics) -> FloatArray:
+        """All predictions in one vector, shape [n, k]; NaN in the row of a point with a run that is lost."""
+        vectors = self.runs.vectors(stage, points, numerics)
+        slow = np.array([self.slow_values(x) for x in points]).reshape(len(points), -1)
+        known = np.array([self.known(x) for x in points]).reshape(len(points), -1)
+        return self.stack.joined(vectors, slow, known)
+
+    def slow_values(
+        self, x: FloatArray, *, curve: int = 0, held: Mapping[str, float] | None = None
+    ) -> FloatArray:
+        """What the slow tests would have measured, shape [s]; `curve` is a draw of it, 0 the fitted one."""
+        values = {
+            **self.values(x),
+            **{k: v for k, v in (held or {}).items() if k not in self.unknowns.bounds},
+        }
+        law = self.runs.forwards[0].laws[curve]
+        return slow_predicted(self.slow, law, self.first.shot.relaxation, values)
+
+    def values(self, x: FloatArray) -> Mapping[str, float]:
+        """Parameters by name at a point: free and held ones."""
+        free = dict(zip(self.unknowns.bounds, x.tolist(), strict=False))
+        return {**self.runs.held, **free}
+
+    def known(self, x: FloatArray) -> FloatArray:
+        """Residuals of what is known beforehand: declared values, smoothness of the nodes."""
+        n = self.unknowns.n_parameters
+        rows = [] if self.prior is None else [self.prior.residuals(x[:n])]
+        if self.unknowns.nodes:
+            rows.append(smoothness(self.unknowns.nodes, self.settings.curve_roughness) @ x[n:])
+        return np.concatenate(rows) if rows else np.zeros(0)
+
+    def deviance(self, vector: FloatArray) -> float:
+        """-2 ln L up to a constant; infinite for a run that is lost."""
+        if np.isnan(vector).any():
+            return float("inf")
+        residual = vector - self.stack.data
+        weights = self.stack.weighting(residual)
+        return float((weights.apply(residual) ** 2).sum()) + weights.log_determinant
+
+    def count(self, x: FloatArray, numerics: Numerics) -> None:
+        """Count, of every outline, the points that the run at a point reaches.
+
+        Raises
+        ------
+        ValueError
+            If a shot's run does not complete.
+        """
+        vectors = self.runs.vectors("design", x[None], numerics)
+        shots = []
+        for one, prepared, seen in zip(self.stack.shots, self.runs.prepared, vectors, strict=True):
+            if np.isnan(seen).all():
+                name = prepared.forward.shot.name
+                raise ValueError(f"{name}: the run at the start did not complete: `kolsky simulate` says why")
+            inside = ~np.isnan(seen[0, one.observations.n_force :])
+            shots.append(replace(one, counted=inside))
+        self.stack = replace(self.stack, shots=tuple(shots))
+
+    def vector_for(self, stack: Stack, x: FloatArray, numerics: Numerics) -> FloatArray:
+        """All predictions at a point with the points that another stack counts and no prior, shape [k]."""
+        vectors = self.runs.vectors("search", x[None], numerics)
+        return stack.joined(vectors, self.slow_values(x)[None], np.zeros((1, stack.known)))[0]
+
+    def search(self, starts: FloatArray, numerics: Numerics, steps: int) -> tuple[FloatArray, FloatArray]:
+        """The best end of least squares from some points, and its standard deviations, shape [d] each."""
+        found = least_squares(
+            lambda points: self.predict("search", self.unknowns.from_search(points), numerics),
+            self.unknowns.inner,
+            self.unknowns.to_search(np.clip(starts, self.unknowns.box.lower, self.unknowns.box.upper)),
+            data=self.stack.data,
+            weighting=self.stack.weighting,
+            step=STEP,
+            max_steps=steps,
+            at_rest=AT_REST,
+        )[0]
+        width = np.array(self.unknowns.box.upper) - np.array(self.unknowns.box.lower)
+        change = self.unknowns.from_search(found.x + 1e-6 * found.sigma) - self.unknowns.from_search(found.x)
+        sigma = np.where(np.isfinite(found.sigma), np.abs(change) / 1e-6, width)
+        return self.unknowns.from_search(found.x), sigma
+
+    def slopes(self, x: FloatArray, sigma: FloatArray, numerics: Numerics) -> tuple[FloatArray, FloatArray]:
+        """The vector at a point, [k], and its derivatives by the unknowns, [k, d].
+
+        Raises
+        ------
+        ValueError
+            If a run beside the point does not complete.
+        """
+        lower, upper = np.array(self.unknowns.box.lower), np.array(self.unknowns.box.upper)
+        h = np.diag(np.clip(NEIGHBOUR * sigma, 1e-4 * (upper - lower), WIDEST * (upper - lower)))
+        up, down = np.minimum(x + h, upper), np.maximum(x - h, lower)
+        vectors = self.predict("slopes", np.concatenate([x[None], up, down]), numerics)
+        if np.isnan(vectors).any():
+            raise ValueError("a run beside the optimum did not complete: give narrower bounds with --free")
+        d = len(x)
+        rows = (vectors[1 : d + 1] - vectors[d + 1 :]) / (up - down).sum(axis=1)[:, None]
+        return vectors[0], rows.T
+
+    def learn_noise(self, x: FloatArray, numerics: Numerics) -> None:
+        """Let the weights know the front faces' noise, the clocks and the scales of the forces."""
+        n = self.settings.replicates
+        motion = np.arange(n + 1) if n else np.zeros(1, int)
+        points = np.tile(x, (len(motion), 1))
+        vectors = self.runs.vectors("noise", points, numerics, motion=motion.tolist())
+        shots = []
+        for one, prepared, seen in zip(self.stack.shots, self.runs.prepared, vectors, strict=True):
+            change = np.nan_to_num(seen[1:] - seen[0])
+            front = front_modes(change, noise_of(one.observations)) if n else one.front
+            shots.append(
+                replace(one, front=front, own=self._own(prepared.forward.shot.uncertainty, one, seen[0]))
+            )
+        self.stack = replace(self.stack, shots=tuple(shots))
+        self.stack = replace(self.stack, common=self._calibrations(), curve=self._curves(x, numerics))
+
+    def _curves(self, x: FloatArray, numerics: Numerics) -> FloatArray | None:
+        """Patterns of the slow curves' noise, one set a curve, [n, K + s]; None where none is drawn.
+
+        Shots of one curve and the slow tests, which are held against the first shot's, move together.
+        """
+        n = self.settings.replicates
+        if not n or self.unknowns.nodes:
+            return None
+        numbers = list(range(n + 1))
+        points = np.tile(x, (n + 1, 1))
+        vectors = self.runs.vectors("noise", points, numerics, material=numbers)
+        slow = np.array([self.slow_values(x, curve=k) for k in numbers]).reshape(n + 1, -1)
+        whole = self.stack.joined(vectors, slow, np.zeros((n + 1, 0)))
+        change = np.nan_to_num(whole[1:] - whole[0])
+        noise = np.concatenate([*(one.objective.noise for one in self.stack.shots), self.stack.slow_sigma])
+        groups: dict[bytes, NDArray[np.bool_]] = {}
+        start = 0
+        for k, (prepared, end) in enumerate(zip(self.runs.prepared, self.stack.ends, strict=True)):
+            curve = prepared.forward.shot.curve
+            key = np.concatenate([curve.stretch, curve.stress]).tobytes()
+            entries = groups.setdefault(key, np.zeros(change.shape[1], bool))
+            entries[start:end] = True
+            if k == 0:
+                entries[self.stack.ends[-1] :] = True
+            start = end
+        return np.concatenate([front_modes(change * entries, noise) for entries in groups.values()])
+
+    def _own(self, declared: Mapping[str, float], one: ShotData, vector: FloatArray) -> dict[str, FloatArray]:
+        """Patterns of a shot's own clock and gain over bins and all points."""
+        seen, found, start = one.observations, {}, 0
+        n = len(seen.bins.mean)
+        force = np.zeros_like(vector)
+        clock = declared.get("clock_offset", 0.0)
+        if clock > 0.0:
+            found[CLOCK] = force.copy()
+            for bins in seen.forces:  # channels of one recorder
+                part = slice(start, start + len(bins.mean))
+                found[CLOCK][part] = -clock * np.gradient(vector[part], bins.centres)
+                start = part.stop
+        if self.settings.gain_each > 0.0:
+            found[GAIN] = force.copy()
+            found[GAIN][:n] = self.settings.gain_each * vector[:n]
+        return found
+
+    def _calibrations(self) -> FloatArray:
+        """A pattern a transducer: shots with one sensitivity share the error of its calibration, [n, K]."""
+        groups: dict[tuple[float, float], FloatArray] = {}
+        start = 0
+        for prepared, one, end in zip(self.runs.prepared, self.stack.shots, self.stack.ends, strict=True):
+            shot = prepared.forward.shot
+            sigma = max(shot.uncertainty.get("sensitivity", 0.0), one.observations.force_sigma_gain)
+            transducer = getattr(shot.force, "transducer", None)
+            if sigma > 0.0:
+                key = (float(getattr(transducer, "sensitivity", start)), sigma)
+                row = groups.setdefault(key, np.zeros(self.stack.ends[-1]))
+                n = len(one.observations.bins.mean)
+                row[start : start + n] = sigma * one.objective.data[:n]
+            start = end
+        return np.array(list(groups.values())).reshape(len(groups), self.stack.ends[-1])
+
+    def whitening(self, residual: FloatArray, more: FloatArray | None = None) -> Whitening:
+        """The weights with the discrepancies that explain a residual."""
+        return self.stack.whitening(self.stack.weighed(residual), more)
+
+
+def declared_point(unknowns: Unknowns, problem: JointProblem) -> FloatArray:
+    """The first shot's own values where it declares them, the curve as it is, shape [d]."""
+    shot = problem.first.shot
+    values = [PARAMETERS[name].held(shot) for name in unknowns.bounds] + [0.0] * unknowns.nodes
+    return np.clip(np.array(values), unknowns.box.lower, unknowns.box.upper)

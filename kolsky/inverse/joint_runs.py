@@ -1,0 +1,366 @@
+"""Simulations of several shots at points of their shared unknowns, each kept in a ledger.
+
+The unknowns are parameters of the simulated test and, if asked for, nodes of the curve. All shots run in
+one call of the solver.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+import explicit
+from doe import Box
+from doe.ledger import Ledger, Run
+from explicit.materials import marlow_from_curve
+from kolsky.base.arrays import FloatArray
+from kolsky.base.files import source_hash
+from kolsky.base.records import MaterialCurve
+from kolsky.inverse.forward import Forward, Numerics, in_surroundings
+from kolsky.inverse.observations import predict
+from kolsky.inverse.parameters import MOVED, design_box
+from kolsky.inverse.problem import PreparedShot
+from kolsky.inverse.staged_runs import Progress
+from kolsky.inverse.surrogate_mesh_search import from_search, search_box, to_search
+
+NODE_RANGE = 1.5
+"""Largest logarithm of a node's factor, up or down [-]."""
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Shared unknowns in one order: parameters, then logarithms of the factors at the curve's nodes."""
+
+    bounds: Mapping[str, tuple[float, float] | None]
+    """Parameters and their bounds, None for the default ones."""
+    nodes: int = 0
+    """Nodes of the curve; with them the stiffness factor is 1 by what they mean."""
+
+    def __post_init__(self) -> None:
+        if self.nodes and MOVED in self.bounds:
+            raise ValueError(f"{MOVED} is the mean of the curve's nodes: it cannot be free beside them")
+
+    @cached_property
+    def parameters(self) -> Box | None:
+        """The parameters' box in their own units; None if only nodes are free."""
+        return design_box(self.bounds) if self.bounds else None
+
+    @property
+    def n_parameters(self) -> int:
+        """Free parameters."""
+        return len(self.bounds)
+
+    @property
+    def node_names(self) -> tuple[str, ...]:
+        """Names of the nodes."""
+        return tuple(f"curve_{k}" for k in range(1, self.nodes + 1))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all unknowns."""
+        return (*self.bounds, *self.node_names)
+
+    @cached_property
+    def box(self) -> Box:
+        """All unknowns in their own units."""
+        return _joined_box(self.parameters, self.node_names)
+
+    @property
+    def widths(self) -> FloatArray:
+        """Widths of their ranges, in their own units, shape [d]."""
+        return np.array(self.box.upper) - np.array(self.box.lower)
+
+    @cached_property
+    def inner(self) -> Box:
+        """All unknowns in the coordinates of the search."""
+        return _joined_box(None if self.parameters is None else search_box(self.parameters), self.node_names)
+
+    def to_search(self, x: FloatArray) -> FloatArray:
+        """Points in the coordinates of the search, shape [..., d]."""
+        found = np.array(x, dtype=np.float64)
+        if self.parameters is not None:
+            n = self.n_parameters
+            found[..., :n] = to_search(self.parameters, found[..., :n])
+        return found
+
+    def from_search(self, x: FloatArray) -> FloatArray:
+        """The inverse of `to_search`."""
+        found = np.array(x, dtype=np.float64)
+        if self.parameters is not None:
+            n = self.n_parameters
+            found[..., :n] = from_search(self.parameters, found[..., :n])
+        return found
+
+    def relative_stiffness(self, slopes: FloatArray, x: FloatArray) -> FloatArray:
+        """Derivative of the data by the logarithm of the whole stiffness, shape [k].
+
+        Parameters
+        ----------
+        slopes
+            By the unknowns, shape [k, d].
+        x
+            Where, shape [d].
+        """
+        if self.nodes:
+            return np.asarray(slopes[:, self.n_parameters :].sum(axis=1))
+        i = self.names.index(MOVED)
+        return np.asarray(slopes[:, i] * x[i])
+
+
+def node_strains(curve: MaterialCurve, nodes: int) -> FloatArray:
+    """Nominal strains of the nodes, equally far apart from rest to the curve's end, shape [nodes]."""
+    return np.asarray(np.linspace(0.0, float(curve.stretch[-1]) - 1.0, nodes))
+
+
+def with_factors(curve: MaterialCurve, logs: FloatArray) -> FloatArray:
+    """Stress of the curve times its nodes' factors, whose logarithm is linear in the strain between them.
+
+    Parameters
+    ----------
+    curve
+        The slow curve.
+    logs
+        Logarithms of the factors at `node_strains`, shape [nodes].
+    """
+    place = np.abs(node_strains(curve, len(logs)))
+    return np.asarray(curve.stress * np.exp(np.interp(np.abs(curve.stretch - 1.0), place, logs)))
+
+
+def smoothness(nodes: int, roughness: float) -> FloatArray:
+    """Rows of the prior: second differences over their standard deviation, shape [nodes - 2, nodes]."""
+    return np.diff(np.eye(nodes), n=2, axis=0) / roughness
+
+
+def _joined_box(parameters: Box | None, nodes: tuple[str, ...]) -> Box:
+    bounds: dict[str, tuple[float, float]] = {}
+    decades: list[str] = []
+    if parameters is not None:
+        bounds |= {
+            name: (low, high)
+            for name, low, high in zip(parameters.names, parameters.lower, parameters.upper, strict=True)
+        }
+        decades = [name for name, log in zip(parameters.names, parameters.logarithmic, strict=True) if log]
+    bounds |= {name: (-NODE_RANGE, NODE_RANGE) for name in nodes}
+    return Box.of(bounds, logarithmic=decades)
+
+
+ELEMENTS = ("one_point", "fbar")
+"""Elements by the number that a ledger knows them by."""
+
+
+class JointRuns:
+    """Runs every shot at the same points of the shared unknowns: all of them in one call of the solver.
+
+    On a GPU the shots' batches run at the same time, on a CPU one after the other over its lanes. A run that
+    the ledger holds is not made again.
+
+    Parameters
+    ----------
+    prepared
+        The shots.
+    unknowns
+        Shared unknowns.
+    held
+        Parameters held at other values than the shots'.
+    ledger
+        File that keeps the runs; None keeps them in memory alone.
+    replicates, seed
+        Draws of each flyer's motion and of each curve that `vectors` may ask for; seed of them.
+    progress
+        Called with stage, runs done, runs in the stage.
+    """
+
+    def __init__(
+        self,
+        prepared: Sequence[PreparedShot],
+        unknowns: Unknowns,
+        *,
+        held: Mapping[str, float],
+        ledger: Path | None = None,
+        replicates: int = 0,
+        seed: int = 1,
+        progress: Progress = lambda stage, done, total: None,
+    ) -> None:
+        self.prepared, self.unknowns, self.held = tuple(prepared), unknowns, dict(held)
+        self.progress, self.made = progress, 0
+        self.forwards = tuple(_replicated(p, replicates, seed) for p in self.prepared)
+        self.known: dict[tuple[float, ...], FloatArray] = {}
+        self.ledger, self.replicates, self.seed = ledger, replicates, seed
+        self._file = ledger is not None and Path(ledger).exists()
+
+    def vectors(
+        self,
+        stage: str,
+        points: FloatArray,
+        numerics: Numerics,
+        *,
+        motion: Sequence[int] | None = None,
+        material: Sequence[int] | None = None,
+    ) -> list[FloatArray]:
+        """Bins and all outline points of every shot at some points, shape [n, n_bins + Q] each.
+
+        Parameters
+        ----------
+        stage
+            Of the progress.
+        points
+            Unknowns in their own units, shape [n, d].
+        numerics
+            Mesh and arithmetic.
+        motion, material
+            Which flyer path and which curve each point takes, 0 the fitted one; [n].
+
+        Returns
+        -------
+        list
+            NaN at an outline point that a run does not reach, and everywhere in a run that did not complete.
+        """
+        n = len(points)
+        motions = np.zeros(n, int) if motion is None else np.asarray(motion)
+        curves = np.zeros(n, int) if material is None else np.asarray(material)
+        kind = kind_of(numerics)
+        keys = [
+            [(float(k), *kind, float(motions[i]), float(curves[i]), *points[i].tolist()) for i in range(n)]
+            for k in range(len(self.prepared))
+        ]
+        self._recall([key for row in keys for key in row])
+        self._make(stage, points, numerics, motions, curves, keys)
+        return [np.stack([self.known[key] for key in row]) for row in keys]
+
+    def _make(
+        self,
+        stage: str,
+        points: FloatArray,
+        numerics: Numerics,
+        motions: np.ndarray,
+        curves: np.ndarray,
+        keys: list[list[tuple[float, ...]]],
+    ) -> None:
+        missing = [[i for i, key in enumerate(row) if key not in self.known] for row in keys]
+        total = sum(len(rows) for rows in missing)
+        if not total:
+            return
+        self.progress(stage, 0, total)
+        wanted = [k for k, rows in enumerate(missing) if rows]
+        problems = [
+            self._problem(k, points[missing[k]], numerics, motions[missing[k]], curves[missing[k]])
+            for k in wanted
+        ]
+        found = in_surroundings(
+            [self.prepared[k].forward.shot for k in wanted],
+            problems,
+            partial(explicit.run_side_by_side, device=numerics.device, threads=numerics.threads),
+        )
+        fresh: dict[tuple[float, ...], FloatArray] = {}
+        for k, seen in zip(wanted, found, strict=True):
+            rows = _response_vectors(self.prepared[k], seen)
+            fresh |= {keys[k][i]: row for i, row in zip(missing[k], rows, strict=True)}
+        self.known |= fresh
+        self.made += total
+        self._record(fresh)
+        self.progress(stage, total, total)
+
+    def _problem(
+        self, k: int, points: FloatArray, numerics: Numerics, motion: np.ndarray, material: np.ndarray
+    ) -> explicit.Problem:
+        forward, unknowns = self.forwards[k], self.unknowns
+        values = {name: points[:, i] for i, name in enumerate(unknowns.bounds)}
+        if unknowns.nodes:
+            if material.any():
+                raise ValueError("a curve that is free has no noise of its own: ask for curve 0")
+            logs, material = np.unique(points[:, unknowns.n_parameters :], axis=0, return_inverse=True)
+            curve = forward.shot.curve
+            laws = [marlow_from_curve(curve.stretch, with_factors(curve, row)) for row in logs]
+            forward = replace(forward, laws=tuple(laws))
+        given: dict[str, ArrayLike] = {**self.held, **values}
+        given = given or {"stiffness_factor": np.ones(len(points))}
+        return forward.problem(given, numerics, motion=motion, material=np.ravel(material))
+
+    @cached_property
+    def model_hash(self) -> bytes:
+        """SHA-256 of all that a run depends on but its point and its numerics, see `kind_of`."""
+        said = {
+            "inputs": [dict(p.forward.shot.inputs) for p in self.prepared],
+            "shots": [repr((p.forward.shot.specimen, p.forward.shot.interface)) for p in self.prepared],
+            "models": [repr((p.forward.shot.model, p.forward.shot.window)) for p in self.prepared],
+            "relaxation": [_relaxation_facts(p) for p in self.prepared],
+            "held": self.held,
+            "names": self.unknowns.names,
+            "draws": [self.replicates, self.seed],
+            "sources": source_hash(),
+        }
+        return hashlib.sha256(json.dumps(said, sort_keys=True, default=str).encode()).digest()
+
+    def _recall(self, keys: list[tuple[float, ...]]) -> None:
+        """Take what the ledger holds of some runs into memory."""
+        lost = [key for key in keys if key not in self.known]
+        if self.ledger is None or not lost or not self._file:
+            return
+        with Ledger(self.ledger, self.model_hash) as book:
+            for key, run in zip(lost, book.find(np.array(lost)), strict=True):
+                if run is not None:
+                    self.known[key] = run.results
+
+    def _record(self, fresh: Mapping[tuple[float, ...], FloatArray]) -> None:
+        if self.ledger is None:
+            return
+        runs = [
+            Run(completed=bool(np.isfinite(row).any()), outcome=_outcome(row), results=row)
+            for row in fresh.values()
+        ]
+        with Ledger(self.ledger, self.model_hash) as book:
+            book.record(np.array(list(fresh)), runs)
+        self._file = True
+
+
+def kind_of(numerics: Numerics) -> tuple[float, ...]:
+    """Numbers that two runs share only if all numerical choices that move a result are the same.
+
+    The mesh, its grading and the element as they are, the rest as 48 bits of a digest, which a float holds.
+    """
+    rest = replace(numerics, mesh=(0, 0), grading=0.0, element="", device="", threads=None)
+    digest = hashlib.sha256(repr(rest).encode()).digest()[:6]
+    element = float(ELEMENTS.index(numerics.element))
+    return (*map(float, numerics.mesh), numerics.grading, element, float(int.from_bytes(digest, "big")))
+
+
+def _outcome(row: FloatArray) -> str:
+    return "COMPLETED" if np.isfinite(row).any() else "LOST"
+
+
+def _relaxation_facts(prepared: PreparedShot) -> object:
+    relaxation = prepared.forward.shot.relaxation
+    return None if relaxation is None else asdict(relaxation)
+
+
+def _replicated(prepared: PreparedShot, replicates: int, seed: int) -> Forward:
+    """The shot with draws of its motion and its curve; shots of one curve have the same draws of it.
+
+    Their order: the fitted motion, `replicates` drawn ones, and the fitted one larger by its scale's sigma
+    where that is known; the curve, and `replicates` drawn ones.
+    """
+    if not replicates:
+        return prepared.forward
+    curve = prepared.forward.shot.curve
+    same = hashlib.sha256(np.concatenate([curve.stretch, curve.stress]).tobytes()).digest()[:8]
+    own = hashlib.sha256(repr(sorted(prepared.forward.shot.inputs.items())).encode()).digest()[:8]
+    moved = prepared.with_replicates(replicates, np.random.default_rng([seed, *own]), curves=0)
+    curves = prepared.with_replicates(0, np.random.default_rng([seed, *same]), curves=replicates)
+    return replace(moved, laws=curves.laws)
+
+
+def _response_vectors(prepared: PreparedShot, response: explicit.Response) -> FloatArray:
+    seen = prepared.observations
+    found = np.full((response.n_samples, seen.n_force + len(seen.centre_line.Z)), np.nan)
+    rows = np.flatnonzero(response.completed)
+    if len(rows):
+        prediction = predict(response.select(rows), seen)
+        found[rows] = np.concatenate([prediction.force_bins, prediction.Z], axis=1)
+    return found

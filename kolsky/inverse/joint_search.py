@@ -1,0 +1,479 @@
+"""The joint optimum: starting points, steps on the refined mesh, noise patterns there, scatter between
+shots.
+
+The first steps take the slopes of the search's mesh, which each run corrects (Broyden's update). Where
+one leads astray, or `BORROWED` runs have not converged, slopes are taken on the refined mesh. The
+patterns of the front faces' noise are then computed again at the optimum, on a graded mesh.
+
+The scatter of the stiffness between shots is found by restricted maximum likelihood (Patterson and
+Thompson 1971). Shot k has the stiffness m (1 + s z_k) with z_k standard normal. Linear about the optimum
+the residual is r = -J d + s sum_k u_k z_k + e with u_k the change of shot k's data by a relative change
+of its stiffness,
+
+    -2 ln L(s) = ln det C + ln det (J^T C^-1 J) + r^T (C^-1 - C^-1 J (J^T C^-1 J)^-1 J^T C^-1) r,
+
+C(s) = C_0 + s^2 sum_k u_k u_k^T. The second term counts the freedom that the shared unknowns take:
+without it the scatter of few shots comes out too small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+from scipy.stats import norm
+from scipy.stats import t as student
+
+from doe import Box
+from doe.least_squares import Whitening
+from explicit.contact import contact_law
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.forward import Numerics, coarser_graded
+from kolsky.inverse.joint_problem import (
+    BLIND,
+    SCATTER,
+    JointProblem,
+    bounded_step,
+    declared_point,
+    information,
+)
+from kolsky.inverse.joint_result import Scatter
+from kolsky.inverse.parameters import MOVED, PARAMETERS, any_slides
+from kolsky.inverse.problem import Settings
+from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.valleys import VALLEY, local_minima, valley_levels
+
+FACTORS = np.geomspace(0.6, 2.2, 10)
+"""Stiffness factors of the first scan."""
+STRENGTHS = (0.1, 0.5)
+"""Strengths of a branch, or ratios of a network, of the scan [-]."""
+TIME_LEVELS = 6
+"""Relaxation times of the scan, or resistances."""
+MOST_VALLEYS = 3
+"""Valleys of Poisson's ratio that are searched from."""
+
+
+def starts(problem: JointProblem, numerics: Numerics) -> FloatArray:
+    """Points to search from, the likeliest first, shape [n, d].
+
+    Raises
+    ------
+    ValueError
+        If no point of a scan has runs that complete.
+    """
+    x = declared_point(problem.unknowns, problem)
+    names = list(problem.unknowns.bounds)
+    weak = [i for i, name in enumerate(names) if name.startswith(("prony_strength", "creep_ratio"))]
+    x[weak] = np.array(problem.unknowns.box.lower)[weak]
+    if MOVED in names:
+        x = _best_point(problem, _points_at_levels(problem, x, MOVED, FACTORS), numerics)
+    problem.count(x, numerics)
+    if weak:
+        x = _best_point(problem, np.concatenate([x[None], relaxing_points(problem, x)]), numerics)
+    if VALLEY not in names:
+        return x[None]
+    return _valleys(problem, x, numerics)
+
+
+def relaxing_points(
+    problem: JointProblem, x: FloatArray, strengths: Sequence[float] = STRENGTHS, *, follow: bool = True
+) -> FloatArray:
+    """Points with a branch or a network of some strengths and times beside others, shape [n, d].
+
+    Parameters
+    ----------
+    problem
+        Whose unknowns.
+    x
+        A point without, shape [d].
+    strengths
+        Strengths [-].
+    follow
+        Whether the stiffness factor gives way, so that the specimen is as stiff in the mean.
+    """
+    names = list(problem.unknowns.bounds)
+    ratio = "prony_strength_1" if "prony_strength_1" in names else "creep_ratio"
+    other = "prony_time_1" if ratio.startswith("prony") else "creep_resistance"
+    i, found = names.index(ratio), []
+    j = names.index(other) if other in names else None
+    for strength in strengths:
+        for value in second_levels(problem, other) if j is not None else [np.nan]:
+            point = x.copy()
+            point[i] = strength
+            if j is not None:
+                point[j] = value
+            if follow and MOVED in names:
+                point[names.index(MOVED)] /= np.sqrt(1.0 + strength)
+            found.append(point)
+    return np.clip(np.array(found), problem.unknowns.box.lower, problem.unknowns.box.upper)
+
+
+def second_levels(problem: JointProblem, name: str) -> FloatArray:
+    """Relaxation times, or resistances, of a scan: even in the logarithm over the design's range."""
+    i = list(problem.unknowns.bounds).index(name)
+    box = problem.unknowns.box
+    return np.geomspace(box.lower[i], box.upper[i], TIME_LEVELS + 2)[1:-1]
+
+
+def _points_at_levels(problem: JointProblem, x: FloatArray, name: str, levels: FloatArray) -> FloatArray:
+    i = list(problem.unknowns.bounds).index(name)
+    box = problem.unknowns.box
+    inside = levels[(levels >= box.lower[i]) & (levels <= box.upper[i])]
+    values = inside if len(inside) else np.array([x[i]])
+    points = np.tile(x, (len(values), 1))
+    points[:, i] = values
+    return points
+
+
+def _best_point(problem: JointProblem, points: FloatArray, numerics: Numerics) -> FloatArray:
+    deviances = [problem.deviance(v) for v in problem.predict("design", points, numerics)]
+    if not np.isfinite(deviances).any():
+        raise ValueError("no point of the first scan has runs of all shots that complete")
+    return np.asarray(points[int(np.argmin(deviances))])
+
+
+def _valleys(problem: JointProblem, x: FloatArray, numerics: Numerics) -> FloatArray:
+    """The floors of the likeliest valleys of Poisson's ratio."""
+    names, box = list(problem.unknowns.bounds), problem.unknowns.box
+    i = names.index(VALLEY)
+    prepared = problem.runs.prepared[0]
+    stages = StagedRuns(prepared, Settings(), Box.of({MOVED: (0.5, 2.5)}), lambda stage, done, total: None)
+    factor = x[names.index(MOVED)] if MOVED in names else PARAMETERS[MOVED].held(prepared.forward.shot)
+    levels = valley_levels(stages, float(factor), (box.lower[i], box.upper[i]))
+    points = np.tile(x, (len(levels), 1))
+    points[:, i] = levels
+    vectors = problem.predict("design", points, numerics)
+    deviances = np.array([problem.deviance(v) for v in vectors])
+    floors = local_minima(np.where(np.isfinite(deviances), deviances, np.nan))[:MOST_VALLEYS]
+    return points[floors] if floors else x[None]
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Where the search ended."""
+
+    x: FloatArray
+    """The optimum on the refined mesh, shape [d]."""
+    start: FloatArray
+    """That on the mesh of the search, shape [d]."""
+    vector: FloatArray
+    """All data as the refined mesh predicts them at `x`, shape [k]."""
+    slopes: FloatArray
+    """Derivatives there, shape [k, d]."""
+    scatter: Scatter | None
+    """Scatter between the shots; None if it was not asked for."""
+    confirmed: bool
+    """Whether the last run on the refined mesh left the optimum where it was."""
+
+
+MOST_RUNS = 12
+"""Most runs on the refined mesh, those beside an optimum for its slopes not among them."""
+COARSE_SLOPE_RUNS = 3
+"""Runs on the refined mesh that make do with the slopes of the search's mesh."""
+CONFIRMED = 0.25
+"""Length of the last step there, in standard deviations, at which it is confirmed."""
+WORSE_STEP = 1.0
+"""Rise of the deviance beyond which a step was too long."""
+
+
+@dataclass(frozen=True)
+class _RefinedRun:
+    """A run on the refined mesh, and where its linear model asks to go."""
+
+    x: FloatArray
+    """The point, shape [d]."""
+    vector: FloatArray
+    """All data as predicted there, shape [k]."""
+    cost: float
+    """The deviance."""
+    step: FloatArray
+    """To the optimum of the linear model inside the bounds, shape [d]."""
+    sigma: FloatArray
+    """Standard deviations of the unknowns by it, shape [d]."""
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the optimum is where the run was made."""
+        return bool((np.abs(self.step) <= CONFIRMED * self.sigma).all())
+
+
+def refined_optimum(problem: JointProblem, x: FloatArray, slopes: FloatArray) -> Optimum:
+    """The optimum on the refined mesh.
+
+    Parameters
+    ----------
+    problem
+        Shots and slow tests.
+    x
+        The optimum on the search's mesh, shape [d].
+    slopes
+        Derivatives of all data there, shape [k, d].
+
+    Raises
+    ------
+    ValueError
+        If a run there, or one beside it, does not complete.
+    """
+    fine = problem.refined
+    lower, upper = np.array(problem.unknowns.box.lower), np.array(problem.unknowns.box.upper)
+    start, best, least, own = x, None, None, False
+    gained = np.inf
+    for made in range(1, MOST_RUNS + 1):
+        vector = problem.predict("check", x[None], fine)[0]
+        if np.isnan(vector).any():
+            raise ValueError(
+                f"a run at the optimum on the refined mesh of {fine.mesh[0]} x {fine.mesh[1]} elements did "
+                "not complete: take another --refined-mesh"
+            )
+        cost = problem.deviance(vector)
+        astray = best is not None and cost > best.cost + WORSE_STEP
+        if not astray:
+            if best is not None:
+                slopes = secant(slopes, best.x, best.vector, best.sigma, x, vector)
+                gained = best.cost - cost
+            best = _judge_run(problem, x, vector, cost, slopes)
+            if least is None or cost < least.cost:
+                least = best
+            if best.confirmed:
+                break
+        assert best is not None  # the first run is the best so far
+        if own and astray:
+            x = 0.5 * (best.x + x)  # the step was too long for a linear model
+            continue
+        if not own and (astray or made >= COARSE_SLOPE_RUNS):
+            slopes, own, gained = problem.slopes(best.x, best.sigma, fine)[1], True, np.inf
+            best = _judge_run(problem, best.x, best.vector, best.cost, slopes)
+            if best.confirmed:
+                break
+        # Where a step has hardly gained anything the next one is half as long: they go to and fro.
+        x = np.clip(best.x + (best.step if gained > WORSE_STEP else 0.5 * best.step), lower, upper)
+    assert best is not None
+    assert least is not None
+    if best.cost > least.cost + WORSE_STEP:
+        best = least  # steps that each rise a little have led away
+    return Optimum(best.x, start, best.vector, slopes, None, best.confirmed)
+
+
+def _judge_run(
+    problem: JointProblem, x: FloatArray, vector: FloatArray, cost: float, slopes: FloatArray
+) -> _RefinedRun:
+    lower, upper = np.array(problem.unknowns.box.lower), np.array(problem.unknowns.box.upper)
+    residual = vector - problem.stack.data
+    whitening = problem.whitening(residual)
+    rows = whitening.apply(slopes.T)
+    # A bound that is reached is no reason to go on.
+    step = bounded_step(rows, whitening.apply(residual), lower - x, upper - x)
+    sigma = np.sqrt(np.diag(np.linalg.inv(information(rows, upper - lower))))
+    return _RefinedRun(x, vector, cost, step, sigma)
+
+
+def secant(
+    slopes: FloatArray,
+    before: FloatArray,
+    vector_before: FloatArray,
+    sigma: FloatArray,
+    x: FloatArray,
+    vector: FloatArray,
+) -> FloatArray:
+    """The slopes that also explain a change between two runs: Broyden's, the unknowns in sigmas, [k, d].
+
+    Parameters
+    ----------
+    slopes
+        By the unknowns, shape [k, d].
+    before, vector_before
+        A point, shape [d], and the data there, shape [k].
+    sigma
+        Standard deviations of the unknowns, shape [d].
+    x, vector
+        Another point, and the data there.
+    """
+    step = (x - before) / sigma
+    if not step.any():
+        return slopes
+    missed = vector - vector_before - slopes @ (x - before)
+    return slopes + np.outer(missed, step / sigma) / float(step @ step)
+
+
+def with_refined_patterns(problem: JointProblem, found: Optimum) -> Optimum:
+    """The optimum on the refined mesh with weights that know the noise as a fine mesh rings with it.
+
+    Where a surface slides, whose runs jump, where the search has not come to rest, or where the run on the
+    graded mesh is lost, nothing changes; the last is said beside the mesh's part of the interval.
+
+    Parameters
+    ----------
+    problem
+        Shots and slow tests; its weights are the new ones from here on.
+    found
+        The optimum with the weights that the mesh of the search has taught.
+    """
+    if not (problem.settings.replicates and found.confirmed) or shots_slide(problem):
+        return found
+    numerics = coarser_graded(problem.mesh, problem.settings.refined_mesh)
+    if np.isnan(problem.predict("noise", found.x[None], numerics)).any():
+        return found
+    problem.learn_noise(found.x, numerics)
+    return replace(refined_optimum(problem, found.x, found.slopes), start=found.start)
+
+
+def shots_slide(problem: JointProblem) -> bool:
+    """Whether a surface of the shots slides, so that single runs jump."""
+    faces = problem.first.shot.interface
+    laws = [contact_law(faces.faces), contact_law(faces.side)]
+    freed = any_slides([*problem.unknowns.bounds, *problem.runs.held])
+    return freed or any(law.needs_friction for law in laws)
+
+
+LARGEST = 0.5
+"""Largest relative scatter that is looked for [-]."""
+SMALLEST = 1e-5
+"""Scatter below which there is none [-]."""
+RISE = 3.84
+"""Rise of the deviance at the ends of a 95 % interval of one parameter [-]."""
+COVERAGE = 2.0
+"""Coverage factor k of intervals [-]."""
+
+
+def restricted_deviance(residual: FloatArray, slopes: FloatArray, whitening: Whitening) -> float:
+    """-2 ln of the restricted likelihood up to a constant [-].
+
+    Parameters
+    ----------
+    residual
+        Prediction less data, shape [k].
+    slopes
+        By the shared unknowns, shape [k, d].
+    whitening
+        The weights.
+    """
+    r, rows = whitening.apply(residual), whitening.apply(slopes.T)
+    normal = rows @ rows.T
+    followed = rows @ r
+    taken = float(followed @ np.linalg.solve(normal, followed))
+    return whitening.log_determinant + float(np.linalg.slogdet(normal)[1]) + float(r @ r) - taken
+
+
+def restricted_scatter(
+    residual: FloatArray, slopes: FloatArray, patterns: FloatArray, weights: Callable[[FloatArray], Whitening]
+) -> Scatter:
+    """The scatter and its 95 % interval.
+
+    Parameters
+    ----------
+    residual, slopes
+        As of `restricted_deviance`.
+    patterns
+        Change of the data by a relative change of each shot's own stiffness, shape [n_shots, k].
+    weights
+        Whitening that knows further patterns beside those it has, of shape [n, k].
+    """
+
+    def deviance(s: float) -> float:
+        return restricted_deviance(residual, slopes, weights(s * patterns))
+
+    def at(log: float) -> float:
+        return deviance(float(np.exp(log)))
+
+    ends = np.log(SMALLEST), np.log(LARGEST)
+    grid = np.linspace(*ends, 25)
+    values = np.array([at(g) for g in grid])
+    best = int(np.argmin(values))
+    inner = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+    found = minimize_scalar(at, bounds=inner, method="bounded", options={"xatol": 1e-4})
+    none = deviance(0.0)
+    value, least = (float(np.exp(found.x)), float(found.fun))
+    if none <= least or value <= 2.0 * SMALLEST:
+        value, least = 0.0, min(none, least)
+
+    def above(log: float) -> float:
+        return at(log) - least - RISE
+
+    low = 0.0
+    if none - least > RISE and above(ends[0]) > 0.0:
+        low = float(np.exp(brentq(above, ends[0], np.log(value))))
+    start = np.log(value) if value > 0.0 else ends[0]
+    high = float(np.exp(brentq(above, start, ends[1]))) if above(ends[1]) > 0.0 else LARGEST
+    return Scatter(value=value, interval=(low, high))
+
+
+def expanded_scatter(sigma: float, between: float, shots: int) -> float:
+    """Half width of a 95 % interval (k = 2) where part of the variance is a scatter between few shots.
+
+    Student's t by the degrees of freedom of Welch and Satterthwaite: n - 1 for the scatter's part, infinitely
+    many for the rest; as k = 2 stands for 95.45 %, so does t.
+
+    Parameters
+    ----------
+    sigma
+        Whole standard uncertainty.
+    between
+        Its part by the scatter, in the same unit.
+    shots
+        Their number n, >= 2 where `between` > 0.
+    """
+    if between <= 0.0 or sigma <= 0.0:
+        return COVERAGE * sigma
+    freedom = (shots - 1) * (sigma / min(between, sigma)) ** 4
+    level = float(norm.cdf(COVERAGE))
+    return float(student.ppf(level, freedom)) * sigma
+
+
+COARSE_PATTERNS = (
+    "the weights know the flyers' noise as the mesh of the search rings with it: with patterns of a graded "
+    "mesh the search on the refined one has not come to rest, so that Poisson's ratio and damping may be off "
+    "by more than is said; refine both meshes"
+)
+"""What is said where the old patterns stay."""
+
+
+def with_patterns_and_scatter(problem: JointProblem, found: Optimum, said: list[str]) -> Optimum:
+    """The optimum with patterns made anew, and with the scatter between the shots.
+
+    Where the search comes to rest with the old patterns alone, these stay, and `said` has one sentence more:
+    on coarse meshes the new ones may ring at another frequency than the mesh of the slopes.
+    """
+    before = problem.stack
+    last = with_scatter(problem, with_refined_patterns(problem, found))
+    if last.confirmed or not found.confirmed:
+        return last
+    anew, problem.stack = problem.stack, before
+    old = with_scatter(problem, found)
+    if not old.confirmed:
+        problem.stack = anew
+        return last
+    said.append(COARSE_PATTERNS)
+    return old
+
+
+def with_scatter(problem: JointProblem, found: Optimum) -> Optimum:
+    """The optimum with the scatter between the shots, which the weights know from here on."""
+    if not problem.settings.scatter or len(problem.stack.shots) < 2:
+        return found
+    scatter = _estimate_scatter(problem, found)
+    if scatter.value > 0.0:
+        found = replace(refined_optimum(problem, found.x, found.slopes), start=found.start)
+    return replace(found, scatter=scatter)
+
+
+def _estimate_scatter(problem: JointProblem, found: Optimum) -> Scatter:
+    """The scatter between the shots on the refined mesh; from here on the weights know it."""
+    stack, residual = problem.stack, found.vector - problem.stack.data
+    change = problem.unknowns.relative_stiffness(found.slopes, found.x)
+    patterns = np.array([stack.of_shot(k, change) for k in range(len(stack.shots))])
+    # Each shot's discrepancy is what is left once its own stiffness has followed.
+    objectives = stack.weighed_beside(residual, patterns)
+    # What the data do not see takes no freedom from them.
+    seen = np.linalg.norm(stack.whitening(objectives).apply(found.slopes.T), axis=1)
+    slopes = found.slopes[:, seen * problem.unknowns.widths >= BLIND]
+    between = restricted_scatter(residual, slopes, patterns, lambda more: stack.whitening(objectives, more))
+    if between.value > 0.0:
+        shots = []
+        for one, row in zip(stack.shots, stack.parts(between.value * change), strict=True):
+            whole = np.zeros(len(one.kept))
+            whole[one.kept] = row
+            shots.append(replace(one, own={**one.own, SCATTER: whole}))
+        problem.stack = replace(stack, shots=tuple(shots))
+    return between

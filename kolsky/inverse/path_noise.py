@@ -1,0 +1,153 @@
+"""Noise of the front face's path: its modes, their most likely amplitudes, and the path moved by them.
+
+Noise of a flyer's record moves the onset of its motion, and a soft specimen rings with it. Modes are
+independent changes of the path with what each does to the data (singular vectors of replicates). Patterns
+are changes of the data at one point and ring at that point's frequency: where the path is off by much, an
+estimate of Poisson's ratio would follow the patterns instead of the data. So the model is run under the
+path p = p_0 + sum_k c_k (p_k - p_0) that explains the residual, over replicates p_k of the fitted path
+p_0, and the same change in terms of the patterns, M' a, is taken off its predictions. For a linear
+response nothing changes, the prior of the path included.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kolsky.bars.flyer.path import FlyerPath
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.objective import Objective
+
+SMALLEST_MODE = 0.3
+"""A mode that moves the whole data vector by less, in units of its noise, is left out."""
+
+
+@dataclass(frozen=True)
+class PathModes:
+    """Independent changes of the path with what each does to the data, a standard deviation a mode."""
+
+    patterns: FloatArray
+    """Changes of bins and all points, shape [q, k]."""
+    shares: FloatArray
+    """Shares of the replicates' deviations in each mode [-], shape [q, n]."""
+    deviations: FloatArray
+    """Of the replicates' jerks from the fitted path [m/s^3], shape [n, n_spans]."""
+
+    @classmethod
+    def of(cls, change: FloatArray, noise: FloatArray, deviations: FloatArray) -> PathModes:
+        """From what the replicates do to the data.
+
+        Parameters
+        ----------
+        change
+            Data under each replicate less those under the path, shape [n, k].
+        noise
+            Standard deviations of the data, shape [k].
+        deviations
+            As above, shape [n, n_spans].
+        """
+        root = np.sqrt(len(change))
+        left, size, right = np.linalg.svd(change / (noise * root), full_matrices=False)
+        kept = size > SMALLEST_MODE
+        return cls(size[kept, None] * right[kept] * noise, left[:, kept].T / root, deviations)
+
+    def as_replicates(self, shares: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """The modes in place of the replicates that they were made of: fewer runs for the same patterns.
+
+        Parameters
+        ----------
+        shares
+            Of the replicates' deviations in a path that the modes reach, shape [n].
+
+        Returns
+        -------
+        deviations
+            Of q replicates whose mean square is that of the modes [m/s^3], shape [q, n_spans].
+        shares
+            Of them in the same path [-], shape [q].
+        size
+            What they are multiplied by to be a standard deviation each [-].
+        """
+        q = len(self.shares)
+        own = self.amplitudes(shares) / np.sqrt(q)
+        return np.sqrt(q) * (self.shares @ self.deviations), own, 1.0 / np.sqrt(q)
+
+    def amplitudes(self, shares: FloatArray) -> FloatArray:
+        """Amplitudes of the modes in a path that has some shares of the replicates' deviations, shape [q].
+
+        What of it no mode reaches is left out.
+
+        Parameters
+        ----------
+        shares
+            Shape [n].
+        """
+        # Rows of `shares` are orthogonal, of length n^-1/2.
+        return np.asarray(len(shares) * (self.shares @ shares))
+
+    def moved(self, fitted: FlyerPath, amplitudes: FloatArray) -> FlyerPath:
+        """The fitted path moved by modes of some amplitudes, shape [q]; its covariance stays."""
+        return replace(fitted, jerk=fitted.jerk + (amplitudes @ self.shares) @ self.deviations)
+
+
+@dataclass(frozen=True)
+class MovedFront:
+    """The front face's path that the model is run under: that of the record, moved by modes of its noise."""
+
+    fitted: FlyerPath
+    """As fitted to the record."""
+    modes: PathModes
+    """Of its noise."""
+    amplitudes: FloatArray
+    """Of the modes in the path [-], shape [q]."""
+
+    @property
+    def path(self) -> FlyerPath:
+        """The path."""
+        return self.modes.moved(self.fitted, self.amplitudes)
+
+    @property
+    def moved(self) -> float:
+        """Root mean square of the amplitudes [-]."""
+        return rms_amplitude(self.amplitudes)
+
+    @property
+    def offset(self) -> FloatArray:
+        """The same change in terms of the patterns, which is taken off predictions, shape [k]."""
+        return np.asarray(self.amplitudes @ self.modes.patterns)
+
+
+def rms_amplitude(amplitudes: FloatArray) -> float:
+    """Root mean square of amplitudes [-]; 0 of none."""
+    return float(np.sqrt((amplitudes**2).mean())) if len(amplitudes) else 0.0
+
+
+FOLLOWED = 2.0
+"""Root mean square of the amplitudes, each standard normal beforehand, up to which the path is left: the
+patterns are linear enough for what they have to explain [-]. Not so where Poisson's ratio is free: there any
+path is followed, for patterns that ring at one frequency hold it there."""
+CREDIBLE = 4.0
+"""The same beyond which the path is left where its record puts it [-]: such a record is not noisy but wrong,
+and no path may hide that."""
+
+
+def likely_amplitudes(objective: Objective, residual: FloatArray) -> FloatArray:
+    """Most likely amplitudes of the front face's patterns for a residual, shape [q].
+
+    a = M C^-1 r with the patterns M, standard normal beforehand, and the covariance C of the residual
+    r = data - prediction, theirs included.
+
+    Parameters
+    ----------
+    objective
+        With the patterns, and the discrepancies of the residual.
+    residual
+        Shape [k].
+    """
+    return np.asarray(objective.front_noise @ objective.whitening().precision(residual))
+
+
+def credible(amplitudes: FloatArray) -> bool:
+    """True if there are amplitudes, and noise of the record may have brought them."""
+    return 0.0 < rms_amplitude(amplitudes) <= CREDIBLE

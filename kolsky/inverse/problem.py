@@ -1,0 +1,340 @@
+"""The inverse problem of one shot: prepared data, settings, free parameters, provenance.
+
+Stiffness factor, Poisson's ratio and damping are free by default: the ringing of the force fixes the last
+two better than a data sheet, as long as the specimen holds on the platens. [uncertainty] of shot.toml is
+used so:
+
+- a standard uncertainty makes the declared value a Gaussian prior,
+- an uncertainty of 0 holds the parameter at the declared value,
+- without an entry the parameter is uniform over the range of its design.
+
+Constants of relaxation are free where [relaxation] says so and an outline was measured. Where a surface
+slides or lets go, or without an outline, the stiffness factor alone is free.
+"""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any, Literal
+
+import numpy as np
+
+import explicit
+from kolsky.bars.flyer.path import FlyerPath
+from kolsky.base.apparatus import SLIDING_LAW
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import FlyerMotion, ForceHistory
+from kolsky.inverse.forward import Forward, Numerics, curve_replicates, material_law
+from kolsky.inverse.objective import Prior
+from kolsky.inverse.observations import SAME_TIME, Observations, observe
+from kolsky.inverse.parameters import PARAMETERS, any_slides
+from kolsky.shot.curve import conditioned_ratio
+from kolsky.shot.recordings import recording_facts
+from kolsky.shot.records import Shot
+
+BINS = 30
+"""Bins of the force where no camera's frames give their width: some ten a transit of a soft specimen, and few
+enough that what rings in a mesh is averaged."""
+OUTLINES = 65
+"""Times at which the simulated outline is kept where none was measured, first and last included."""
+
+
+@dataclass(frozen=True)
+class PreparedShot:
+    """A shot ready for simulation: the forward model, the observations, figures about the data."""
+
+    forward: Forward
+    """The shot ready to run."""
+    observations: Observations
+    """What its instruments saw inside the window."""
+    checks: dict[str, Any]
+    """Figures that tell whether the declared noise is believable and how far the curve reaches."""
+    motion_sigma_gain: float = 0.0
+    """Standard uncertainty of the scale of the front face's motion [-]; not in the path's covariance."""
+
+    @property
+    def path(self) -> FlyerPath:
+        """The fitted flyer path."""
+        return self.forward.paths[0]
+
+    def with_replicates(self, n: int, rng: np.random.Generator, *, curves: int | None = None) -> Forward:
+        """The forward model with `n` more flyer paths, `n` or `curves` more curves, drawn from their noise.
+
+        Where the scale of the motion is uncertain the last path is the first one, larger by its sigma: one
+        number needs no draws.
+        """
+        scaled = (self.path.scaled(1.0 + self.motion_sigma_gain),) if self.motion_sigma_gain > 0.0 else ()
+        drawn = curve_replicates(self.forward.shot.curve, n if curves is None else curves, rng)
+        return replace(
+            self.forward,
+            paths=(self.path, *self.path.replicates(n, rng), *scaled),
+            laws=(self.forward.laws[0], *drawn),
+        )
+
+
+def prepare_shot(shot: Shot) -> PreparedShot:
+    """Turn a shot's recordings into observations and the solver's inputs.
+
+    Raises
+    ------
+    ValueError
+        If the flyer's record or the curve cannot be used; the message says why.
+    """
+    force, motion, scale = shot.force.history(), shot.flyer, 0.0
+    if isinstance(motion, FlyerMotion):
+        width = float(np.median(np.diff(motion.time)))
+        path = shot.flyer_path
+        checks = {
+            "flyer_chi2_per_dof": path.chi2_per_dof,
+            "flyer_noise_scale": path.noise_scale,
+            "flyer_static_scatter": path.static_scatter,
+        }
+    else:
+        width = _bin_width(force, shot.window)
+        path, scale = shot.flyer_path, motion.sigma_gain
+        checks = {"front_noise_scale": path.noise_scale, "front_sigma_gain": scale}
+    incident = None if shot.incident is None else shot.incident.channel.history()
+    observations = replace(
+        observe(force, shot.centre_line, window=shot.window, bin_width=width, incident=incident),
+        force_sigma_gain=shot.force.sigma_gain,
+    )
+    outlines = observations.frame_times if observations.has_shape else np.linspace(*shot.window, OUTLINES)
+    sampling = explicit.Sampling(force_times=_sampled(observations), surface_times=outlines)
+    law, ratio = material_law(shot.curve), conditioned_ratio(shot.curve)
+    forward = Forward(shot=shot, sampling=sampling, paths=(path,), laws=(law,))
+    return PreparedShot(
+        forward=forward,
+        observations=observations,
+        checks={
+            **checks,
+            **shot.force.noise_checks(),
+            "curve_last_s": law.data_limit,
+            "curve_last_strain": float(shot.curve.stretch[-1] - 1.0),
+            "window_end": shot.window[1],
+            **({} if ratio is None else {"conditioned_ratio": ratio}),
+            **({} if shot.symmetry_end is None else {"symmetry_end": shot.symmetry_end}),
+        },
+        motion_sigma_gain=scale,
+    )
+
+
+def _sampled(observations: Observations) -> FloatArray:
+    """Times of the recorded samples and of the incident force's bin edges between them [s]."""
+    times = observations.force.time
+    if observations.incident is None:
+        return times
+    edges = observations.incident.edges
+    near = np.clip(np.searchsorted(times, edges), 1, len(times) - 1)
+    apart = np.minimum(np.abs(times[near] - edges), np.abs(times[near - 1] - edges))
+    return np.sort(np.concatenate([times, edges[apart > SAME_TIME]]))
+
+
+def _bin_width(force: ForceHistory, window: tuple[float, float]) -> float:
+    """Width of the force's bins [s]: a share of the window, not below the sampling."""
+    inside = force.time[(force.time >= window[0]) & (force.time <= window[1])]
+    if inside.size < 2:
+        raise ValueError(
+            f"the window {window[0]:.9g} to {window[1]:.9g} s holds {inside.size} force samples, at least 2"
+            f" are needed; the record spans {force.time[0]:.9g} to {force.time[-1]:.9g} s"
+        )
+    return max(float(inside[-1] - inside[0]) / BINS, float(np.diff(inside).max()))
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Free parameters, held parameters and numerical choices of an identification."""
+
+    free: Mapping[str, tuple[float, float] | None] | None = None
+    """Free parameters and the bounds of their design, None for the default bounds; all others are held.
+    Left out, the stiffness factor is free, and Poisson's ratio and damping where the shot can tell them,
+    see `kolsky.inverse.problem.choose`."""
+    held: Mapping[str, float] = field(default_factory=dict)
+    """Parameters held at another value than the shot's."""
+    hold: tuple[str, ...] = ()
+    """Parameters held at the shot's values that would be free by default."""
+    numerics: Numerics = field(default_factory=Numerics)
+    """The surrogate's mesh and the arithmetic."""
+    refined_mesh: tuple[int, int] = (64, 86)
+    """The mesh the answer is given on."""
+    replicates: int = 64
+    """Draws of the flyer's motion and of the curve, each; 0 leaves their noise out of the interval."""
+    replicate_mesh: tuple[int, int] = (16, 22)
+    """The mesh of the replicates: a difference of two runs needs no fine one."""
+    methods: Literal["surrogate", "all"] = "surrogate"
+    """Whether only the surrogate is searched, or least squares on the solver too ("all")."""
+    bayes: bool = False
+    """Whether the posterior is sampled too (emcee, the extra [bayes])."""
+    pull: Literal["first", "conditioned"] = "first"
+    """Which quasi-static curve m refers to: that of the first pull, or of the conditioned material."""
+    seed: int = 1
+    """Seed of every random draw."""
+
+    def __post_init__(self) -> None:
+        if self.methods not in ("surrogate", "all"):
+            raise ValueError(f'methods must be "surrogate" or "all", got {self.methods!r}')
+        if self.pull not in ("first", "conditioned"):
+            raise ValueError(f"pull must be 'first' or 'conditioned', got {self.pull!r}")
+        clash = set(self.free or ()) & {*self.held, *self.hold} | set(self.held) & set(self.hold)
+        if clash:
+            raise ValueError(f"{', '.join(sorted(clash))}: a parameter is either free or held, at one value")
+
+
+DEFAULT = ("stiffness_factor", "poisson", "damping")
+"""Parameters that are free where a shot's data can tell them."""
+ONE_FREE = ("stiffness_factor",)
+"""What is free where a surface slides or lets go."""
+
+HELD_AS_ASKED, EXACT = "held as asked", "declared exact in [uncertainty]"
+NO_OUTLINE = "held because no outline was measured"
+SLIDES = "held because a surface slides or lets go"
+REASONS_BEFORE_RUNS = (HELD_AS_ASKED, EXACT, SLIDES, NO_OUTLINE)
+"""Reasons to hold a parameter that are known before any run."""
+
+Bounds = tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class Freed:
+    """Settings in which every parameter is either free or held, and why some are held."""
+
+    settings: Settings
+    """With `free` filled in."""
+    by_default: bool
+    """Whether the free parameters are the default's choice, and may be held if the data cannot tell them."""
+    reasons: Mapping[str, str]
+    """Why a parameter of `DEFAULT` is held, by its name."""
+
+    @property
+    def free(self) -> Mapping[str, Bounds]:
+        """Free parameters and their bounds."""
+        assert self.settings.free is not None
+        return self.settings.free
+
+    def prior(self, shot: Shot) -> Prior | None:
+        """The priors of the free parameters from the shot's [uncertainty]; None if it declares none."""
+        declared = {
+            name: (PARAMETERS[name].held(shot), shot.uncertainty[name])
+            for name in self.free
+            if name in PARAMETERS and shot.uncertainty.get(name, 0.0) > 0.0
+        }
+        return Prior.of(tuple(self.free), declared)
+
+    def said(self, shot: Shot) -> Iterator[str]:
+        """Say which parameters the data could not tell: one sentence each."""
+        for name, why in self.reasons.items():
+            if why not in REASONS_BEFORE_RUNS:
+                p = PARAMETERS[name]
+                value = f"{p.held(shot) * p.shown_factor:.6g}" + (
+                    "" if p.shown_unit == "1" else f" {p.shown_unit}"
+                )
+                yield f"{name} = {value} as declared, {why}: the answer holds if that is right"
+
+    def holding(self, reasons: Mapping[str, str]) -> Freed:
+        """The same with parameters held at the shot's values, for a reason each."""
+        free = {name: bounds for name, bounds in self.free.items() if name not in reasons}
+        return replace(self, settings=replace(self.settings, free=free), reasons={**self.reasons, **reasons})
+
+
+def choose(settings: Settings, shot: Shot) -> Freed:
+    """Fill in what the settings leave open.
+
+    Parameters
+    ----------
+    settings
+        As the user gave them.
+    shot
+        What it declares of interface and uncertainty.
+
+    Raises
+    ------
+    ValueError
+        If nothing would be free.
+    """
+    if settings.free is not None:
+        return Freed(settings, by_default=False, reasons={})
+    relaxing = () if shot.relaxation is None else shot.relaxation.free_names
+    default = (*DEFAULT, *relaxing)
+    reasons = {name: HELD_AS_ASKED for name in (*settings.held, *settings.hold) if name in default}
+    for name in default:
+        if shot.uncertainty.get(name) == 0.0:
+            reasons.setdefault(name, EXACT)
+    if rough(shot, settings.held):
+        for name in default:
+            if name not in ONE_FREE:
+                reasons.setdefault(name, SLIDES)
+    if shot.centre_line is None:
+        for name in default:
+            if name not in ONE_FREE:
+                reasons.setdefault(name, NO_OUTLINE)
+    free = {name: None for name in default if name not in reasons}
+    if not free:
+        raise ValueError(f"nothing is free: {', '.join(f'{name} is {why}' for name, why in reasons.items())}")
+    return Freed(replace(settings, free=free), by_default=True, reasons=reasons)
+
+
+def rough(shot: Shot, named: Iterable[str]) -> bool:
+    """True if a surface slides or lets go: as declared, or because a named parameter makes it so."""
+    from explicit.contact import contact_law
+
+    laws = [contact_law(shot.interface.faces), contact_law(shot.interface.side)]
+    return any_slides(named) or any(law.needs_friction or law.needs_release_stress for law in laws)
+
+
+def provenance(shot: Shot, settings: Any, prepared: PreparedShot, *, sliding: bool) -> dict[str, Any]:
+    """The record that is needed to repeat a result: hashes, settings, versions, machine class.
+
+    Parameters
+    ----------
+    shot, prepared
+        The shot as loaded, and made ready.
+    settings
+        The dataclass of settings the result was made with.
+    sliding : bool
+        Whether Coulomb's law replaced the declared interface, see `kolsky.inverse.forward.Forward.run`.
+
+    Returns
+    -------
+    dict
+        JSON types only. "interface" is what was simulated, "declared_interface" what the shot says.
+    """
+    packages = {}
+    for name in ("kolsky", "warp-lang", "numpy", "scipy"):
+        try:
+            packages[name] = version(name)
+        except PackageNotFoundError:
+            packages[name] = "not installed"
+    declared = {"faces": shot.interface.faces, "side": shot.interface.side}
+    interface = {"faces": SLIDING_LAW, "side": SLIDING_LAW} if sliding else declared
+    return {
+        "inputs": dict(shot.inputs),
+        "settings": _plain(settings),
+        "interface": interface,
+        **({"declared_interface": declared} if interface != declared else {}),
+        "specimen": _plain(shot.specimen),
+        **({"specimen_length": _plain(shot.length_by_pictures)} if shot.length_by_pictures else {}),
+        "support": shot.support,
+        **({"transducer_depth": shot.transducer_depth} if shot.transducer_depth else {}),
+        **({"behind": _plain(shot.behind)} if shot.behind else {}),
+        **({"flyer_body": _plain(shot.flyer_body)} if shot.flyer_body else {}),
+        **({"incident_force": "compared"} if shot.incident else {}),
+        "window_s": list(shot.window),
+        "checks": prepared.checks,
+        "recordings": recording_facts(shot),
+        "versions": {**packages, "python": platform.python_version()},
+        "machine": platform.machine(),
+        "seed": getattr(settings, "seed", None),
+    }
+
+
+def _plain(thing: Any) -> Any:
+    """Dataclasses, mappings and tuples as JSON can hold them."""
+    if hasattr(thing, "__dataclass_fields__"):
+        return {name: _plain(getattr(thing, name)) for name in thing.__dataclass_fields__}
+    if isinstance(thing, Mapping):
+        return {str(key): _plain(value) for key, value in thing.items()}
+    if isinstance(thing, (list, tuple)):
+        return [_plain(value) for value in thing]
+    return thing

@@ -1,1 +1,0 @@
-"""Several shots of one material, and slow tests beside them, identified together."""

@@ -1,0 +1,488 @@
+"""The story of a joint identification, top to bottom.
+
+1. What is shared and free: what every shot frees alone (`kolsky.inverse.problem`).
+2. Scans of the stiffness, of relaxation and of Poisson's valleys on the mesh of the search, then least
+   squares
+   over all shots and slow tests together (`kolsky.inverse.joint_problem`).
+3. The weights learn the front faces' noise, clocks and scales at that point; least squares again.
+4. The optimum is moved to the refined mesh (`kolsky.inverse.joint_search`). A model that relaxes is
+   compared
+   with the same shots without it (`kolsky.diagnosis.relaxation`). The noise patterns are computed again at
+   the
+   optimum, and the scatter between the shots is estimated; the weights contain it from then on.
+5. The answer: shared values with intervals (weights, residuals correlated in time, the curve's noise, the
+   mesh,
+   declared inputs), each shot's own part, and the curve, if it is free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from doe import Box
+from kolsky.base.arrays import FloatArray
+from kolsky.base.process import one_blas_thread
+from kolsky.diagnosis.relaxation import (
+    choice_with_mesh_error,
+    choose_model,
+    optimum_without_branch,
+    weak_branch,
+)
+from kolsky.inverse.estimates import estimates, held_values
+from kolsky.inverse.joint_problem import CLOCK, GAIN, SCATTER, JointProblem, Stack, covariance, information
+from kolsky.inverse.joint_result import (
+    CurveFound,
+    JointResult,
+    JointSettings,
+    ModelChoice,
+    ShotPart,
+    Slow,
+    as_not_seen,
+    needed_strength,
+)
+from kolsky.inverse.joint_runs import JointRuns, Unknowns, node_strains, with_factors
+from kolsky.inverse.joint_search import (
+    Optimum,
+    expanded_scatter,
+    refined_optimum,
+    starts,
+    with_patterns_and_scatter,
+)
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.parameters import MOVED, PARAMETERS, checked_value, reference_words, require_declared
+from kolsky.inverse.problem import Freed, PreparedShot, choose, prepare_shot
+from kolsky.inverse.result import Estimate
+from kolsky.inverse.staged_runs import Progress
+from kolsky.shot.records import Shot
+from kolsky.uncertainty.budgets import declared_parts
+from kolsky.uncertainty.mesh_error import joint_mesh_change, numerical_parts
+from kolsky.uncertainty.warnings import lost_mesh_runs
+
+FEW_SHOTS = 5
+"""Shots below which a scatter between them is hardly known."""
+
+
+def joint_result(
+    problem: JointProblem, found: Optimum, choice: ModelChoice | None, said: tuple[str, ...]
+) -> JointResult:
+    """Values, intervals and verdicts at an optimum.
+
+    Raises
+    ------
+    ValueError
+        If the run at the answer on the search's mesh does not complete.
+    """
+    stack, unknowns = problem.stack, problem.unknowns
+    residual = found.vector - stack.data
+    objectives = stack.weighed(residual)
+    whitening = stack.whitening(objectives)
+    known = information(whitening.apply(found.slopes.T), unknowns.widths)
+    gain: FloatArray = np.asarray(
+        np.linalg.solve(known, whitening.precision(found.slopes.T)), dtype=np.float64
+    )
+    cov = covariance(found.slopes, residual, whitening, stack, unknowns.widths)
+    plain = np.diag(np.linalg.inv(known))
+    between = np.zeros(len(found.x))
+    if any(SCATTER in one.own for one in stack.shots):
+        between = np.maximum(plain - _without(stack, problem, found, SCATTER), 0.0)
+    curves = np.zeros(len(found.x))
+    if stack.curve is not None:
+        bare = replace(stack, curve=None)
+        curves = np.maximum(plain - _without(bare, problem, found, ""), 0.0)
+    noise = {
+        "force and shape": np.sqrt(np.maximum(np.diag(cov) - between - curves, 0.0)),
+        "scatter between shots": np.sqrt(between),
+        "material curve": np.sqrt(curves),
+        **declared_parts(problem, found, gain),
+    }
+    mesh = joint_mesh_change(problem, found)
+    numerical = numerical_parts(mesh, gain)
+    n = unknowns.n_parameters
+    shared: dict[str, Estimate] = {}
+    if unknowns.parameters is not None:
+        shared = estimates(
+            unknowns.parameters,
+            found.x[:n],
+            noise={source: part[:n] for source, part in noise.items()},
+            numerical={source: part[:n] for source, part in numerical.items()},
+            mesh_shift=mesh.shift(gain)[:n],
+            mesh_correction=mesh.correction(gain)[:n],
+            confirmed=found.confirmed,
+            outline=any(one.observations.has_shape for one in stack.shots),
+        )
+    choice = None if choice is None else choice_with_mesh_error(choice, shared)
+    if choice is not None and not choice.asked_for:
+        shared = {name: as_not_seen(e) for name, e in shared.items()}
+    half = {
+        name: expanded_scatter(e.sigma, e.noise_parts["scatter between shots"], len(stack.shots))
+        for name, e in shared.items()
+    }
+    sizes = np.sqrt(np.diag(cov))
+    shot = problem.first.shot
+    held = held_values(shot, unknowns.parameters or Box.of({"none": (0.0, 1.0)}), problem.runs.held)
+    return JointResult(
+        estimates=shared,
+        fixed=held,
+        correlation=(cov / np.outer(sizes, sizes))[:n, :n],
+        expanded=half,
+        shots=_shot_parts(problem, found, whitening.precision(residual), objectives),
+        scatter=found.scatter,
+        slow=_slow_misfits(problem, found.vector),
+        choice=choice,
+        curve=_free_curve(problem, found, noise, numerical, mesh.correction(gain))
+        if unknowns.nodes
+        else None,
+        mesh=problem.mesh.mesh,
+        refined_mesh=problem.settings.refined_mesh,
+        runs=problem.runs.made,
+        warnings=(
+            *said,
+            *lost_mesh_runs(mesh.lost, problem.mesh.mesh),
+            *_joint_warnings(problem, found, choice, shared),
+        ),
+    )
+
+
+def _without(stack: Stack, problem: JointProblem, found: Optimum, name: str) -> FloatArray:
+    """Variances with the same discrepancies, as if the shots had no unknown of a name, shape [d]."""
+    bare, residual = [], found.vector - stack.data
+    for one, o in zip(stack.shots, stack.weighed(residual), strict=True):
+        rest = {key: row for key, row in one.own.items() if key != name}
+        bare.append(
+            replace(
+                replace(one, own=rest).objective,
+                force_discrepancy=o.force_discrepancy,
+                shape_discrepancy=o.shape_discrepancy,
+            )
+        )
+    rows = stack.whitening(bare).apply(found.slopes.T)
+    return np.diag(np.linalg.inv(information(rows, problem.unknowns.widths)))
+
+
+def _shot_parts(
+    problem: JointProblem, found: Optimum, weighed: FloatArray, objectives: Sequence[Objective]
+) -> tuple[ShotPart, ...]:
+    """Each shot's own unknowns, most likely ones, and how well it is explained."""
+    stack, parts = problem.stack, []
+    m = float(problem.values(found.x).get(MOVED, 1.0))
+    residuals = stack.parts(found.vector - stack.data)
+    pulls = stack.parts(weighed)
+    for k, (one, o, r) in enumerate(zip(stack.shots, objectives, residuals, strict=True)):
+        shot = problem.runs.prepared[k].forward.shot
+        own = {name: _shot_unknown(row[one.kept], pulls[k], o) for name, row in one.own.items()}
+        scatter = 0.0 if found.scatter is None else found.scatter.value
+        size = {SCATTER: m * scatter, GAIN: problem.settings.gain_each}
+        size[CLOCK] = shot.uncertainty.get("clock_offset", 0.0)
+        share = {name: (size[name] * a, size[name] * s) for name, (a, s) in own.items()}
+        n, squares = o.n_force, (r / o.noise) ** 2
+        parts.append(
+            ShotPart(
+                name=shot.name,
+                inputs=dict(shot.inputs),
+                factor=m + share.get(SCATTER, (0.0, 0.0))[0],
+                sigma_factor=share.get(SCATTER, (0.0, 0.0))[1],
+                gain=share.get(GAIN, (0.0, 0.0))[0],
+                sigma_gain=share.get(GAIN, (0.0, 0.0))[1],
+                clock=share.get(CLOCK, (0.0, 0.0))[0],
+                sigma_clock=share.get(CLOCK, (0.0, 0.0))[1],
+                chi2_force=float(squares[:n].mean()),
+                chi2_outline=float(squares[n:].mean()) if len(squares) > n else float("nan"),
+                discrepancy_force=o.force_discrepancy,
+                discrepancy_outline=o.shape_discrepancy,
+            )
+        )
+    return tuple(parts)
+
+
+def _shot_unknown(row: FloatArray, pull: FloatArray, objective: Objective) -> tuple[float, float]:
+    """Most likely amount of a pattern and what is left of its uncertainty, in standard deviations.
+
+    With the residual r = prediction less data, of covariance C that knows the pattern u: -u C^-1 r, and
+    the root of 1 - u C^-1 u.
+    """
+    left = 1.0 - float(row @ objective.whitening().precision(row[None])[0])
+    return -float(row @ pull), float(np.sqrt(max(left, 0.0)))
+
+
+def _slow_misfits(problem: JointProblem, vector: FloatArray) -> Mapping[str, float]:
+    stack, found = problem.stack, {}
+    start = stack.ends[-1]
+    for one in problem.slow:
+        n = int(np.isfinite(one.sigma).sum())
+        part = slice(start, start + n)
+        sigma = stack.slow_sigma[start - stack.ends[-1] :][:n]
+        found[one.label] = float((((vector - stack.data)[part] / sigma) ** 2).mean())
+        start += n
+    return found
+
+
+def _free_curve(
+    problem: JointProblem,
+    found: Optimum,
+    noise: Mapping[str, FloatArray],
+    numerical: Mapping[str, FloatArray],
+    correction: FloatArray,
+) -> CurveFound:
+    """The curve with its band: k = 2 of the nodes' factors, between the nodes as their logarithm is."""
+    n = problem.unknowns.n_parameters
+    logs = (found.x + correction)[n:]
+    sigma = np.sqrt(sum(part[n:] ** 2 for part in (*noise.values(), *numerical.values())))
+    whitening = problem.whitening(found.vector - problem.stack.data)
+    rows = whitening.apply(found.slopes.T)
+    normal, known = rows @ rows.T, found.slopes[-problem.stack.known :]
+    prior = np.diag(known.T @ known)[n:]
+    curve = problem.first.shot.curve
+    return CurveFound(
+        strain=node_strains(curve, len(logs)),
+        factor=np.exp(logs),
+        sigma_log=np.asarray(sigma),
+        prior_share=prior / np.diag(normal)[n:],
+        stretch=curve.stretch,
+        stress=with_factors(curve, logs),
+        band=np.stack([with_factors(curve, logs + sign * 2.0 * sigma) for sign in (-1.0, 1.0)]),
+    )
+
+
+def _joint_warnings(
+    problem: JointProblem, found: Optimum, choice: ModelChoice | None, shared: Mapping[str, Estimate]
+) -> list[str]:
+    said = []
+    if not found.confirmed:
+        said.append(
+            "the last run on the refined mesh still asks for another optimum: widen the bounds with --free, "
+            "or refine --mesh, whose slopes the steps take"
+        )
+    if choice is not None and not choice.asked_for:
+        said += [choice.sentence, *needed_strength(shared)]
+    reference = reference_words(shared)
+    if reference:
+        said.append(f"m refers to {reference}")
+    m, size = shared.get(MOVED), 0.0 if found.scatter is None else found.scatter.value
+    if m is not None and 0.0 < size * m.value <= m.sigma_numerical:
+        said.append(
+            f"the scatter between the shots, {100.0 * size:.2g} %, is within the uncertainty of the mesh, "
+            "which errs differently at other speeds: refine both meshes before it is called scatter"
+        )
+    if found.scatter is not None and found.scatter.value > 0.0 and len(problem.stack.shots) < FEW_SHOTS:
+        low, high = (100.0 * end for end in found.scatter.interval)
+        said.append(
+            f"the scatter between the shots is from {len(problem.stack.shots)} of them and hardly known: its "
+            f"95 % interval is {low:.2g} to {high:.2g} %"
+        )
+    return said
+
+
+FIRST_STEPS, LATER_STEPS = 10, 6
+"""Trial points of the first search, and of those with better weights."""
+SAME_VALLEY = 10.0
+"""Distance of two ends of searches, in standard deviations, up to which they lie in one valley: a search that
+its steps have cut short ends within some of them, the next valley of Poisson's ratio is tens away."""
+
+
+@one_blas_thread()
+def identify_shots(
+    shots: Sequence[Shot],
+    settings: JointSettings | None = None,
+    *,
+    slow: Slow = (),
+    ledger: Path | None = None,
+    progress: Progress | None = None,
+) -> JointResult:
+    """Identify what several shots of one material share.
+
+    Parameters
+    ----------
+    shots
+        The shots, two or more; they may differ in specimen, speed, interface and instruments.
+    settings
+        What is free, what is held, numerical choices.
+    slow
+        Slow tests of the same material.
+    ledger
+        File that keeps every run; one that is there goes on where it ended.
+    progress
+        Called as ``progress(stage, runs done, runs in the stage)``.
+
+    Raises
+    ------
+    ValueError
+        If the shots cannot be joined, nothing is free, or too few runs complete.
+    """
+    settings = settings or JointSettings()
+    _check_joinable(shots, settings, slow)
+    prepared = [prepare_shot(shot) for shot in shots]
+    freed = [choose(settings.of_one(), shot) for shot in shots]
+    said: list[str] = []
+    problem = _problem(prepared, freed, settings, slow, ledger, progress, said)
+    relaxing = [name for name in problem.unknowns.bounds if PARAMETERS[name].relaxes]
+    kept = {n: b for n, b in problem.unknowns.bounds.items() if n not in relaxing}
+    if not relaxing or not (kept or settings.curve_nodes) or not settings.choose:
+        found = with_patterns_and_scatter(problem, search_joint(problem), said)
+        return joint_result(problem, found, None, tuple(said))
+    bare = [
+        replace(p, forward=replace(p.forward, shot=replace(p.forward.shot, relaxation=None)))
+        for p in prepared
+    ]
+    elastic = _build_problem(bare, kept, freed[0], settings, slow, ledger, progress)
+    without = search_joint(elastic)
+    found = search_joint(problem, beside=weak_branch(problem, elastic, without.start))
+    found = _not_above(problem, found, elastic, without)
+    choice = choose_model(problem, found, elastic, without)
+    found = with_patterns_and_scatter(problem, found, said)
+    return joint_result(problem, found, choice, tuple(said))
+
+
+def search_joint(problem: JointProblem, *, beside: FloatArray | None = None) -> Optimum:
+    """The optimum on the refined mesh, shots without a scatter between them.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    beside
+        One more point to search from, shape [d]. Its end is taken to the refined mesh too: which of two
+        valleys is the deeper one is not for the search's mesh to say, whose ringing has another period.
+
+    Raises
+    ------
+    ValueError
+        If no search can start, or a run beside the optimum does not complete.
+    """
+    numerics = problem.mesh
+    x, _ = problem.search(starts(problem, numerics), numerics, FIRST_STEPS)
+    problem.learn_noise(x, numerics)
+    found = _refined_from(problem, x)
+    if beside is None:
+        return found
+    end = _search_again(problem, problem.search(beside[None], numerics, FIRST_STEPS)[0])
+    if _distance(problem, found, end.x) <= SAME_VALLEY:
+        return found
+    other = refined_optimum(problem, end.x, end.slopes)
+    if not problem.deviance(other.vector) < problem.deviance(found.vector):
+        return found
+    problem.learn_noise(other.start, numerics)  # the patterns are those of a point
+    return _refined_from(problem, other.start)
+
+
+def _not_above(problem: JointProblem, found: Optimum, elastic: JointProblem, without: Optimum) -> Optimum:
+    """An optimum that explains no less than that of a model which is contained in its own.
+
+    Parameters
+    ----------
+    problem, found
+        The larger problem, and where its search ended.
+    elastic, without
+        The smaller one, and its optimum.
+    """
+    nothing = optimum_without_branch(problem, elastic, without)
+    if nothing is None or problem.deviance(found.vector) <= problem.deviance(nothing.vector):
+        return found
+    rows = elastic.whitening(without.vector - elastic.stack.data).apply(without.slopes.T)
+    sigma = 0.1 * problem.unknowns.widths
+    shared = [problem.unknowns.names.index(name) for name in elastic.unknowns.names]
+    sigma[shared] = np.sqrt(np.diag(np.linalg.inv(information(rows, elastic.unknowns.widths))))
+    slopes = problem.slopes(nothing.start, sigma, problem.mesh)[1]
+    return replace(refined_optimum(problem, nothing.x, slopes), start=nothing.start)
+
+
+@dataclass(frozen=True)
+class _End:
+    """Where a search on its own mesh ended, and the slopes there."""
+
+    x: FloatArray
+    slopes: FloatArray
+
+
+def _search_again(problem: JointProblem, x: FloatArray) -> _End:
+    """The search once more, with the weights of now, from a point near the optimum on its mesh."""
+    x, sigma = problem.search(x[None], problem.mesh, LATER_STEPS)
+    return _End(x, problem.slopes(x, sigma, problem.mesh)[1])
+
+
+def _refined_from(problem: JointProblem, x: FloatArray) -> Optimum:
+    """The optimum on the refined mesh from a point near that on the search's mesh."""
+    end = _search_again(problem, x)
+    return refined_optimum(problem, end.x, end.slopes)
+
+
+def _distance(problem: JointProblem, found: Optimum, x: FloatArray) -> float:
+    """How far a point on the search's mesh is from where an optimum was searched, in standard deviations."""
+    rows = problem.whitening(found.vector - problem.stack.data).apply(found.slopes.T)
+    away = x - found.start
+    return float(np.sqrt(away @ information(rows, problem.unknowns.widths) @ away))
+
+
+def _problem(
+    prepared: Sequence[PreparedShot],
+    freed: Sequence[Freed],
+    settings: JointSettings,
+    slow: Slow,
+    ledger: Path | None,
+    progress: Progress | None,
+    said: list[str],
+) -> JointProblem:
+    """The problem of all shots; what some shot holds is held, and said."""
+    bounds = dict(freed[0].free)
+    for one in freed:
+        for name in [n for n in bounds if n not in one.free]:
+            del bounds[name]
+            said.append(f"{name} is held at each shot's value: {one.reasons.get(name, 'one shot holds it')}")
+    for ready in prepared:
+        require_declared(bounds, ready.forward.shot)
+    if settings.curve_nodes:
+        bounds.pop(MOVED, None)
+    for name, value in settings.held.items():
+        checked_value(name, value)
+    if not bounds and not settings.curve_nodes:
+        raise ValueError("nothing is free in all of the shots")
+    return _build_problem(prepared, bounds, freed[0], settings, slow, ledger, progress)
+
+
+def _build_problem(
+    prepared: Sequence[PreparedShot],
+    bounds: Mapping[str, tuple[float, float] | None],
+    freed: Freed,
+    settings: JointSettings,
+    slow: Slow,
+    ledger: Path | None,
+    progress: Progress | None,
+) -> JointProblem:
+    unknowns = Unknowns(bounds, settings.curve_nodes)
+    runs = JointRuns(
+        prepared,
+        unknowns,
+        held=settings.held,
+        ledger=ledger,
+        replicates=settings.replicates,
+        seed=settings.seed,
+        **({} if progress is None else {"progress": progress}),
+    )
+    kept = replace(freed, settings=replace(freed.settings, free=dict(bounds)))
+    prior = kept.prior(prepared[0].forward.shot) if bounds else None
+    return JointProblem(runs, settings, slow, prior)
+
+
+def _check_joinable(shots: Sequence[Shot], settings: JointSettings, slow: Slow) -> None:
+    """Refuse shots that do not share what they are to share."""
+    if len(shots) < 2 and not slow and not settings.curve_nodes:
+        raise ValueError("one shot by itself is identified alone: give more shots, slow tests or curve nodes")
+    names = [shot.name for shot in shots]
+    double = sorted({name for name in names if names.count(name) > 1})
+    if double:
+        raise ValueError(f"two shots are called {double[0]}: a shot counts once; give each its own name")
+    kinds = {None if s.relaxation is None else (s.relaxation.kind, s.relaxation.branches) for s in shots}
+    if len(kinds) > 1:
+        raise ValueError(
+            "the shots' [relaxation] differ in kind or number of branches: they share one; declare the same, "
+            "or give --relaxation"
+        )
+    if settings.curve_nodes:
+        if slow:
+            raise ValueError("slow tests tell the slow curve: with free nodes of the curve leave them out")
+        ends = {float(np.sign(shot.curve.stretch[-1] - 1.0)) for shot in shots}
+        if len(ends) > 1:
+            raise ValueError("the shots' curves are of different branches: one curve cannot be free in all")

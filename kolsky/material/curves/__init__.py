@@ -1,1 +1,0 @@
-"""Quasi-static uniaxial tests: strain, toe, scatter, apparent modulus."""

@@ -1,0 +1,554 @@
+"""A cylinder compressed between rigid platens with Coulomb friction, in equilibrium at every step.
+
+`compress` returns force, shape and their derivatives by the constants of the law and by the friction. Contact
+is checked point by point: no penetration, sticking or sliding.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_array
+from scipy.sparse.linalg import splu
+
+from explicit.materials.law import Stretches
+from kolsky.base.arrays import FloatArray
+from kolsky.material.end_friction.cylinder import Body, HalfCylinder
+
+
+@dataclass(frozen=True)
+class Compression:
+    """Force and shape of a compressed cylinder at chosen strains."""
+
+    strain: FloatArray
+    """Nominal compressive strain [-], shape [n]."""
+    stress: FloatArray
+    """Force over the undeformed section [Pa], compression positive, shape [n]."""
+    bulge: FloatArray
+    """Radius at mid-height [m], shape [n]."""
+    stress_by: FloatArray
+    """Derivatives of the stress by the parameters, shape [n, n_parameters]."""
+    bulge_by: FloatArray
+    """Derivatives of the radius [m], shape [n, n_parameters]."""
+    outline: FloatArray
+    """Places r, z of the nodes of the side's upper half [m], shape [n, n_side, 2]."""
+    largest_s: float
+    """Largest sqrt(I1 - 3) of any Gauss point at the last strain [-]."""
+    past: float
+    """Share of the volume that is strained past the homogeneous strain of the last point [-]."""
+    steps: int = 0
+    """Equilibria found."""
+    snaps: int = 0
+    """Places where the body jumped to another equilibrium: a node of its edge landed or curled off."""
+
+
+class NoEquilibriumError(ValueError):
+    """No equilibrium was found; the message says at which strain."""
+
+
+GAUSS = 5
+"""Gauss points of the side in each boundary element."""
+
+
+@dataclass(frozen=True)
+class ContactPoints:
+    """Places on the body's boundary and their share of its undeformed area."""
+
+    nodes: NDArray[np.int64]
+    """Nodes that carry each point, shape [n, 3]."""
+    shape: FloatArray
+    """Their share in it [-], shape [n, 3]."""
+    areas: FloatArray
+    """Undeformed area of each point [m^2], shape [n]."""
+    n_nodes: int
+    """Nodes of the mesh."""
+
+    @classmethod
+    def of(cls, mesh: HalfCylinder, *, face: bool) -> "ContactPoints":
+        """Points of the side, and those of the face if it can move."""
+        points, weights = np.polynomial.legendre.leggauss(GAUSS)
+        N = np.column_stack([0.5 * points * (points - 1.0), 1.0 - points**2, 0.5 * points * (points + 1.0)])
+        line = mesh.side
+        three = np.stack([line[:-2:2], line[1:-1:2], line[2::2]], axis=1)
+        length = mesh.nodes[three[:, 2], 1] - mesh.nodes[three[:, 0], 1]
+        nodes = np.repeat(three, GAUSS, axis=0)
+        shape = np.tile(N, (len(three), 1))
+        areas = (np.pi * mesh.radius * length[:, None] * weights).ravel()
+        if face:
+            nodes = np.concatenate([nodes, np.repeat(mesh.face[:, None], 3, axis=1)])
+            shape = np.concatenate([shape, np.tile([1.0, 0.0, 0.0], (mesh.face.size, 1))])
+            areas = np.concatenate([areas, mesh.areas[mesh.face]])
+        return cls(nodes, shape, areas, len(mesh.nodes))
+
+    @cached_property
+    def matrix(self) -> csr_array:
+        """Values at the points from values at the nodes, shape [n, n_nodes]."""
+        n = len(self.nodes)
+        rows = np.repeat(np.arange(n), 3)
+        return csr_array((self.shape.ravel(), (rows, self.nodes.ravel())), shape=(n, self.n_nodes))
+
+    def at(self, values: FloatArray) -> FloatArray:
+        """Values at the points of nodal ones, shape [n_nodes, ...]."""
+        return np.asarray(self.matrix @ values)
+
+    def shared(self, forces: FloatArray) -> FloatArray:
+        """Forces on the points as forces on the nodes, shape [n_nodes, ...]."""
+        return np.asarray(self.matrix.T @ forces)
+
+    @cached_property
+    def pairs(self) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
+        """Pairs of nodes of each point, and the product of their shares, shape [n, 9] each."""
+        first, second = np.divmod(np.arange(9), 3)
+        return (
+            self.nodes[:, first],
+            self.nodes[:, second],
+            self.shape[:, first] * self.shape[:, second],
+        )
+
+
+_STIFF = 200.0
+"""Penalty over shear modulus and smallest element [-]."""
+
+
+@dataclass(frozen=True)
+class Grip:
+    """What each contact point remembers from the last equilibrium."""
+
+    touching: NDArray[np.bool_]
+    """True where a point lay on the platen, shape [n_contact]."""
+    anchor: FloatArray
+    """Radius at which its tangential force is zero [m], shape [n_contact]."""
+    anchor_change: FloatArray
+    """Derivatives of the anchors by the parameters, shape [n_contact, n_parameters]."""
+    normal: FloatArray
+    """Force pressing the point down [N], shape [n_contact]."""
+    normal_change: FloatArray
+    """Its derivatives by the parameters, shape [n_contact, n_parameters]."""
+
+
+@dataclass(frozen=True)
+class ContactForces:
+    """Forces on the contact points and their derivatives."""
+
+    normal: FloatArray
+    """Force pressing the point down [N], >= 0, shape [n_contact]."""
+    tangential: FloatArray
+    """Radial force [N], shape [n_contact]."""
+    stiffness: FloatArray
+    """d(radial, axial force on the point) / d(r, z), row by row [N/m], shape [n_contact, 2, 2]."""
+    by_anchor: FloatArray
+    """d(radial force)/d(anchor) [N/m], shape [n_contact]."""
+    by_normal: FloatArray
+    """d(radial force)/d(normal force) [-], shape [n_contact]."""
+    by_friction: FloatArray
+    """d(radial force)/d(coefficient) [N], shape [n_contact]."""
+    slipping: NDArray[np.bool_]
+    """True where Coulomb's limit is reached, shape [n_contact]."""
+
+
+@dataclass(frozen=True)
+class Platen:
+    """A platen that comes down on a body."""
+
+    mesh: HalfCylinder
+    """The body."""
+    bonded: bool
+    """True if the face is glued; then only the side can land, and sticks."""
+    friction: float
+    """Coulomb's coefficient [-]; infinity: no slip."""
+    modulus: float
+    """Shear modulus that the penalty is measured in [Pa]."""
+
+    @cached_property
+    def points(self) -> ContactPoints:
+        """Points that can touch."""
+        return ContactPoints.of(self.mesh, face=not self.bonded)
+
+    @cached_property
+    def penalty(self) -> FloatArray:
+        """k A of each point [N/m], shape [n_contact]."""
+        r, z = self.mesh.nodes.T
+        smallest = min(np.diff(np.unique(r)).min(), np.diff(np.unique(z)).min()) * 2.0
+        return np.asarray(_STIFF * self.modulus / smallest * self.points.areas)
+
+    def at_rest(self, n_parameters: int) -> Grip:
+        """Before the platen moves: the face lies on it."""
+        r, z = self.points.at(self.mesh.nodes).T
+        nothing = np.zeros((r.size, n_parameters))
+        touching = z >= self.mesh.height * (1.0 - 1e-9)
+        return Grip(touching, r, nothing, np.zeros(r.size), nothing)
+
+    def forces(self, x: FloatArray, level: float, grip: Grip) -> ContactForces:
+        """Forces at the nodes' places x, shape [n_nodes, 2], under a platen at a height [m]."""
+        r, z = self.points.at(x).T
+        k = self.penalty
+        normal = np.maximum(grip.normal + k * (z - level), 0.0)
+        pressed = normal > 0.0
+        trial = np.where(pressed & grip.touching, -k * (r - grip.anchor), 0.0)
+        limit = self.friction * normal if np.isfinite(self.friction) else np.full(k.size, np.inf)
+        slipping = np.abs(trial) > limit
+        tangential = np.where(slipping, np.sign(trial) * np.where(slipping, limit, 0.0), trial)
+        stuck = pressed & grip.touching & ~slipping
+        stiffness = np.zeros((k.size, 2, 2))
+        stiffness[:, 1, 1] = np.where(pressed, -k, 0.0)
+        stiffness[:, 0, 0] = np.where(stuck, -k, 0.0)
+        sign = np.where(slipping, np.sign(trial), 0.0)
+        if np.isfinite(self.friction):
+            stiffness[:, 0, 1] = np.where(pressed, sign * self.friction * k, 0.0)
+        return ContactForces(
+            normal,
+            tangential,
+            stiffness,
+            np.where(stuck, k, 0.0),
+            np.where(slipping, sign * self.friction, 0.0) if np.isfinite(self.friction) else 0.0 * sign,
+            sign * normal,
+            slipping & pressed,
+        )
+
+    def gripped(
+        self,
+        x: FloatArray,
+        found: ContactForces,
+        grip: Grip,
+        moved: FloatArray,
+        down: FloatArray,
+        slid: FloatArray,
+    ) -> Grip:
+        """What the points remember of an equilibrium.
+
+        `moved`, `down` and `slid` are the derivatives of the points' radii, heights and tangential forces by
+        the parameters, shape [n_contact, n_parameters].
+        """
+        r, k = self.points.at(x)[:, 0], self.penalty
+        touching = found.normal > 0.0
+        pressing = np.where(touching[:, None], grip.normal_change + k[:, None] * down, 0.0)
+        stuck = touching & grip.touching & ~found.slipping
+        anchor = np.where(stuck, grip.anchor, r + found.tangential / k)
+        change = np.where(stuck[:, None], grip.anchor_change, moved + slid / k[:, None])
+        return Grip(touching, anchor, change, found.normal, pressing)
+
+
+class Equations:
+    """Stiffness of body, contact and drag on the free displacements.
+
+    Parameters
+    ----------
+    mesh
+        The body.
+    platen
+        What it touches.
+    free
+        Free displacements, shape [n].
+    """
+
+    def __init__(self, mesh: HalfCylinder, platen: Platen, free: NDArray[np.int64]) -> None:
+        size = 2 * len(mesh.nodes)
+        rows = np.repeat(mesh.dofs, 18, axis=1).ravel()
+        columns = np.tile(mesh.dofs, (1, 18)).ravel()
+        first, second, self.paired = platen.points.pairs
+        first, second = 2 * first.ravel(), 2 * second.ravel()
+        every = np.arange(size)
+        rows = np.concatenate([rows, first, first, first + 1, every])
+        columns = np.concatenate([columns, second, second + 1, second + 1, every])
+        place = np.full(size, -1)
+        place[free] = np.arange(free.size)
+        self.kept = (place[rows] >= 0) & (place[columns] >= 0)
+        key = place[columns[self.kept]] * free.size + place[rows[self.kept]]
+        unique, self.slot = np.unique(key, return_inverse=True)
+        self.row = unique % free.size
+        self.start = np.searchsorted(unique // free.size, np.arange(free.size + 1))
+        weight = np.zeros(len(mesh.nodes))
+        np.add.at(weight, mesh.elements, mesh.gauss[1].sum(axis=1)[:, None] / 9.0)
+        # Drag that equals the stiffness of the whole body per displacement, shared out by volume.
+        stiffness = 3.0 * platen.modulus * np.pi * mesh.radius**2 / mesh.height
+        self.drag_unit: FloatArray = np.repeat(weight / weight.sum(), 2) * stiffness
+
+    def factor(self, stiffness: FloatArray, contact: ContactForces, drag: float) -> Any:
+        """Factors of the matrix, which `solve` right-hand sides.
+
+        Parameters
+        ----------
+        stiffness
+            Of the elements [N/m], shape [n_elements, 18, 18].
+        contact
+            Contact forces with their derivatives.
+        drag
+            Viscous drag in units of `drag_unit` [-].
+        """
+        c = -contact.stiffness[:, :, :, None] * self.paired[:, None, None, :]
+        touch = (c[:, i, j].ravel() for i, j in ((0, 0), (0, 1), (1, 1)))
+        data = np.concatenate([stiffness.ravel(), *touch, drag * self.drag_unit])[self.kept]
+        n = self.start.size - 1
+        values = np.bincount(self.slot, weights=data, minlength=self.row.size)
+        matrix = csc_array((values, self.row, self.start), shape=(n, n))
+        # The pattern is symmetric, and so is most of the matrix: orderings of A + A^T fill in least.
+        return splu(
+            matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.1, options={"SymmetricMode": True}
+        )
+
+
+STEP = 0.01
+"""Largest step of compression [-]."""
+LEAST_STEP = 5e-4
+"""Step below which the search for an equilibrium is given up [-]."""
+ITERATIONS = 20
+"""Most Newton iterations of a step."""
+FULL = 8
+"""Iterations with full steps; later ones are shortened, since nodes that touch and leave in turn go round."""
+FIRST_DRAG, LAST_DRAG = 10.0, 0.02
+"""Drag of a creep step, first and last before it is taken away, over the body's stiffness [-]."""
+CREEP_STEPS, CREEP_FAILURES = 60, 8
+"""Most of them, and most that may fail."""
+_BALANCED = 1e-7
+"""Sum of unbalanced nodal forces over the sum of the nodes' internal forces at which a step has converged."""
+
+
+def compress(
+    laws: Sequence[Stretches],
+    mesh: HalfCylinder,
+    strain: FloatArray,
+    *,
+    bulk: float,
+    modulus: float,
+    steps: FloatArray | None = None,
+    bonded: bool = True,
+    friction: float = float("inf"),
+    by_friction: bool = False,
+) -> Compression:
+    """Compress a cylinder between platens.
+
+    Parameters
+    ----------
+    laws
+        The law, then for each parameter the law with that parameter changed by its entry of `steps`.
+    mesh
+        Its upper half.
+    strain
+        Nominal compressive strains to record, ascending inside (0, 1) [-], shape [n].
+    bulk
+        Bulk modulus K [Pa].
+    modulus
+        Shear modulus at rest, which contact is measured in [Pa].
+    steps
+        Change of each parameter, shape [n_parameters].
+    bonded
+        True if the faces are glued to the platens, where the side sticks too once it lands.
+    friction
+        Coulomb's coefficient of face and side if they are not; infinity: they do not slip [-].
+    by_friction
+        True if the coefficient is one more parameter, the last.
+
+    Raises
+    ------
+    NoEquilibriumError
+        If no equilibrium lies near the last one.
+    """
+    if strain.size < 1 or strain[0] <= 0.0 or strain[-1] >= 1.0 or (np.diff(strain) <= 0.0).any():
+        raise ValueError("strains of a compression must ascend inside (0, 1)")
+    run = _March(laws, mesh, Platen(mesh, bonded, friction, modulus), bulk, steps, by_friction)
+    rows = [run.reach(float(e)) for e in strain]
+    state = run.body.deformation(run.u)
+    s = np.sqrt(
+        np.maximum((state.stretch**2).sum(axis=-1) / np.cbrt(state.stretch.prod(axis=-1)) ** 2 - 3.0, 0.0)
+    )
+    lam = 1.0 - strain[-1]
+    volume = mesh.gauss[1]
+    area = np.pi * mesh.radius**2
+    return Compression(
+        strain=strain,
+        stress=np.array([row[0] for row in rows]) / area,
+        bulge=np.array([row[1] for row in rows]),
+        stress_by=np.array([row[2] for row in rows]) / area,
+        bulge_by=np.array([row[3] for row in rows]),
+        outline=np.array([row[4] for row in rows]),
+        largest_s=float(s.max()),
+        past=float(volume[s > (1.0 - lam) * np.sqrt((lam + 2.0) / lam)].sum() / volume.sum()),
+        steps=run.steps,
+        snaps=run.snaps,
+    )
+
+
+class _March:
+    """The state of a compression."""
+
+    def __init__(
+        self,
+        laws: Sequence[Stretches],
+        mesh: HalfCylinder,
+        platen: Platen,
+        bulk: float,
+        steps: FloatArray | None,
+        by_friction: bool,
+    ) -> None:
+        self.laws, self.mesh, self.platen, self.body = laws, mesh, platen, Body(mesh, bulk)
+        self.parameter_steps = np.zeros(0) if steps is None else steps
+        self.by_friction = by_friction
+        n = self.parameter_steps.size + by_friction
+        size = 2 * len(mesh.nodes)
+        self.u, self.before, self.at = np.zeros(size), np.zeros(size), (0.0, 0.0)
+        self.change = np.zeros((size, n))
+        self.grip: Grip = platen.at_rest(n)
+        fixed = np.zeros(size, dtype=bool)
+        fixed[2 * mesh.axis] = fixed[2 * mesh.middle + 1] = True
+        self.glued = 2 * mesh.face + 1
+        if platen.bonded:
+            fixed[2 * mesh.face] = fixed[self.glued] = True
+        self.free = np.flatnonzero(~fixed)
+        self.equations = Equations(mesh, platen, self.free)
+        self.steps = self.snaps = 0
+        self.drag, self.crept = 0.0, np.zeros(size)
+
+    def reach(self, strain: float) -> tuple[float, float, FloatArray, FloatArray, FloatArray]:
+        """Force, bulge, their derivatives and the outline at a strain."""
+        size = STEP
+        while self.at[1] < strain - 1e-12:
+            to = min(self.at[1] + size, strain)
+            if strain - to < 0.2 * size:
+                to = strain
+            if self._step(to):
+                size = min(STEP, 1.5 * size)
+            elif 0.5 * (to - self.at[1]) < LEAST_STEP:
+                if self._creep(to):
+                    size = STEP
+                    continue
+                raise NoEquilibriumError(
+                    f"no equilibrium near the last one at a compression of {100.0 * to:.1f} %: the body"
+                    " buckles, folds or its law is unstable; end the curve earlier or take another law"
+                )
+            else:
+                size = 0.5 * (to - self.at[1])
+        x = self.mesh.nodes + self.u.reshape(-1, 2)
+        internal, _, _ = self._balance(self.laws[0], self.u, strain)
+        middle = 2 * self.mesh.middle + 1
+        return (
+            float(internal[middle].sum()),
+            float(x[self.mesh.side[0], 0]),
+            self.force_change,
+            self.change[2 * self.mesh.side[0]].copy(),
+            x[self.mesh.side],
+        )
+
+    def _balance(
+        self, law: Stretches, u: FloatArray, strain: float
+    ) -> tuple[FloatArray, ContactForces, FloatArray]:
+        """Internal forces, contact forces and the stiffness of elements."""
+        state = self.body.deformation(u)
+        if not state.valid:
+            raise FloatingPointError("an element is turned inside out")
+        force, stiffness = self.body.forces(law, state)
+        level = self.mesh.height * (1.0 - strain)
+        contact = self.platen.forces(self.mesh.nodes + u.reshape(-1, 2), level, self.grip)
+        return self.body.assembled(force), contact, stiffness
+
+    def _step(self, to: float) -> bool:
+        """Equilibrium at a strain; False if it was not found."""
+        last, now = self.at
+        guess = self.u.copy()
+        if last < now:
+            guess += (self.u - self.before) * (to - now) / (now - last)
+        elif self.platen.bonded:
+            guess[1::2] -= self.mesh.nodes[:, 1] * to
+            guess[0::2] += self.mesh.nodes[:, 0] * 0.5 * to
+            guess[2 * self.mesh.face] = 0.0
+        else:
+            guess[1::2] -= self.mesh.nodes[:, 1] * to
+        for start in (guess, self.u.copy()):
+            if self.platen.bonded:
+                start[self.glued] = -to * self.mesh.height
+            found = self._newton(start, to)
+            if found is not None:
+                self._accept(found, to)
+                return True
+            if last == now:
+                break
+        return False
+
+    def _creep(self, to: float) -> bool:
+        """Overdamped motion to rest at a constant strain, from where no equilibrium is near; False if there
+        is none."""
+        start = self.u.copy()
+        if self.platen.bonded:
+            start[self.glued] = -to * self.mesh.height
+        self.crept, self.drag = self.u.copy(), FIRST_DRAG
+        failures = 0
+        for _ in range(CREEP_STEPS):
+            found = self._newton(start, to)
+            if found is None:
+                failures += 1
+                if failures > CREEP_FAILURES:
+                    break
+                self.drag = max(4.0 * self.drag, 4.0 * LAST_DRAG)
+                continue
+            start, self.crept = found, found.copy()
+            if self.drag == 0.0:
+                self.snaps += 1
+                self._accept(found, to)
+                self.before = self.u.copy()
+                return True
+            self.drag = 0.5 * self.drag if self.drag > LAST_DRAG else 0.0
+        self.drag = 0.0
+        return False
+
+    def _newton(self, u: FloatArray, to: float) -> FloatArray | None:
+        points = self.platen.points
+        with np.errstate(all="ignore"):
+            for count in range(ITERATIONS):
+                try:
+                    internal, contact, stiffness = self._balance(self.laws[0], u, to)
+                except FloatingPointError:
+                    return None
+                rest = internal + self.drag * self.equations.drag_unit * (u - self.crept)
+                rest[0::2] -= points.shared(contact.tangential)
+                rest[1::2] += points.shared(contact.normal)
+                size = np.abs(rest[self.free]).sum()
+                if not np.isfinite(size):
+                    return None
+                try:
+                    self.factor = self.equations.factor(stiffness, contact, self.drag)
+                except RuntimeError:
+                    return None
+                if size < _BALANCED * np.abs(internal).sum():
+                    return u
+                step = np.zeros_like(u)
+                step[self.free] = -self.factor.solve(rest[self.free])
+                most = np.abs(step).max() / (0.2 * self.mesh.height)
+                share = 1.0 if count < FULL else 0.3 + 0.7 * ((0.618034 * count) % 1.0)
+                u = u + min(share, 1.0 / max(1.0, most)) * step
+        return None
+
+    def _accept(self, u: FloatArray, to: float) -> None:
+        """Keep an equilibrium, with its derivatives."""
+        self.steps += 1
+        _, contact, stiffness = self._balance(self.laws[0], u, to)
+        state, points = self.body.deformation(u), self.platen.points
+        n = self.change.shape[1]
+        by = np.zeros((u.size, n))
+        base = self.body.isochoric_forces(self.laws[0], state) if n else np.zeros(u.size)
+        for k, (law, step) in enumerate(zip(self.laws[1:], self.parameter_steps, strict=True)):
+            by[:, k] = (self.body.isochoric_forces(law, state) - base) / step
+        direct = by.copy()
+        pressed = (contact.normal > 0.0)[:, None] * self.grip.normal_change
+        held = contact.by_anchor[:, None] * self.grip.anchor_change + contact.by_normal[:, None] * pressed
+        if self.by_friction:
+            held[:, -1] += contact.by_friction
+        direct[0::2] -= points.shared(held)
+        direct[1::2] += points.shared(pressed)
+        change = np.zeros_like(by)
+        if n:
+            change[self.free] = -self.factor.solve(direct[self.free])
+        # The force is that of the internal forces at mid-height: of the parameters and of the displacements.
+        moved = np.einsum("ekl,eln->ekn", stiffness, change[self.mesh.dofs], optimize=True)
+        middle = np.zeros(u.size, dtype=bool)
+        middle[2 * self.mesh.middle + 1] = True
+        self.force_change = (moved * middle[self.mesh.dofs][:, :, None]).sum(axis=(0, 1)) + by[middle].sum(
+            axis=0
+        )
+        c = contact.stiffness
+        out, down = points.at(change[0::2]), points.at(change[1::2])
+        slid = c[:, 0, 0, None] * out + c[:, 0, 1, None] * down + held
+        x = self.mesh.nodes + u.reshape(-1, 2)
+        self.grip = self.platen.gripped(x, contact, self.grip, out, down, slid)
+        self.before, self.u, self.at, self.change = self.u, u, (self.at[1], to), change

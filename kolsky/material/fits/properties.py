@@ -1,0 +1,236 @@
+"""Properties of a tensile curve that standards ask for, and their recovery by healing.
+
+Young's modulus, Poisson's ratio, fracture and recovery; undamaged specimens against healed ones.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from explicit.materials import LAWS
+from kolsky.base.arrays import FloatArray
+from kolsky.material.fits.fit import fit_law
+from kolsky.material.fits.homogeneous import Mode
+from kolsky.material.fits.homogeneous_test import HomogeneousTest
+
+_INITIAL = 0.05
+"""End of the range of Young's modulus, as nominal strain [-]."""
+DROP = 0.2
+"""Share of the largest stress that a broken specimen has lost [-]."""
+BACK = 0.02
+"""Share of its strain by which a specimen may spring back as it breaks [-]."""
+FEWEST = 3
+"""Points that a regression needs."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A number with its standard uncertainty."""
+
+    value: float
+    """The number."""
+    sigma: float
+    """Its standard uncertainty; NaN where nothing tells."""
+
+
+@dataclass(frozen=True)
+class Fracture:
+    """Where a specimen broke."""
+
+    stress: float
+    """Largest nominal stress [Pa]."""
+    strain: float
+    """Nominal strain there [-]."""
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """One property of healed specimens against undamaged ones."""
+
+    undamaged: Measured
+    """Mean and its standard uncertainty."""
+    healed: Measured
+    """Likewise."""
+    efficiency: Measured
+    """Healed over undamaged [-]."""
+
+
+def youngs_modulus(strain: FloatArray, stress: FloatArray, *, upto: float = _INITIAL) -> Measured | None:
+    """Slope of the regression line of stress over strain, |strain| <= `upto`.
+
+    Parameters
+    ----------
+    strain, stress
+        Nominal, of one sign convention [-] and [Pa], shape [n].
+    upto
+        End of the range [-].
+
+    Returns
+    -------
+    Measured or None
+        Modulus [Pa] with the regression's standard error; None with fewer than `FEWEST` strains in the range.
+    """
+    inside = np.abs(strain) <= upto * (1.0 + 1e-9)
+    x, y = strain[inside], stress[inside]
+    if np.unique(x).size < FEWEST:
+        return None
+    dx = x - x.mean()
+    slope = float(dx @ y / (dx @ dx))
+    rest = y - y.mean() - slope * dx
+    return Measured(slope, float(np.sqrt(rest @ rest / (x.size - 2) / (dx @ dx))))
+
+
+def poissons_ratio(stretch: FloatArray, lateral: FloatArray) -> Measured | None:
+    """Slope of -ln(lateral stretch) over ln(stretch) through rest.
+
+    Returns
+    -------
+    Measured or None
+        Ratio [-] with the regression's standard error; None with fewer than `FEWEST` points away from rest.
+    """
+    x, y = np.log(stretch), -np.log(lateral)
+    away = x != 0.0
+    if away.sum() < FEWEST:
+        return None
+    x, y = x[away], y[away]
+    slope = float(x @ y / (x @ x))
+    rest = y - slope * x
+    return Measured(slope, float(np.sqrt(rest @ rest / (x.size - 1) / (x @ x))))
+
+
+def fracture(strain: FloatArray, stress: FloatArray, *, drop: float = DROP) -> Fracture | None:
+    """Largest stress and its strain, if the stress then falls by the share `drop`; None if it never does.
+
+    The fall counts only where the strain has not gone back by more than `BACK`: unloading is no fracture.
+    Stress and strain are positive along the load, in the order of the test, shape [n].
+    """
+    top = int(np.argmax(stress))
+    fallen = (stress[top:] <= (1.0 - drop) * stress[top]) & (strain[top:] >= (1.0 - BACK) * strain[top])
+    if not fallen.any():
+        return None
+    return Fracture(float(stress[top]), float(strain[top]))
+
+
+def mean_of(values: Sequence[float]) -> Measured:
+    """Mean of specimens and its standard uncertainty by their scatter; NaN from one specimen."""
+    x = np.asarray(values, dtype=float)
+    sigma = float(x.std(ddof=1) / np.sqrt(x.size)) if x.size > 1 else float("nan")
+    return Measured(float(x.mean()), sigma)
+
+
+def recovery(undamaged: Sequence[float], healed: Sequence[float]) -> Recovery:
+    """Healing efficiency of a property, with the standard uncertainty of the quotient to first order.
+
+    The uncertainty is NaN where a group is one specimen, which does not tell its scatter.
+
+    Raises
+    ------
+    ValueError
+        If a group is empty, or the undamaged mean is not > 0.
+    """
+    if not undamaged or not healed:
+        raise ValueError("a healing efficiency needs undamaged and healed specimens")
+    before, after = mean_of(undamaged), mean_of(healed)
+    if not before.value > 0.0:
+        raise ValueError(f"the undamaged specimens' mean must be > 0, got {before.value:g}")
+    ratio = after.value / before.value
+    sigma = math.hypot(after.sigma, ratio * before.sigma) / before.value
+    return Recovery(before, after, Measured(ratio, sigma))
+
+
+@dataclass(frozen=True)
+class SpecimenProperties:
+    """Properties of one specimen."""
+
+    name: str
+    """Its test."""
+    values: dict[str, float]
+    """Property -> value in SI; what a test does not show is missing."""
+
+
+@dataclass(frozen=True)
+class Healing:
+    """Properties of both groups and what healing recovered."""
+
+    undamaged: tuple[SpecimenProperties, ...]
+    """Specimens that were not cut."""
+    healed: tuple[SpecimenProperties, ...]
+    """Specimens that were cut and healed."""
+    units: dict[str, str]
+    """Property -> SI unit, in the order of tables."""
+    rows: dict[str, Recovery]
+    """Property -> means and efficiency; those that both groups show."""
+    remarks: tuple[str, ...]
+    """What a reader must know."""
+
+
+def healing(
+    undamaged: Sequence[HomogeneousTest],
+    healed: Sequence[HomogeneousTest],
+    *,
+    law: str = "neo_hookean",
+    poisson: float | None = None,
+) -> Healing:
+    """Compare specimens that were cut and healed with undamaged ones.
+
+    Parameters
+    ----------
+    undamaged, healed
+        Uniaxial tensile tests, one a specimen.
+    law
+        Law of `explicit.materials.LAWS` whose constants are compared.
+    poisson
+        Its Poisson's ratio at rest; incompressible if not given.
+
+    Raises
+    ------
+    ValueError
+        If a group is empty, or a test is none of uniaxial tension.
+    """
+    if not undamaged or not healed:
+        raise ValueError("a healing efficiency needs undamaged and healed specimens")
+    made = [[_properties(test, law, poisson) for test in group] for group in (undamaged, healed)]
+    units = {"Young's modulus to 5 %": "Pa"}
+    units |= {spec.name: spec.unit for spec in LAWS[law].PARAMETERS}
+    if poisson is not None:
+        units["D1"] = "1/Pa"
+    units |= {"fracture stress": "Pa", "fracture strain": "1"}
+    rows: dict[str, Recovery] = {}
+    remarks: list[str] = []
+    for name in units:
+        before, after = ([one.values[name] for one in group if name in one.values] for group in made)
+        for group, seen, word in zip(made, (before, after), ("undamaged", "healed"), strict=True):
+            lacking = [one.name for one in group if name not in one.values]
+            if lacking and seen:
+                remarks.append(f"{word}: {', '.join(lacking)} shows no {name} and is not in its mean")
+        if before and after and np.mean(before) > 0.0:
+            rows[name] = recovery(before, after)
+    for group, word in ((made[0], "undamaged"), (made[1], "healed")):
+        if len(group) == 1:
+            remarks.append(
+                f"one {word} specimen: how {word} specimens differ is unknown, and so is the uncertainty of"
+                " every efficiency"
+            )
+    return Healing(tuple(made[0]), tuple(made[1]), units, rows, tuple(remarks))
+
+
+def _properties(test: HomogeneousTest, law: str, poisson: float | None) -> SpecimenProperties:
+    """Young's modulus, constants up to the fracture, and the fracture, as far as a test shows them."""
+    if test.mode is not Mode.UNIAXIAL or not test.strain.max() > 0.0:
+        raise ValueError(f"{test.name} is no uniaxial tensile test")
+    values: dict[str, float] = {}
+    modulus = youngs_modulus(test.strain, test.stress)
+    if modulus is not None:
+        values["Young's modulus to 5 %"] = modulus.value
+    broke = fracture(test.strain, test.stress)
+    top = int(np.argmax(test.stress)) + 1 if broke is not None else test.stress.size
+    whole = HomogeneousTest(test.name, Mode.UNIAXIAL, test.deformation[:top], test.stress[:top])
+    fit = fit_law(LAWS[law], [whole], poisson=poisson)
+    values |= {name: fit.values[name] for name in fit.free if name in fit.values}
+    if poisson is not None:
+        values["D1"] = fit.D1
+    if broke is not None:
+        values |= {"fracture stress": broke.stress, "fracture strain": broke.strain}
+    return SpecimenProperties(test.name, values)

@@ -1,0 +1,508 @@
+"""Quasi-static uniaxial tests: nominal stress over strain, ramps, holds, toe, mean of repeats with its band.
+
+The band of a curve keeps common uncertainty apart from noise: errors are correlated along the curve.
+
+.. math:: T = \\bar T + \\sum_j z_j\\,\\mathbf m_j + \\boldsymbol\\sigma \\circ \\boldsymbol\\epsilon ,
+\\qquad
+          z_j, \\epsilon_i \\sim N(0, 1)
+
+A *mode* :math:`\\mathbf m_j` moves the whole curve by one standard uncertainty of one cause. Specimens differ
+as wholes: one that is 5 % too stiff is so at every strain, and drawing points one by one would average that
+away, in the curve and in every stiffness that is compared with it.
+
+The *apparent modulus* of a curve follows from Gaussian rubber elasticity,
+
+.. math:: E_a = \\frac{3 T}{\\lambda - \\lambda^{-2}} \\tag{M.9}
+
+with the nominal stress :math:`T = L / \\pi r^2`. For a solid that obeys the theory it is one number at all
+strains; what changes with the strain is the material, what changes with the time is relaxation.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import norm
+from scipy.stats import t as student
+
+from kolsky.base.arrays import FloatArray
+
+REVERSAL = 0.05
+"""The strain has turned when it has gone back by this share of the test's range."""
+
+
+@dataclass(frozen=True)
+class UniaxialTest:
+    """One test, positive along its own branch: shortening in compression, lengthening in tension."""
+
+    name: str
+    """Name of the test, for messages."""
+    strain: FloatArray
+    """Nominal strain [-], shape [n]."""
+    stress: FloatArray
+    """Nominal stress [Pa], shape [n]."""
+    compression: bool
+    """True if the branch is compression."""
+    time: FloatArray | None = None
+    """Time of the samples [s], shape [n]; None if it was not recorded."""
+    bulge: FloatArray | None = None
+    """Radius at mid-height [m], shape [n]; None if it was not measured."""
+
+    def __post_init__(self) -> None:
+        columns = [self.strain, self.stress, self.time, self.bulge]
+        for column in columns:
+            if column is not None and (column.shape != self.strain.shape or not np.isfinite(column).all()):
+                raise ValueError(f"{self.name}: every column must be finite and of one length")
+        if self.strain.ndim != 1 or self.strain.size < 2:
+            raise ValueError(f"{self.name}: a test needs at least 2 samples, got {self.strain.size}")
+
+    def part(self, samples: slice | NDArray[np.bool_]) -> "UniaxialTest":
+        """Some of its samples."""
+        return replace(
+            self,
+            strain=self.strain[samples],
+            stress=self.stress[samples],
+            time=None if self.time is None else self.time[samples],
+            bulge=None if self.bulge is None else self.bulge[samples],
+        )
+
+    def without_machine(self, compliance: float, *, area: float, length: float) -> "UniaxialTest":
+        """The test without the deformation of the machine: u = u_measured - C F.
+
+        Parameters
+        ----------
+        compliance
+            Compliance C of machine, load cell and platens in series [m/N].
+        area, length
+            Undeformed cross-section [m^2] and length [m] of the specimen.
+
+        Raises
+        ------
+        ValueError
+            If the compliance is negative, or so large that the specimen itself would get longer under load.
+        """
+        if not compliance >= 0.0:
+            raise ValueError(f"a compliance must be >= 0 m/N, got {compliance}")
+        strain = self.strain - compliance * area * self.stress / length
+        most = int(np.argmax(self.stress))
+        if strain[most] <= 0.0 < self.stress[most]:
+            raise ValueError(
+                f"{self.name}: a compliance of {compliance:.4g} m/N would explain the whole displacement at "
+                f"{self.stress[most]:.4g} Pa; it must be below "
+                f"{self.strain[most] * length / (area * self.stress[most]):.4g} m/N"
+            )
+        return replace(self, strain=strain)
+
+
+def loading_ramps(test: UniaxialTest) -> list[slice]:
+    """The stretches of samples in which the strain rises, in the order in which they were run.
+
+    A turn counts when the strain has gone back by `REVERSAL` of the test's range, so noise makes none. The
+    first ramp is the first pull; the last of several belongs to the conditioned material (Mullins).
+
+    Raises
+    ------
+    ValueError
+        If the strain never rises.
+    """
+    strain = test.strain
+    least = REVERSAL * float(np.ptp(strain))
+    ramps: list[slice] = []
+    rising, start, extreme = True, 0, 0
+    for i in range(1, strain.size):
+        sign = 1.0 if rising else -1.0
+        if sign * (strain[i] - strain[extreme]) > 0.0:
+            extreme = i
+        elif sign * (strain[extreme] - strain[i]) > least:
+            if rising and strain[extreme] - strain[start] > least:
+                ramps.append(slice(start, extreme + 1))
+            rising, start, extreme = not rising, extreme, i
+    if rising and strain[extreme] - strain[start] > least:
+        ramps.append(slice(start, extreme + 1))
+    if not ramps:
+        raise ValueError(f"{test.name}: the strain never rises; is its sign declared as it is?")
+    return ramps
+
+
+def _stretch_of(strain: FloatArray, *, compression: bool) -> FloatArray:
+    """Stretch along the load [-] of a strain that is positive along its branch."""
+    return 1.0 - strain if compression else 1.0 + strain
+
+
+def gaussian_strain(strain: FloatArray, *, compression: bool) -> FloatArray:
+    """|lam - lam^-2| [-]: by Gaussian rubber elasticity the stress is E_a / 3 times it, Eq. (M.9)."""
+    lam = _stretch_of(strain, compression=compression)
+    return np.asarray(np.abs(lam - lam**-2))
+
+
+FEWEST = 5
+"""Samples that a range of extrapolation needs."""
+
+
+@dataclass(frozen=True)
+class Toe:
+    """Method by which the zero of the strain is found."""
+
+    kind: Literal["none", "line", "gaussian"] = "none"
+    """ "none": the strain as it is. "line": a straight line is continued to zero stress (toe compensation of
+    ASTM D695). "gaussian": the curve of Gaussian rubber elasticity, Eq. (M.9), bent as soft solids are."""
+    low: float = 0.02
+    """Strain from which on the faces are in full contact, as recorded [-]."""
+    high: float = 0.10
+    """Strain up to which the curve is continued from [-]."""
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("none", "line", "gaussian"):
+            raise ValueError(f"a toe is 'none', 'line' or 'gaussian', got {self.kind!r}")
+        if not 0.0 <= self.low < self.high < 1.0:
+            raise ValueError(
+                f"a toe is continued from strains 0 <= low < high < 1, got {self.low} to {self.high}"
+            )
+
+
+@dataclass(frozen=True)
+class ZeroedTest:
+    """A test whose strain is zero at the specimen's first full contact, by its toe."""
+
+    test: UniaxialTest
+    """The test, from the end of its toe on."""
+    offset: float
+    """Strain that was subtracted [-]."""
+    sigma: float
+    """Its standard uncertainty from the scatter about the continued curve [-]."""
+
+
+def correct_toe(test: UniaxialTest, toe: Toe) -> ZeroedTest:
+    """Find the zero of the strain and leave out the toe.
+
+    Parameters
+    ----------
+    test
+        One loading ramp.
+    toe
+        What is declared of it.
+
+    Raises
+    ------
+    ValueError
+        If the range has fewer than `FEWEST` samples, the stress does not rise over it, or the continued curve
+        meets zero stress only inside the range itself.
+    """
+    if toe.kind == "none":
+        return ZeroedTest(test.part(test.strain > 0.0), 0.0, 0.0)
+    inside = (test.strain >= toe.low) & (test.strain <= toe.high)
+    if inside.sum() < FEWEST:
+        raise ValueError(
+            f"{test.name}: {int(inside.sum())} samples have a strain from {toe.low:g} to {toe.high:g}, a"
+            f" toe's range needs {FEWEST}; the test spans {test.strain.min():.4g} to {test.strain.max():.4g}"
+        )
+    e, stress = test.strain[inside], test.stress[inside]
+    slope, constant = np.polyfit(e, stress, 1)
+    if not slope > 0.0:
+        raise ValueError(f"{test.name}: the stress does not rise from strain {toe.low:g} to {toe.high:g}")
+    start = np.array([slope, -constant / slope])
+
+    def residual(p: FloatArray) -> FloatArray:
+        shifted = e - p[1]
+        if toe.kind == "gaussian":
+            shifted = gaussian_strain(shifted, compression=test.compression) / 3.0  # slope 1 at rest
+            shifted = np.where(e < p[1], -shifted, shifted)
+        return np.asarray((p[0] * shifted - stress) / slope)
+
+    fit = least_squares(residual, start, method="lm", x_scale=np.array([slope, 0.01]))
+    offset = float(fit.x[1])
+    if not fit.success or offset > toe.low:
+        raise ValueError(
+            f"{test.name}: continued from strains {toe.low:g} to {toe.high:g} the stress is zero at"
+            f" {offset:.4g}, inside the range; let it begin later"
+        )
+    variance = float(fit.fun @ fit.fun) / (e.size - 2)
+    covariance = variance * np.linalg.inv(fit.jac.T @ fit.jac)
+    kept = test.part(test.strain >= toe.low)
+    return ZeroedTest(replace(kept, strain=kept.strain - offset), offset, float(np.sqrt(covariance[1, 1])))
+
+
+NEAR = 0.005
+"""Share of the ramp's range within which of its end a strain is held [-]."""
+LONG = 0.05
+"""Share of the ramp's duration (of its samples where no time was recorded) beyond which a strain that stays
+near the end is held: a steady ramp spends `NEAR` of its duration there [-]."""
+LOSS = 0.01
+"""Share of the stress that must relax for a hold to be told [-]."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A strain that was held after a ramp."""
+
+    strain: float
+    """The strain [-]."""
+    duration: float | None
+    """How long it was held [s]; None if no time was recorded."""
+    samples: int
+    """Samples in it."""
+    first: float
+    """Nominal stress at its beginning [Pa]."""
+    last: float
+    """And at its end [Pa]."""
+
+    def remark(self, name: str) -> str:
+        """What a reader of a curve without it must know."""
+        long = f"{self.samples} samples" if self.duration is None else f"{self.duration:.4g} s"
+        return (
+            f"{name}: its strain is held at {self.strain:.3g} for {long} and the stress goes from"
+            f" {1e-3 * self.first:.4g} to {1e-3 * self.last:.4g} kPa; this relaxation is not in the curve,"
+            " `kolsky material relaxation` reads it"
+        )
+
+
+def divide_ramp_and_hold(test: UniaxialTest, ramp: slice) -> tuple[slice, Hold | None]:
+    """A ramp that ends where its strain is reached, and the hold after it.
+
+    With noise the largest strain of a record lies somewhere in the hold, and the ramp up to it has stresses
+    that have relaxed.
+
+    Parameters
+    ----------
+    test
+        The whole record.
+    ramp
+        One of its loading ramps.
+
+    Returns
+    -------
+    tuple of slice and Hold or None
+        The ramp to its first strain near the end if it is held there, else as it was.
+    """
+    strain = test.strain
+    begin, stop = int(ramp.start), int(ramp.stop)
+    top = float(strain[stop - 1])
+    near = NEAR * (top - float(strain[begin:stop].min()))
+    reached = begin + int(np.argmax(strain[begin:stop] >= top - near))
+    left = np.flatnonzero(np.abs(strain[reached:] - top) > 2.0 * near)
+    end = reached + int(left[0]) if left.size else strain.size
+    if end - reached < 2:
+        return ramp, None
+    if test.time is None:
+        share, duration = (end - reached) / max(1, reached - begin), None
+    else:
+        before = float(test.time[reached] - test.time[begin])
+        duration = float(test.time[end - 1] - test.time[reached])
+        share = duration / before if before > 0.0 else np.inf
+    if share <= LONG:
+        return ramp, None
+    hold = Hold(
+        float(strain[reached]),
+        duration,
+        end - reached,
+        float(test.stress[reached]),
+        float(test.stress[end - 1]),
+    )
+    return slice(begin, reached + 1), hold
+
+
+def remarks_of(name: str, hold: Hold | None) -> tuple[str, ...]:
+    """A hold in words, if anything relaxes in it."""
+    if hold is None or abs(hold.last - hold.first) <= LOSS * abs(hold.first):
+        return ()
+    return (hold.remark(name),)
+
+
+COVERAGE = 2.0
+"""Coverage factor k of an interval; the modes between tests are widened so that it is Student's 95.45 %."""
+
+
+@dataclass(frozen=True)
+class CurveBand:
+    """Nominal stress over nominal strain, both positive along the branch, with its uncertainty."""
+
+    strain: FloatArray
+    """Nominal strain, ascending [-], shape [n]."""
+    stress: FloatArray
+    """Nominal stress [Pa], shape [n]."""
+    noise: FloatArray
+    """Standard uncertainty that is independent from point to point [Pa], shape [n]."""
+    modes: FloatArray
+    """Standard uncertainties that are common to all points [Pa], shape [n_modes, n]."""
+    names: tuple[str, ...]
+    """Cause of each mode, length n_modes."""
+
+    def __post_init__(self) -> None:
+        n = self.strain.size
+        if self.stress.shape != (n,) or self.noise.shape != (n,) or self.modes.shape != (len(self.names), n):
+            raise ValueError("stress, noise and modes need one value for each strain, and modes their names")
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Combined standard uncertainty [Pa], shape [n]."""
+        return np.asarray(np.sqrt(self.noise**2 + (self.modes**2).sum(axis=0)))
+
+    def interval(self, k: float = COVERAGE) -> tuple[FloatArray, FloatArray]:
+        """Both ends of the band at each strain [Pa], shape [n] each."""
+        return self.stress - k * self.sigma, self.stress + k * self.sigma
+
+    def draws(self, n: int, rng: np.random.Generator) -> FloatArray:
+        """Curves drawn from the band [Pa], shape [n, n_points]."""
+        return np.asarray(
+            self.stress
+            + rng.standard_normal((n, len(self.names))) @ self.modes
+            + self.noise * rng.standard_normal((n, self.stress.size))
+        )
+
+    def times(self, factor: FloatArray | float) -> "CurveBand":
+        """The curve and all its uncertainties multiplied by a factor, shape [n] or a number."""
+        return replace(
+            self, stress=self.stress * factor, noise=self.noise * factor, modes=self.modes * factor
+        )
+
+    def with_mode(self, name: str, mode: FloatArray) -> "CurveBand":
+        """With one more cause: its standard uncertainty along the curve [Pa], shape [n]."""
+        return replace(self, modes=np.vstack([self.modes, mode]), names=(*self.names, name))
+
+    def parts(self) -> dict[str, FloatArray]:
+        """Standard uncertainty by cause, modes of one name in quadrature [Pa], shape [n] each."""
+        found = {"noise": self.noise}
+        for name in dict.fromkeys(self.names):
+            rows = self.modes[[other == name for other in self.names]]
+            found[name] = np.sqrt((rows**2).sum(axis=0))
+        return found
+
+
+def student_factor(freedom: int) -> float:
+    """Widening of a standard uncertainty with few degrees of freedom: t_p(nu) / k at k's p.
+
+    Raises
+    ------
+    ValueError
+        If there is no degree of freedom.
+    """
+    if freedom < 1:
+        raise ValueError(f"a scatter needs at least 1 degree of freedom, got {freedom}")
+    return float(student.ppf(norm.cdf(COVERAGE), freedom)) / COVERAGE
+
+
+def mean_of_repeats(strain: FloatArray, values: FloatArray) -> CurveBand:
+    """Mean of repeated tests; their scatter as modes of the mean, widened for its degrees of freedom.
+
+    The covariance of the mean is that of the tests over their number, S / n. Its square root is taken from
+    the tests' deviations themselves (singular values), n - 1 modes that reproduce it exactly.
+
+    Parameters
+    ----------
+    strain
+        Common axis [-], shape [n_points].
+    values
+        Every test on it [Pa], shape [n_tests, n_points], at least two tests.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two tests.
+    """
+    count = len(values)
+    if count < 2:
+        raise ValueError(f"a scatter needs at least 2 tests, got {count}")
+    mean = values.mean(axis=0)
+    _, size, shape = np.linalg.svd((values - mean) / np.sqrt(count * (count - 1.0)), full_matrices=False)
+    used = min(count - 1, strain.size)  # the deviations sum to zero
+    modes = student_factor(count - 1) * size[:used, None] * shape[:used]
+    return CurveBand(strain, mean, np.zeros_like(mean), modes, ("between tests",) * used)
+
+
+def resample(strain: FloatArray, value: FloatArray, axis: FloatArray) -> tuple[FloatArray, float]:
+    """A test's values on an axis, and the standard deviation of one of its samples about a smooth curve.
+
+    At each place a straight line is fitted to the samples within half the axis' spacing; with fewer than four
+    of them the neighbours are joined. The noise is that of second differences over neighbouring samples,
+    which a smooth curve hardly has.
+
+    Parameters
+    ----------
+    strain, value
+        Samples in any order [-] and [Pa], shape [n], at least three.
+    axis
+        Ascending places inside their range, shape [m], at least two.
+    """
+    order = np.argsort(strain, kind="stable")
+    x, y = strain[order], value[order]
+    half = 0.5 * np.median(np.diff(axis))
+    first, last = np.searchsorted(x, axis - half), np.searchsorted(x, axis + half, side="right")
+    found = np.interp(axis, x, y)
+    for i in np.flatnonzero(last - first >= 4):
+        near = slice(first[i], last[i])
+        if x[near][-1] > x[near][0]:
+            height = np.polyfit(x[near] - axis[i], y[near], 1)[1]
+            inside = x[near][0] <= axis[i] <= x[near][-1]
+            found[i] = height if inside else found[i]
+    return found, _noise(x, y)
+
+
+def _noise(x: FloatArray, y: FloatArray) -> float:
+    """From each sample's distance to the line between its neighbours, robust against a kink."""
+    left, right = x[1:-1] - x[:-2], x[2:] - x[1:-1]
+    apart = (left + right) > 0.0
+    if not apart.any():
+        return 0.0
+    share = right[apart] / (left + right)[apart]
+    gap = y[1:-1][apart] - share * y[:-2][apart] - (1.0 - share) * y[2:][apart]
+    gap = gap / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
+    return float(np.median(np.abs(gap)) / norm.ppf(0.75))
+
+
+@dataclass(frozen=True)
+class ApparentModulus:
+    """E_a of a curve with its interval."""
+
+    strain: FloatArray
+    """Nominal strain, positive along the branch [-], shape [n]."""
+    time: FloatArray | None
+    """Time since the strain was zero, mean of the tests [s], shape [n]; None if one has no times."""
+    modulus: FloatArray
+    """Apparent modulus [Pa], shape [n]."""
+    sigma: FloatArray
+    """Its standard uncertainty [Pa], shape [n]."""
+    mean: float
+    """Mean over the curve, each strain alike [Pa]."""
+    mean_sigma: float
+    """Its standard uncertainty, with what is common to all points kept together [Pa]."""
+
+    def interval(self, k: float = COVERAGE) -> tuple[FloatArray, FloatArray]:
+        """Both ends of the interval at each strain [Pa], shape [n] each."""
+        return self.modulus - k * self.sigma, self.modulus + k * self.sigma
+
+
+def apparent_modulus(
+    band: CurveBand, *, compression: bool, time: FloatArray | None = None
+) -> ApparentModulus:
+    """E_a of a curve, Eq. (M.9).
+
+    Parameters
+    ----------
+    band
+        Nominal stress over nominal strain, both positive along the branch, no point at rest.
+    compression
+        True if the branch is compression.
+    time
+        Time of each point since the strain was zero [s], shape [n].
+
+    Raises
+    ------
+    ValueError
+        If a strain is not > 0, where the quotient has no value.
+    """
+    if (band.strain <= 0.0).any():
+        raise ValueError(f"E_a needs strains > 0, got {band.strain.min():.6g}: leave out the point at rest")
+    factor = 3.0 / gaussian_strain(band.strain, compression=compression)
+    scaled = band.times(factor)
+    common = scaled.modes.mean(axis=1)  # a mode moves all points together
+    alone = scaled.noise / band.strain.size
+    return ApparentModulus(
+        strain=band.strain,
+        time=time,
+        modulus=scaled.stress,
+        sigma=scaled.sigma,
+        mean=float(scaled.stress.mean()),
+        mean_sigma=float(np.sqrt((common**2).sum() + (alone**2).sum())),
+    )

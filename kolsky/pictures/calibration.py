@@ -1,0 +1,339 @@
+"""Calibration of the cameras from pictures of a target: declared target, solution, tables and JSON."""
+
+import csv
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dic.calibration import Calibration
+from dic.files import text_cell
+from dic.images import PictureError, Pictures
+from dic.images.series import PictureSizeError
+from kolsky.base.errors import InputError
+from kolsky.pictures.picture_set import CAMERAS
+from kolsky.schema.fields import Section
+from kolsky.schema.pictures import CalibrationSection, TargetSection
+from kolsky.schema.shot_file import TomlFile, parse_toml, shot_toml
+
+
+def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
+    """The target that a file describes, as camera 0 and as camera 1 is to look for it.
+
+    Raises
+    ------
+    InputError
+        If its kind is unknown, a dimension is missing, has no effect or is impossible.
+    """
+    from dic.calibration import TARGETS
+
+    key = "calibration.target"
+    if section.kind not in TARGETS:
+        known = ", ".join(f'"{name}"' for name in TARGETS)
+        raise toml.error(f"{key}.kind", "is not a known target", allowed=f"one of {known}")
+    kind = TARGETS[section.kind]
+    wanted = {field.name: field for field in fields(kind)}
+    anchors = {"anchors_0", "anchors_1"}
+    given = {
+        name: value
+        for name, value in section.model_dump(exclude={"kind", *anchors}).items()
+        if value is not None
+    }
+    by_hand = [section.anchors_0, section.anchors_1]
+    if any(by_hand) and "anchors" not in wanted:
+        raise toml.error(
+            f"{key}.anchors_0" if section.anchors_0 else f"{key}.anchors_1",
+            f"is given, but a target of kind {section.kind} needs no anchors",
+            cure="remove it",
+        )
+    for name in given:
+        if name not in wanted:
+            raise toml.error(
+                f"{key}.{name}",
+                f"is given, but a target of kind {section.kind} has no such dimension",
+                cure=f"remove it; the keys are {', '.join(wanted)}",
+            )
+    try:
+        target = kind(**given)
+        if "anchors" not in wanted:
+            return target, target
+        return replace(target, anchors=by_hand[0] or ()), replace(target, anchors=by_hand[1] or ())
+    except TypeError:
+        missing = [name for name in wanted if name not in given]
+        raise toml.error(f"{key}.kind", f"needs more: some of {', '.join(missing)}") from None
+    except ValueError as error:
+        raise toml.error(key, f"is impossible: {error}") from None
+
+
+Progress = Callable[[str, int, int], None]
+LARGEST_RMS = 1.0
+"""Largest residual of a calibration that is used [px]: a blurred target leaves a tenth of it."""
+
+
+def calibration_of(
+    toml: TomlFile, section: CalibrationSection, progress: Progress, *, predict: bool = True
+) -> "Calibration":
+    """The calibration from the pictures that a file names.
+
+    Parameters
+    ----------
+    toml, section
+        The file and its table.
+    progress
+        Told of the pictures done.
+    predict
+        As of `dic.calibration.calibrate`: False if the cameras alone are wanted.
+
+    Raises
+    ------
+    InputError
+        If the pictures cannot be read or do not go together, the target is impossible, or what is seen of it
+        does not determine the cameras.
+    """
+    with calibration_in_background(toml, section, predict=predict) as solved:
+        return solved(progress)
+
+
+@contextmanager
+def calibration_in_background(
+    toml: TomlFile, section: CalibrationSection, *, predict: bool = True
+) -> "Iterator[Callable[[Progress], Calibration]]":
+    """Begin to look for the target, as `calibrated_beside`, for pictures of the whole sensors.
+
+    Yields
+    ------
+    callable
+        Gives what `calibration_of` gives, and raises what that raises.
+    """
+    from dic.calibration import detection_begun
+
+    assert section.target is not None  # the schema saw to it
+    assert section.distortion is not None
+    targets = target_of(section.target, toml)
+    series = [_series(toml, name, getattr(section, name)) for name in CAMERAS]
+    counts = [pictures.n_frames for pictures in series]
+    numbers = [
+        getattr(pictures, "numbers", tuple(range(n))) for pictures, n in zip(series, counts, strict=True)
+    ]
+    if numbers[0] != numbers[1]:
+        spans = [f"{n} pictures numbered {of[0]} to {of[-1]}" for n, of in zip(counts, numbers, strict=True)]
+        raise toml.error(
+            "calibration",
+            f"has {spans[0]} of camera 0 and {spans[1]} of camera 1, so it is not known which are pairs"
+            f"{_pictures_without_partner(numbers)}",
+            cure="export the pairs with one number each",
+        )
+    with detection_begun(series, targets) as joined:
+
+        def solved(progress: Progress) -> "Calibration":
+            views = joined(lambda done, total: progress("calibration", done, total))
+            names = [str(number) for number in numbers[0]]
+            return _solve(toml, section, series, views, targets[0], names, predict)
+
+        yield solved
+
+
+def _solve(
+    toml: TomlFile,
+    section: CalibrationSection,
+    series: Sequence[Pictures],
+    views: Sequence[Sequence[Any]],
+    target: Any,
+    names: list[str],
+    predict: bool,
+) -> "Calibration":
+    """The calibration from what was seen of the target."""
+    from dic.calibration import Undetermined, calibrate
+    from dic.calibration.refine import find_order
+
+    _refuse_odd_size(toml, series, views)
+    sensors = [(pictures.shape[1], pictures.shape[0]) for pictures in series]
+
+    def solved(second: Sequence[Any]) -> "Calibration":
+        return calibrate(
+            views[0],
+            second,
+            target,
+            sensors=(sensors[0], sensors[1]),
+            distortion=section.distortion or "none",
+            square_pixels=section.square_pixels,
+            names=names,
+            predict=predict,
+        )
+
+    try:
+        found = solved(views[1])
+    except (Undetermined, ValueError) as error:
+        raise toml.error("calibration", f"does not determine the cameras: {error}") from None
+    if found.rms <= LARGEST_RMS:
+        return found
+    order = find_order((views[0], views[1]), [target] * len(names), (sensors[0], sensors[1]))
+    fits = ""
+    if order is not None and order != list(range(len(names))):
+        try:
+            residual = solved([views[1][k] for k in order]).rms
+        except (Undetermined, ValueError):
+            residual = np.inf
+        if residual <= LARGEST_RMS:
+            fits = (
+                f"; beside {', '.join(names)} of camera 0, {', '.join(names[k] for k in order)} of camera 1 "
+                f"would fit with {residual:.2g} px"
+            )
+    raise toml.error(
+        "calibration",
+        f"has pairs that do not fit two cameras: residual {found.rms:.3g} px rms, at most "
+        f"{LARGEST_RMS:g} px is a calibration{fits}",
+        cure="number the pictures so that pairs were taken at one time"
+        if fits
+        else "check the pairs' order, the target's dimensions and the distortion model",
+    )
+
+
+def _pictures_without_partner(numbers: Sequence[Sequence[int]]) -> str:
+    """Which pictures have no partner, if that says more than the spans do."""
+    said = [
+        f"camera {1 - camera} has none numbered {', '.join(map(str, alone[:6]))}"
+        + (f" and {len(alone) - 6} more" if len(alone) > 6 else "")
+        for camera in (0, 1)
+        if (alone := sorted(set(numbers[camera]) - set(numbers[1 - camera])))
+    ]
+    return f": {'; '.join(said)}" if set(numbers[0]) & set(numbers[1]) else ""
+
+
+def _refuse_odd_size(toml: TomlFile, series: Sequence[Pictures], views: Sequence[Sequence[Any]]) -> None:
+    """Refuse a series whose first picture, which gives its size, is of another size than most others."""
+    for name, pictures, own in zip(CAMERAS, series, views, strict=True):
+        other = sum(isinstance(view, PictureSizeError) for view in own)
+        same = sum(not isinstance(view, PictureError) for view in own)
+        if other > same:
+            rows, columns = pictures.shape
+            raise toml.error(
+                f"calibration.{name}",
+                f"begins with a picture of {columns} x {rows} px, {other} of the others have another size",
+                cure="export the first picture with the size of the others",
+            )
+
+
+def _series(toml: TomlFile, name: str, pattern: str) -> Pictures:
+    from dic.images import open_pictures
+
+    place = toml.path.parent / pattern
+    try:
+        return open_pictures(place.parent, pattern=place.name)
+    except (PictureError, OSError) as error:
+        raise toml.error(f"calibration.{name}", f"cannot be used: {error}") from None
+
+
+CALIBRATION_FILE_NAMES = ("calibration.toml", "shot.toml")
+"""Files that are looked for in a folder, in this order."""
+
+
+class CalibrationFile(Section):
+    """A whole calibration.toml."""
+
+    calibration: CalibrationSection
+
+
+def read_calibration_toml(source: Path) -> tuple[TomlFile, CalibrationSection]:
+    """The description of calibration pictures and their target.
+
+    Parameters
+    ----------
+    source
+        A calibration.toml, a shot.toml, or a folder with one of them.
+
+    Raises
+    ------
+    InputError
+        If there is none, it declares anything unknown, incomplete or impossible, or it names a finished
+        calibration in place of pictures.
+    """
+    path = Path(source)
+    if path.is_dir():
+        there = [path / name for name in CALIBRATION_FILE_NAMES if (path / name).is_file()]
+        if not there:
+            raise InputError(
+                path,
+                f"has neither {CALIBRATION_FILE_NAMES[0]} nor {CALIBRATION_FILE_NAMES[1]}",
+                cure="describe pictures and target in one of them",
+            )
+        path = there[0]
+    if path.name == CALIBRATION_FILE_NAMES[1]:
+        shot = shot_toml(path)
+        toml: TomlFile = shot
+        section = shot.declared.calibration
+        if section is None:
+            raise InputError(path, "has no table [calibration]", cure="add it, with pictures and target")
+    else:
+        toml = parse_toml(path)
+        section = toml.validated(CalibrationFile).calibration
+    if section.file is not None:
+        raise toml.error(
+            "calibration.file", "is a calibration that is finished", cure="name pictures and target instead"
+        )
+    return toml, section
+
+
+def calibration_json(found: Calibration) -> dict[str, Any]:
+    """The calibration as one JSON object, in SI and px."""
+    R, t = found.rig.relative
+    return {
+        "cameras": [
+            {
+                "matrix": camera.matrix.tolist(),
+                "distortion": list(camera.distortion),
+                "sensor": list(camera.sensor or ()),
+            }
+            for camera in found.rig.cameras
+        ],
+        "rotation": R.tolist(),
+        "translation": t.tolist(),
+        "sigma": found.sigma,
+        "unit": found.unit,
+        "clustering": found.clustering,
+        "checks": {name: _json_number(value) for name, value in vars(found.checks).items()},
+        "pairs": [
+            {
+                "name": pair.name,
+                "outcome": pair.outcome.name,
+                "reason": pair.reason,
+                "rms": _json_number(pair.rms),
+            }
+            for pair in found.pairs
+        ],
+    }
+
+
+def _json_number(value: float) -> float | None:
+    """The number, None for NaN, which JSON does not know."""
+    return value if value == value else None
+
+
+def write_calibration_points(path: Path, found: Calibration) -> None:
+    """Write every point of every picture as one row of a table."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        table.writerow(
+            [
+                "pair",
+                "camera",
+                "point",
+                "x (px)",
+                "y (px)",
+                "sigma (px)",
+                "residual x (px)",
+                "residual y (px)",
+                "used",
+            ]
+        )
+        for pair in found.pairs:
+            for camera, view in enumerate(pair.views):
+                if view is None:
+                    continue
+                rows = zip(view.ids, view.pixels, view.sigma, view.residual, view.used, strict=True)
+                for point, (x, y), sigma, (dx, dy), used in rows:
+                    numbers = [f"{value:.5f}" for value in (x, y, sigma, dx, dy)]
+                    table.writerow([text_cell(pair.name), camera, int(point), *numbers, int(used)])

@@ -1,0 +1,364 @@
+"""Correlation of a shot's pictures as its file declares: regions, settings, the chain of `dic.chain`.
+
+Before the correlation, the declared length of the specimen is compared with the scale of the calibrated
+pictures.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, version
+from time import perf_counter
+from typing import Any, Literal
+
+import numpy as np
+
+from dic.bodies.follow import second_camera
+from dic.bodies.region import FoundRegions, Region, find_regions, polygon_mask
+from dic.camera import Camera, StereoRig
+from dic.chain import VERSION, ChainError, ChainSettings, inspect_pictures, measure
+from dic.correlation import Correlation, Shape
+from dic.images import frame_health, of_colours
+from dic.outcome import FrameOutcome
+from dic.result import StereoResult
+from dic.tracking import Tracking
+from kolsky.base.arrays import FloatArray
+from kolsky.base.errors import InputError
+from kolsky.pictures.picture_set import PictureSet
+from kolsky.pictures.rig import Calibrated, calibrate, refine_rig
+from kolsky.schema.apparatus import SpecimenSection
+from kolsky.schema.pictures import DicSection, RegionSection
+from kolsky.schema.shot_file import ShotToml
+
+LEAST_SHARE = 0.2
+"""Least share of the specimen's length that its region shows; as of an exported outline."""
+LARGEST_SHARE = 1.5
+"""Largest extent of the region over the length: a region may reach onto the platens."""
+DISTANCES = 20_001
+"""Distances of the ray that are looked at, each larger than the one before by the same factor."""
+NEAREST, FURTHEST = 1e-3, 1e3
+"""Distances between which a specimen may be [m]."""
+
+
+def visible_lengths(
+    rig: StereoRig,
+    corners: FloatArray,
+    toward: Literal["up", "down", "left", "right"],
+    shapes: tuple[tuple[int, int], tuple[int, int]],
+) -> tuple[float, float] | None:
+    """Smallest and largest length that the extent of a region can have [m].
+
+    Parameters
+    ----------
+    rig
+        The calibrated cameras.
+    corners
+        Corners (x, y) of the region in camera 0's picture [px], shape [n, 2].
+    toward
+        Direction of the bars' axis in that picture.
+    shapes
+        Rows and columns of both cameras' pictures.
+
+    Returns
+    -------
+    tuple of float, or None
+        None where camera 1's picture holds no part of the ray through the region's middle.
+    """
+    first, second = rig.cameras
+    along = 1 if toward in ("up", "down") else 0
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    ends = np.stack([middle, middle])
+    ends[:, along] = corners[:, along].min(), corners[:, along].max()
+    extent = float(np.linalg.norm(np.diff(first.undistort(ends), axis=0)))  # on the plane z = 1
+    distances = visible_distances(first, second, middle, shapes[1])
+    if distances.size == 0:
+        return None
+    return extent * float(distances.min()), extent * float(distances.max())
+
+
+def visible_distances(first: Camera, second: Camera, pixel: FloatArray, shape: tuple[int, int]) -> FloatArray:
+    """Distances from camera 0 at which camera 1 sees what lies at a pixel [m], shape [n].
+
+    Parameters
+    ----------
+    first, second
+        The cameras.
+    pixel
+        Of camera 0, (x, y) [px].
+    shape
+        Rows and columns of camera 1's picture.
+    """
+    distances = np.geomspace(NEAREST, FURTHEST, DISTANCES)
+    ray = np.append(first.undistort(pixel), 1.0)
+    points = (distances[:, None] * ray - first.translation) @ first.rotation
+    seen = second.project(points)
+    with np.errstate(invalid="ignore"):
+        inside = np.all((seen >= 0.0) & (seen <= np.array(shape[::-1]) - 1.0), axis=-1)
+    return distances[inside]
+
+
+def length_contradicts(length: float, seen: tuple[float, float] | None) -> bool:
+    """Whether a region of one of these lengths [m] cannot be of a specimen of that length [m]."""
+    if seen is None:
+        return False
+    return seen[1] < LEAST_SHARE * length or seen[0] > LARGEST_SHARE * length
+
+
+def check_length(toml: ShotToml, seen: tuple[float, float] | None) -> None:
+    """Refuse a declared length that the pictures contradict.
+
+    Parameters
+    ----------
+    toml
+        The shot file.
+    seen
+        As `lengths_seen` gives it for the specimen's region.
+
+    Raises
+    ------
+    InputError
+        If `length_contradicts`.
+    """
+    length = toml.declared.specimen.length
+    if seen is not None and length_contradicts(length, seen):
+        raise toml.error(
+            "specimen.length",
+            f"contradicts the pictures: the specimen's region in them is {seen[0] * 1e3:.4g} to"
+            f" {seen[1] * 1e3:.4g} mm long by the cameras' calibration",
+            allowed=f"{seen[0] / LARGEST_SHARE * 1e3:.4g} to {seen[1] / LEAST_SHARE * 1e3:.4g} mm",
+            cure="is the unit of specimen.length right, and that of the calibration target?",
+        )
+
+
+Progress = Callable[[str, int, int], None]
+
+
+def key_of(pictures: PictureSet) -> str:
+    """Key of a stereo result: SHA-256 of inputs, declarations and the version of the analysis."""
+    declared = pictures.toml.declared
+    parts: dict[str, Any] = {
+        "version": VERSION,
+        "inputs": pictures.inputs,
+        "specimen": [declared.specimen.diameter, declared.specimen.length, length_sigma_of(pictures.toml)],
+        "frames": [pictures.frames.sha256, declared.frames.model_dump(mode="json")],
+        **{
+            name: None if section is None else section.model_dump(mode="json")
+            for name in ("pictures", "calibration", "dic", "reporting")
+            for section in [getattr(declared, name)]
+        },
+    }
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Places:
+    """Regions of the bodies in the pictures of camera 0."""
+
+    specimen: Region
+    """The specimen."""
+    flyer: Region
+    """The flyer."""
+    edge: tuple[float, float]
+    """Where the specimen ends at the transmission platen [px]."""
+    found: tuple[str, ...]
+    """Keys of [dic] that were not declared and were found."""
+    why: str = ""
+    """How the flyer was told from the specimen, if anything was found."""
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """The same for the facts of a result, as JSON can hold it."""
+        return {
+            "specimen": [list(corner) for corner in self.specimen.corners],
+            "specimen_frame": self.specimen.frame,
+            "flyer": [list(corner) for corner in self.flyer.corners],
+            "flyer_frame": self.flyer.frame,
+            "transmission_edge": list(self.edge),
+            "found": list(self.found),
+            "why": self.why,
+        }
+
+
+def _places_of(pictures: PictureSet) -> Places:
+    """The regions that the shot file declares, and those that it leaves to the pictures.
+
+    Raises
+    ------
+    InputError
+        If one that is not declared is not clear in the pictures.
+    """
+    section = pictures.toml.declared.dic
+    assert section is not None  # shots with pictures have it
+    missing = tuple(
+        key for key in ("specimen", "flyer", "transmission_edge") if getattr(section, key) is None
+    )
+    found = None
+    if missing:
+        static = np.arange(pictures.time.size) < pictures.toml.declared.frames.static
+        usable = np.ones(pictures.time.size, dtype=bool)
+        for series in pictures.series:
+            usable &= frame_health(series).outcome == FrameOutcome.VALID
+        try:
+            found = find_regions(pictures.series[0], static, usable, toward=section.flyer_side)
+        except ValueError as error:
+            raise pictures.toml.error(
+                f"dic.{missing[0]}",
+                f"is not declared and cannot be found: {error}",
+                cure="draw them over camera 0's pictures: "
+                f"`kolsky dic {pictures.toml.path.parent} --regions`, or offline with --grid",
+            ) from error
+    specimen, flyer, edge = section.specimen, section.flyer, section.transmission_edge
+    return Places(
+        specimen=_region(specimen) if specimen is not None else _detected_regions(found).specimen,
+        flyer=_region(flyer) if flyer is not None else _detected_regions(found).flyer,
+        edge=edge if edge is not None else _detected_regions(found).edge,
+        found=missing,
+        why="" if found is None else found.why,
+    )
+
+
+def _detected_regions(found: FoundRegions | None) -> FoundRegions:
+    assert found is not None  # something was missing
+    return found
+
+
+def _chain_settings(
+    section: DicSection,
+    specimen: SpecimenSection,
+    edge: tuple[float, float],
+    device: str = "cpu",
+    length_sigma: float = 0.0,
+) -> ChainSettings:
+    """The chain's settings as a shot file declares them, of this specimen that ends at `edge` [px], its
+    length known to `length_sigma` [m]."""
+    subset = Correlation(
+        subset=section.subset, shape=Shape[section.shape.upper()], prefilter=section.prefilter
+    )
+    return ChainSettings(
+        toward_flyer=section.flyer_side,
+        zero=edge,
+        strip_half_width=section.strip_half_width,
+        radius=0.5 * specimen.diameter,
+        length=specimen.length,
+        length_sigma=length_sigma,
+        largest_sigma=section.largest_sigma,
+        step=section.step,
+        strain_window=section.strain_window,
+        tracking=Tracking(correlation=subset),
+        stereo=Correlation(subset=section.subset, shape=Shape.QUADRATIC, prefilter=section.prefilter),
+        device=device,
+    )
+
+
+def length_sigma_of(toml: ShotToml) -> float:
+    """Standard deviation of the specimen's length that the shot file declares [m]."""
+    declared = toml.declared
+    share = 0.0 if declared.uncertainty is None else declared.uncertainty.specimen_length
+    return share * declared.specimen.length
+
+
+def length_in_pictures_of(toml: ShotToml) -> float:
+    """Standard uncertainty of the length in the pictures that the shot file declares [m]."""
+    declared = toml.declared.uncertainty
+    return 0.0 if declared is None else declared.length_in_pictures
+
+
+def _software() -> str:
+    try:
+        return f"kolsky {version('kolsky')}"
+    except PackageNotFoundError:
+        return "kolsky, not installed"
+
+
+def correlate(
+    pictures: PictureSet,
+    device: str,
+    progress: Progress,
+    *,
+    cameras: Callable[[Progress], Calibrated] | None = None,
+    idle: Callable[[], None] = lambda: None,
+) -> StereoResult:
+    """The stereo result of a shot.
+
+    Parameters
+    ----------
+    pictures, device, progress, cameras, idle
+        As of `kolsky.shot.optical_data.surfaces`.
+
+    Raises
+    ------
+    InputError
+        As `kolsky.shot.optical_data.surfaces`.
+    """
+    toml, declared = pictures.toml, pictures.toml.declared
+    section = declared.dic
+    assert section is not None  # shots with pictures have it
+    # others may be looking at the target meanwhile
+    places = _places_of(pictures)
+    static = np.arange(pictures.time.size) < declared.frames.static
+    try:
+        inspection = inspect_pictures(pictures.series, static)
+    except ChainError as error:
+        raise _no_surface(toml, error) from error
+    with second_camera(inspection.pictures, device) as second:
+        started = perf_counter()
+        found = calibrate(pictures, progress) if cameras is None else cameras(progress)
+        calibrating = perf_counter() - started
+        sizes = (pictures.series[0].shape, pictures.series[1].shape)
+        seen = visible_lengths(found.rig, np.array(places.specimen.corners), section.flyer_side, sizes)
+        check_length(toml, seen)
+        settings = _chain_settings(section, declared.specimen, places.edge, device, length_sigma_of(toml))
+        reporting = {} if declared.reporting is None else declared.reporting.model_dump(exclude_none=True)
+        try:
+            started = perf_counter()
+            assert declared.calibration is not None  # shots with pictures have it
+            rig, refinement = refine_rig(
+                declared.calibration,
+                found.rig,
+                pictures.series,
+                places.specimen.frame,
+                polygon_mask(places.specimen.corners, pictures.series[0].shape),
+                settings.stereo,
+                step=section.step,
+                device=device,
+            )
+            result = measure(
+                pictures.series,
+                rig,
+                settings,
+                t=pictures.time,
+                static=static,
+                specimen=places.specimen,
+                flyer=places.flyer,
+                facts={
+                    "reporting": reporting,
+                    "calibration": found.words,
+                    "software": _software(),
+                    "regions": places.words,
+                    **({"refinement": refinement} if refinement else {}),
+                },
+                progress=progress,
+                idle=idle,
+                inspection=inspection,
+                second=second,
+            )
+            whole = {"calibration": calibrating, "correlation": perf_counter() - started}
+            remarks = (*result.remarks, *of_colours(pictures.series))
+            return replace(result, seconds={**whole, **result.seconds}, remarks=remarks)
+        except ChainError as error:
+            raise _no_surface(toml, error) from error
+        except ValueError as error:
+            raise toml.error("dic", f"does not fit the pictures: {error}") from error
+
+
+def _no_surface(toml: ShotToml, error: ChainError) -> InputError:
+    return InputError(
+        toml.path,
+        f"its pictures give no surface: {error}",
+        cure="look at them with `kolsky dic --regions`: are specimen and cameras right?",
+    )
+
+
+def _region(section: RegionSection) -> Region:
+    return Region(corners=section.corners, frame=section.frame)

@@ -1,0 +1,346 @@
+"""The file dic.h5, of a stereo result and of a measurement by image correlation alone.
+
+It is written completely or not at all, and every value is checked when it is read.
+"""
+
+from pathlib import Path
+
+from dic.bodies.axial_displacement import AxialDisplacement
+from dic.bodies.body_motion import BodyMotion
+from dic.camera import Camera, StereoRig
+from dic.outcome import PointOutcome, Remark
+from dic.result import Body, Extension, FittedCylinder, FullField, Placement, StereoResult, SurfaceStrain
+from dic.surfaces.cylinder import SpecimenFrame
+from dic.surfaces.surface_history import CentrePoints, NoiseFloor, SurfaceHistory
+from kolsky.base.hdf5 import Format, reading, stored_attribute, writing
+from kolsky.base.hdf5_records import (
+    COLLECTION,
+    RECORD_UNIT,
+    Columns,
+    Flags,
+    Floats,
+    Group,
+    IntegerAttribute,
+    Integers,
+    Json,
+    Pair,
+    Pairs,
+    Part,
+    Parts,
+    Record,
+    Text,
+    nxdata,
+)
+
+STEREO_FORMAT = Format("dic stereo result", version=3, readable=(2, 3), largest=4 * 2**30)
+
+STEREO_SURFACE = Record(
+    SurfaceHistory,
+    None,
+    {
+        "t": Floats("s", "frames"),
+        "X": Floats("m", "points 3"),
+        "u": Floats("m", "frames points 3"),
+        "sigma": Floats("m", "frames points 3"),
+        "outcome": Integers("1", "frames points"),
+    },
+)
+BODY = Record(
+    Body,
+    nxdata("u", "t", "points", "."),
+    {
+        "surface": Part(STEREO_SURFACE, at="."),
+        "pixels": Pair(Floats("px", "frames points 2")),
+        "match_sigma": Pair(Floats("px", "frames points")),
+        "zncc": Pair(Floats("1", "frames points")),
+        "epipolar": Floats("px", "frames points"),
+        "points": Floats("px", "points 2"),
+        "cell": Integers("1", "points 2"),
+    },
+)
+STEREO_STRAIN = Record(
+    SurfaceStrain,
+    nxdata("value", "../t", "points", "."),
+    {
+        "value": Floats("1", "frames points 3"),
+        "sigma": Floats("1", "frames points 3"),
+        "outcome": Integers("1", "frames points"),
+        "gauge": Floats("px"),
+    },
+)
+AXIAL_DISPLACEMENT = Record(
+    AxialDisplacement,
+    nxdata("displacement", "t"),
+    {
+        "t": Floats("s", "rows"),
+        "frame": Integers("1", "rows"),
+        "displacement": Floats("m", "rows"),
+        "sigma": Floats("m", "rows"),
+        "n_points": Integers("1", "rows"),
+        "rest_sigma": Floats("m"),
+        "from_rim": Flags("1", since=3),
+        "rim_disagreement": Floats("m", "2", as_tuple=True, optional=True, since=3),
+    },
+)
+MOTION = Record(
+    BodyMotion,
+    nxdata("displacement", "../t", "."),
+    {
+        "at": Floats("m", "3"),
+        "displacement": Floats("m", "frames 3"),
+        "rotation": Floats("rad", "frames 3"),
+        "covariance": Floats("rad^2 m^2", "posed 6 posed 6"),
+        "n_points": Integers("1", "frames"),
+        "outcome": Integers("1", "frames"),
+        "chi2_per_dof": Floats("1"),
+        "noise_scale": Floats("1"),
+    },
+)
+OUTLINE = Record(
+    CentrePoints,
+    nxdata("Z", "t"),
+    {
+        "t": Floats("s", "rows"),
+        "frame": Integers("1", "rows"),
+        "y": Floats("m", "rows"),
+        "Z": Floats("m", "rows"),
+        "sigma": Floats("m", "rows"),
+        "left_out": Pairs(
+            Integers("1", "outcomes", at="left_out_outcome"),
+            Integers("1", "outcomes", at="left_out_count"),
+            at=".",
+            key=PointOutcome,
+        ),
+    },
+)
+FRAME = Record(
+    SpecimenFrame,
+    None,
+    {"rotation": Floats("1", "3 3"), "origin": Floats("m", "3"), "covariance": Floats("SI", "6 6")},
+)
+PLACEMENT = Record(
+    Placement,
+    COLLECTION,
+    {
+        "frame": Part(FRAME, at="."),
+        "radius": Floats("m"),
+        "radius_sigma": Floats("m"),
+        "rms": Floats("m"),
+        "chi2_per_dof": Floats("1"),
+        "n_points": Integers("1"),
+    },
+)
+NOISE = Record(
+    NoiseFloor,
+    COLLECTION,
+    {
+        "n_frames": Integers("1"),
+        "n_points": Integers("1"),
+        "time": Floats("m", "3"),
+        "space": Floats("m", "3"),
+        "common": Floats("m", "3"),
+        "sigma": Floats("m", "3"),
+    },
+)
+REMARK = Record(
+    Remark,
+    None,
+    {
+        "name": Text("remarks", at="remark_names"),
+        "text": Text("remarks", at="remark_texts"),
+        "cure": Text("remarks", at="remark_cures"),
+    },
+)
+CAMERA = Record(
+    Camera,
+    Group("NXdetector"),
+    {
+        "fx": Floats("px"),
+        "fy": Floats("px"),
+        "cx": Floats("px"),
+        "cy": Floats("px"),
+        "skew": Floats("px"),
+        "distortion": Floats("1", "5", as_tuple=True),
+        "rotation": Floats("1", "3 3"),
+        "translation": Floats("m", "3"),
+        "sensor": IntegerAttribute(2, optional=True),
+    },
+)
+RIG = Record(
+    StereoRig,
+    COLLECTION,
+    {
+        "cameras": Pair(Part(CAMERA), ends=("/0", "/1"), at="."),
+        "covariance": Floats("px, 1, rad and m, by parameter_names", "numbers numbers", optional=True),
+    },
+)
+STEREO_RESULT = Record(
+    StereoResult,
+    Group("NXentry", {"default": "centre_line"}),
+    {
+        "t": Floats("s", "frames"),
+        "frames": Pair(Integers("1", "frames"), at="frame_outcome"),
+        "static": Flags("1", "frames"),
+        "facts": Json(),
+        "remarks": Columns(REMARK),
+        "seconds": Pairs(Text("stages", at="stages"), Floats("s", "stages", at="seconds"), at="."),
+        "specimen": Part(BODY),
+        "flyer": Part(BODY, optional=True),
+        "strain": Part(STEREO_STRAIN),
+        "axial_displacement": Part(AXIAL_DISPLACEMENT, at="travel", optional=True),
+        "motion": Part(MOTION, optional=True),
+        "centre": Part(OUTLINE, at="centre_line"),
+        "placement": Part(PLACEMENT, at="test_frame"),
+        "noise": Part(NOISE, at="noise_floor"),
+        "rig": Part(RIG, at="cameras"),
+    },
+)
+
+
+def write_stereo_result(path: Path, result: StereoResult, *, key: str = "") -> None:
+    """Write a stereo result to one HDF5 file, atomically.
+
+    Parameters
+    ----------
+    path
+        The file, replaced if it exists; its folder must exist.
+    result
+        The result; its `facts` are stored as JSON.
+    key
+        What the result was made from, e.g. a hash of inputs and settings: `stored_key` reads it alone.
+
+    Raises
+    ------
+    ValueError
+        If shapes of the result disagree with each other, or `facts` hold what JSON cannot say.
+    OSError
+        If the file cannot be written; an older file of the name is then unchanged.
+    """
+    with writing(path, STEREO_FORMAT, key=key) as place:
+        STEREO_RESULT.write(place, result)
+        if result.rig.covariance is not None:
+            cameras = place.file[place.at("cameras").path]
+            cameras.attrs["parameter_names"] = " ".join(result.rig.parameter_names)
+
+
+def stored_key(path: Path) -> str | None:
+    """The `key` that a result file was written with; None if there is no such file or it is no result."""
+    key = stored_attribute(path, STEREO_FORMAT, "key")
+    return key if isinstance(key, str) else None
+
+
+def read_stereo_result(path: Path) -> StereoResult:
+    """Read a stereo result back.
+
+    Raises
+    ------
+    InputError
+        If it is no such file, or something in it is missing, a link, too large, of a wrong type, shape or
+        unit, or contradicts itself. The message is one line.
+    """
+    with reading(path, STEREO_FORMAT, cure="run `kolsky dic` again") as place:
+        return STEREO_RESULT.read(place)
+
+
+FULL_FIELD_FORMAT = Format("dic full field", largest=4 * 2**30)
+
+FULL_FIELD_SURFACE = Record(
+    SurfaceHistory,
+    nxdata("u", "t", "points", "."),
+    {
+        "t": Floats("s", "frames"),
+        "X": Floats(RECORD_UNIT, "points 3"),
+        "u": Floats(RECORD_UNIT, "frames points 3"),
+        "sigma": Floats(RECORD_UNIT, "frames points 3"),
+        "outcome": Integers("1", "frames points"),
+    },
+)
+FULL_FIELD_STRAIN = Record(
+    SurfaceStrain,
+    nxdata("value", ".", "points", "."),
+    {
+        "value": Floats("1", "frames points 3"),
+        "sigma": Floats("1", "frames points 3"),
+        "outcome": Integers("1", "frames points"),
+        "gauge": Floats("px"),
+    },
+)
+EXTENSION = Record(
+    Extension,
+    nxdata("elongation", "."),
+    {
+        "name": Text(),
+        "ends": Floats("px", "2 2"),
+        "length": Floats(RECORD_UNIT, "frames"),
+        "elongation": Floats(RECORD_UNIT, "frames"),
+        "sigma": Floats(RECORD_UNIT, "frames"),
+        "strain": Floats("1", "frames"),
+        "outcome": Integers("1", "frames"),
+    },
+)
+CYLINDER = Record(
+    FittedCylinder,
+    nxdata("radius", "."),
+    {
+        "radius": Floats("m", "frames"),
+        "sigma": Floats("m", "frames"),
+        "rms": Floats("m", "frames"),
+        "n_points": Integers("1", "frames"),
+        "correction": Floats("px"),
+        "uncorrected": Floats("m"),
+    },
+)
+FULL_FIELD_RESULT = Record(
+    FullField,
+    Group("NXentry", {"default": "surface"}),
+    {
+        "kind": Text(among=("plane", "surface", "cylinder")),
+        "unit": Text(among=("m", "px")),
+        "timed": Flags("1"),
+        "frame_outcome": Integers("1", "frames"),
+        "facts": Json(),
+        "remarks": Columns(REMARK),
+        "points": Floats("px", "points 2"),
+        "cell": Integers("1", "points 2"),
+        "pixels": Floats("px", "cameras frames points 2"),
+        "zncc": Floats("1", "cameras frames points"),
+        "epipolar": Floats("px", "frames points"),
+        "noise": Floats("1", "cameras"),
+        "surface": Part(FULL_FIELD_SURFACE),
+        "strain": Part(FULL_FIELD_STRAIN),
+        "extensions": Parts(EXTENSION),
+        "cylinder": Part(CYLINDER, optional=True),
+    },
+)
+
+
+def write_full_field(path: Path, result: FullField) -> None:
+    """Write a result to one HDF5 file, atomically.
+
+    Parameters
+    ----------
+    path
+        The file, replaced if it exists; its folder must exist.
+    result
+        The result.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; an older file of the name is then unchanged.
+    """
+    with writing(path, FULL_FIELD_FORMAT) as place:
+        FULL_FIELD_RESULT.write(place, result)
+
+
+def read_full_field(path: Path) -> FullField:
+    """Read a result back.
+
+    Raises
+    ------
+    InputError
+        If it is no such file, or something in it is missing, too large, of a wrong type, shape or unit. The
+        message is one line.
+    """
+    with reading(path, FULL_FIELD_FORMAT, cure="run `kolsky dic` again") as place:
+        return FULL_FIELD_RESULT.read(place)

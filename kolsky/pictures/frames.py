@@ -1,0 +1,375 @@
+"""[frames] and [flyer]: times of the frames and displacement of the flyer, read and checked.
+
+Single displacements that cannot be those of a flyer (exchanged frames, lost digits) are detected.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.base.errors import InputError
+from kolsky.base.records import FlyerMotion
+from kolsky.base.units import in_us
+from kolsky.readers.measured_tables import FlyerTable, FrameTimes, OutlineTable, read_flyer, read_frame_times
+from kolsky.readers.table import Column
+from kolsky.schema.measured import FlyerSection
+from kolsky.schema.shot_file import ShotToml
+
+STRAY_SIGMAS = 20.0
+"""A displacement so many standard deviations away from what its neighbours say is stray, if it is also
+`STRAY_STEPS` away."""
+STRAY_STEPS = 3.0
+"""The same in the largest step of the flyer from frame to frame: what sets it in motion bends its path by
+less than one."""
+MOST_STRAY = 0.03
+"""Largest share of the frames that can be stray; more of them are noise of another kind."""
+MOST_AT_REST = 0.25
+"""Largest share of the static frames that can be stray."""
+LAST_AT_REST = 3
+"""Last static frames that must be sound: a motion that begins in them is one."""
+STRAY_NEIGHBOURS = 6
+"""Frames whose cubic says where the flyer is: with four, all five would contradict each other alike."""
+
+
+def stray_frames(
+    time: FloatArray, displacement: FloatArray, sigma: FloatArray
+) -> tuple[BoolArray, FloatArray]:
+    """Find displacements that their neighbours contradict.
+
+    Parameters
+    ----------
+    time
+        Times of the frames, increasing [s], shape [n].
+    displacement
+        Of the flyer [m], shape [n].
+    sigma
+        Standard deviations of the displacements [m], shape [n].
+
+    Returns
+    -------
+    BoolArray
+        Which displacements are stray, shape [n]; none if they are more than `MOST` of the frames.
+    FloatArray
+        How far each is from what the sound ones around it say [m], shape [n].
+    """
+    stray, off = np.zeros(time.size, dtype=bool), np.zeros(time.size)
+    if time.size <= 2 * STRAY_NEIGHBOURS or not (np.diff(time) > 0.0).all():
+        return stray, off
+    for _ in range(int(MOST_STRAY * time.size) + 1):
+        sound = np.flatnonzero(~stray)
+        apart, spread = np.array(
+            [_distance_to_neighbours(time, displacement, sound, row) for row in range(time.size)]
+        ).T
+        scatter = np.maximum(1.4826 * np.median(np.abs(apart[sound]) / spread[sound]), sigma)
+        step = np.quantile(np.abs(np.diff(displacement[sound])), 0.9)
+        beyond = np.abs(apart) > np.maximum(STRAY_SIGMAS * scatter * spread, STRAY_STEPS * step)
+        if not (beyond & ~stray).any():
+            return stray, off
+        worst = int(np.argmax(np.where(beyond & ~stray, np.abs(apart) / spread, 0.0)))
+        stray[worst], off[worst] = True, apart[worst]
+    return np.zeros(time.size, dtype=bool), np.zeros(time.size)
+
+
+def _stray_at_rest(displacement: FloatArray, sigma: FloatArray, limit: float) -> BoolArray:
+    """Find displacements of static frames that the later static ones take back: a flyer does not return.
+
+    Parameters
+    ----------
+    displacement
+        Of the flyer in the static frames, in their order [m], shape [n].
+    sigma
+        Standard deviations [m], shape [n].
+    limit
+        A displacement so many of them from the median is off [-].
+
+    Returns
+    -------
+    BoolArray
+        Which displacements are stray, shape [n]; none if one of the last `LAST_AT_REST` is off, or more than
+        `MOST_AT_REST` of all are.
+    """
+    off = np.abs(displacement - np.median(displacement)) > limit * sigma
+    if off[-LAST_AT_REST:].any() or off.sum() > MOST_AT_REST * off.size:
+        return np.zeros(off.size, dtype=bool)
+    return np.asarray(off)
+
+
+def _distance_to_neighbours(
+    time: FloatArray, displacement: FloatArray, sound: np.ndarray, row: int
+) -> tuple[float, float]:
+    """A displacement minus that of the cubic through the nearest sound frames around it [m], and the standard
+    deviation of that where every displacement has one of 1."""
+    others = sound[sound != row]
+    first = int(
+        np.clip(np.searchsorted(others, row) - STRAY_NEIGHBOURS // 2, 0, others.size - STRAY_NEIGHBOURS)
+    )
+    near = others[first : first + STRAY_NEIGHBOURS]
+    t = (time[near] - time[row]) / (time[near[-1]] - time[near[0]])
+    shares = np.linalg.pinv(np.vander(t, 4, increasing=True))[0]  # of each in the cubic's value at the frame
+    return float(displacement[row] - shares @ displacement[near]), float(
+        np.hypot(1.0, np.linalg.norm(shares))
+    )
+
+
+MOTION_SIGMAS = 6.0
+"""A displacement this many sigmas from rest is motion: noise does that once in 5e8 frames."""
+
+
+def read_frames(toml: ShotToml) -> FrameTimes:
+    """[frames]: frame numbers and their times on the clock of the file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or there are no frames but static ones.
+    """
+    section = toml.declared.frames
+    frames = read_frame_times(
+        toml.path.parent / section.file,
+        frame=Column(section.frame),
+        time=section.time.as_column(),
+        layout=None if section.layout is None else section.layout.as_layout(),
+    )
+    _some_motion_frames(frames, toml)
+    return frames
+
+
+def flyer_motion(
+    folder: Path, frames: FrameTimes, section: FlyerSection, toml: ShotToml
+) -> tuple[FlyerMotion, str]:
+    """[flyer]: the flyer's displacement at the frames, toward the specimen, and the hash of its file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, its frames and times are not those of [frames], or the flyer rests.
+    """
+    table = read_flyer(
+        folder / section.file,
+        frame=Column(section.frame),
+        displacement=section.displacement.as_column(),
+        time=None if section.time is None else section.time.as_column(),
+        layout=None if section.layout is None else section.layout.as_layout(),
+    )
+    frames_agree(table, frames)
+    flyer_covers(table, frames, toml)
+    sign = 1.0 if section.positive == "toward specimen" else -1.0
+    index = np.searchsorted(frames.frame, table.frame)
+    flyer = FlyerMotion(
+        time=frames.time[index] + toml.declared.frames.clock_offset,
+        displacement=sign * table.displacement,
+        sigma=np.full(table.displacement.size, section.sigma),
+    )
+    stray, off = stray_frames(flyer.time, flyer.displacement, flyer.sigma)
+    flyer = replace(
+        flyer,
+        sigma=np.where(stray, np.abs(off), flyer.sigma),
+        notes=tuple(_stray_note(table, int(row), off[row]) for row in np.flatnonzero(stray)),
+    )
+    flyer_moves(table, flyer, section.sigma, toml, stray=stray)
+    return flyer, table.sha256
+
+
+def _stray_note(table: FlyerTable, row: int, off: float) -> str:
+    return (
+        f"{table.path.name} line {table.line(row)}: frame {table.frame[row]} of the flyer is"
+        f" {off * 1e3:+.3g} mm off what the frames around it say; it was given no weight: look at it, or"
+        " correct the export"
+    )
+
+
+def frames_agree(table: FlyerTable | OutlineTable, frames: FrameTimes) -> None:
+    """Every frame number is one of the frames', and the file's own times are the frames' times.
+
+    Times agree if they differ by no more than half of the last printed digit of each file.
+    """
+    index = np.searchsorted(frames.frame, table.frame).clip(max=frames.frame.size - 1)
+    unknown = np.flatnonzero(frames.frame[index] != table.frame)
+    if unknown.size:
+        row = int(unknown[0])
+        raise InputError(
+            table.path,
+            f"frame {table.frame[row]} is not in {frames.path.name} ({unknown.size} such lines)",
+            line=table.line(row),
+            cure="both files must come from the same test; are two columns swapped?",
+        )
+    if table.time is None:
+        return
+    expected = frames.time[index]
+    tolerance = 0.5 * (table.digit + frames.digit)
+    # The sum of the half digits and the times themselves are rounded binary numbers.
+    slack = 1e-6 * tolerance + 4.0 * np.finfo(float).eps * np.abs(expected).max()
+    apart = np.flatnonzero(np.abs(table.time - expected) > tolerance + slack)
+    if apart.size:
+        row = int(apart[0])
+        raise InputError(
+            table.path,
+            f"frame {table.frame[row]} has the time {table.time[row]:.9g} s, in {frames.path.name} it has"
+            f" {expected[row]:.9g} s ({apart.size} such lines)",
+            line=table.line(row),
+            cure="both files must come from the same test and clock; are two columns swapped?",
+        )
+
+
+def _some_motion_frames(frames: FrameTimes, toml: ShotToml) -> None:
+    """There are more frames than static ones."""
+    if toml.declared.frames.static >= frames.frame.size:
+        raise toml.error(
+            "frames.static",
+            "is not allowed",
+            allowed=f"smaller than the {frames.frame.size} frames in {frames.path.name}",
+            cure="count the frames before the flyer moves",
+        )
+
+
+def flyer_covers(table: FlyerTable, frames: FrameTimes, toml: ShotToml) -> None:
+    """Every frame up to the end of the window has a flyer displacement."""
+    missing = np.setdiff1d(frames.frame, table.frame)
+    end = toml.declared.window.end
+    if end is not None:
+        beyond = frames.frame[frames.time + toml.declared.frames.clock_offset > end]
+        missing = np.setdiff1d(missing, beyond)
+    if not missing.size:
+        return
+    number = int(missing[0])
+    line = frames.line(int(np.searchsorted(frames.frame, number)))
+    if number > table.frame[-1]:
+        raise InputError(
+            frames.path,
+            f"frame {number} is beyond the flyer record, which ends with frame {table.frame[-1]} in"
+            f" {table.path.name} ({missing.size} such frames)",
+            line=line,
+            cure="export the flyer for all frames, or declare window.end inside its record",
+        )
+    raise InputError(
+        frames.path,
+        f"frame {number} has no displacement in {table.path.name} ({missing.size} such frames)",
+        line=line,
+        cure="export the flyer for every frame, or remove the frame from all files",
+    )
+
+
+def flyer_moves(
+    table: FlyerTable, flyer: FlyerMotion, sigma: float, toml: ShotToml, *, stray: BoolArray | None = None
+) -> None:
+    """At rest in the static frames, then toward the specimen, by less than its length; stray frames apart."""
+    n_static = toml.declared.frames.static
+    length = toml.declared.specimen.length
+    sound = np.ones(flyer.time.size, dtype=bool) if stray is None or stray[:n_static].all() else ~stray
+    travel = flyer.displacement - flyer.displacement[:n_static][sound[:n_static]].mean()
+    travel[~sound] = 0.0
+    row = int(np.argmax(np.abs(travel)))
+    if abs(travel[row]) >= length:
+        raise InputError(
+            table.path,
+            f"the flyer's displacement of {travel[row] * 1e3:.6g} mm exceeds the specimen's length"
+            f" ({length * 1e3:.6g} mm)",
+            line=table.line(row),
+            cure="check flyer.displacement in the shot file: is it the right column and unit?",
+        )
+    moving = np.flatnonzero(np.abs(travel[:n_static]) > MOTION_SIGMAS * sigma)
+    if moving.size:
+        row = int(moving[0])
+        raise InputError(
+            table.path,
+            f"frame {table.frame[row]} is {travel[row] * 1e6:.3g} um from the mean of the {n_static} frames"
+            f" declared static, more than {MOTION_SIGMAS:g} times flyer.sigma ({sigma * 1e6:.3g} um)",
+            line=table.line(row),
+            cure="lower frames.static, or declare the noise that flyer.sigma really has",
+        )
+    if abs(travel[row]) <= MOTION_SIGMAS * sigma:
+        raise InputError(
+            table.path,
+            f"the flyer never moves by more than {abs(travel[row]) * 1e6:.3g} um",
+            cure="check flyer.displacement in the shot file: is it the right column and unit?",
+        )
+    if travel[row] < 0.0:
+        raise toml.error(
+            "flyer.positive",
+            f"contradicts {table.path.name}: with this sign the flyer moves away from the specimen, by"
+            f" {-travel[row] * 1e3:.4g} mm",
+            cure="declare the other sign",
+        )
+
+
+def sound_at_rest(flyer: FlyerMotion, rest: float) -> FlyerMotion:
+    """The motion with the stray ones of its static frames as uncertain as they are off, and named.
+
+    Parameters
+    ----------
+    flyer
+        Its motion, from pictures.
+    rest
+        Time of the last static frame on the shot's clock [s].
+    """
+    static = np.flatnonzero(flyer.time <= rest)
+    if static.size == 0:
+        return flyer
+    shared = np.zeros(1) if flyer.shared_sigma is None else flyer.shared_sigma
+    at_rest, sigma = flyer.displacement[static], np.hypot(flyer.sigma, shared)[static]
+    stray = _stray_at_rest(at_rest, sigma, MOTION_SIGMAS)
+    if not stray.any():
+        return flyer
+    off = np.abs(at_rest - np.median(at_rest[~stray]))
+    uncertain, moved = flyer.sigma.copy(), flyer.displacement - at_rest[~stray].mean()
+    uncertain[static[stray]] = off[stray]
+    said = [
+        f"the flyer was found {1e6 * off[i]:.3g} um from its place at {in_us(flyer.time[static[i]])}, and "
+        "back there in the static frames after it: that frame is taken to be uncertain by as much"
+        for i in np.flatnonzero(stray)
+    ]
+    return replace(flyer, displacement=moved, sigma=uncertain, notes=(*flyer.notes, *said))
+
+
+def body_moves(flyer: FlyerMotion, rest: float, source: Path, toml: ShotToml) -> None:
+    """At rest in the static frames, then toward the specimen: a flyer that was followed in pictures.
+
+    Parameters
+    ----------
+    flyer
+        Its motion; frames that were lost have no row.
+    rest
+        Time of the last static frame on the shot's clock [s].
+    source
+        The file that a complaint names.
+    toml
+        The shot file.
+    """
+    static = flyer.time <= rest
+    if not static.any():
+        raise InputError(
+            source,
+            "the flyer was found in no static frame, so its place at rest is unknown",
+            cure="declare a region in [dic] flyer that the flyer covers in the static frames too",
+        )
+    travel = flyer.displacement - flyer.displacement[static].mean()
+    shared = np.zeros(1) if flyer.shared_sigma is None else flyer.shared_sigma
+    sigma = np.hypot(flyer.sigma, shared)
+    score = np.where(static, np.abs(travel) / sigma, 0.0)
+    if score.max() > MOTION_SIGMAS:
+        row = int(np.argmax(score))
+        raise toml.error(
+            "frames.static",
+            f"contradicts the pictures: at {in_us(flyer.time[row])} the flyer is {travel[row] * 1e6:.3g} "
+            f"um from its mean place at rest, {score[row]:.2g} times its standard deviation",
+            cure="lower frames.static",
+        )
+    furthest = float(travel[np.argmax(np.abs(travel))])
+    if furthest <= MOTION_SIGMAS * float(np.median(flyer.sigma)):
+        moves = (
+            "never moves" if furthest > 0.0 else f"moves away from the specimen, by {-furthest * 1e3:.4g} mm"
+        )
+        raise toml.error(
+            "dic.flyer_side",
+            f"does not fit the pictures: with it the flyer {moves}",
+            cure="declare where the flyer lies in the pictures of camera 0, and its region",
+        )
+    if furthest >= toml.declared.specimen.length:
+        raise InputError(
+            source,
+            f"the flyer's displacement of {furthest * 1e3:.6g} mm exceeds the specimen's length"
+            f" ({toml.declared.specimen.length * 1e3:.6g} mm)",
+            cure="check the calibration: its unit, and the crop offsets",
+        )

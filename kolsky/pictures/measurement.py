@@ -1,0 +1,283 @@
+"""A measurement by image correlation alone: from dic.toml to a `dic.full_field` result."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.bodies.region import polygon_mask
+from dic.camera import StereoRig
+from dic.correlation import Correlation, Shape
+from dic.full_field.measure import Extensometer, FullFieldSettings
+from dic.images import PictureError, Pictures, of_colours
+from dic.result import FullField
+from dic.tracking import Tracking
+from kolsky.base.errors import InputError, refuse
+from kolsky.base.files import regular
+from kolsky.base.process import infrequent_gc, single_threaded_libraries
+from kolsky.pictures.picture_set import CAMERAS, digest, fits_sensor, matching
+from kolsky.pictures.rig import refine_rig, rig_of
+from kolsky.schema.pictures import MeasuredSeries, MeasurementFile
+from kolsky.schema.shot_file import TomlFile, parse_toml
+
+FLYER_TEST = "flyer test"
+"""The kind that belongs into a shot.toml."""
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A dic.toml with its pictures opened, nothing correlated yet."""
+
+    toml: TomlFile
+    """The file."""
+    declared: MeasurementFile
+    """What it declares, in SI."""
+    series: tuple[Pictures, ...]
+    """One series a camera."""
+    inputs: dict[str, str]
+    """SHA-256 of every file that was read, by name or pattern."""
+
+    @property
+    def name(self) -> str:
+        """Name of the folder."""
+        return self.toml.path.parent.resolve().name
+
+
+def read_measurement(path: Path) -> Measurement:
+    """Read a dic.toml and open its pictures.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If it declares anything unknown, incomplete or impossible, or a series cannot be opened.
+    """
+    toml = parse_toml(path)
+    dic = toml.content.get("dic")
+    if isinstance(dic, dict) and dic.get("kind") == FLYER_TEST:
+        raise toml.error(
+            "dic.kind", "is measured with a shot around it", cure="declare it in a shot.toml: `kolsky new`"
+        )
+    declared = toml.validated(MeasurementFile)
+    opened = [
+        (name, section, _open(toml, name, section, declared.pictures.bits))
+        for name, section in zip(
+            CAMERAS, (declared.pictures.camera_0, declared.pictures.camera_1), strict=True
+        )
+        if section is not None
+    ]
+    refuse([found for _, _, found in opened if isinstance(found, InputError)])
+    series = tuple(found for _, _, found in opened if not isinstance(found, InputError))
+    if len({own.n_frames for own in series}) > 1:
+        counts = " and ".join(str(own.n_frames) for own in series)
+        raise toml.error("pictures", f"has {counts} pictures", cure="export both series frame by frame")
+    folder = path.parent
+    inputs: dict[str, str] = {}
+    sources: list[tuple[str, Any]] = [section.source for _, section, _ in opened]
+    if declared.calibration is not None and declared.calibration.file is not None:
+        sources.append(("file", declared.calibration.file))
+    if declared.dic.mask is not None:
+        sources.append(("file", declared.dic.mask))
+    for kind, name in sources:
+        if kind == "files":
+            inputs |= {one: digest([folder / one]) for one in name}
+        else:
+            inputs[name] = digest([folder / name] if kind == "file" else matching(folder, name))
+    return Measurement(toml, declared, series, {toml.path.name: toml.sha256, **inputs})
+
+
+def _open(toml: TomlFile, name: str, section: MeasuredSeries, bits: int | None) -> Pictures | InputError:
+    """The series of a camera, or why there is none."""
+    from dic.images import declared, open_pictures
+
+    kind, source = section.source
+    folder = toml.path.parent
+    try:
+        if isinstance(source, list):
+            own = open_pictures([folder / one for one in source])
+        elif kind == "file":
+            own = open_pictures(folder / source)
+        else:
+            own = open_pictures((folder / source).parent, pattern=Path(source).name)
+        offset = section.crop_offset
+        if "crop_offset" not in section.model_fields_set and own.crop_offset != (0.0, 0.0):
+            offset = own.crop_offset  # what the file states of itself
+        return declared(own, bits=bits, crop_offset=offset)
+    except (PictureError, ValueError) as error:
+        return toml.error(f"pictures.{name}.{kind}", f"cannot be used: {error}")
+
+
+def measure_file(
+    measurement: Measurement,
+    *,
+    device: str = "cpu",
+    progress: Progress = lambda stage, done, total: None,
+) -> FullField:
+    """Correlate the pictures of a measurement.
+
+    Parameters
+    ----------
+    measurement
+        As `read_measurement` gives it.
+    device
+        Where pictures are correlated, "cpu" or a CUDA device.
+    progress
+        Told of the frames done, stage by stage.
+
+    Raises
+    ------
+    InputError
+        If region, mask, calibration or settings do not fit the pictures, or nothing can be measured.
+    """
+    result = _measure(measurement, device=device, progress=progress)
+    return replace(result, remarks=(*result.remarks, *of_colours(measurement.series)))
+
+
+def _measure(
+    measurement: Measurement,
+    *,
+    device: str,
+    progress: Progress,
+) -> FullField:
+    """The same without remarks on the pictures."""
+    from dic.full_field.measure import measure_plane
+    from dic.full_field.stereo import measure_cylinder, measure_surface
+
+    toml, section = measurement.toml, measurement.declared.dic
+    n = measurement.series[0].n_frames
+    shared: dict[str, Any] = {
+        "mask": mask_of(measurement),
+        "t": None if section.interval is None else section.interval * np.arange(n),
+        "extensometers": [
+            Extensometer(name, (one.ends[0], one.ends[1]), one.window)
+            for name, one in measurement.declared.extensometers.items()
+        ],
+        "progress": progress,
+    }
+    settings = settings_of(measurement, device)
+    with single_threaded_libraries(), infrequent_gc():
+        if section.kind != "plane":
+            rig, words = _rig(measurement, progress)
+        try:
+            if section.kind == "plane":
+                return measure_plane(measurement.series[0], settings, scale=section.scale, **shared)
+            pair = (measurement.series[0], measurement.series[1])
+            calibration = measurement.declared.calibration
+            assert calibration is not None  # the schema saw to it
+            rig, refinement = refine_rig(
+                calibration,
+                rig,
+                pair,
+                settings.reference,
+                shared["mask"],
+                settings.stereo,
+                step=settings.step,
+                noise=settings.noise,
+                device=device,
+            )
+            shared["facts"] = {"calibration": words, "refinement": refinement}
+            if section.kind == "surface":
+                return measure_surface(pair, rig, settings, **shared)
+            return measure_cylinder(pair, rig, settings, radius=section.radius, **shared)
+        except (PictureError, ValueError) as error:
+            raise toml.error("dic", f"does not fit the pictures: {error}") from error
+
+
+def settings_of(measurement: Measurement, device: str = "cpu") -> FullFieldSettings:
+    """The settings that a measurement declares."""
+    section = measurement.declared.dic
+    subset = Correlation(
+        subset=section.subset, shape=Shape[section.shape.upper()], prefilter=section.prefilter
+    )
+    return FullFieldSettings(
+        step=section.step,
+        tracking=Tracking(correlation=subset),
+        stereo_shape=Shape[(section.stereo_shape or "quadratic").upper()],
+        strain_window=section.strain_window,
+        strain_order=section.strain_order,
+        reference=section.reference,
+        static=section.static,
+        noise=section.noise,
+        device=device,
+    )
+
+
+def mask_of(measurement: Measurement) -> NDArray[np.bool_]:
+    """Pixels that are measured: the region and the mask's white, less what is excluded, [rows, columns].
+
+    Raises
+    ------
+    InputError
+        If a region lies beside the picture, the mask cannot be read or has another size, or nothing is left.
+    """
+    toml, section = measurement.toml, measurement.declared.dic
+    shape = measurement.series[0].shape
+    mask = np.ones(shape, dtype=bool)
+    try:
+        if section.region is not None:
+            mask &= polygon_mask(section.region.corners, shape)
+        for gone in section.exclude:
+            mask &= ~polygon_mask(gone.corners, shape)
+    except ValueError as error:
+        raise toml.error("dic.region", f"does not fit the pictures: {error}") from None
+    if section.mask is not None:
+        from dic.basics import cv2
+
+        path = toml.path.parent / section.mask
+        try:
+            picture = cv2.imread(str(regular(path)), cv2.IMREAD_GRAYSCALE)
+        except OSError as error:
+            raise InputError(
+                path, f"cannot be read ({error.strerror})", cure="export the mask as PNG"
+            ) from None
+        if picture is None:
+            raise InputError(path, "is no picture that can be read", cure="export the mask as PNG")
+        if picture.shape != shape:
+            raise InputError(
+                path,
+                f"is {picture.shape[1]} x {picture.shape[0]} px, the pictures are {shape[1]} x {shape[0]} px",
+                cure="export it with the size of the pictures",
+            )
+        mask &= picture > 127
+    if not mask.any():
+        raise toml.error(
+            "dic",
+            "leaves no pixel to measure",
+            cure=f"look at region, exclude and mask; `kolsky dic {toml.path.parent} --regions` draws them",
+        )
+    return mask
+
+
+def _rig(measurement: Measurement, progress: Progress) -> tuple[StereoRig, str]:
+    """The cameras for the pictures with their crops, and a sentence on where they are from."""
+    toml, declared = measurement.toml, measurement.declared
+    assert declared.calibration is not None  # the schema saw to it
+    found = rig_of(toml, declared.calibration, progress)
+    sections = (declared.pictures.camera_0, declared.pictures.camera_1)
+    for camera, own, section, name in zip(
+        found.rig.cameras, measurement.series, sections, CAMERAS, strict=True
+    ):
+        assert section is not None  # the schema saw to it
+        whole = camera.sensor is None or own.shape == (camera.sensor[1], camera.sensor[0])
+        stated = "crop_offset" in section.model_fields_set or own.crop_offset != (0.0, 0.0)
+        if not whole and not stated and camera.sensor is not None:
+            raise toml.error(
+                f"pictures.{name}.crop_offset",
+                f"is missing: the pictures are {own.shape[1]} x {own.shape[0]} px of a sensor of "
+                f"{camera.sensor[0]} x {camera.sensor[1]} px",
+                cure="declare where the crop lies on the sensor",
+            )
+        if problem := fits_sensor(own, camera.sensor):
+            raise toml.error(
+                f"pictures.{name}", f"crop_offset {problem}", cure="declare where the crop lies on the sensor"
+            )
+    first, second = (own.crop_offset for own in measurement.series)
+    return found.rig.cropped(first, second), found.words

@@ -1,0 +1,314 @@
+"""The pictures of a shot: opened, counted, compared with the shot file; when they begin to change."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.outcome import FrameOutcome
+from kolsky.base.arrays import FloatArray
+from kolsky.base.errors import InputError, refuse
+from kolsky.base.files import regular
+from kolsky.pictures.frames import read_frames
+from kolsky.readers.measured_tables import FrameTimes
+from kolsky.schema.pictures import PicturesSection, SeriesSection
+from kolsky.schema.shot_file import ShotToml
+
+if TYPE_CHECKING:
+    from dic.images import Pictures
+    from dic.result import StereoResult
+
+
+MOST_COMPARED = 400
+"""Most frames that are compared with the first; of a longer series as many at equal distances."""
+
+
+@dataclass(frozen=True, eq=False)
+class PictureChanges:
+    """How far the pictures of both cameras differ from their first one."""
+
+    time: FloatArray
+    """Times of the frames that were compared, on the shot's clock [s], shape [n]."""
+    change: FloatArray
+    """Mean absolute difference from the first picture, relative to white (2**bits - 1), shape [2, n]; NaN
+    where a picture cannot be read."""
+    rest_end: float
+    """Time of the last frame that is declared static [s]."""
+    shown: tuple[tuple[float, FloatArray], ...]
+    """Time [s] and picture of camera 0, relative to white, shape [rows, columns]: of the first frame, of the
+    last static one, and of the last; those that can be read."""
+
+
+def picture_changes(series: Sequence[Pictures], time: FloatArray, static: int) -> PictureChanges:
+    """Compare the pictures of both cameras with their first ones.
+
+    Parameters
+    ----------
+    series
+        Pictures of each camera.
+    time
+        Frame times on the shot's clock [s], shape [n_frames].
+    static
+        Number of first frames that are declared static.
+    """
+    compared = np.unique(np.round(np.linspace(0, time.size - 1, min(time.size, MOST_COMPARED))).astype(int))
+    change = np.full((len(series), compared.size), np.nan)
+    for camera, pictures in enumerate(series):
+        first = None
+        for place, frame in enumerate(compared):
+            picture = _relative(pictures, int(frame))
+            if picture is None:
+                continue
+            first = picture if first is None else first
+            change[camera, place] = np.abs(picture - first).mean()
+    shown = ((i, _relative(series[0], i)) for i in dict.fromkeys((0, static - 1, time.size - 1)))
+    return PictureChanges(
+        time=time[compared],
+        change=change,
+        rest_end=float(time[static - 1]),
+        shown=tuple((float(time[i]), picture) for i, picture in shown if picture is not None),
+    )
+
+
+def _relative(pictures: Pictures, frame: int) -> NDArray[np.float64] | None:
+    """A picture relative to white; None if it cannot be read."""
+    from dic.images import PictureError  # for shots with pictures only
+
+    try:
+        return np.asarray(pictures.frame(frame), dtype=np.float64) / float(2**pictures.bits - 1)
+    except PictureError:
+        return None
+
+
+CAMERAS = ("camera_0", "camera_1")
+SERIES_CURE = "export one picture for each line of the frames' file"
+
+
+@dataclass(frozen=True)
+class PictureSet:
+    """The pictures of a shot, not read yet, and when they were taken."""
+
+    toml: ShotToml
+    """The shot file."""
+    frames: FrameTimes
+    """Frame numbers and times; row k is picture k."""
+    series: tuple[Pictures, Pictures]
+    """The series of both cameras, with the bits and offsets that were declared."""
+
+    @property
+    def time(self) -> FloatArray:
+        """Frame times on the shot's clock [s], shape [n_frames]."""
+        return self.frames.time + self.toml.declared.frames.clock_offset
+
+    @cached_property
+    def changes(self) -> PictureChanges:
+        """When the pictures begin to change, and what three of them show."""
+        return picture_changes(self.series, self.time, self.toml.declared.frames.static)
+
+    @cached_property
+    def inputs(self) -> dict[str, str]:
+        """SHA-256 of pictures and calibration: name or pattern as declared -> hex digest."""
+        declared, folder = self.toml.declared, self.toml.path.parent
+        assert declared.pictures is not None  # else there are no pictures to be seen
+        assert declared.calibration is not None
+        calibration = declared.calibration
+        sources = [series.source for series in declared.pictures.cameras]
+        sources += [("file", calibration.file)] if calibration.file is not None else []
+        patterns = (calibration.camera_0, calibration.camera_1)
+        sources += [("pattern", pattern) for pattern in patterns if pattern is not None]
+        return {
+            name: digest([folder / name] if kind == "file" else matching(folder, name))
+            for kind, name in sources
+        }
+
+
+def open_pictures(toml: ShotToml, frames: FrameTimes) -> PictureSet:
+    """Open both series of a shot: headers, and the last picture of a series that is too short.
+
+    A file that was cut off keeps its frames; the missing ones end as UNREADABLE when they are correlated.
+
+    Raises
+    ------
+    InputError
+        If a series is missing or holds no pictures, the number of pictures is not that of the frames, a crop
+        is not the one its file states, or the cameras' pictures differ in size.
+    """
+    from dic.images import PictureError
+    from dic.images import open_pictures as open_series
+    from dic.images.series import decode_once
+
+    section = toml.declared.pictures
+    assert section is not None  # the caller chose shots with pictures
+    folder, found, problems = toml.path.parent, [], []
+    for camera, series in zip(CAMERAS, section.cameras, strict=True):
+        key, source = series.source
+        dotted = f"pictures.{camera}.{key}"
+        try:
+            place = folder / source
+            pictures = open_series(place) if key == "file" else open_series(place.parent, pattern=place.name)
+            problem = _miscounted(pictures, frames) or _moved(pictures, series)
+            if problem:
+                problems.append(toml.error(dotted, problem, cure=SERIES_CURE))
+                continue
+            found.append(_declared(pictures, section, series, frames))
+        except PictureError as error:
+            problems.append(toml.error(dotted, f"cannot be used: {error}"))
+        except ValueError as error:
+            problems.append(toml.error(dotted, str(error)))
+    refuse(problems)
+    first, second = found
+    if first.shape != second.shape:
+        raise toml.error(
+            "pictures",
+            f"have {first.shape[1]} x {first.shape[0]} px in camera 0 and {second.shape[1]} x "
+            f"{second.shape[0]} px in camera 1",
+            cure="export both with one crop size, or declare a pair that belongs together",
+        )
+    return PictureSet(toml=toml, frames=frames, series=(decode_once(first), decode_once(second)))
+
+
+def fits_sensor(pictures: Pictures, sensor: tuple[int, int] | None) -> str | None:
+    """Complaint about a crop on a sensor of so many columns and rows; None if it fits."""
+    if sensor is None:
+        return None
+    (x, y), (rows, columns) = pictures.crop_offset, pictures.shape
+    if x >= 0.0 and y >= 0.0 and x + columns <= sensor[0] and y + rows <= sensor[1]:
+        return None
+    return (
+        f"puts {columns} x {rows} px at ({x:g}, {y:g}) of the {sensor[0]} x {sensor[1]} px that the "
+        "calibration is for"
+    )
+
+
+def readable(pictures: Pictures) -> int:
+    """Pictures up to the last one that can be read: all, unless the file was cut off."""
+    from dic.images import PictureError  # for shots with pictures only
+
+    count = pictures.n_frames
+    while count > 0:
+        try:
+            pictures.frame(count - 1)
+        except PictureError:
+            count -= 1
+        else:
+            break
+    return count
+
+
+def matching(folder: Path, pattern: str) -> list[Path]:
+    """The files of a pattern by name; its folders are taken literally."""
+    place = folder / pattern
+    return sorted(path for path in place.parent.glob(place.name) if path.is_file())
+
+
+def digest(files: list[Path]) -> str:
+    """SHA-256 of files: of one file its own, of several that of their names and digests.
+
+    Raises
+    ------
+    InputError
+        If one cannot be read.
+    """
+    digests = []
+    for path in files:
+        try:
+            with regular(path).open("rb") as file:
+                digests.append(hashlib.file_digest(file, "sha256").hexdigest())
+        except OSError as error:
+            raise InputError(
+                path, f"cannot be read ({error.strerror})", cure="copy it again, and see that it may be read"
+            ) from None
+    if len(files) == 1:
+        return digests[0]
+    listed = "\n".join(f"{path.name} {value}" for path, value in zip(files, digests, strict=True))
+    return hashlib.sha256(listed.encode("utf-8", errors="surrogateescape")).hexdigest()
+
+
+def _miscounted(pictures: Pictures, frames: FrameTimes) -> str | None:
+    """Complaint about the number of pictures; a file that was cut off may have too few."""
+    count = frames.frame.size
+    if pictures.n_frames == count or (pictures.n_frames < count and _cut_off(pictures)):
+        return None
+    return f"holds {pictures.n_frames} pictures, {frames.path.name} lists {count} frames"
+
+
+def _cut_off(pictures: Pictures) -> bool:
+    """True if the last picture that the headers promise is not there."""
+    from dic.images import PictureError
+
+    try:
+        pictures.frame(pictures.n_frames - 1)
+    except PictureError:
+        return True
+    return False
+
+
+def _moved(pictures: Pictures, series: SeriesSection) -> str | None:
+    """Complaint about the declared crop, if the file states its own."""
+    own = pictures.crop_offset
+    if own in ((0.0, 0.0), series.crop_offset):
+        return None
+    return (
+        f"states a crop at ({own[0]:g}, {own[1]:g}) px of the sensor, declared is {list(series.crop_offset)}"
+    )
+
+
+def _declared(
+    pictures: Pictures, section: PicturesSection, series: SeriesSection, frames: FrameTimes
+) -> Pictures:
+    from dic.images import declared
+
+    return declared(pictures, bits=section.bits, crop_offset=series.crop_offset, n_frames=frames.frame.size)
+
+
+ALIVE = 0.5
+"""Least share of the points that the pair shows, if there is such a frame."""
+
+
+@dataclass(frozen=True)
+class PicturePair:
+    """The pictures of both cameras at one time, and the result that they belong to."""
+
+    result: StereoResult
+    """The surfaces of the whole shot."""
+    frame: int
+    """Which frame, counted from 0."""
+    pictures: tuple[NDArray[np.generic], NDArray[np.generic]]
+    """The pictures of both cameras, each of shape [rows, columns]."""
+
+
+def picture_pair(toml: ShotToml, result: StereoResult) -> PicturePair | str:
+    """The latest pair that still shows half of the points, or why there is none.
+
+    Parameters
+    ----------
+    toml
+        The shot's file, with [pictures].
+    result
+        What its pictures gave.
+    """
+    from dic.images import PictureError
+
+    try:
+        first, second = open_pictures(toml, read_frames(toml)).series
+    except InputError as error:
+        return str(error)
+    alive = np.where(result.outcome == FrameOutcome.VALID, result.specimen.n_valid, 0)
+    if alive.size != first.n_frames:
+        return f"there are {first.n_frames} pictures and surfaces of {alive.size} frames"
+    enough = np.flatnonzero(alive >= max(1, ALIVE * result.specimen.surface.n_points))
+    best = [int(np.argmax(alive))] if alive.any() else []
+    for frame in [*enough[::-1].tolist(), *best]:
+        try:
+            pictures = np.array(first.frame(frame)), np.array(second.frame(frame))
+        except PictureError:
+            continue
+        return PicturePair(result, frame, pictures)
+    return "no frame with points can be read"

@@ -1,0 +1,439 @@
+"""Regions drawn by hand over pictures: shapes, their checks, the session that saves them, and a grid
+picture."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.basics import cv2
+from dic.bodies.region import polygon_mask
+from dic.files import replacing
+from dic.images import PictureError, Pictures
+from kolsky.base.errors import InputError
+from kolsky.base.files import filling
+from kolsky.base.toml import CannotEdit, with_values
+from kolsky.readers.text import decode, read_bytes
+from kolsky.schema.shot_file import TOML_LIMIT
+
+MOST_CORNERS = 1000
+LEAST_AREA = 25.0
+"""Smallest region [px²]: that of a subset of 5 px."""
+
+
+@dataclass(frozen=True)
+class Drawable:
+    """A key of the TOML file that can be drawn."""
+
+    key: str
+    """Key in the table [dic]."""
+    title: str
+    """What it is, for a person."""
+    point: bool = False
+    """True for a single place."""
+    many: bool = False
+    """True for a list of regions."""
+    framed: bool = False
+    """True if a region is that of the frame it was drawn in; else it is that of frame `home`."""
+    home: int = 0
+    """Frame that a region without a frame of its own is drawn in."""
+
+
+DRAWABLES_OF_SHOT = (
+    Drawable("specimen", "Specimen: its side surface, clear of the platens", framed=True),
+    Drawable("flyer", "Flyer: where it is seen, clear of its edge", framed=True),
+    Drawable(
+        "transmission_edge", "Transmission platen: a place on the edge where the specimen ends", point=True
+    ),
+)
+"""What is drawn for a shot.toml."""
+
+
+def drawables_of_measurement(reference: int) -> tuple[Drawable, ...]:
+    """What is drawn for a dic.toml with this reference frame."""
+    return (
+        Drawable("region", "Region that is measured", home=reference),
+        Drawable("exclude", "Parts of it that are left out", many=True, home=reference),
+    )
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """One region or point."""
+
+    corners: tuple[tuple[float, float], ...]
+    """Corners (x, y), or the one place [px]."""
+    frame: int
+    """Frame it was drawn in."""
+
+
+def _read_drawn(content: Any, wanted: Sequence[Drawable]) -> dict[str, list[Drawn]]:
+    """What a page sends, as regions; a key without any is left out.
+
+    Parameters
+    ----------
+    content
+        JSON: key -> list of ``{"corners": [[x, y], ...], "frame": k}``.
+    wanted
+        What can be drawn.
+
+    Raises
+    ------
+    ValueError
+        If it is not of this form; the message names the place.
+    """
+    if not isinstance(content, Mapping):
+        raise ValueError("the regions are no mapping of names to lists")
+    known = {one.key: one for one in wanted}
+    found: dict[str, list[Drawn]] = {}
+    for key, shapes in content.items():
+        if key not in known or not isinstance(shapes, list):
+            raise ValueError(f"{key!r} is not one of {', '.join(known)}, or no list")
+        drawn = []
+        for shape in shapes:
+            given: dict[str, Any] = shape if isinstance(shape, dict) else {}
+            corners: Any = given.get("corners")
+            frame: Any = given.get("frame")
+            fine = isinstance(corners, list) and len(corners) <= MOST_CORNERS
+            fine = fine and all(isinstance(c, list) and len(c) == 2 for c in corners)
+            fine = fine and all(type(v) in (int, float) for c in corners for v in c)
+            if not fine or type(frame) is not int:
+                raise ValueError(f"{key} is not a list of at most {MOST_CORNERS} corners [x, y] with a frame")
+            drawn.append(Drawn(tuple((float(x), float(y)) for x, y in corners), frame))
+        if drawn:
+            found[key] = drawn
+    return found
+
+
+def problems_of(
+    drawn: Mapping[str, Sequence[Drawn]],
+    wanted: Sequence[Drawable],
+    *,
+    shape: tuple[int, int],
+    n_frames: int,
+) -> list[str]:
+    """What is wrong with drawn regions, one sentence each; empty if they can be saved.
+
+    Parameters
+    ----------
+    drawn
+        By key.
+    wanted
+        What can be drawn.
+    shape
+        Rows and columns of the pictures.
+    n_frames
+        Number of pictures.
+    """
+    said = [] if drawn else ["nothing is drawn"]
+    for one in wanted:
+        shapes = drawn.get(one.key, ())
+        if len(shapes) > 1 and not one.many:
+            said.append(f"{one.key}: there are {len(shapes)}, it may have one")
+        for number, shape_drawn in enumerate(shapes, start=1):
+            name = f"{one.key} {number}" if one.many else one.key
+            if not 0 <= shape_drawn.frame < n_frames:
+                said.append(f"{name}: frame {shape_drawn.frame} does not exist, there are {n_frames}")
+            elif not one.framed and shape_drawn.frame != one.home:
+                said.append(f"{name}: belongs into frame {one.home}, was drawn in {shape_drawn.frame}")
+            problem = _point(shape_drawn, shape) if one.point else _polygon(shape_drawn, shape)
+            if problem:
+                said.append(f"{name}: {problem}")
+    return said
+
+
+def _point(drawn: Drawn, shape: tuple[int, int]) -> str:
+    if len(drawn.corners) != 1:
+        return f"is one place, has {len(drawn.corners)}"
+    return _outside_picture(drawn, shape)
+
+
+def _outside_picture(drawn: Drawn, shape: tuple[int, int]) -> str:
+    rows, columns = shape
+    for x, y in drawn.corners:
+        if not (np.isfinite(x) and np.isfinite(y)):
+            return "has a corner that is no number"
+        if not (0.0 <= x <= columns - 1.0 and 0.0 <= y <= rows - 1.0):
+            return f"({x:g}, {y:g}) lies outside the picture of {columns} x {rows} px"
+    return ""
+
+
+def _polygon(drawn: Drawn, shape: tuple[int, int]) -> str:
+    """What is wrong with a polygon; empty if nothing is."""
+    if len(drawn.corners) < 3:
+        return f"has {len(drawn.corners)} corners, needs three or more"
+    if outside := _outside_picture(drawn, shape):
+        return outside
+    corners = np.array(drawn.corners)
+    if len(np.unique(corners, axis=0)) < len(corners):
+        return "has one corner twice"
+    if (crossing := crossing_sides(corners)) is not None:
+        return f"crosses itself: sides {crossing[0] + 1} and {crossing[1] + 1}"
+    if (area := polygon_area(corners)) < LEAST_AREA:
+        return f"holds {area:.3g} px², needs {LEAST_AREA:g} or more"
+    try:
+        polygon_mask(drawn.corners, shape)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
+def polygon_area(corners: np.ndarray) -> float:
+    """Area of a polygon [px²]: half of the sum of x_i y_(i+1) - x_(i+1) y_i."""
+    x, y = corners.T
+    return float(0.5 * abs(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
+
+
+def crossing_sides(corners: np.ndarray) -> tuple[int, int] | None:
+    """The first two sides that meet elsewhere than at a shared corner; side i begins at corner i."""
+    n = len(corners)
+    ends = np.roll(corners, -1, axis=0)
+    for i in range(n):
+        for j in range(i + 1, n):
+            if (j == i + 1 or (i == 0 and j == n - 1)) and n > 3:
+                # neighbours share a corner; they overlap only if they double back
+                a, b, c = (corners[i], ends[i], ends[j]) if j == i + 1 else (ends[i], corners[i], corners[j])
+                back, ahead = a - b, c - b
+                if abs(_cross(back, ahead)) < 1e-9 and back @ ahead > 0.0:
+                    return i, j
+            elif n > 3 and _segments_meet(corners[i], ends[i], corners[j], ends[j]):
+                return i, j
+    return None
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> float:
+    return float(a[0] * b[1] - a[1] * b[0])
+
+
+def _segments_meet(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> bool:
+    """True if the segments ab and cd have a point in common."""
+    s = [_cross(b - a, c - a), _cross(b - a, d - a), _cross(d - c, a - c), _cross(d - c, b - c)]
+    if s[0] * s[1] < 0.0 and s[2] * s[3] < 0.0:
+        return True
+    pairs = ((a, b, c, s[0]), (a, b, d, s[1]), (c, d, a, s[2]), (c, d, b, s[3]))
+    return any(
+        side == 0.0 and (np.minimum(p, q) <= r).all() and (r <= np.maximum(p, q)).all()
+        for p, q, r, side in pairs
+    )
+
+
+def _as_toml(one: Drawable, drawn: Sequence[Drawn]) -> str:
+    """The value of a key as TOML."""
+    if one.point:
+        return _corner(drawn[0].corners[0])
+    tables = []
+    for shape in drawn:
+        frame = f", frame = {shape.frame}" if one.framed else ""
+        tables.append(f"{{ polygon = [{', '.join(map(_corner, shape.corners))}]{frame} }}")
+    return f"[{', '.join(tables)}]" if one.many else tables[0]
+
+
+def _corner(place: tuple[float, float]) -> str:
+    return f"[{place[0]:g}, {place[1]:g}]"
+
+
+@dataclass
+class Session:
+    """Regions of one TOML file under way."""
+
+    path: Path
+    """The shot.toml or dic.toml."""
+    pictures: Pictures
+    """Camera 0's series."""
+    wanted: tuple[Drawable, ...]
+    """What can be drawn."""
+    validate: Callable[[Path], object]
+    """Reads a file of this kind and raises an InputError if it is not valid."""
+    drawn: dict[str, list[Drawn]] = field(default_factory=dict)
+    """What the file declares already."""
+    saved: tuple[str, ...] = ()
+    """Keys that were saved."""
+
+    def __post_init__(self) -> None:
+        self._text = self._read()
+
+    def state(self) -> dict[str, Any]:
+        """What a page needs to begin, as JSON can hold it."""
+        rows, columns = self.pictures.shape
+        return {
+            "name": self.path.parent.resolve().name,
+            "file": self.path.name,
+            "columns": columns,
+            "rows": rows,
+            "frames": self.pictures.n_frames,
+            "wanted": [vars(one) for one in self.wanted],
+            "drawn": {
+                key: [{"corners": [list(c) for c in one.corners], "frame": one.frame} for one in shapes]
+                for key, shapes in self.drawn.items()
+            },
+        }
+
+    def problems(self, content: Any) -> list[str]:
+        """What is wrong with what a page sends; empty if it can be saved."""
+        try:
+            drawn = _read_drawn(content, self.wanted)
+        except ValueError as error:
+            return [str(error)]
+        return problems_of(drawn, self.wanted, shape=self.pictures.shape, n_frames=self.pictures.n_frames)
+
+    def snippet(self, drawn: Mapping[str, Sequence[Drawn]]) -> dict[str, str]:
+        """Drawn regions as values of the table [dic]."""
+        return {one.key: _as_toml(one, drawn[one.key]) for one in self.wanted if drawn.get(one.key)}
+
+    def save(self, content: Any) -> list[str]:
+        """Save what a page sends into the file, whole or not at all; what is wrong with it, if anything is.
+
+        Regions that are not drawn stay as the file has them. The file is refused if it was changed since it
+        was read, or would not be valid with the regions.
+        """
+        if said := self.problems(content):
+            return said
+        drawn = _read_drawn(content, self.wanted)
+        values = self.snippet(drawn)
+        lines = [f"{key} = {value}" for key, value in values.items()]
+        try:
+            if self._read() != self._text:
+                return [f"{self.path.name} was changed meanwhile: open the page again"]
+            text = with_values(self._text, "dic", values)
+            with replacing(self.path) as partial:
+                partial.write_bytes(text.encode("utf-8"))
+                self.validate(partial)
+        except CannotEdit as error:
+            return [f"{self.path.name} was left as it is, {error}; write into [dic]: {'; '.join(lines)}"]
+        except InputError as error:
+            return [f"{self.path.name} was left as it is: {error.message}"]
+        except OSError as error:
+            return [f"{self.path.name} cannot be written: {error.strerror}"]
+        self._text, self.saved = text, tuple(values)
+        self.drawn = {**self.drawn, **drawn}
+        return []
+
+    def png(self, frame: int) -> bytes | str:
+        """A frame as an 8-bit PNG, grey values stretched over its middle 99 %; or why there is none."""
+        from dic.basics import cv2
+
+        try:
+            picture = np.asarray(self.pictures.frame(frame), dtype=np.float64)
+        except (PictureError, IndexError) as error:
+            return str(error)
+        low, high = np.percentile(picture, [0.5, 99.5])
+        grey = np.clip(255.0 * (picture - low) / max(high - low, 1.0), 0.0, 255.0).astype(np.uint8)
+        return bytes(cv2.imencode(".png", grey)[1].tobytes())
+
+    def _read(self) -> str:
+        return decode(self.path, read_bytes(self.path, limit=TOML_LIMIT))
+
+
+LINES = 20
+"""Lines of the grid across the longer side, about."""
+LEAST_SIDE = 1000
+"""The picture is enlarged by a whole factor until its longer side has so many pixels."""
+
+
+def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list[Path]:
+    """Write frames with a grid, and regions.toml with the lines to fill in.
+
+    Parameters
+    ----------
+    folder
+        Where to; made if absent.
+    session
+        The pictures and what can be drawn.
+    frames
+        Frames that are written.
+
+    Returns
+    -------
+    list of Path
+        The pictures, then the TOML file.
+
+    Raises
+    ------
+    InputError
+        If none of the frames can be read, or nothing can be written.
+    """
+    names = []
+    with filling(folder) as partial:
+        said = ""
+        for frame in frames:
+            found = session.png(frame)
+            if isinstance(found, str):
+                said = found
+                continue
+            picture = cv2.imdecode(np.frombuffer(found, np.uint8), cv2.IMREAD_GRAYSCALE)
+            assert picture is not None  # it was encoded a line before
+            name = f"grid_{frame:04d}.png"
+            (partial / name).write_bytes(
+                cv2.imencode(".png", with_grid(np.asarray(picture, dtype=np.uint8)))[1].tobytes()
+            )
+            names.append(name)
+        if not names:
+            raise InputError(
+                session.path,
+                f"has no frame that can be shown: {said}",
+                cure="copy or export the pictures again",
+            )
+        (partial / "regions.toml").write_text(snippet(session), encoding="utf-8")
+    return [folder / name for name in (*names, "regions.toml")]
+
+
+def grid_step(longest: int) -> int:
+    """Distance of the lines [px]: 1, 2 or 5 times a power of ten, some `LINES` across the longer side."""
+    for power in range(6):
+        for digit in (1, 2, 5):
+            if digit * 10**power * LINES >= longest:
+                return int(digit * 10**power)
+    return 10**6
+
+
+def with_grid(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A picture enlarged, with lines and numbers at round pixel coordinates, shape [rows, columns, 3].
+
+    A line runs through the middle of the pixels whose coordinate it names.
+    """
+    rows, columns = picture.shape
+    factor = max(1, -(-LEAST_SIDE // max(rows, columns)))
+    large = cv2.resize(picture, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST)
+    drawn = cv2.cvtColor(large, cv2.COLOR_GRAY2BGR)
+    step, size = grid_step(max(rows, columns)), 0.5
+    for axis, most in ((0, columns), (1, rows)):
+        for value in range(0, most, step):
+            at = value * factor + factor // 2
+            first, last = (at, 0), (at, int(drawn.shape[0]) - 1)
+            if axis == 1:
+                first, last = (0, at), (int(drawn.shape[1]) - 1, at)
+            cv2.line(drawn, first, last, (0, 160, 230), 1)
+            place = (at + 3, 14) if axis == 0 else (3, at - 3 if at > 20 else at + 30)
+            for colour, width in (((0, 0, 0), 3), ((0, 220, 255), 1)):
+                cv2.putText(
+                    drawn, str(value), place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, width, cv2.LINE_AA
+                )
+    return np.asarray(drawn, dtype=np.uint8)
+
+
+def snippet(session: Session) -> str:
+    """Lines for the table [dic]: what the file declares already, and examples of the rest."""
+    declared = session.snippet(session.drawn)
+    rows, columns = session.pictures.shape
+    x, y = columns - 1, rows - 1
+    lines = [
+        f"# Regions for the table [dic] of {session.path.name}: replace the numbers by those of the grid,",
+        "# x to the right and y down, and copy the lines into the file. Corners stand in order around it.",
+    ]
+    for one in session.wanted:
+        lines.append(f"# {one.title}")
+        if one.key in declared:
+            lines.append(f"{one.key} = {declared[one.key]}")
+            continue
+        if one.point:
+            value = f"[{x // 2}, {y}]"
+        else:
+            frame = ", frame = 0" if one.framed else ""
+            corners = f"[[0, 0], [{x}, 0], [{x}, {y}], [0, {y}]]"
+            value = f"{{ polygon = {corners}{frame} }}"
+            value = f"[{value}]" if one.many else value
+        lines.append(f"# {one.key} = {value}")
+    return "\n".join(lines) + "\n"

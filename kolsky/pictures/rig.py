@@ -1,0 +1,211 @@
+"""The cameras of a shot: from a calibration file, or from pictures of a target, refined by the speckles."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.bodies.region import grid_points
+from dic.camera import StereoRig
+from dic.correlation import Correlation, Noise
+from dic.images import PictureError, Pictures
+from dic.processes import background, cores, may_fork
+from kolsky.base.errors import InputError
+from kolsky.pictures.calibration import Progress, calibration_in_background, calibration_of
+from kolsky.pictures.picture_set import CAMERAS, PictureSet, fits_sensor
+from kolsky.schema.pictures import CalibrationSection
+from kolsky.schema.shot_file import TomlFile
+
+if TYPE_CHECKING:
+    from dic.calibration import Calibration
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """The cameras, and what speaks for them."""
+
+    rig: StereoRig
+    """The cameras."""
+    words: str
+    """One sentence on where it is from and how well it fits."""
+
+
+def calibrate(pictures: PictureSet, progress: Progress) -> Calibrated:
+    """The rig for a shot's pictures.
+
+    Raises
+    ------
+    InputError
+        If the file holds no two cameras, the target is not found or cannot determine the cameras, or a crop
+        lies outside the sensor that the calibration is for.
+    """
+    with calibrate_in_background(pictures) as cameras:
+        return cameras(progress)
+
+
+@contextmanager
+def calibrate_in_background(pictures: PictureSet) -> Iterator[Callable[[Progress], Calibrated]]:
+    """Begin to look for the target in other processes, if there are some, while this one works.
+
+    Yields
+    ------
+    callable
+        Gives what `calibrated` gives, and raises what that raises.
+
+    Raises
+    ------
+    InputError
+        If the target's pictures cannot be opened or do not go together, or the target is impossible.
+    """
+    toml, section = pictures.toml, pictures.toml.declared.calibration
+    assert section is not None  # shots with pictures have it
+    if section.file is not None:
+        yield lambda progress: _crop_to_pictures(pictures, Calibrated(*_from_file(toml, section)))
+        return
+    with calibration_in_background(toml, section, predict=False) as solved:
+
+        def cameras(progress: Progress) -> Calibrated:
+            found = solved(progress)
+            return _crop_to_pictures(pictures, Calibrated(rig=found.rig, words=_words(found)))
+
+        if not may_fork() or cores() <= LEAST_CORES:
+            yield cameras  # this process joins in
+            return
+        with background(partial(cameras, _no_progress)) as later:
+            yield lambda progress: later()
+
+
+LEAST_CORES = 3
+"""Cores with which this process takes part in the search for the target; with more another one does, and
+works out the cameras too."""
+
+
+def _no_progress(stage: str, done: int, total: int) -> None:
+    """Progress of another process."""
+
+
+def _crop_to_pictures(pictures: PictureSet, found: Calibrated) -> Calibrated:
+    """The rig of whole sensors for a shot's pictures."""
+    for camera, series, name in zip(found.rig.cameras, pictures.series, CAMERAS, strict=True):
+        problem = fits_sensor(series, camera.sensor)
+        if problem:
+            raise pictures.toml.error(
+                f"pictures.{name}",
+                f"crop_offset {problem}",
+                cure="declare where the crop lies on the sensor, or calibrate with full pictures",
+            )
+    offsets = [series.crop_offset for series in pictures.series]
+    return Calibrated(rig=found.rig.cropped(offsets[0], offsets[1]), words=found.words)
+
+
+def rig_of(toml: TomlFile, section: CalibrationSection, progress: Progress) -> Calibrated:
+    """The rig that a table [calibration] declares, for pictures of the whole sensors.
+
+    Raises
+    ------
+    InputError
+        If the file holds no two cameras, or as `calibration_of`.
+    """
+    if section.file is not None:
+        return Calibrated(*_from_file(toml, section))
+    found = calibration_of(toml, section, progress, predict=False)
+    return Calibrated(rig=found.rig, words=_words(found))
+
+
+def _from_file(toml: TomlFile, section: CalibrationSection) -> tuple[StereoRig, str]:
+    from dic.camera_files import CameraFileError, read_rig
+
+    assert section.file is not None
+    try:
+        rig = read_rig(toml.path.parent / section.file, length_unit=section.length_unit)
+    except CameraFileError as error:
+        raise InputError(
+            toml.path.parent / section.file,
+            f"is no calibration that can be read: {error}",
+            cure="export the calibration again, in one of the formats of docs/howto/pictures",
+        ) from None
+    return rig, f"from the file {section.file}"
+
+
+def _words(found: "Calibration") -> str:
+    used = sum(pair.outcome.used for pair in found.pairs)
+    rejected = "".join(f"; pair {pair.name} left out: {pair.reason}" for pair in found.rejected)
+    missing = "".join(f"; pair {pair.name}: {pair.reason}" for pair in found.unusable)
+    return (
+        f"{used} of {len(found.pairs)} pairs of pictures, residual {found.rms:.3g} px rms{rejected}{missing}"
+    )
+
+
+def refine_rig(
+    section: CalibrationSection,
+    rig: StereoRig,
+    pictures: Sequence[Pictures],
+    frame: int,
+    mask: NDArray[np.bool_],
+    settings: Correlation,
+    *,
+    step: int,
+    noise: float | None = None,
+    device: str = "cpu",
+) -> tuple[StereoRig, dict[str, Any]]:
+    """The cameras, refined from one pair of pictures if [calibration] asks for it, and what came out.
+
+    With ``refine = true`` the refined pose is taken, with ``"auto"`` where it helps on points it was not
+    fitted to (`dic.calibration.refine`); without either nothing is looked at. Where too few points are
+    matched the cameras stay as they are, and the facts say so.
+
+    Parameters
+    ----------
+    section
+        The table.
+    rig
+        The cameras, for the pictures as cropped.
+    pictures
+        The series of both cameras.
+    frame
+        The frame whose pair is matched.
+    mask
+        Pixels of the body in camera 0's picture, shape [rows, columns].
+    settings
+        Of the match.
+    step
+        Distance of the points [px].
+    noise
+        Standard deviation of a grey value [grey]; None: 1 % of the picture's contrast.
+    device
+        Where pictures are correlated.
+    """
+    if section.refine is False:
+        return rig, {}
+    from dic.calibration.refine import refine_from_pictures
+
+    asked = {"asked": "auto" if section.refine == "auto" else "yes"}
+    try:
+        pair = (pictures[0].frame(frame), pictures[1].frame(frame))
+        sigma = [0.01 * float(np.std(one)) if noise is None else noise for one in pair]
+        points, _ = grid_points(mask, step, margin=2.0)
+        found = refine_from_pictures(
+            pair, rig, points, settings, noise=(Noise(sigma[0]), Noise(sigma[1])), mask=mask, device=device
+        )
+    except (PictureError, ValueError) as error:
+        return rig, {**asked, "used": False, "why": str(error)}
+    used = section.refine is True or found.helps
+    return (found.rig if used else rig), {**asked, "used": used, **found.words}
+
+
+def refinement_words(facts: Mapping[str, Any]) -> str:
+    """A line on the refinement for a terminal and a page; empty if none was asked for."""
+    if not facts:
+        return ""
+    if "why" in facts:
+        return f"not possible: {facts['why']}"
+    before, after = facts["epipolar_median_before_px"], facts["epipolar_median_after_px"]
+    return (
+        f"{'used' if facts['used'] else 'not used'}: epipolar median {before:.4f} px by the calibration, "
+        f"{after:.4f} px refined ({facts['held_out_before_px']:.4f} and {facts['held_out_after_px']:.4f} px "
+        "on points left out)"
+    )

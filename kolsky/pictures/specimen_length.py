@@ -1,0 +1,204 @@
+"""The specimen's length by its pictures: its declared length conditioned on where the flyer's rim rests.
+
+At rest the flyer's face lies on the specimen's upper end. The height of its rim above the lower end found in
+the pictures is one more measurement of the specimen's length. Its difference from the declared length is
+
+    d = b - a + z + r,
+
+with the errors of the declared length (a), of the outline's heights (b, those of the lower end), of the
+flyer's place at rest as it was seen (z) and of the rim (r); all are independent before d is known. What d
+says of a and b follows by the conditional normal distribution. The zero of the flyer's displacement is
+conditioned on the same d where it is made (`dic.bodies.axial_displacement.combine_rest`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from dic.result import StereoResult
+
+REPORTED_DISAGREEMENT = 3.0
+"""Disagreement of declared length and pictures that is said, in standard deviations of both."""
+
+
+@dataclass(frozen=True)
+class RimAtRest:
+    """Height of the flyer's rim above the specimen's lower end at rest."""
+
+    disagreement: float
+    """By it the pictures' length is larger than the declared one [m]."""
+    sigma: float
+    """Standard deviation of the height, without that of the lower end [m]."""
+
+
+@dataclass(frozen=True)
+class LengthByPictures:
+    """The specimen's length: as declared, as the pictures show it, and as it is used."""
+
+    declared: float
+    """The declared length [m]."""
+    declared_sigma: float
+    """Its standard uncertainty [m]; 0 if it counts as exact."""
+    pictures: float
+    """The length in the pictures [m]."""
+    pictures_sigma: float
+    """Its standard uncertainty, with that of the lower end [m]."""
+    used: float
+    """The length that is used [m]."""
+    used_sigma: float
+    """Its standard uncertainty [m]."""
+    y_shift: float = 0.0
+    """What is added to the outline's heights [m]."""
+    y_sigma: float = 0.0
+    """Standard uncertainty of these heights if the length were known [m]."""
+    y_per_length: float = 0.0
+    """By how much the heights are too large where the length is too large by one [-]."""
+
+    @property
+    def apart(self) -> float:
+        """Pictures less declared, in standard deviations of both [-]."""
+        return (self.pictures - self.declared) / float(np.hypot(self.declared_sigma, self.pictures_sigma))
+
+    @property
+    def conditioned(self) -> bool:
+        """Whether the pictures have a part in the length that is used."""
+        return self.used_sigma < self.declared_sigma
+
+
+def rim_at_rest(
+    result: StereoResult, *, length: float, length_sigma: float, unseen: float = 0.0
+) -> RimAtRest | None:
+    """The rim at rest in the pictures of a shot; None where it was not found, or the flyer not seen at rest.
+
+    Parameters
+    ----------
+    result
+        What its pictures gave.
+    length, length_sigma
+        The declared length and its standard uncertainty, with which the result was made [m].
+    unseen
+        Standard uncertainty of the length in the pictures by what they do not tell [m]: the pitch of the
+        calibration target, faces that are not parallel.
+    """
+    axial = result.axial_displacement
+    if axial is None or axial.rim_disagreement is None:
+        return None
+    lower = float(result.placement.frame.covariance[4, 4])
+    more = calibration_variance(result, length) + unseen**2
+    return rim_of(axial.rim_disagreement, length_sigma=length_sigma, lower_variance=lower, more=more)
+
+
+def rim_of(
+    disagreement: tuple[float, float], *, length_sigma: float, lower_variance: float, more: float = 0.0
+) -> RimAtRest:
+    """The rim at rest with the uncertainty of its own place.
+
+    Parameters
+    ----------
+    disagreement
+        By it the pictures' length is larger than the declared one, and its standard deviation, with those of
+        the declared length and of the lower end [m].
+    length_sigma
+        Standard uncertainty of the declared length [m].
+    lower_variance
+        Variance of the lower end's place [m²].
+    more
+        Variance that the disagreement's own does not know of [m²].
+    """
+    off, whole = disagreement
+    return RimAtRest(off, float(np.sqrt(whole**2 - length_sigma**2 - lower_variance + more)))
+
+
+def calibration_variance(result: StereoResult, length: float) -> float:
+    """Variance of a length along the specimen's side by the calibration's covariance [m²]; 0 where a rig has
+    none, as one from the files of another program.
+
+    Parameters
+    ----------
+    result
+        The rig and the test frame.
+    length
+        The length from the lower end up [m].
+    """
+    from dic.stereo.reconstruction import calibration_slopes  # for shots with pictures only
+
+    rig, frame = result.rig, result.placement.frame
+    if rig.covariance is None:
+        return 0.0
+    ends = np.array([[0.0, 0.0, result.placement.radius], [0.0, length, result.placement.radius]])
+    slopes: FloatArray = frame.rotation[1] @ np.diff(calibration_slopes(rig, frame.in_rig(ends)), axis=0)[0]
+    return float(slopes @ rig.covariance @ slopes)
+
+
+def conditioned_length(rim: RimAtRest, *, declared: float, sigma: float, y_sigma: float) -> LengthByPictures:
+    """The declared length and the outline's heights, conditioned on the rim at rest.
+
+    A length that counts as exact stays, and with it the heights; so does one from which the pictures are
+    further off than `MOST_APART` standard deviations, as one of both is then wrong and not known which.
+
+    Parameters
+    ----------
+    rim
+        The rim at rest.
+    declared, sigma
+        The declared length and its standard uncertainty [m].
+    y_sigma
+        Standard uncertainty of the outline's heights, that of the lower end [m].
+    """
+    from dic.bodies.axial_displacement import MOST_APART  # for shots with pictures only
+
+    found = LengthByPictures(
+        declared=declared,
+        declared_sigma=sigma,
+        pictures=declared + rim.disagreement,
+        pictures_sigma=float(np.hypot(rim.sigma, y_sigma)),
+        used=declared,
+        used_sigma=sigma,
+        y_sigma=y_sigma,
+    )
+    if sigma == 0.0 or abs(found.apart) > MOST_APART:
+        return found
+    whole = sigma**2 + found.pictures_sigma**2
+    return LengthByPictures(
+        declared=found.declared,
+        declared_sigma=found.declared_sigma,
+        pictures=found.pictures,
+        pictures_sigma=found.pictures_sigma,
+        used=declared + sigma**2 / whole * rim.disagreement,
+        used_sigma=sigma * found.pictures_sigma / float(np.sqrt(whole)),
+        y_shift=-(y_sigma**2) / whole * rim.disagreement,
+        y_sigma=y_sigma * rim.sigma / found.pictures_sigma,
+        y_per_length=(y_sigma / found.pictures_sigma) ** 2,
+    )
+
+
+def length_words(found: LengthByPictures) -> str:
+    """Declared, seen and used length as text, each with its k = 2 uncertainty."""
+
+    def one(value: float, sigma: float) -> str:
+        return f"{1e3 * value:.4f} mm ± {2e6 * sigma:.1f} µm"
+
+    declared = f"declared {one(found.declared, found.declared_sigma)}"
+    seen = f"in the pictures {one(found.pictures, found.pictures_sigma)}"
+    used = f"used {one(found.used, found.used_sigma)}" if found.conditioned else "used as declared"
+    return f"{declared}, {seen}, {used} (k = 2)"
+
+
+def length_notes(found: LengthByPictures) -> tuple[str, ...]:
+    """Say that the pictures contradict the declared length, with the length that they prefer and the cure."""
+    if abs(found.apart) <= REPORTED_DISAGREEMENT:
+        return ()
+    used = f"{1e3 * found.used:.4f} mm was used" if found.conditioned else "the declared one was used"
+    return (
+        f"specimen.length is {1e3 * found.declared:.4f} mm, and the pictures prefer "
+        f"{1e3 * found.pictures:.4f} mm ± {2e6 * found.pictures_sigma:.1f} µm (k = 2), "
+        f"{abs(found.apart):.1f} standard uncertainties of both away; {used}: measure the specimen again, "
+        "and check the pitch of the calibration target, the crop offsets, and whether the flyer touched the "
+        "specimen at rest",
+    )

@@ -1,0 +1,243 @@
+"""Meshes of other programs: Gmsh 2.2 in text (flat meshes and bodies), and VTK's files through PyVista."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray, IntArray
+from kolsky.base.errors import InputError
+from kolsky.readers.contents import LARGEST_SAMPLE
+from kolsky.readers.text import decode, read_bytes
+
+GMSH_SIZE_LIMIT = 500_000_000
+"""Largest file that is read [bytes]."""
+SURFACES = {2: 3, 3: 4, 9: 6, 10: 9, 16: 8}
+"""Number of points of the surface elements by Gmsh's number: triangles, quadrilaterals, and their quadratic
+forms."""
+CURVES = {1: 2, 8: 3}
+"""The same of the curve elements."""
+POINTS = {**SURFACES, **CURVES, 15: 1, 4: 4, 5: 8, 11: 10}
+"""The same of all elements that are read."""
+CURE = "save the mesh in Gmsh as Version 2 ASCII (-format msh22)"
+
+
+@dataclass(frozen=True)
+class GmshMesh:
+    """A flat mesh as the file has it."""
+
+    points: FloatArray
+    """In the file's unit, shape [n, 2]."""
+    cells: IntArray
+    """Points of each cell, shape [m, k]."""
+    point_groups: dict[str, IntArray]
+    """Points on each named group of curves."""
+    cell_groups: dict[str, IntArray]
+    """Cells in each named group of surfaces."""
+    sha256: str
+    """SHA-256 of the file, hex."""
+
+
+def read_gmsh(path: Path) -> GmshMesh:
+    """Read a mesh.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is of another format, is not flat, or has no surface elements or several
+        kinds of them.
+    """
+    raw = read_bytes(path, limit=GMSH_SIZE_LIMIT)
+    blocks = blocks_of(path, decode(path, raw).splitlines())
+    names = names_of(path, blocks)
+    rows, place, elements = _points_and_elements(path, blocks)
+    if np.ptp(rows[:, 3]) > 0.0:
+        raise InputError(path, "is not flat: its points have several z", cure="mesh it in the plane z = 0")
+    surfaces = [row for row in elements if row[1] in SURFACES]
+    kinds = {row[1] for row in surfaces}
+    if len(kinds) != 1:
+        raise InputError(
+            path, f"has {len(kinds)} kinds of surface elements; one is needed", cure="mesh with one kind"
+        )
+    cells, cell_groups = _numbered(surfaces, place, 2, names)
+    point_groups = {}
+    curves = [row for row in elements if row[1] in CURVES]
+    for group in {group_of(row) for row in curves}:
+        named = names.get((1, group), str(group))
+        found = {place[n] for row in curves if group_of(row) == group for n in row[3 + row[2] :]}
+        point_groups[named] = np.array(sorted(found), dtype=np.int64)
+    return GmshMesh(rows[:, 1:3], cells, point_groups, cell_groups, hashlib.sha256(raw).hexdigest())
+
+
+def blocks_of(path: Path, lines: list[str]) -> dict[str, list[str]]:
+    """The lines of each block by its name."""
+    blocks: dict[str, list[str]] = {}
+    name = ""
+    for number, line in enumerate(lines, start=1):
+        text = line.strip()
+        if text.startswith("$End"):
+            name = ""
+        elif text.startswith("$"):
+            name = text[1:]
+            blocks[name] = []
+        elif name:
+            blocks[name].append(text)
+        elif text:
+            raise InputError(path, f"has a line outside of its blocks: {text[:40]!r}", line=number, cure=CURE)
+    return blocks
+
+
+def names_of(path: Path, blocks: dict[str, list[str]]) -> dict[tuple[int, int], str]:
+    """Names of the physical groups by dimension and number; an `InputError` if it is another format."""
+    if not (blocks.get("MeshFormat") or [""])[0].startswith("2."):
+        raise InputError(path, "is no Gmsh mesh of format 2", cure=CURE)
+    names = {}
+    try:
+        for line in _counted(path, "PhysicalNames", blocks.get("PhysicalNames", ["0"])):
+            dimension, number, name = line.split(maxsplit=2)
+            names[int(dimension), int(number)] = name.strip('"')
+    except ValueError as error:
+        raise InputError(path, f"has a group that cannot be read: {error}", cure=CURE) from None
+    return names
+
+
+def _points_and_elements(
+    path: Path, blocks: dict[str, list[str]]
+) -> tuple[FloatArray, dict[int, int], list[list[int]]]:
+    """Points with their numbers, shape [n, 4], the row of each number, and the lines of the elements.
+
+    Raises
+    ------
+    InputError
+        If a block is missing, cut off, or holds what can be neither, or an element has points that are not
+        there.
+    """
+    try:
+        rows = np.array([line.split() for line in _counted(path, "Nodes", blocks["Nodes"])], dtype=np.float64)
+        elements = [
+            [int(word) for word in line.split()] for line in _counted(path, "Elements", blocks["Elements"])
+        ]
+    except (KeyError, ValueError) as error:
+        raise InputError(path, f"cannot be read as a Gmsh mesh: {error}", cure=CURE) from None
+    if rows.ndim != 2 or rows.shape[1] != 4 or not (np.abs(rows) <= LARGEST_SAMPLE).all():
+        raise InputError(path, "has points that are not a number and three coordinates", cure=CURE)
+    place = {int(number): k for k, number in enumerate(rows[:, 0])}
+    if len(place) < len(rows):
+        raise InputError(path, "gives two points one number", cure=CURE)
+    for row in elements:
+        tags = row[2] if len(row) > 3 else -1
+        points = row[3 + tags :]
+        if tags < 0 or not points or len(points) != POINTS.get(row[1], len(points)):
+            raise InputError(path, f"has the element {row[:12]}, which none can be", cure=CURE)
+        if not all(point in place for point in points):
+            raise InputError(path, f"has the element {row[0]} with points that are not there", cure=CURE)
+    return rows, place, elements
+
+
+def _counted(path: Path, name: str, lines: list[str]) -> list[str]:
+    """The lines of a block behind their number, which must be right."""
+    said = lines[0] if lines else ""
+    if not said.isdecimal() or int(said[:12]) != len(lines) - 1:
+        raise InputError(
+            path, f"says {said[:20]!r} for the {len(lines) - 1} lines of ${name}: is it cut off?", cure=CURE
+        )
+    return lines[1:]
+
+
+def group_of(row: list[int]) -> int:
+    """Physical group of an element; 0 if it is in none."""
+    return row[3] if row[2] else 0
+
+
+def _numbered(
+    rows: list[list[int]], place: dict[int, int], dimension: int, names: dict[tuple[int, int], str]
+) -> tuple[IntArray, dict[str, IntArray]]:
+    cells = np.array([[place[n] for n in row[3 + row[2] :]] for row in rows], dtype=np.int64)
+    groups = np.array([group_of(row) for row in rows])
+    found = {
+        names.get((dimension, int(group)), str(group)): np.flatnonzero(groups == group)
+        for group in np.unique(groups)
+    }
+    return cells, found
+
+
+VOLUMES = {4: ("tet4", (0, 1, 2, 3)), 5: ("hex8", tuple(range(8))), 11: ("tet10", (*range(8), 9, 8))}
+"""Element and order of its points in VTK's, by Gmsh's number."""
+VOLUME_SURFACES = (2, 3, 9)
+"""Gmsh's numbers of the surface elements that name points."""
+
+
+@dataclass(frozen=True)
+class GmshVolume:
+    """A mesh of a body as the file has it."""
+
+    points: FloatArray
+    """In the file's unit, shape [n, 3]."""
+    cells: IntArray
+    """Points of each cell in the order of VTK, shape [m, k]."""
+    kind: str
+    """tet4, tet10 or hex8."""
+    groups: dict[str, IntArray]
+    """Points on each named group of surfaces or points."""
+    sha256: str
+    """SHA-256 of the file, hex."""
+
+
+def read_gmsh_volume(path: Path) -> GmshVolume:
+    """Read a mesh of a body.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is of another format, or has no volume elements or several kinds of them.
+    """
+    raw = read_bytes(path, limit=GMSH_SIZE_LIMIT)
+    blocks = blocks_of(path, decode(path, raw).splitlines())
+    names = names_of(path, blocks)
+    rows, place, elements = _points_and_elements(path, blocks)
+    volumes = [row for row in elements if row[1] in VOLUMES]
+    kinds = {row[1] for row in volumes}
+    if len(kinds) != 1:
+        raise InputError(
+            path,
+            f"has {len(kinds)} kinds of volume elements; one is needed",
+            allowed="tetrahedra with 4 or 10 points, or hexahedra with 8",
+            cure="mesh it in 3-D with one kind",
+        )
+    kind, order = VOLUMES[kinds.pop()]
+    cells = np.array([[place[n] for n in row[3 + row[2] :]] for row in volumes], dtype=np.int64)
+    found: dict[str, set[int]] = {}
+    for row in elements:
+        if row[1] in VOLUME_SURFACES or row[1] == 15:
+            dimension = 0 if row[1] == 15 else 2
+            group = group_of(row)
+            named = names.get((dimension, group), str(group))
+            found.setdefault(named, set()).update(place[n] for n in row[3 + row[2] :])
+    groups = {name: np.array(sorted(points), dtype=np.int64) for name, points in found.items()}
+    return GmshVolume(rows[:, 1:4], cells[:, list(order)], kind, groups, hashlib.sha256(raw).hexdigest())
+
+
+VTK_SIZE_LIMIT = 500_000_000
+"""Largest file that is read [bytes]."""
+
+
+def read_vtu(path: Path) -> tuple[Any, str]:
+    """Read a file: PyVista's unstructured grid, and the SHA-256 of the file, hex.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or holds no unstructured grid.
+    """
+    import pyvista  # heavy
+
+    sha256 = hashlib.sha256(read_bytes(path, limit=VTK_SIZE_LIMIT)).hexdigest()
+    try:
+        grid = pyvista.read(path)
+    except (ValueError, OSError, RuntimeError, ImportError) as error:
+        raise InputError(path, f"cannot be read: {error}", cure="save a VTU file, or MSH of Gmsh") from None
+    if not isinstance(grid, pyvista.UnstructuredGrid):
+        raise InputError(path, "holds no unstructured grid", cure="save cells, not a surface")
+    return grid, sha256

@@ -1,0 +1,209 @@
+"""Films of a planned test and of a bending actuator, and stills of deformed specimens in three dimensions.
+
+Films and stills of a shot's simulation are in `kolsky.report.scene`.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon, Rectangle
+
+from dic.files import replacing
+from kolsky.base.arrays import FloatArray
+from kolsky.bodies.actuator_bending import Direction
+from kolsky.equilibrium.points import geometry
+from kolsky.equilibrium.solution import Solution
+from kolsky.prediction.predict import Prediction
+from kolsky.report.canvas import STYLE
+from kolsky.report.figures.actuator import BAR, draw_shape
+from kolsky.report.figures.base import GREY, MM, MS, SHAPE
+from kolsky.report.scene.drawing import offscreen_pyvista
+from kolsky.report.scene.film import writer_for
+
+_PREDICTION_SIZE = (6.4, 4.8)
+"""Size of a picture [inch], at `DPI` dots each."""
+_PREDICTION_DPI = 100
+_STEEL_COLOUR, _SOFT_COLOUR = "0.75", "#56B4E9"
+
+
+def write_prediction_film(
+    path: Path,
+    found: Prediction,
+    *,
+    every: int = 1,
+    rate: float = 25.0,
+    progress: Callable[[int], None] = lambda n: None,
+) -> Path:
+    """Write the test as a film, a picture each 25 µs.
+
+    Parameters
+    ----------
+    path
+        File to write, mp4 or gif.
+    found
+        A prediction with finite elements.
+    every
+        Take one picture in this many.
+    rate
+        Frame rate of the film [1/s].
+    progress
+        Called with 1 after each picture.
+
+    Raises
+    ------
+    ValueError
+        If the prediction has no finite elements.
+    ImportError
+        If the package that writes films is not installed.
+    """
+    response = found.response
+    if response is None:
+        raise ValueError("a film shows the specimen's finite elements: predict without the quick way")
+    writer = writer_for(path.suffix.lstrip(".").lower())
+    with replacing(path) as partial, writer(partial, rate) as film:
+        for k in range(0, len(response.surface_times), every):
+            film.append_data(_prediction_picture(found, k))
+            progress(1)
+    return path
+
+
+def _prediction_picture(found: Prediction, k: int) -> np.ndarray:
+    """One picture as an array of bytes, shape [height, width, 3]."""
+    response, bars, test = found.response, found.bars, found.test.declared
+    assert response is not None  # `write_prediction_film` refuses others
+    time = float(response.surface_times[k])
+    n = min(round(time / float(bars.times[1])), len(bars.times) - 1)
+    with matplotlib.rc_context(matplotlib.rc_params_from_file(STYLE, use_default_template=False)):
+        figure = Figure(figsize=_PREDICTION_SIZE, dpi=_PREDICTION_DPI, layout="constrained")
+        canvas = FigureCanvasAgg(figure)
+        side, trace = figure.subplots(2, 1, height_ratios=(2, 1))
+        length = MM * test.specimen.length
+        face, rest = length - MM * bars.flyer_path[n], -MM * bars.support_path[n]
+        step = float(bars.times[1])
+        end = length + MM * sum(part.length for part in test.flyer.values())
+        bar = end - MM * float(bars.incident.velocity(test.incident.length)[: n + 1].sum()) * step
+        height = 0.0
+        for part in reversed(test.flyer.values()):
+            _box_patch(side, face + height, MM * part.length, MM * part.diameter)
+            height += MM * part.length
+        _box_patch(side, bar, 40.0, MM * test.incident.diameter)
+        depth = 0.0
+        for part in test.transmission.values():
+            depth += MM * part.length
+            _box_patch(side, rest - depth, MM * part.length, MM * part.diameter)
+        y, r = MM * response.surface_y[0, k], MM * response.surface_r[0, k]
+        outline = np.concatenate([np.stack([y, r], 1), np.stack([y, -r], 1)[::-1]])
+        side.add_patch(Polygon(outline, facecolor=_SOFT_COLOUR, edgecolor="k", lw=0.6))
+        side.set(xlim=(-12.0, end + 8.0), ylim=(-11.0, 11.0), aspect="equal", xlabel="mm")
+        side.invert_xaxis()
+        side.set_title(f"{MS * time:.3f} ms after the striker's touch", fontsize="medium")
+        trace.plot(MS * response.force_times, _bars_force(found), color=SHAPE, lw=0.8)
+        trace.axvline(MS * time, color=GREY, lw=0.8)
+        trace.set(xlabel="Time (ms)", ylabel="Transmitted force (N)", xlim=(0.0, MS * bars.times[-1]))
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+
+def _bars_force(found: Prediction) -> np.ndarray:
+    """Force on the transmission platen at the specimen's force times [N], shape [n]."""
+    assert found.response is not None
+    return np.interp(found.response.force_times, found.bars.times, found.bars.force_transmission)
+
+
+def _box_patch(ax: matplotlib.axes.Axes, start: float, length: float, diameter: float) -> None:
+    corner = (start, -0.5 * diameter)
+    ax.add_patch(Rectangle(corner, length, diameter, facecolor=_STEEL_COLOUR, edgecolor="k", lw=0.6))
+
+
+_ACTUATOR_SIZE, _ACTUATOR_DPI = (6.4, 4.8), 100
+"""Size of a picture [inch] and its dots an inch."""
+
+
+def write_actuator_film(path: Path, shown: Direction, *, rate: float = 4.0) -> None:
+    """Write a film, mp4 or gif, a picture a step, `rate` of them a second.
+
+    Raises
+    ------
+    ImportError
+        If the package that writes films is not installed.
+    """
+    writer = writer_for(path.suffix.lstrip(".").lower())
+    with replacing(path) as partial, writer(partial, rate) as film:
+        for step in range(len(shown.pristine.angle)):
+            film.append_data(_actuator_picture(shown, step))
+
+
+def _actuator_picture(shown: Direction, step: int) -> np.ndarray:
+    """One picture as an array of bytes, shape [height, width, 3]."""
+    run = shown.pristine
+    mesh = run.solution.model.mesh
+    places = MM * (mesh.points + run.solution.displacements)[..., [0, 2]]
+    low, high = places.min(axis=(0, 1)) - 3.0, places.max(axis=(0, 1)) + 3.0
+    bar, angle = BAR * run.pressures.max(axis=1), np.degrees(run.angle)
+    with matplotlib.rc_context(matplotlib.rc_params_from_file(STYLE, use_default_template=False)):
+        figure = Figure(figsize=_ACTUATOR_SIZE, dpi=_ACTUATOR_DPI, layout="constrained")
+        canvas = FigureCanvasAgg(figure)
+        side, trace = figure.subplots(2, 1, height_ratios=(3, 1))
+        draw_shape(side, run, step)
+        side.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="$x$ (mm)", ylabel="$z$ (mm)")
+        side.set_title(f"{shown.name}: {bar[step]:.3f} bar, {angle[step]:.1f}°", fontsize="medium")
+        trace.plot(bar, angle, "-", color=SHAPE, lw=0.8)
+        trace.plot(bar[step], angle[step], "o", color=SHAPE, ms=4)
+        trace.axhline(0.0, color=GREY, lw=0.5)
+        trace.set(xlabel="pressure (bar)", ylabel="bend (°)")
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+
+_STILL_SIZE = (1200, 700)
+"""Width and height of a still [px]."""
+_STILL_TITLE = "largest stretch of the element"
+
+
+def largest_stretches(solution: Solution) -> FloatArray:
+    """Largest principal stretch of each element's mean deformation at the last step reached, shape [m]."""
+    model = solution.model
+    of = geometry(model.mesh, kinematics=model.kinematics, thickness=model.thickness, gauss=model.gauss)
+    d, u = model.dimension, solution.displacements[solution.reached - 1][model.mesh.cells]
+    share = of.volumes / of.volumes.sum(axis=1, keepdims=True)
+    F = np.eye(d) + np.einsum("mg,mgkj,mki->mij", share, of.E[..., :d], u, optimize=True)
+    return np.asarray(np.linalg.svd(F, compute_uv=False)[:, 0], dtype=np.float64)
+
+
+def write_specimen_still(path: Path, solution: Solution) -> None:
+    """Write the specimen at the last step reached, deformed, coloured by the largest stretch, as PNG.
+
+    Raises
+    ------
+    kolsky.report.scene.drawing.CannotRender
+        If PyVista is not installed, or VTK cannot render on this machine.
+    """
+    pyvista, mesh = offscreen_pyvista(), solution.model.mesh
+    moved = mesh.points + solution.displacements[solution.reached - 1]
+    points = np.pad(moved, ((0, 0), (0, 3 - moved.shape[1])))
+    grid = pyvista.UnstructuredGrid({mesh.element.vtk: mesh.cells}, 1e3 * points)
+    grid.cell_data[_STILL_TITLE] = largest_stretches(solution)
+    plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(_STILL_SIZE))
+    try:
+        plotter.set_background("white")
+        bar: dict[str, Any] = {"title": f"{_STILL_TITLE}\n", "position_x": 0.25, "width": 0.5}
+        bar |= {"color": "black", "fmt": "%.2f", "n_labels": 5}
+        plotter.add_mesh(grid, scalars=_STILL_TITLE, cmap="viridis", scalar_bar_args=bar)
+        extents = " x ".join(f"{edge:.3g}" for edge in 1e3 * np.ptp(moved, axis=0))
+        plotter.add_text(
+            f"simulated part, deformed: {extents} mm", position="upper_left", color="black", font_size=12
+        )
+        if mesh.dimension == 2:
+            plotter.view_xy()
+        else:
+            plotter.view_isometric()
+        plotter.enable_parallel_projection()
+        plotter.camera.zoom(1.3)
+        plotter.screenshot(str(path))
+    finally:
+        plotter.close()

@@ -1,0 +1,120 @@
+"""Pictures for the figures of a stereo or a full-field result: a few whole ones, and one column of all."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.chain.remarks import Speckles, speckles_of
+from dic.images import PictureError, Pictures
+from dic.result import FullField, StereoResult
+from kolsky.bars.flyer.flight import FlightOfSpecimen
+from kolsky.base.arrays import FloatArray
+
+SHOWN_PICTURES = 4
+"""Number of pictures shown."""
+
+
+@dataclass(frozen=True)
+class SurfaceView:
+    """A stereo result with pictures of camera 0."""
+
+    shot: str
+    """Name of the shot."""
+    result: StereoResult
+    """The result."""
+    pictures: Mapping[int, NDArray[np.generic]]
+    """Some pictures of camera 0 by frame, each of shape [rows, columns]."""
+    kymograph: FloatArray
+    """Column of the outline (x = 0) in every picture of camera 0, NaN where unreadable, [rows, n_frames]."""
+    flight: FlightOfSpecimen | str = "not asked for"
+    """Flight of the flyer, or the reason why it is unknown."""
+    speckles: tuple[Speckles | None, Speckles | None] = (None, None)
+    """Speckles of both cameras in the static pictures, None where they cannot be evaluated."""
+
+
+def read_surface_view(
+    shot: str,
+    result: StereoResult,
+    pictures: tuple[Pictures, Pictures],
+    flight: FlightOfSpecimen | str = "not asked for",
+) -> SurfaceView:
+    """Read the pictures of camera 0 for the figures and evaluate the speckles of both cameras."""
+    chosen, first = set(shown_frames(result)), pictures[0]
+    column = _picture_column(result, first.shape[1])
+    kymograph = np.full((first.shape[0], first.n_frames), np.nan)
+    kept = {}
+    for frame in range(first.n_frames):
+        try:
+            picture = first.frame(frame)
+        except PictureError:
+            continue
+        kymograph[:, frame] = picture[:, column]
+        if frame in chosen:
+            kept[frame] = np.array(picture)
+    return SurfaceView(
+        shot=shot,
+        result=result,
+        pictures=kept,
+        kymograph=kymograph,
+        flight=flight,
+        speckles=speckles_of(result, pictures),
+    )
+
+
+def shown_frames(result: StereoResult) -> list[int]:
+    """Return frames at equal intervals among those with points: the first, the last and two between."""
+    usable = np.flatnonzero(result.specimen.n_valid > 0)
+    if usable.size == 0:
+        return []
+    return sorted(
+        {int(usable[k]) for k in np.round(np.linspace(0, usable.size - 1, SHOWN_PICTURES)).astype(int)}
+    )
+
+
+def _picture_column(result: StereoResult, columns: int) -> int:
+    """Return the column of camera 0 of the outline, from the points nearest to x = 0."""
+    body = result.specimen
+    nearest = np.argsort(np.abs(body.surface.X[:, 0]))[: max(3, body.surface.n_points // 20)]
+    return int(np.clip(np.round(np.median(body.points[nearest, 0])), 0, columns - 1))
+
+
+ALIVE = 0.5
+"""Least share of the points that a shown frame has, if there is one."""
+
+
+@dataclass(frozen=True)
+class FullFieldView:
+    """A full-field result, with a picture of camera 0."""
+
+    name: str
+    """Name of the measurement."""
+    result: FullField
+    """The result."""
+    frame: int
+    """Frame of the picture: the last one with at least half of the points."""
+    picture: NDArray[np.generic] | None
+    """Camera 0's picture of it, shape [rows, columns]; None if it cannot be read."""
+
+
+def read_full_field_view(name: str, result: FullField, pictures: Pictures) -> FullFieldView:
+    """Choose the frame to show and read its picture.
+
+    Parameters
+    ----------
+    name
+        Name of the measurement.
+    result
+        The result.
+    pictures
+        Camera 0's series.
+    """
+    count = result.n_valid
+    enough = np.flatnonzero(count >= max(1.0, ALIVE * count.max()))
+    frame = int(enough[-1]) if enough.size else int(result.facts.get("reference", 0))
+    try:
+        picture = np.array(pictures.frame(frame))
+    except PictureError:
+        picture = None
+    return FullFieldView(name, result, frame, picture)

@@ -1,0 +1,341 @@
+"""The tables of shot.toml about the test: [specimen], [interface], [transmission], [model], [window],
+[uncertainty]."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from kolsky.base.apparatus import Bar, ElasticBody, Interface
+from kolsky.schema import fields as f
+from kolsky.schema.fields import Section
+
+
+class SpecimenSection(Section):
+    """[specimen]: a right circular cylinder."""
+
+    diameter: f.Length
+    length: f.Length
+    density: f.Density
+
+
+@dataclass(frozen=True)
+class ContactKey:
+    """A number of [interface] that some contact laws read."""
+
+    read_by: str
+    """Field of `explicit.contact.ContactLaw` that says whether a law reads it."""
+    example: str
+    """A value as the shot file has it."""
+    unit: str = ""
+    """SI unit; empty for a plain number."""
+
+
+CONTACT_KEYS = {
+    "friction": ContactKey("needs_friction", "0.3"),
+    "release_stress": ContactKey("needs_release_stress", '"50 kPa"', "Pa"),
+    "contact_stiffness": ContactKey("needs_stiffness", '"1e13 Pa/m"', "Pa/m"),
+}
+"""Keys of [interface] beside the names of laws; each is a field of `kolsky.base.apparatus.Interface` too."""
+
+
+def keys_read(*laws: str) -> list[str]:
+    """The keys of [interface] that at least one of these contact laws reads."""
+    from explicit.contact import CONTACT_LAWS
+
+    return [
+        name
+        for name, key in CONTACT_KEYS.items()
+        if any(getattr(CONTACT_LAWS[law], key.read_by) for law in laws)
+    ]
+
+
+class InterfaceSection(Section):
+    """[interface]: how faces and side surface hold to the platens."""
+
+    faces: f.ContactLawName
+    side: f.ContactLawName
+    friction: f.Friction | None = None
+    release_stress: f.ReleaseStress | None = None
+    contact_stiffness: f.ContactStiffness | None = None
+
+    @model_validator(mode="after")
+    def _numbers_where_they_act(self) -> "InterfaceSection":
+        from explicit.contact import CONTACT_LAWS
+
+        for name, key in CONTACT_KEYS.items():
+            needing = [law for law in (self.faces, self.side) if name in keys_read(law)]
+            given = getattr(self, name) is not None
+            if needing and not given:
+                raise f.problem(
+                    f'is missing; the law "{needing[0]}" needs it',
+                    key=name,
+                    cure=f"add e.g. {name} = {key.example}",
+                )
+            if given and not needing:
+                able = f.alternatives(law for law in CONTACT_LAWS if name in keys_read(law))
+                raise f.problem(
+                    f'is given, but neither "{self.faces}" on the faces nor "{self.side}" on the side reads '
+                    "it, so it would have no effect",
+                    key=name,
+                    cure=f"remove it, or choose the law {able}",
+                )
+        return self
+
+    def interface(self) -> Interface:
+        """The interface for a simulation; a number that no law reads keeps its default."""
+        given = {name: getattr(self, name) for name in CONTACT_KEYS}
+        numbers = {name: value for name, value in given.items() if value is not None}
+        return Interface(faces=self.faces, side=self.side, **numbers)
+
+
+class BarSection(Section):
+    """[transmission.bar]: a linear elastic bar."""
+
+    diameter: f.Length
+    length: f.Length
+    youngs_modulus: f.Modulus
+    density: f.Density
+    poisson: f.Poisson = 0.29
+
+
+class PartSection(BarSection):
+    """[transmission.parts.NAME] or [flyer_body.parts.NAME]: a uniform round part."""
+
+
+def elastic_body(
+    section: "TransmissionSection | FlyerBodySection", model: str, *, seen_at: float = 0.0
+) -> ElasticBody:
+    """The parts of a section, in their order, as a simulation takes them."""
+    parts = tuple(Bar(**part.model_dump()) for part in section.parts.values())
+    return ElasticBody(
+        model=model,
+        parts=parts,
+        element_size=(section.element_size or MESHED * min(part.diameter for part in parts))
+        if model == "mesh"
+        else 0.0,
+        transducer_depth=section.transducer_depth or 0.0,
+        seen_at=seen_at,
+    )
+
+
+MESHED = 1.0 / 6.0
+"""Largest side of an element over the smallest diameter of a part, where none is declared [-]."""
+
+
+def _check_inside(key: str, depth: float | None, length: float) -> None:
+    """Refuse a place that is not between both ends of the parts."""
+    if depth is not None and not depth < length:
+        raise f.problem("is not allowed", key=key, allowed=f"below the parts' length, {length:g} m")
+
+
+def _without(section: Section, keys: tuple[str, ...], why: str, cure: str) -> None:
+    """Refuse keys that would have no effect."""
+    for key in keys:
+        if getattr(section, key):
+            raise f.problem(f"is given, but {why}, so it would have no effect", key=key, cure=cure)
+
+
+class TransmissionSection(Section):
+    """[transmission]: what stands behind the specimen."""
+
+    support: Literal["rigid", "bar", "mesh"]
+    bar: BarSection | None = None
+    parts: dict[str, PartSection] = Field(default_factory=dict)
+    """Platen, transducer, bar of support = "mesh", the specimen's side first."""
+    element_size: f.Length | None = None
+    """Largest side of their elements; a sixth of the smallest diameter if left out."""
+    transducer_depth: f.Length | None = None
+    """Distance of the force transducer behind the platen's face, along the bar or the parts."""
+
+    @model_validator(mode="after")
+    def _transducer_on_the_bar(self) -> "TransmissionSection":
+        depth, bar = self.transducer_depth, self.bar
+        if depth is not None and self.support == "rigid":
+            raise f.problem(
+                'is given, but support = "rigid": nothing moves, and the force is the same everywhere',
+                key="transducer_depth",
+                cure='remove it, or write support = "bar"',
+            )
+        if depth is not None and bar is not None and not depth < 0.5 * bar.length:
+            raise f.problem(
+                "is not allowed",
+                key="transducer_depth",
+                allowed=f"below half the bar, {0.5 * bar.length:g} m",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _bar_where_it_acts(self) -> "TransmissionSection":
+        if self.support == "bar" and self.bar is None:
+            raise f.problem(
+                'is missing; support = "bar" needs it',
+                key="bar",
+                cure="add a table [transmission.bar] with diameter, length, youngs_modulus, density",
+            )
+        if self.support != "bar" and self.bar is not None:
+            raise f.problem(
+                f'is given, but support = "{self.support}", so it would have no effect',
+                key="bar",
+                cure='remove the table, or write support = "bar"',
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _parts_where_they_act(self) -> "TransmissionSection":
+        if self.support != "mesh":
+            _without(self, ("parts", "element_size"), f'support = "{self.support}"', 'write support = "mesh"')
+        elif not self.parts:
+            raise f.problem(
+                'is missing; support = "mesh" needs it',
+                key="parts",
+                cure="add tables [transmission.parts.platen], [transmission.parts.bar] with diameter, "
+                "length, youngs_modulus, density, the specimen's side first",
+            )
+        else:
+            _check_inside(
+                "transducer_depth", self.transducer_depth, sum(p.length for p in self.parts.values())
+            )
+        return self
+
+
+class FlyerBodySection(Section):
+    """[flyer_body]: the flyer as a body between the place that is measured and the specimen."""
+
+    model: Literal["rigid", "bar", "mesh"]
+    parts: dict[str, PartSection] = Field(default_factory=dict)
+    """Its parts, the specimen's side first."""
+    element_size: f.Length | None = None
+    """Largest side of the elements of a mesh; a sixth of the smallest diameter if left out."""
+    transducer_depth: f.Length | None = None
+    """Distance of the incident force's transducer behind the face."""
+    seen_at: f.Length | None = None
+    """Distance behind the face of the place whose displacement is measured; the face if left out."""
+
+    @model_validator(mode="after")
+    def _parts_where_they_act(self) -> "FlyerBodySection":
+        if self.model == "rigid":
+            keys = ("parts", "element_size", "transducer_depth", "seen_at")
+            _without(self, keys, 'model = "rigid": all of it moves as one', 'write model = "bar" or "mesh"')
+            return self
+        if not self.parts:
+            raise f.problem(
+                f'is missing; model = "{self.model}" needs it',
+                key="parts",
+                cure="add tables [flyer_body.parts.platen] and so on with diameter, length, youngs_modulus, "
+                "density, the specimen's side first",
+            )
+        if self.model == "bar":
+            _without(self, ("element_size",), 'model = "bar" has no elements', 'write model = "mesh"')
+        for key in ("transducer_depth", "seen_at"):
+            _check_inside(key, getattr(self, key), sum(part.length for part in self.parts.values()))
+        return self
+
+
+class ModelSection(Section):
+    """[model]: material constants that the curve does not give."""
+
+    poisson: f.Poisson
+    damping: f.Damping
+    damping_kind: Literal["deviatoric", "full"]
+    mass_damping: f.Rate = 0.0
+
+
+class WindowSection(Section):
+    """[window]: the time span that is simulated and compared."""
+
+    start: f.Time | None = None
+    end: f.Time | None = None
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "WindowSection":
+        if self.start is not None and self.end is not None and self.end <= self.start:
+            raise f.problem(
+                "is not allowed", key="end", allowed="later than window.start", cure="write start < end"
+            )
+        return self
+
+
+IDENTIFY_KEYS = (
+    "poisson",
+    "damping",
+    "friction",
+    "curve_scale",
+    "specimen_diameter",
+    "specimen_length",
+    "specimen_density",
+    "sensitivity",
+    "clock_offset",
+    "Z_offset",
+    "y_offset",
+)
+"""Keys that `kolsky identify` carries to its answer, in the order of its report."""
+UNCERTAINTY_UNITS = {"damping": "s", "clock_offset": "s", "Z_offset": "m", "y_offset": "m"}
+"""SI units of the keys in `IDENTIFIED` that are neither relative nor plain numbers."""
+REDUCTION_KEYS = (
+    "bar_wave_speed",
+    "bar_modulus",
+    "bar_density",
+    "bar_diameter",
+    "bar_poisson",
+    "gauge_calibration",
+    "gauge_distance",
+    "specimen_diameter",
+    "specimen_length",
+    "specimen_density",
+)
+"""Keys that `kolsky waves` carries to the values of a test between bars."""
+_IDENTIFY_ONLY = {
+    "poisson",
+    "damping",
+    "friction",
+    "curve_scale",
+    "clock_offset",
+    "Z_offset",
+    "y_offset",
+    "length_in_pictures",
+}
+
+
+class UncertaintySection(Section):
+    """[uncertainty]: standard uncertainties (k = 1); what is not given counts as exact."""
+
+    bar_modulus: f.Uncertainty = 0.0
+    bar_wave_speed: f.Uncertainty = 0.0
+    bar_density: f.Uncertainty = 0.0
+    bar_diameter: f.Uncertainty = 0.0
+    bar_poisson: f.Deviation = 0.0
+    bars_alike: bool = False
+    gauge_calibration: f.Uncertainty = 0.0
+    gauge_distance: f.LengthDeviation = 0.0
+    specimen_diameter: f.Uncertainty = 0.0
+    specimen_length: f.Uncertainty = 0.0
+    specimen_density: f.Uncertainty = 0.0
+    sensitivity: f.Uncertainty = 0.0
+    mass: f.Uncertainty = 0.0
+    poisson: f.Deviation = 0.0
+    damping: f.TimeDeviation = 0.0
+    friction: f.Friction = 0.0
+    curve_scale: f.Uncertainty = 0.0
+    clock_offset: f.TimeDeviation = 0.0
+    Z_offset: f.LengthDeviation = 0.0
+    y_offset: f.LengthDeviation = 0.0
+    length_in_pictures: f.LengthDeviation = 0.0
+
+    @model_validator(mode="after")
+    def _one_stiffness(self) -> "UncertaintySection":
+        if self.bar_modulus > 0.0 and self.bar_wave_speed > 0.0:
+            raise f.problem(
+                "is given beside bar_modulus; with the density each follows from the other",
+                key="bar_wave_speed",
+                cure="keep the one that was measured",
+            )
+        return self
+
+    def for_waves(self) -> dict[str, float | bool]:
+        """Uncertainties for the reduction of waves."""
+        return self.model_dump(exclude=_IDENTIFY_ONLY)
+
+    def for_identify(self) -> dict[str, float]:
+        """Declared uncertainties of the keys in `IDENTIFIED`; a key that is absent was not declared."""
+        return {key: getattr(self, key) for key in IDENTIFY_KEYS if key in self.model_fields_set}

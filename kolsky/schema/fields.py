@@ -1,0 +1,437 @@
+"""Fields of our TOML files: written-out quantities, ranges, file names, columns, and how a table is laid
+out."""
+
+from collections.abc import Callable, Iterable
+from pathlib import PurePosixPath
+from typing import Annotated
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+from kolsky.base.units import DIMENSIONS, LARGEST, UnitError, quantity, unit_factor
+from kolsky.readers.contents import Layout
+from kolsky.readers.header import si_unit
+from kolsky.readers.table import Column
+
+
+def problem(message: str, **context: str) -> PydanticCustomError:
+    """An error whose context holds "allowed", "cure" and, if it is another than the field, "key"."""
+    return PydanticCustomError("shot", "{message}", {"message": message, **context})
+
+
+def physical(
+    unit: str, rule: str = "finite", what: str | None = None, example: str | None = None
+) -> Callable[[object], float]:
+    """A validator for a written-out quantity: SI unit, "> 0", ">= 0" or "finite", and what it is in words."""
+    words, usual = DIMENSIONS[unit]
+    hint = f'write {what or words}, e.g. "{example or usual}"'
+
+    def validate(text: object) -> float:
+        try:
+            value = quantity(text, unit)  # type: ignore[arg-type]  # it refuses what is no text
+        except UnitError as error:
+            allowed = words if rule == "finite" else f"{words} {rule}"
+            raise problem(error.problem, allowed=allowed, cure=hint) from None
+        if (rule == "> 0" and value <= 0.0) or (rule == ">= 0" and value < 0.0):
+            raise problem("is not allowed", allowed=f"{rule} {unit}".removesuffix(" 1"), cure=hint)
+        return value
+
+    return validate
+
+
+def factor(unit: str) -> Callable[[object], float]:
+    """A validator for the unit of a column."""
+    words, example = DIMENSIONS[unit]
+    sample = example.split(" ", 1)[1]
+
+    def validate(text: object) -> float:
+        try:
+            if not isinstance(text, str) or not text.strip():
+                raise UnitError(text, "is not a unit", unit)
+            return unit_factor(text, unit)
+        except UnitError as error:
+            raise problem(
+                error.problem, allowed=f"a unit of {words}", cure=f'write the unit, e.g. "{sample}"'
+            ) from None
+
+    return validate
+
+
+def number(value: object) -> float:
+    """A plain number; bool is not one."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise problem("is not a number", cure="write a number without quotes or unit")
+    if abs(value) > LARGEST:  # a NaN is no larger; the range of the key refuses it
+        raise problem("is too large", allowed=f"a size of at most {LARGEST:g}")
+    return float(value)
+
+
+def alternatives(names: Iterable[str]) -> str:
+    """Names in quotes, the last behind "or"."""
+    quoted = [f'"{name}"' for name in names]
+    return " or ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
+
+
+LARGEST_POISSON = 0.4999
+
+
+def seconds(text: object) -> float:
+    """A written-out time [s]; a validator to build others on."""
+    return physical("s")(text)
+
+
+def length(text: object) -> float:
+    """A written-out length of any sign [m]; a validator to build others on."""
+    return physical("m")(text)
+
+
+def _poisson(value: object) -> float:
+    if isinstance(value, str):
+        allowed = f"a number in [0, {LARGEST_POISSON}]"
+        raise problem("is not a number", allowed=allowed, cure="write a number without quotes or unit")
+    size = number(value)
+    if not 0.0 <= size <= LARGEST_POISSON:
+        raise problem(
+            "is not allowed",
+            allowed=f"in [0, {LARGEST_POISSON}]",
+            cure="the solver needs slight compressibility: for a rubber-like material write 0.499",
+        )
+    return size
+
+
+def _deviation(value: object) -> float:
+    size = number(value)
+    if not 0.0 <= size < 0.5:
+        raise problem("is not allowed", allowed="in [0, 0.5)", cure="write a standard uncertainty, e.g. 0.01")
+    return size
+
+
+def _friction(value: object) -> float:
+    size = number(value)
+    if not 0.0 <= size < float("inf"):
+        from explicit.contact import CONTACT_LAWS
+
+        sticking = alternatives(name for name, law in CONTACT_LAWS.items() if not law.slides)
+        raise problem(
+            "is not allowed",
+            allowed="a finite number >= 0",
+            cure=f"write the Coulomb coefficient, e.g. 0.3; for no slip choose the law {sticking}",
+        )
+    return size
+
+
+def _contact_law(name: object) -> str:
+    """The name of a law of `explicit.contact`."""
+    from explicit.contact import CONTACT_LAWS
+
+    if not isinstance(name, str) or name not in CONTACT_LAWS:
+        raise problem("is not allowed", allowed=alternatives(CONTACT_LAWS))
+    return name
+
+
+def _target(name: object) -> str:
+    """The name of a calibration target; an unknown one is refused where the pictures are opened."""
+    from dic.calibration.targets import TARGETS
+
+    if not isinstance(name, str) or not name.strip():
+        raise problem("is not a name", allowed=alternatives(TARGETS))
+    return name.strip()
+
+
+def _share(text: object) -> float:
+    value = physical("1", ">= 0", "the standard deviation relative to the stress")(text)
+    if value >= 1.0:
+        raise problem("is not allowed", allowed="in [0, 1)", cure='write e.g. "0.2 %"')
+    return value
+
+
+def _interval(pair: object) -> tuple[float, float]:
+    if not isinstance(pair, list | tuple) or len(pair) != 2 or "" in pair:
+        raise problem("is not a pair of times", cure='write start and end, e.g. ["-200 us", "0 us"]')
+    start, end = (physical("s")(text) for text in pair)
+    if end <= start:
+        raise problem("ends before it begins", allowed="[start, end] with end > start")
+    return start, end
+
+
+def _file(name: object) -> str:
+    if not isinstance(name, str) or not name.strip():
+        raise problem("is not a file name", cure='write the name of a file, e.g. "scope.csv"')
+    path = PurePosixPath(name)
+    if path.is_absolute() or ".." in path.parts or "\\" in name or "\0" in name:
+        raise problem(
+            "lies outside the shot", allowed="a file in the shot's folder", cure="copy it beside shot.toml"
+        )
+    return name
+
+
+def _pattern(name: object) -> str:
+    text = _file(name)
+    if not any(character in PurePosixPath(text).name for character in "*?["):
+        raise problem("matches one file at most", cure='write a pattern, e.g. "calibration/cam0_*.png"')
+    return text
+
+
+def _pixels(values: object, count: int, example: str) -> tuple[float, ...]:
+    """So many finite numbers of size below 1e6."""
+    if not isinstance(values, list | tuple) or len(values) != count:
+        raise problem(f"is not a list of {count} numbers", cure=f"write pixels, e.g. {example}")
+    if any(isinstance(value, str) for value in values):
+        raise problem("is not a list of numbers", cure=f"write pixels without quotes, e.g. {example}")
+    numbers = tuple(number(value) for value in values)
+    if not all(abs(number) < 1e6 for number in numbers):
+        raise problem("is not allowed", allowed="finite and below a million pixels")
+    return numbers
+
+
+def _pixel(values: object) -> tuple[float, float]:
+    x, y = _pixels(values, 2, "[192, 192]")
+    return x, y
+
+
+def _pixel_range(values: object) -> tuple[float, float]:
+    first, last = _pixels(values, 2, "[0, 127]")
+    if last <= first:
+        raise problem("ends before it begins", allowed="[first, last] with last > first")
+    return first, last
+
+
+def _polygon(values: object) -> tuple[tuple[float, float], ...]:
+    if not isinstance(values, list | tuple) or not 3 <= len(values) <= 1000:
+        raise problem("is not a polygon", allowed="3 to 1000 corners [x, y]")
+    return tuple(_pixel(corner) for corner in values)
+
+
+def _places(values: object) -> tuple[tuple[int, int], ...]:
+    """Pairs of whole numbers."""
+    if not isinstance(values, list | tuple) or not values or len(values) > 1000:
+        raise problem("is not a list of [column, row]", cure="write e.g. [[2, 2], [11, 2], [2, 7]]")
+    pairs = [_pixel(pair) for pair in values]
+    if any(not number.is_integer() or number < 0.0 for pair in pairs for number in pair):
+        raise problem("is not allowed", allowed="whole numbers from 0: column and row of each hollow dot")
+    return tuple((int(column), int(row)) for column, row in pairs)
+
+
+def _anchors(values: object) -> tuple[tuple[int, int, float, float], ...]:
+    """Dots by column and row with their places in a picture."""
+    if not isinstance(values, list | tuple) or len(values) != 3:
+        raise problem("is not three dots", cure="write [[column, row, x, y], [...], [...]]")
+    anchors = []
+    for value in values:
+        if not isinstance(value, list | tuple) or len(value) != 4:
+            raise problem("is not three dots", cure="each dot is [column, row, x, y], x and y in pixels")
+        (column, row), (x, y) = _places([value[:2]])[0], _pixel(value[2:])
+        anchors.append((column, row, x, y))
+    return tuple(anchors)
+
+
+def _odd(low: int, high: int, unit: str) -> Callable[[object], int]:
+    def validate(value: object) -> int:
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise problem("is not a whole number", cure="write a whole number without quotes")
+        if value % 2 == 0 or not low <= value <= high:
+            raise problem("is not allowed", allowed=f"odd, from {low} to {high} {unit}")
+        return value
+
+    return validate
+
+
+def _prefilter(value: object) -> float:
+    size = number(value)
+    if not 0.0 <= size <= 5.0:
+        raise problem("is not allowed", allowed="in [0, 5] px", cure="0 smooths nothing")
+    return size
+
+
+def _text(name: object) -> str:
+    if not isinstance(name, str) or not name.strip():
+        raise problem("is not a name", cure="write a text in quotes")
+    return name.strip()
+
+
+Length = Annotated[float, BeforeValidator(physical("m", "> 0"))]
+Offset = Annotated[float, BeforeValidator(physical("m"))]
+Time = Annotated[float, BeforeValidator(physical("s"))]
+PositiveTime = Annotated[float, BeforeValidator(physical("s", "> 0"))]
+Damping = Annotated[float, BeforeValidator(physical("s", ">= 0", "the damping time beta"))]
+Rate = Annotated[float, BeforeValidator(physical("1/s", ">= 0", "the mass-proportional damping alpha"))]
+StrainRate = Annotated[float, BeforeValidator(physical("1/s", "> 0", "a nominal strain rate"))]
+Density = Annotated[float, BeforeValidator(physical("kg/m^3", "> 0", "the mass density"))]
+Modulus = Annotated[float, BeforeValidator(physical("Pa", "> 0", "Young's modulus"))]
+Stress = Annotated[float, BeforeValidator(physical("Pa", ">= 0"))]
+ReleaseStress = Annotated[
+    float, BeforeValidator(physical("Pa", ">= 0", "the tensile stress at which a bonded face lets go"))
+]
+Voltage = Annotated[float, BeforeValidator(physical("V", "> 0", "the largest voltage the recorder shows"))]
+SignedVoltage = Annotated[float, BeforeValidator(physical("V"))]
+Sensitivity = Annotated[
+    float,
+    BeforeValidator(physical("V/N", "> 0", 'the size of the sensitivity (its sign is "compression")')),
+]
+Velocity = Annotated[float, BeforeValidator(physical("m/s", "> 0"))]
+Resistance = Annotated[float, BeforeValidator(physical("ohm", "> 0"))]
+Mass = Annotated[float, BeforeValidator(physical("kg", ">= 0", "the mass between sensing plane and face"))]
+StrainPerVolt = Annotated[
+    float,
+    BeforeValidator(physical("1/V", "> 0", 'the size of strain per volt (its sign is "compression")')),
+]
+Uncertainty = Annotated[
+    float, BeforeValidator(physical("1", ">= 0", "a standard uncertainty (k = 1) relative to its quantity"))
+]
+Ratio = Annotated[float, BeforeValidator(physical("1", "> 0", "a ratio"))]
+LeadResistance = Annotated[float, BeforeValidator(physical("ohm", ">= 0"))]
+TimeDeviation = Annotated[
+    float, BeforeValidator(physical("s", ">= 0", "a standard uncertainty (k = 1)", "0.5 us"))
+]
+LengthDeviation = Annotated[
+    float, BeforeValidator(physical("m", ">= 0", "a standard uncertainty (k = 1)", "5 um"))
+]
+Deviation = Annotated[float, BeforeValidator(_deviation)]
+Number = Annotated[float, BeforeValidator(number)]
+Share = Annotated[float, BeforeValidator(_share)]
+Poisson = Annotated[float, BeforeValidator(_poisson)]
+Friction = Annotated[float, BeforeValidator(_friction)]
+TimeUnit = Annotated[float, BeforeValidator(factor("s"))]
+LengthUnit = Annotated[float, BeforeValidator(factor("m"))]
+VoltageUnit = Annotated[float, BeforeValidator(factor("V"))]
+StressUnit = Annotated[float, BeforeValidator(factor("Pa"))]
+RatioUnit = Annotated[float, BeforeValidator(factor("1"))]
+Interval = Annotated[tuple[float, float], BeforeValidator(_interval)]
+FileName = Annotated[str, BeforeValidator(_file)]
+FilePattern = Annotated[str, BeforeValidator(_pattern)]
+Pixel = Annotated[tuple[float, float], BeforeValidator(_pixel)]
+PixelRange = Annotated[tuple[float, float], BeforeValidator(_pixel_range)]
+Polygon = Annotated[tuple[tuple[float, float], ...], BeforeValidator(_polygon)]
+Anchors = Annotated[tuple[tuple[int, int, float, float], ...], BeforeValidator(_anchors)]
+Places = Annotated[tuple[tuple[int, int], ...], BeforeValidator(_places)]
+Subset = Annotated[int, BeforeValidator(_odd(5, 101, "px"))]
+StrainWindow = Annotated[int, BeforeValidator(_odd(3, 51, "points"))]
+Prefilter = Annotated[float, BeforeValidator(_prefilter)]
+Name = Annotated[str, BeforeValidator(_text)]
+TargetName = Annotated[str, BeforeValidator(_target)]
+ContactStiffness = Annotated[
+    float, BeforeValidator(physical("Pa/m", "> 0", "the stiffness of the springs of contact"))
+]
+ContactLawName = Annotated[str, BeforeValidator(_contact_law)]
+
+
+class Section(BaseModel):
+    """A table of the file: unknown keys are refused, nothing is converted silently."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class ColumnSection(Section):
+    """A column of a text file; once read, `unit` is the factor that leads to SI."""
+
+    column: Name
+    unit: float
+
+    def as_column(self) -> Column:
+        """The declaration as readers take it."""
+        return Column(name=self.column, factor=self.unit)
+
+
+class TimeColumn(ColumnSection):
+    """A column of times."""
+
+    unit: TimeUnit
+
+
+class LengthColumn(ColumnSection):
+    """A column of lengths."""
+
+    unit: LengthUnit
+
+
+class VoltageColumn(ColumnSection):
+    """A column of voltages."""
+
+    unit: VoltageUnit
+
+
+class StressColumn(ColumnSection):
+    """A column of stresses."""
+
+    unit: StressUnit
+
+
+class RatioColumn(ColumnSection):
+    """A column of plain ratios; the unit is "1" or "%"."""
+
+    unit: RatioUnit
+
+
+class ModeColumns(Section):
+    """All columns whose names begin alike: each a standard uncertainty that moves all points together."""
+
+    prefix: Annotated[str, Field(min_length=1)]
+    unit: StressUnit
+
+
+def _check_interval(text: object) -> float:
+    value = seconds(text)
+    if value <= 0.0:
+        raise problem("is not allowed", allowed="> 0 s", cure='write e.g. "100 ns"')
+    return value
+
+
+def _check_unit(text: object) -> str:
+    if not isinstance(text, str) or si_unit(text) is None:
+        raise problem("is not a known unit", allowed='a unit such as "V", "mV", "N", "strain"')
+    return text
+
+
+def _check_time_unit(text: object) -> str:
+    known = si_unit(text) if isinstance(text, str) else None
+    if known is None or known[0] != "s":
+        raise problem("is not a unit of time", allowed='"s", "ms", "us" or "ns"')
+    return str(text)
+
+
+class TextLayoutSection(Section):
+    """A table that says how a text file is to be read.
+
+    In the tables of a shot ([frames], [flyer], [centre_line], [curve]) what it leaves out is as without it:
+    UTF-8, commas, decimal points, one header line. In a recorder's file it is found.
+    """
+
+    encoding: Name | None = None
+    delimiter: str | None = None
+    decimal: str | None = None
+    comment: Name | None = None
+    header_line: Annotated[int, Field(ge=0)] | None = None
+    units_line: Annotated[int, Field(ge=0)] | None = None
+    first_line: Annotated[int, Field(ge=1)] | None = None
+
+    def as_layout(self) -> Layout:
+        """The declaration as readers take it."""
+        return Layout(**{name: getattr(self, name) for name in TextLayoutSection.model_fields})
+
+
+class LayoutSection(TextLayoutSection):
+    """A table that says how a recorder's file is to be read; what it leaves out is found in the file."""
+
+    format: Name | None = None
+    sheet: Name | None = None
+    time: str | int | dict[str, str | int] | None = None
+    time_unit: Annotated[str, BeforeValidator(_check_time_unit)] | None = None
+    interval: Annotated[float, BeforeValidator(_check_interval)] | None = None
+    start: Time | None = None
+    unit: Annotated[str, BeforeValidator(_check_unit)] | None = None
+
+    def as_layout(self, *, full_scale: float | None = None, **said: str | int | None) -> Layout:
+        """The declaration as readers take it.
+
+        Parameters
+        ----------
+        full_scale
+            Largest size that the recorder shows, in the SI unit of the samples.
+        said
+            Fields of `Layout` that other keys of the shot file say, e.g. ``unit="V"``; None says nothing.
+        """
+        declared = {name: getattr(self, name) for name in LayoutSection.model_fields}
+        return Layout(
+            **{**declared, **{name: value for name, value in said.items() if value is not None}},
+            full_scale=full_scale,
+        )

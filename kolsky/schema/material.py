@@ -1,0 +1,309 @@
+"""The tables of shot.toml about the material: [curve], [law] and [relaxation]."""
+
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, model_validator
+
+from kolsky.base.apparatus import MOST_BRANCHES, NETWORK_DEFAULTS, Relaxation, prony_names
+from kolsky.base.records import MaterialCurve
+from kolsky.base.units import UnitError, quantity
+from kolsky.schema import fields as f
+from kolsky.schema.apparatus import UncertaintySection
+from kolsky.schema.fields import ModeColumns, RatioColumn, Section, StressColumn, TextLayoutSection
+
+if TYPE_CHECKING:
+    import explicit.materials
+
+
+BASELINE_POINTS = 41
+"""Points of the curve that stands for the law where one is drawn or counted, rest included."""
+
+
+class LawSection(Section):
+    """[law]: name and constants of a law, how far its data went, and how well its stress is known."""
+
+    name: f.Name
+    parameters: dict[str, Any]
+    branch: Literal["compression", "tension"]
+    largest_strain: f.Ratio
+    relative_sigma: f.Share
+    baseline: bool = True
+    strain_rate: f.StrainRate | None = None
+
+    @model_validator(mode="after")
+    def _is_a_law(self) -> "LawSection":
+        if self.branch == "compression" and self.largest_strain >= 1.0:
+            raise f.problem("is not allowed", key="largest_strain", allowed="below 1 in compression")
+        if self.relative_sigma == 0.0:
+            raise f.problem(
+                "is zero, as if the law had no uncertainty",
+                key="relative_sigma",
+                cure='write the standard uncertainty that all its stresses share, e.g. "3 %"',
+            )
+        self.law  # noqa: B018 (a law that cannot be is refused when the file is read)
+        return self
+
+    @cached_property
+    def law(self) -> "explicit.materials.AnyLaw":
+        """The law, which knows how far the data of its constants went."""
+        from explicit.materials import LAWS
+        from explicit.materials.law import not_positive
+
+        if self.name not in LAWS:
+            raise f.problem("is not a law", key="name", allowed=", ".join(sorted(LAWS)))
+        made = LAWS[self.name]
+        names = [spec.name for spec in made.PARAMETERS]
+        unknown = sorted(set(self.parameters) - set(names))
+        missing = [name for name in names if name not in self.parameters]
+        if unknown or missing:
+            what = f"has no constant {unknown[0]}" if unknown else f"needs the constant {missing[0]}"
+            raise f.problem(
+                f'are not those of the law: "{self.name}" {what}', key="parameters", allowed=", ".join(names)
+            )
+        values = [_law_constant(spec.name, self.parameters[spec.name], spec.unit) for spec in made.PARAMETERS]
+        try:
+            law = made.of(values)
+        except ValueError as error:
+            raise f.problem(f"make no law: {error}", key="parameters") from None
+        found = not_positive(law)
+        if found is not None:
+            raise f.problem(
+                f"give an energy that is not positive in {found[0]} at the stretch {found[1]:.3g}",
+                key="parameters",
+                allowed="energies > 0 at stretches of 0.2 to 5",
+                cure="fit with bounds, or choose a law with fewer constants",
+            )
+        lam = self._end
+        return replace(law, fitted_s=abs(lam - 1.0) * float(np.sqrt((lam + 2.0) / lam)))
+
+    @property
+    def _end(self) -> float:
+        """Stretch at the end of the data [-]."""
+        return 1.0 - self.largest_strain if self.branch == "compression" else 1.0 + self.largest_strain
+
+    def curve(self) -> MaterialCurve:
+        """The law's own uniaxial curve, incompressible, with one uncertainty that all its points share."""
+        lam = np.linspace(1.0, self._end, BASELINE_POINTS)
+        slope, side, _ = self.law.principal(lam, lam**-0.5, lam**-0.5)
+        stress = slope - side * lam**-1.5
+        stress[0] = 0.0  # at rest, to the last bit
+        return MaterialCurve(
+            stretch=lam,
+            stress=stress,
+            sigma=np.zeros(BASELINE_POINTS),
+            modes=self.relative_sigma * stress[None, :],
+            law=self.law,
+        )
+
+
+def _law_constant(name: str, value: object, unit: str) -> float:
+    """A constant in SI: a quantity with its unit, or a plain number where it has none."""
+    if unit == "1" and isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    try:
+        return quantity(value, unit)  # type: ignore[arg-type]  # it refuses what is no text
+    except UnitError as error:
+        example = '"12.5 kPa"' if unit == "Pa" else "2.5"
+        raise f.problem(
+            f"hold no value of {name}: {value!r} {error.problem}",
+            key="parameters",
+            cure=f"write {name} = {example}",
+        ) from None
+
+
+def one_baseline(curve: object, law: LawSection | None) -> None:
+    """Refuse a file that says nothing of the quasi-static material, or two things and not which counts.
+
+    Raises
+    ------
+    pydantic_core.PydanticCustomError
+        If there is neither [curve] nor [law], or both and [law] does not say whether it is the baseline.
+    """
+    if curve is None and law is None:
+        raise f.problem(
+            "is missing", key="curve", cure="add [curve] with a quasi-static test, or [law] with a fitted law"
+        )
+    if curve is not None and law is not None and "baseline" not in law.model_fields_set:
+        raise f.problem(
+            "is given, and so is [curve]",
+            key="law",
+            cure="name the baseline: write baseline = true in [law], or false if the curve counts",
+        )
+    if curve is None and law is not None and not law.baseline:
+        raise f.problem(
+            "is false, but there is no [curve] that would be the baseline",
+            key="law.baseline",
+            cure="remove it, or add [curve]",
+        )
+
+
+class CurveSection(Section):
+    """[curve]: the quasi-static uniaxial curve."""
+
+    file: f.FileName
+    layout: TextLayoutSection | None = None
+    strain: RatioColumn
+    stress: StressColumn
+    convention: Literal["tension positive", "compression positive"]
+    branch: Literal["compression", "tension"]
+    relative_sigma: f.Share = 0.0
+    sigma_floor: f.Stress = 0.0
+    sigma: StressColumn | None = None
+    modes: ModeColumns | None = None
+    conditioned: f.FileName | None = None
+    strain_rate: f.StrainRate | None = None
+
+    @model_validator(mode="after")
+    def _some_sigma(self) -> "CurveSection":
+        columns = self.sigma is not None or self.modes is not None
+        if "relative_sigma" not in self.model_fields_set and not columns:
+            raise f.problem(
+                "is missing",
+                key="relative_sigma",
+                cure='write the noise of the quasi-static test, e.g. "0.2 %"',
+            )
+        if self.relative_sigma == 0.0 and self.sigma_floor == 0.0 and not columns:
+            raise f.problem(
+                "is zero and so is sigma_floor, as if the curve had no uncertainty",
+                key="relative_sigma",
+                cure='write the noise of the quasi-static test, e.g. "0.2 %"',
+            )
+        return self
+
+
+def chosen_baseline(curve: CurveSection | None, law: LawSection | None) -> CurveSection | LawSection:
+    """[law] if it is there and is the baseline, else [curve]; `law.one_baseline` has seen both."""
+    if law is not None and law.baseline:
+        return law
+    assert curve is not None  # the schema saw to it
+    return curve
+
+
+_PRONY = ("strengths", "times", "sigma_strengths", "sigma_times")
+_CONSTANTS = ("ratio", "resistance", "exponent", "chain_exponent", "first_creep")
+_NETWORK = (*_CONSTANTS, "sigma_ratio", "sigma_resistance")
+_EXAMPLES = {"strengths": "[0.3]", "times": '["400 us"]', "ratio": "0.5", "resistance": '"10 kPa"'}
+
+
+def _numbers(values: object) -> tuple[float, ...]:
+    if not isinstance(values, list | tuple) or not 1 <= len(values) <= MOST_BRANCHES:
+        raise f.problem("is not a list of 1 to 3 numbers", cure="write e.g. [0.3], a number a branch")
+    return tuple(f.number(value) for value in values)
+
+
+def _times(values: object) -> tuple[float, ...]:
+    if not isinstance(values, list | tuple) or not 1 <= len(values) <= MOST_BRANCHES:
+        raise f.problem("is not a list of 1 to 3 times", cure='write e.g. ["400 us"], a time a branch')
+    return tuple(f.seconds(value) for value in values)
+
+
+class RelaxationSection(Section):
+    """[relaxation]: a Prony series or the network of Bergstrom and Boyce, relative to the long-term law."""
+
+    kind: Literal["prony", "bergstrom_boyce"]
+    free: bool = False
+    strengths: Annotated[tuple[float, ...], BeforeValidator(_numbers)] | None = None
+    times: Annotated[tuple[float, ...], BeforeValidator(_times)] | None = None
+    sigma_strengths: Annotated[tuple[float, ...], BeforeValidator(_numbers)] | None = None
+    sigma_times: Annotated[tuple[float, ...], BeforeValidator(_times)] | None = None
+    ratio: f.Number | None = None
+    resistance: f.Stress | None = None
+    exponent: f.Number | None = None
+    chain_exponent: f.Number | None = None
+    first_creep: f.Number | None = None
+    sigma_ratio: f.Number | None = None
+    sigma_resistance: f.Stress | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> "RelaxationSection":
+        own, other = (_PRONY, _NETWORK) if self.kind == "prony" else (_NETWORK, _PRONY)
+        for name in other:
+            if getattr(self, name) is not None:
+                raise f.problem(
+                    f'is given, but kind = "{self.kind}" does not have it, so it would have no effect',
+                    key=name,
+                    cure=f"remove it; the keys here are {', '.join(own)}",
+                )
+        for name in own[:2]:
+            if getattr(self, name) is None:
+                raise f.problem(
+                    f'is missing; kind = "{self.kind}" needs it, free or not: a search starts there',
+                    key=name,
+                    cure=f"add e.g. {name} = {_EXAMPLES[name]}",
+                )
+        self._lengths()
+        self._possible()
+        return self
+
+    def _lengths(self) -> None:
+        if self.kind != "prony" or self.strengths is None:
+            return
+        for name in ("times", "sigma_strengths", "sigma_times"):
+            given = getattr(self, name)
+            if given is not None and len(given) != len(self.strengths):
+                raise f.problem(
+                    f"has {len(given)} entries, strengths has {len(self.strengths)}",
+                    key=name,
+                    cure="give one a branch",
+                )
+
+    def _possible(self) -> None:
+        """Refuse constants that the solver's own laws refuse, and uncertainties that are none."""
+        from explicit.relaxation import BergstromBoyce, PronySeries
+
+        record = self.declared()
+        values = list(record.values.values())
+        try:
+            if record.kind == "prony":
+                PronySeries(tuple(values[: record.branches]), tuple(values[record.branches :]))
+            else:
+                BergstromBoyce(*values)
+        except ValueError as error:
+            key = "strengths" if "strength" in str(error) else "times"
+            if record.kind != "prony":
+                key = next((name for name in _CONSTANTS if str(error).startswith(name)), "ratio")
+            raise f.problem(f"is not allowed: {error}", key=key) from None
+        for name, sigma in record.sigmas.items():
+            if not sigma >= 0.0:
+                raise f.problem(
+                    f"is not allowed: the standard uncertainty of {name} is {sigma:g}",
+                    allowed=">= 0",
+                    cure="write 0 for a constant that is exact",
+                )
+
+    def declared(self) -> Relaxation:
+        """The record that a shot holds."""
+        if self.kind == "prony":
+            strengths, times = self.strengths or (), self.times or ()
+            names = prony_names(len(strengths))
+            sigmas: dict[str, float] = {}
+            if self.sigma_strengths is not None:
+                sigmas |= zip(names, self.sigma_strengths, strict=False)
+            if self.sigma_times is not None:
+                sigmas |= zip(names[len(strengths) :], self.sigma_times, strict=False)
+            return Relaxation("prony", dict(zip(names, (*strengths, *times), strict=True)), sigmas, self.free)
+        given = {
+            "creep_ratio": self.ratio,
+            "creep_resistance": self.resistance,
+            "creep_exponent": self.exponent,
+            "creep_chain_exponent": self.chain_exponent,
+            "creep_first": self.first_creep,
+        }
+        values = {name: NETWORK_DEFAULTS[name] if x is None else x for name, x in given.items()}
+        own = {"creep_ratio": self.sigma_ratio, "creep_resistance": self.sigma_resistance}
+        sigmas = {name: sigma for name, sigma in own.items() if sigma is not None}
+        return Relaxation("bergstrom_boyce", values, sigmas, self.free)
+
+
+def declared_relaxation(
+    section: RelaxationSection | None, uncertainty: UncertaintySection | None
+) -> dict[str, Any]:
+    """Fields `relaxation` and `uncertainty` of a shot: its constants' sigmas stand with the others."""
+    known = {} if uncertainty is None else uncertainty.for_identify()
+    if section is None:
+        return {"relaxation": None, "uncertainty": known}
+    record = section.declared()
+    return {"relaxation": record, "uncertainty": {**known, **record.sigmas}}

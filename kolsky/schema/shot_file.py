@@ -1,0 +1,420 @@
+"""A whole shot.toml: its schema, and the file from text to SI values.
+
+Every problem is reported with its line, key, value and cure.
+"""
+
+import hashlib
+import re
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from pydantic import BaseModel, Field, ValidationError, model_validator
+
+from kolsky.base.errors import InputError, refuse
+from kolsky.base.toml import FILL_IN, blanks, line_of, translate, without_doubles
+from kolsky.readers.text import decode, read_bytes
+from kolsky.schema import fields as f
+from kolsky.schema.apparatus import (
+    FlyerBodySection,
+    InterfaceSection,
+    ModelSection,
+    SpecimenSection,
+    TransmissionSection,
+    UncertaintySection,
+    WindowSection,
+)
+from kolsky.schema.bars import BarsSection, GaugesSection, RecorderSection, WavesSection
+from kolsky.schema.fields import Section
+from kolsky.schema.material import CurveSection, LawSection, RelaxationSection, chosen_baseline, one_baseline
+from kolsky.schema.measured import (
+    CentreLineSection,
+    FlyerSection,
+    ForceSection,
+    FramesSection,
+    IncidentForceSection,
+    SurfaceSection,
+)
+from kolsky.schema.pictures import CalibrationSection, DicSection, PicturesSection, ReportingSection
+
+
+class ShotFile(Section):
+    """A whole shot.toml, in SI: what the cameras saw is exported, in pictures, or both."""
+
+    format: Literal[1]
+    name: f.Name | None = None
+    material: f.Name | None = None
+    group: f.Name | None = None
+    rig: f.Name | None = None
+    specimen: SpecimenSection
+    interface: InterfaceSection
+    transmission: TransmissionSection
+    force: ForceSection
+    incident_force: IncidentForceSection | None = None
+    frames: FramesSection
+    flyer: FlyerSection | None = None
+    flyer_body: FlyerBodySection | None = None
+    centre_line: CentreLineSection | None = None
+    surface: SurfaceSection | None = None
+    pictures: PicturesSection | None = None
+    calibration: CalibrationSection | None = None
+    dic: DicSection | None = None
+    reporting: ReportingSection | None = None
+    bars: BarsSection | None = None
+    recorders: dict[str, RecorderSection] = Field(default_factory=dict)
+    gauges: GaugesSection | None = None
+    waves: WavesSection | None = None
+    uncertainty: UncertaintySection | None = None
+    curve: CurveSection | None = None
+    law: LawSection | None = None
+    model: ModelSection
+    relaxation: RelaxationSection | None = None
+    window: WindowSection = WindowSection()
+
+    @model_validator(mode="after")
+    def _one_baseline(self) -> "ShotFile":
+        one_baseline(self.curve, self.law)
+        return self
+
+    @model_validator(mode="after")
+    def _incident_force_where_it_is_known(self) -> "ShotFile":
+        force, body = self.incident_force, self.flyer_body
+        if body is None or body.model == "rigid":
+            return self
+        depth, compared = body.transducer_depth, force is not None and force.compared
+        if compared and depth is None:
+            raise f.problem(
+                "is missing; the incident force is compared, and what lies before its transducer is elastic",
+                key="flyer_body.transducer_depth",
+                cure='add it, or write model = "rigid": then incident_force.mass counts',
+            )
+        if depth is not None and not compared:
+            raise f.problem(
+                "is given, but the incident force is not compared, so it would have no effect",
+                key="flyer_body.transducer_depth",
+                cure="remove it, or add [incident_force] with compared = true",
+            )
+        return self
+
+    @property
+    def baseline(self) -> CurveSection | LawSection:
+        """The reference of m: [curve], or [law] where it is given and does not leave that to the curve."""
+        return chosen_baseline(self.curve, self.law)
+
+    @model_validator(mode="after")
+    def _pictures_where_they_act(self) -> "ShotFile":
+        for name in ("calibration", "dic", "reporting"):
+            if self.pictures is None and getattr(self, name) is not None:
+                raise f.problem(
+                    "is given, but there are no [pictures], so it would have no effect",
+                    key=name,
+                    cure="remove the table, or add [pictures]",
+                )
+        return self
+
+    def data_files(self) -> dict[str, str]:
+        """The data files this shot names one by one: dotted key -> file name."""
+        sections: dict[str, Any] = {
+            "force": self.force,
+            "incident_force": self.incident_force,
+            "frames": self.frames,
+            "flyer": self.flyer,
+            "centre_line": self.centre_line,
+            "pictures.camera_0": None if self.pictures is None else self.pictures.camera_0,
+            "pictures.camera_1": None if self.pictures is None else self.pictures.camera_1,
+            "calibration": self.calibration,
+            "curve": self.curve,
+        }
+        return {
+            f"{name}.file": section.file
+            for name, section in sections.items()
+            if section is not None and section.file is not None
+        }
+
+
+class ExportShotFile(ShotFile):
+    """A shot with exports of a DIC program."""
+
+    flyer: FlyerSection
+    centre_line: CentreLineSection
+
+
+class SurfaceShotFile(ShotFile):
+    """A shot with the whole surface as a DIC program exports it."""
+
+    surface: SurfaceSection
+
+    @model_validator(mode="after")
+    def _one_source_each(self) -> "SurfaceShotFile":
+        if self.centre_line is not None:
+            raise f.problem("is given, and so is [surface], which gives the outline too", key="centre_line")
+        if (self.flyer is None) == (self.surface.flyer is None):
+            raise f.problem(
+                "is missing; [surface] has no flyer"
+                if self.flyer is None
+                else "is given twice: [surface.flyer]",
+                key="flyer",
+                cure="give [flyer] with a file of displacements, or [surface.flyer] with a pattern",
+            )
+        return self
+
+
+class PictureShotFile(ShotFile):
+    """A shot with pictures, to be correlated here."""
+
+    pictures: PicturesSection
+    calibration: CalibrationSection
+    dic: DicSection
+
+
+class FullShotFile(ExportShotFile, PictureShotFile):
+    """A shot with both; the exports are identified from."""
+
+
+def schema(content: dict[str, Any]) -> type[ShotFile]:
+    """The schema that a file must satisfy: by whether it has pictures, exports, or both."""
+    if "surface" in content:
+        return SurfaceShotFile
+    exports = any(name in content for name in ("flyer", "centre_line"))
+    if "pictures" not in content:
+        return ExportShotFile
+    return FullShotFile if exports else PictureShotFile
+
+
+TOML_LIMIT = 1_000_000
+"""Largest shot.toml that is read [bytes]."""
+
+LONGEST_LINE = 20_000
+"""Most characters of a line: a key of a hundred thousand parts would take a minute to take apart."""
+DEEPEST = 30
+"""Most tables and lists inside each other."""
+END = " (at end of document)"
+"""How `tomllib` says that a file ends inside a value."""
+LINE_SHOWN = 60
+"""Most characters of a line that a message shows."""
+
+SchemaModel = TypeVar("Model", bound=BaseModel)
+
+_HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?")
+_ASSIGNMENT = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*[\w-]+)*)\s*=""")
+
+
+@dataclass(frozen=True)
+class TomlFile:
+    """A parsed file with what is needed to point at its lines."""
+
+    path: Path
+    """The file."""
+    sha256: str
+    """SHA-256 of it, hex."""
+    content: dict[str, Any]
+    """What it says, as written."""
+    lines: dict[str, int]
+    """Dotted key -> line, counted from 1."""
+
+    def error(
+        self, key: str, message: str, *, allowed: str | None = None, cure: str | None = None
+    ) -> InputError:
+        """An error about a declared value, with its line and the value as written."""
+        value: Any = self.content
+        for part in key.split("."):
+            value = value.get(part) if isinstance(value, dict) else None
+        return InputError(
+            self.path,
+            message,
+            line=line_of(self.lines, key),
+            key=key,
+            value=None if isinstance(value, dict) else value,
+            allowed=allowed,
+            cure=cure,
+        )
+
+    def validated(self, model: type[SchemaModel]) -> SchemaModel:
+        """Its declarations by a schema, in SI.
+
+        Raises
+        ------
+        InputError
+            If it declares anything unknown, incomplete or impossible; several problems come as one
+            `InputErrors`.
+        """
+        empty = set(blanks(self.content))
+        try:
+            valid = model.model_validate(self.content)
+        except ValidationError as error:
+            doubtful = without_doubles(model, error.errors())
+            problems = [translate(details, model, self.path, self.lines, empty) for details in doubtful]
+        else:
+            if not empty:
+                return valid
+            problems = []
+        known = {p.key for p in problems if p.message == FILL_IN}
+        cure = "write its value between the quotes"
+        problems += [
+            InputError(self.path, FILL_IN, line=line_of(self.lines, key), key=key, cure=cure)
+            for key in sorted(empty - known)
+        ]
+        once = {(p.key, p.message): p for p in reversed(problems)}.values()
+        refuse(sorted(once, key=lambda p: (p.line is None, p.line)))
+        raise AssertionError("unreachable: there is a problem")
+
+
+@dataclass(frozen=True)
+class ShotToml(TomlFile):
+    """A valid shot file."""
+
+    declared: ShotFile
+    """What it declares, in SI."""
+
+
+Source = str | Path | TomlFile
+"""A shot: its folder, its shot.toml, or that file as it was parsed before."""
+
+
+def parse_toml(path: Path) -> TomlFile:
+    """Parse a file; what it declares is not looked at yet.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is no TOML.
+    """
+    data = read_bytes(path, limit=TOML_LIMIT)
+    text = decode(path, data)
+    long = next((i for i, line in enumerate(text.split("\n"), start=1) if len(line) > LONGEST_LINE), None)
+    if long is not None:
+        raise InputError(
+            path,
+            f"has a line of more than {LONGEST_LINE} characters",
+            line=long,
+            cure="is it the right file? if so, break the list into lines",
+        )
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # beside its own, tomllib lets these two through
+        raise _syntax_error(path, text, str(error)) from None
+    if _depth(content) > DEEPEST:
+        raise InputError(
+            path, f"has more than {DEEPEST} tables and lists inside each other", cure="is it the right file?"
+        )
+    return TomlFile(path, hashlib.sha256(data).hexdigest(), content, key_lines(text))
+
+
+def _depth(content: object) -> int:
+    """How many tables and lists are inside each other; counted without a call inside a call."""
+    level, depth = [content], 0
+    while level := [
+        item
+        for holder in level
+        if isinstance(holder, dict | list)
+        for item in (holder.values() if isinstance(holder, dict) else holder)
+    ]:
+        depth += 1
+        if depth > DEEPEST:
+            break
+    return depth
+
+
+def parsed(source: Source) -> TomlFile:
+    """The shot file of a folder, parsed; one that is parsed already is returned as it is.
+
+    Raises
+    ------
+    InputError
+        If there is none, or as `parse_toml`.
+    """
+    return source if isinstance(source, TomlFile) else parse_toml(find_shot_file(Path(source)))
+
+
+def shot_toml(source: Source) -> ShotToml:
+    """A whole shot file, validated.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, is no TOML, or declares anything unknown, incomplete or impossible;
+        several problems come as one `InputErrors`.
+    """
+    file = parsed(source)
+    if isinstance(file, ShotToml):
+        return file
+    declared = file.validated(schema(file.content))
+    return ShotToml(file.path, file.sha256, file.content, file.lines, declared)
+
+
+def is_bar_driven(file: TomlFile) -> bool:
+    """True if motion and force of a shot come from the gauges of its bars, and from no cameras."""
+    return bool({"gauges", "bars", "recorders"} & set(file.content)) and not {
+        "flyer",
+        "pictures",
+        "frames",
+    } & set(file.content)
+
+
+def key_lines(text: str) -> dict[str, int]:
+    """Lines of the keys: dotted key -> line, counted from 1.
+
+    A key inside an inline table is not listed; `line_of` then gives the line of that table.
+    """
+    lines: dict[str, int] = {}
+    table = ""
+    for number, line in enumerate(text.split("\n"), start=1):
+        header = _HEADER.fullmatch(line.rstrip("\r"))
+        assignment = _ASSIGNMENT.match(line)
+        if header:
+            table = _plain_key(header.group(1))
+            lines.setdefault(table, number)
+        elif assignment:
+            key = _plain_key(assignment.group(1))
+            lines.setdefault(f"{table}.{key}" if table else key, number)
+    return lines
+
+
+def _plain_key(dotted: str) -> str:
+    return ".".join(part.strip().strip("\"'") for part in dotted.split("."))
+
+
+def _syntax_error(path: Path, text: str, message: str) -> InputError:
+    place = re.search(r"\s*\(at line (\d+), column (\d+)\)", message)
+    ended = message.endswith(END)
+    message = message[: place.start()] if place else message.removesuffix(END)
+    column, line, shown = "", None, ""
+    if place:
+        column, line = f" (column {place.group(2)})", int(place.group(1))
+        shown = f": {text.splitlines()[line - 1].strip()[:LINE_SHOWN]!r}"
+    elif ended:
+        line = len(text.splitlines()) or None
+    return InputError(
+        path,
+        f"is not valid TOML: {message}{column}{shown}",
+        line=line,
+        cure='values with units stand in quotes: key = "9.5 mm"'
+        if path.suffix == ".toml"
+        else "give the folder of a shot, or its shot.toml",
+    )
+
+
+SHOT_FILE = "shot.toml"
+
+
+def find_shot_file(path: Path) -> Path:
+    """The shot file of a folder, or the file itself."""
+    if path.is_dir():
+        if not (path / SHOT_FILE).exists():
+            raise InputError(
+                path,
+                f"has no {SHOT_FILE}",
+                cure=f"`kolsky new {path}` writes one to fill in, `kolsky new {path} --bars` one for a test "
+                "between bars",
+            )
+        return path / SHOT_FILE
+    if not path.exists():
+        raise InputError(path, "there is no such folder or file", cure="give the folder of a shot")
+    return path
+
+
+def folder_of(folder_or_toml: str | Path) -> Path:
+    """The folder of a shot that is named by its folder or its shot file."""
+    path = Path(folder_or_toml)
+    return path.parent if path.is_file() else path

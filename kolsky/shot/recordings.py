@@ -1,0 +1,277 @@
+"""Recordings of a shot for its report: force channel, flyer and its path, and a few of its pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dic.basics import cv2
+from dic.outcome import FrameOutcome
+from kolsky.bars.flyer.front_path import BarForce
+from kolsky.base.arrays import FloatArray
+from kolsky.base.errors import InputError
+from kolsky.base.records import FlyerMotion
+from kolsky.pictures.frames import read_frames
+from kolsky.pictures.picture_set import PicturePair, open_pictures, picture_pair
+from kolsky.schema.shot_file import ShotToml, Source, shot_toml
+from kolsky.shot.records import Shot
+
+if TYPE_CHECKING:
+    from dic.result import StereoResult
+
+
+FILM_PICTURES = 24
+"""Most pictures that are kept."""
+FILM_WIDTH = 260
+"""Width of each [px]."""
+MARGIN = 0.2
+"""Share of the specimen's size that is kept around it."""
+JPEG_QUALITY = 75
+"""Of JPEG, 0 to 100: a picture to look at, from which nothing is measured."""
+
+
+@dataclass(frozen=True, eq=False)
+class PictureFilm:
+    """Small pictures of camera 0 with their times."""
+
+    time: FloatArray
+    """Frame times on the shot's clock [s], shape [n]."""
+    jpeg: tuple[bytes, ...]
+    """The pictures, all of one size."""
+
+
+def picture_film(toml: ShotToml, result: StereoResult) -> PictureFilm | None:
+    """Pictures at equal intervals of time, as far as frames have points; None if none can be read.
+
+    Parameters
+    ----------
+    toml
+        The shot's file, with [pictures].
+    result
+        What its pictures gave.
+    """
+    from dic.images import PictureError  # for shots with pictures only
+
+    valid = np.flatnonzero(result.outcome == FrameOutcome.VALID)
+    try:
+        series = open_pictures(toml, read_frames(toml)).series[0]
+    except InputError:
+        return None
+    if not valid.size or series.n_frames != result.outcome.size:
+        return None
+    chosen = valid[np.unique(np.round(np.linspace(0, valid.size - 1, FILM_PICTURES)).astype(int))]
+    rows, columns = part_of_picture(result.specimen.pixels[0][chosen], series.shape)
+    full = float(2**series.bits - 1)
+    times, pictures = [], []
+    for frame in chosen:
+        try:
+            picture = np.asarray(series.frame(int(frame)), dtype=np.float64)[rows, columns]
+        except PictureError:
+            continue
+        height = max(1, round(picture.shape[0] * FILM_WIDTH / picture.shape[1]))
+        grey = np.asarray(np.clip(picture * (255.0 / full), 0.0, 255.0), dtype=np.uint8)
+        small = cv2.resize(grey, (FILM_WIDTH, height), interpolation=cv2.INTER_AREA)
+        pictures.append(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes())
+        times.append(result.t[frame])
+    return PictureFilm(np.array(times), tuple(pictures)) if times else None
+
+
+def part_of_picture(pixels: NDArray[np.float64], shape: tuple[int, int]) -> tuple[slice, slice]:
+    """Rows and columns around all places of the points, `BESIDE` of their extent more on each side.
+
+    Parameters
+    ----------
+    pixels
+        Places (column, row) [px], shape [..., 2]; NaN where a point has none.
+    shape
+        Rows and columns of the picture.
+    """
+    cuts = []
+    for axis, size in ((1, shape[0]), (0, shape[1])):
+        low, high = np.nanmin(pixels[..., axis]), np.nanmax(pixels[..., axis])
+        margin = MARGIN * (high - low)
+        cuts.append(slice(max(0, int(low - margin)), min(size, int(np.ceil(high + margin)) + 1)))
+    return cuts[0], cuts[1]
+
+
+PATH_POINTS = 801
+"""Times at which the fitted path is drawn."""
+DIC_PAGE = "dic.html"
+"""The page of `kolsky dic`, linked if it lies beside the report."""
+
+
+@dataclass(frozen=True)
+class MotionShown:
+    """Motion of the front face, measured and fitted, on the shot's clock."""
+
+    measured_time: FloatArray
+    """Frames, or samples of the bar's face [s], shape [n]."""
+    measured: FloatArray
+    """Displacement toward the specimen from rest on [m], or velocity [m/s], shape [n]."""
+    sigma: FloatArray
+    """Standard deviation of each, as declared or measured, shape [n]."""
+    is_velocity: bool
+    """Whether `measured` is a velocity."""
+    time: FloatArray
+    """Times of the fitted path [s], shape [m]."""
+    position: FloatArray
+    """Its displacement [m], shape [m]."""
+    velocity: FloatArray
+    """Its velocity [m/s], shape [m]."""
+    velocity_sigma: FloatArray
+    """Standard uncertainty of that [m/s], shape [m]."""
+    residual: FloatArray
+    """Measured minus fitted where a path is, in the unit of `measured`; NaN before it, shape [n]."""
+
+
+@dataclass(frozen=True)
+class ShotRecordings:
+    """The recordings behind an identification, as its report shows them."""
+
+    time: FloatArray
+    """Sample times of the force channel on the shot's clock [s], shape [k]."""
+    value: FloatArray
+    """The channel in `unit` as recorded, shape [k]."""
+    unit: str
+    """ "V" of a transducer, "N" where the force comes from the bar's waves."""
+    baseline: tuple[float, float] | None
+    """Window that gives zero and noise [s]; None where the force comes from waves."""
+    zero: float
+    """Mean of the baseline, in `unit`."""
+    window: tuple[float, float]
+    """First and last time that is simulated and compared [s]."""
+    symmetry_end: float | None
+    """Time at which the flyer leaves its first direction [s]; None if it does not or nobody saw."""
+    motion: MotionShown
+    """The flyer, or the bar's face."""
+    surface: dict[str, str] = field(default_factory=dict)
+    """What the pictures gave, in words; empty where nobody correlated any."""
+    surface_file: str = ""
+    """The file with those numbers, beside the report."""
+    surface_page: str = ""
+    """The page about them, beside the report; empty if there is none."""
+    numbers: dict[str, float] = field(default_factory=dict)
+    """The numbers of the surfaces by name, as `kolsky.pictures.summary.numbers` has them; empty likewise."""
+    pair: PicturePair | str = ""
+    """A pair of the pictures with the points on it, or why there is none."""
+    film: PictureFilm | None = None
+    """A few small pictures through the test; None if there are none."""
+
+
+def shot_recordings(shot: Shot, folder: Path) -> ShotRecordings:
+    """The recordings of a shot as its report shows them.
+
+    Parameters
+    ----------
+    shot
+        The shot.
+    folder
+        Where its results are.
+
+    Raises
+    ------
+    InputError
+        If its pictures were correlated but the file with the result cannot be read.
+    ValueError
+        If the flyer's record cannot be used.
+    """
+    channel = shot.force
+    if isinstance(channel, BarForce):
+        time, value, unit, baseline, zero = channel.time, channel.raw_force(), "N", None, 0.0
+    else:
+        time, value, unit = channel.time, channel.recording.value, channel.recording.unit
+        baseline, zero = channel.baseline, float(channel.baseline_volts().mean())
+    return ShotRecordings(
+        time=time,
+        value=value,
+        unit=unit,
+        baseline=baseline,
+        zero=zero,
+        window=shot.window,
+        symmetry_end=shot.symmetry_end,
+        motion=_motion(shot),
+        # Where bars are the only instruments there are no pictures; nor where nobody read a file.
+        **(surface_of(shot.file, folder) if shot.file and isinstance(shot.flyer, FlyerMotion) else {}),
+    )
+
+
+def recording_facts(shot: Shot) -> dict[str, Any]:
+    """The numbers with which the force and the flyer were read, for `provenance`; SI, JSON types."""
+    window = {"window_start_s": shot.window[0], "window_end_s": shot.window[1]}
+    symmetry = {} if shot.symmetry_end is None else {"symmetry_end_s": shot.symmetry_end}
+    motion = shot.flyer
+    if isinstance(motion, FlyerMotion):
+        moved = {"frames": int(motion.time.size), "flyer_sigma_m": float(np.median(motion.sigma))}
+    else:
+        moved = {"front_noise_m_per_s": motion.noise, "front_samples": int(motion.time.size)}
+    channel = shot.force
+    if isinstance(channel, BarForce):
+        force: dict[str, Any] = {"force_from": "waves in the transmission bar"}
+    else:
+        rest = channel.baseline_volts()
+        force = {
+            "force_from": "transducer",
+            "channel": channel.recording.channel,
+            "sampling_interval_s": float(np.median(np.diff(channel.time))),
+            "baseline_s": list(channel.baseline),
+            "baseline_V": float(rest.mean()),
+            "noise_V": float(rest.std(ddof=1)),
+            "sensitivity_V_per_N": channel.transducer.sensitivity,
+            "compression": "positive volts" if channel.transducer.compression_sign > 0 else "negative volts",
+            "clock_offset_s": channel.clock_offset,
+        }
+    return {**force, **moved, **window, **symmetry}
+
+
+def _motion(shot: Shot) -> MotionShown:
+    path = shot.flyer_path
+    grid = np.linspace(path.start, path.end, PATH_POINTS)
+    motion = shot.flyer
+    inside = (motion.time >= path.start) & (motion.time <= path.end)
+    residual = np.full(motion.time.size, np.nan)
+    if isinstance(motion, FlyerMotion):
+        measured, sigma = motion.displacement - path.zero, motion.sigma
+        residual[inside] = measured[inside] - path.position(motion.time[inside])
+    else:
+        measured, sigma = motion.velocity, np.full(motion.time.size, motion.noise)
+        residual[inside] = measured[inside] - path.velocity(motion.time[inside])
+    return MotionShown(
+        measured_time=motion.time,
+        measured=measured,
+        sigma=sigma,
+        is_velocity=not isinstance(motion, FlyerMotion),
+        time=grid,
+        position=path.position(grid),
+        velocity=path.velocity(grid),
+        velocity_sigma=path.sigma_velocity(grid),
+        residual=residual,
+    )
+
+
+def surface_of(source: Source, folder: Path) -> dict[str, Any]:
+    """The numbers of the stereo result, for a shot that was measured from its pictures."""
+    toml = shot_toml(source)
+    declared = toml.declared
+    from_files = declared.surface is not None or (
+        declared.flyer is not None and declared.centre_line is not None
+    )
+    if from_files:
+        return {}
+    from kolsky.pictures.dic_file import read_stereo_result
+    from kolsky.pictures.summary import numbers, printed
+    from kolsky.shot.optical_data import RESULT_FILE
+
+    result = read_stereo_result(folder / RESULT_FILE)
+    page = DIC_PAGE if (folder / DIC_PAGE).is_file() else ""
+    return {
+        "surface": printed(result),
+        "surface_file": RESULT_FILE,
+        "surface_page": page,
+        "numbers": numbers(result),
+        "pair": picture_pair(toml, result),
+        "film": picture_film(toml, result),
+    }

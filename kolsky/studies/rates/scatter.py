@@ -1,0 +1,449 @@
+"""Mean and rate slope of several values with known uncertainties and an unknown scatter between them.
+
+y_i = x_i . b + t_i + e_i with e_i of the known standard uncertainty s_i and t_i ~ (0, tau^2), Eq. (S.2).
+A slope needs a minimum of shots, of the span of their rates, and no single shot with a large leverage.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import chi2
+from scipy.stats import t as student
+
+from kolsky.base.arrays import FloatArray
+
+Between = Literal["paule-mandel", "dersimonian-laird", "reml"]
+METHODS: tuple[Between, ...] = ("paule-mandel", "dersimonian-laird", "reml")
+"""Estimators of the scatter between shots."""
+
+
+@dataclass(frozen=True)
+class MixedFit:
+    """A weighted least-squares fit whose weights know the scatter between the values."""
+
+    coefficients: FloatArray
+    """b, unit of the values over that of the column, shape [p]."""
+    gain: FloatArray
+    """How each value moves each coefficient, shape [p, n]."""
+    covariance: FloatArray
+    """(X' W X)^-1 with W = 1 / (s^2 + tau^2), shape [p, p]."""
+    common: FloatArray
+    """Covariance of the coefficients from what the values share, shape [p, p]."""
+    between: float
+    """tau, the standard deviation between the values beyond their own uncertainties, in their unit."""
+    q: float
+    """Cochran's Q: residual sum of squares in units of s alone [-]."""
+    freedom: int
+    """Degrees of freedom n - p."""
+    scale: float
+    """Knapp and Hartung's factor on the covariance, Eq. (S.5) [-]."""
+    leverage: FloatArray
+    """Diagonal of the hat matrix, shape [n]: how far a value pulls the fit through itself, from 0 to 1."""
+
+    @property
+    def i_squared(self) -> float:
+        """I^2 = (Q - f) / Q, not below zero: the share of the scatter that the uncertainties s leave [-]."""
+        return max(0.0, (self.q - self.freedom) / self.q) if self.q > 0.0 else 0.0
+
+    def sigma(self, index: int) -> float:
+        """Standard uncertainty of a coefficient, what is shared included."""
+        return float(np.sqrt(self._own(index) + self.common[index, index]))
+
+    def effective_freedom(self, index: int) -> float:
+        """Degrees of freedom by Welch and Satterthwaite; what is shared counts as known exactly."""
+        own = self._own(index)
+        return float(self.freedom * ((own + self.common[index, index]) / own) ** 2)
+
+    def interval(self, index: int, probability: float = 0.95) -> tuple[float, float]:
+        """Interval of a coefficient by Student's t with Knapp and Hartung's variance, Eq. (S.6)."""
+        half = float(student.ppf(0.5 + 0.5 * probability, self.effective_freedom(index))) * self.sigma(index)
+        return float(self.coefficients[index] - half), float(self.coefficients[index] + half)
+
+    def _own(self, index: int) -> float:
+        # Below 1 the factor would narrow the interval because the values happen to agree.
+        return float(self.covariance[index, index] * max(1.0, self.scale))
+
+
+def mixed_fit(
+    values: FloatArray,
+    sigma: FloatArray,
+    columns: FloatArray,
+    *,
+    common: FloatArray | None = None,
+    method: Between = "paule-mandel",
+) -> MixedFit:
+    """Fit y = X b with the scatter between the values estimated.
+
+    Parameters
+    ----------
+    values
+        y, shape [n].
+    sigma
+        Standard uncertainties s that are independent from value to value, all > 0, shape [n].
+    columns
+        X, shape [n, p] with p < n and of full rank.
+    common
+        Each row one quantity that several values share: by how much each of them moves when it moves by its
+        standard uncertainty, shape [n_shared, n]. It does not enter the weights.
+    method
+        How tau is estimated.
+
+    Raises
+    ------
+    ValueError
+        If shapes disagree, a number is not finite, a sigma is not positive, there are too few values, or the
+        columns do not determine the coefficients.
+    """
+    y, s, X = (np.asarray(a, dtype=float) for a in (values, sigma, columns))
+    shared = np.zeros((0, y.size)) if common is None else np.asarray(common, dtype=float)
+    if X.ndim != 2 or y.shape != s.shape or y.shape != X.shape[:1] or shared.shape[1:] != y.shape:
+        raise ValueError(f"got {y.shape} values, {s.shape} sigmas, {X.shape} columns, {shared.shape} shared")
+    if not all(np.isfinite(a).all() for a in (y, s, X, shared)):
+        raise ValueError("every value, sigma and column must be finite")
+    if not (s > 0.0).all():
+        raise ValueError(f"every sigma must be > 0, the smallest is {s.min():.3g}")
+    n, p = X.shape
+    if n <= p:
+        raise ValueError(f"{p} coefficients with a scatter need at least {p + 1} values, got {n}")
+    if np.linalg.matrix_rank(X) < p:
+        raise ValueError(f"the {p} columns do not determine {p} coefficients: two of them go together")
+    variance = _between(y, s, X, method)
+    b, gain, covariance = _least_squares(y, s**2 + variance, X)
+    return MixedFit(
+        coefficients=b,
+        gain=gain,
+        covariance=covariance,
+        common=gain @ shared.T @ shared @ gain.T,
+        between=float(np.sqrt(variance)),
+        q=_generalised_q(y, s**2, X),
+        freedom=n - p,
+        scale=_generalised_q(y, s**2 + variance, X) / (n - p),
+        leverage=np.einsum("ip,pi->i", X, gain),
+    )
+
+
+def _least_squares(
+    y: FloatArray, variance: FloatArray, X: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Weighted least squares: coefficients, gain and covariance."""
+    covariance = np.linalg.inv(X.T @ (X / variance[:, None]))
+    gain = covariance @ (X.T / variance)
+    return np.asarray(gain @ y), np.asarray(gain), np.asarray(covariance, dtype=np.float64)
+
+
+def _generalised_q(y: FloatArray, variance: FloatArray, X: FloatArray) -> float:
+    residual = y - X @ _least_squares(y, variance, X)[0]
+    return float(np.sum(residual**2 / variance))
+
+
+def _between(y: FloatArray, s: FloatArray, X: FloatArray, method: Between) -> float:
+    """tau^2, not below zero."""
+    n, p = X.shape
+    if method == "dersimonian-laird":
+        w = s**-2.0
+        inner = np.linalg.inv(X.T @ (X * w[:, None])) @ (X.T @ (X * (w**2)[:, None]))
+        return max(0.0, float((_generalised_q(y, s**2, X) - (n - p)) / (w.sum() - np.trace(inner))))
+    if method not in METHODS:
+        raise ValueError(f"{method!r} is no estimator of the scatter; there are {', '.join(METHODS)}")
+
+    def excess(variance: float) -> float:
+        total = s**2 + variance
+        if method == "paule-mandel":  # Eq. (S.4): Q at the final weights is what chance alone would give
+            return _generalised_q(y, total, X) - (n - p)
+        gain = _least_squares(y, total, X)[1]
+        P = (np.eye(n) - X @ gain) / total[:, None]
+        Py = P @ y
+        return float((Py @ Py - np.trace(P)) * total.mean())  # the restricted likelihood's score
+
+    if excess(0.0) <= 0.0:
+        return 0.0
+    upper = float(np.var(y) + (s**2).max())
+    while excess(upper) > 0.0:
+        upper *= 4.0
+    return float(brentq(excess, 0.0, upper, xtol=1e-14 * upper, rtol=1e-13))
+
+
+FEWEST_POOLED = 2
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """The mean of some shots."""
+
+    fit: MixedFit
+    """The fit with Paule and Mandel's scatter."""
+    scatter: float
+    """Experimental standard deviation s of the shots, n - 1."""
+    others: dict[str, tuple[float, float]]
+    """By method: the mean and tau that each estimator of the scatter gives."""
+    leave_one_out: tuple[MixedFit | None, ...]
+    """The fit without each shot in turn; None where fewer than two would be left."""
+
+    @property
+    def mean(self) -> float:
+        """The random-effects mean."""
+        return float(self.fit.coefficients[0])
+
+    @property
+    def sigma(self) -> float:
+        """Its standard uncertainty, what the shots share included."""
+        return self.fit.sigma(0)
+
+    @property
+    def sigma_common(self) -> float:
+        """The part that the shots share: more shots do not lessen it."""
+        return float(np.sqrt(self.fit.common[0, 0]))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval of the mean, Eq. (S.6)."""
+        return self.fit.interval(0)
+
+    @property
+    def probability(self) -> float:
+        """Probability that shots which differ by nothing but their own uncertainties have this Q or more."""
+        return float(chi2.sf(self.fit.q, self.fit.freedom))
+
+    @property
+    def prediction(self) -> tuple[float, float]:
+        """The 95 % prediction interval of one more shot, Eq. (S.7): wider than that of the mean."""
+        half = float(student.ppf(0.975, self.fit.freedom)) * float(np.hypot(self.fit.between, self.sigma))
+        return self.mean - half, self.mean + half
+
+
+def pool(values: FloatArray, sigma: FloatArray, *, common: FloatArray | None = None) -> Pooled:
+    """Mean of shots with their scatter.
+
+    Parameters
+    ----------
+    values
+        Estimates, shape [n], n >= 2.
+    sigma
+        Their independent standard uncertainties, shape [n].
+    common
+        What they share, see `kolsky.studies.rates.scatter.mixed_fit`, shape [n_shared, n].
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two, or a number cannot be used.
+    """
+    y, s = np.asarray(values, dtype=float), np.asarray(sigma, dtype=float)
+    if y.size < FEWEST_POOLED:
+        raise ValueError(f"a scatter between shots needs at least {FEWEST_POOLED} of them, got {y.size}")
+    shared = np.zeros((0, y.size)) if common is None else np.asarray(common, dtype=float)
+    ones = np.ones((y.size, 1))
+    fits = {name: mixed_fit(y, s, ones, common=shared, method=name) for name in METHODS}
+    without: list[MixedFit | None] = []
+    for i in range(y.size):
+        kept = np.arange(y.size) != i
+        enough = int(kept.sum()) >= FEWEST_POOLED
+        without.append(mixed_fit(y[kept], s[kept], ones[kept], common=shared[:, kept]) if enough else None)
+    return Pooled(
+        fit=fits["paule-mandel"],
+        scatter=float(y.std(ddof=1)),
+        others={name: (float(fit.coefficients[0]), fit.between) for name, fit in fits.items()},
+        leave_one_out=tuple(without),
+    )
+
+
+FEWEST_FOR_SLOPE = 4
+"""Fewest shots of a slope: two coefficients, and two degrees of freedom for the scatter."""
+LEAST_SPAN = 0.5
+"""Least span of the shots' rates [decade]: "per decade" then extrapolates at most twofold."""
+LEAST_RATIO = 4.0
+"""Least span over the rate's spread inside one test: the k = 2 ranges of the slowest and the fastest part."""
+LARGEST_LEVERAGE = 0.9
+"""Largest leverage of one shot: nine tenths of its error go into the line, one tenth shows beside it."""
+LARGEST_HALF_WIDTH = 1.0
+"""Largest half width of the slope's interval per decade, over the mean stiffness."""
+
+
+class SlopeVerdict(StrEnum):
+    """The verdict on a slope."""
+
+    REFUSED = "no slope: the rates do not carry one"
+    NONE_SEEN = "no rate sensitivity seen; the interval bounds it"
+    SENSITIVE = "rate sensitive over the rates tested"
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One condition of a slope."""
+
+    name: str
+    """What is asked."""
+    value: float
+    """What the shots have; infinite where nothing limits it."""
+    limit: float
+    """What is needed."""
+    unit: str
+    """Unit of both, "1" if none."""
+    at_least: bool
+    """Whether the value must reach the limit; else it must not exceed it."""
+    why: str
+    """What goes wrong otherwise."""
+
+    @property
+    def met(self) -> bool:
+        """True if the condition holds."""
+        return self.value >= self.limit if self.at_least else self.value <= self.limit
+
+
+@dataclass(frozen=True)
+class Slope:
+    """Stiffness factor against the decimal logarithm of the rate, Eq. (S.8)."""
+
+    fit: MixedFit | None
+    """Coefficients: stiffness factor at the reference rate, and slope per decade; None if no line has a
+    scatter about it: fewer than three shots, or one rate."""
+    reference: float
+    """Geometric mean of the shots' rates [1/s]."""
+    span: float
+    """Decades between the slowest and the fastest shot."""
+    criteria: tuple[Criterion, ...]
+    """Every condition, in order."""
+    leave_one_out: tuple[MixedFit | None, ...]
+    """The line without each shot in turn."""
+
+    @property
+    def verdict(self) -> SlopeVerdict:
+        """The verdict on the slope."""
+        if self.fit is None or not all(c.met for c in self.criteria):
+            return SlopeVerdict.REFUSED
+        low, high = self.fit.interval(1)
+        return SlopeVerdict.NONE_SEEN if low <= 0.0 <= high else SlopeVerdict.SENSITIVE
+
+    def band(self, log_rates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The 95 % band of the line, pointwise, at decimal logarithms of rates: low and high, shape [k] both.
+
+        Raises
+        ------
+        ValueError
+            If there is no line.
+        """
+        if self.fit is None:
+            raise ValueError("there is no line through fewer than three shots, or through one rate")
+        columns = np.column_stack([np.ones(np.size(log_rates)), log_rates - np.log10(self.reference)])
+        own = np.einsum("ip,pq,iq->i", columns, self.fit.covariance * max(1.0, self.fit.scale), columns)
+        both = own + np.einsum("ip,pq,iq->i", columns, self.fit.common, columns)
+        half = student.ppf(0.975, self.fit.freedom * (both / own) ** 2) * np.sqrt(both)
+        middle = columns @ self.fit.coefficients
+        return middle - half, middle + half
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Reasons why a slope is refused, one sentence each."""
+        return tuple(c.why for c in self.criteria if not c.met)
+
+
+def slope(
+    rates: FloatArray,
+    spreads: FloatArray,
+    values: FloatArray,
+    sigma: FloatArray,
+    *,
+    common: FloatArray | None = None,
+) -> Slope:
+    """Meta-regression on log10 rate, with the conditions that a claim must meet.
+
+    Parameters
+    ----------
+    rates
+        Nominal strain rate of each shot [1/s], shape [n].
+    spreads
+        Standard uncertainty of log10 rate as the rate of a whole test: its spread inside the test, and the
+        noise of its mean [decade], shape [n].
+    values, sigma, common
+        As in `kolsky.studies.rates.scatter.pool`.
+
+    Raises
+    ------
+    ValueError
+        If a rate is not positive, or a number cannot be used.
+    """
+    v, spread, y, s = (np.asarray(a, dtype=float) for a in (rates, spreads, values, sigma))
+    if v.size == 0 or not ((v > 0.0) & np.isfinite(v)).all():
+        raise ValueError("every strain rate must be finite and > 0 1/s, and there must be one")
+    shared = np.zeros((0, y.size)) if common is None else np.asarray(common, dtype=float)
+    x = np.log10(v) - np.log10(v).mean()
+    span = float(x.max() - x.min())
+    fit = _line(x, y, s, shared)
+    without = []
+    for i in range(y.size):
+        kept = np.arange(y.size) != i
+        without.append(_line(x[kept], y[kept], s[kept], shared[:, kept]))
+    return Slope(
+        fit=fit,
+        reference=float(10.0 ** np.log10(v).mean()),
+        span=span,
+        criteria=_criteria(fit, span, float(np.sqrt(np.mean(spread**2))), y),
+        leave_one_out=tuple(without),
+    )
+
+
+def _line(x: FloatArray, y: FloatArray, s: FloatArray, shared: FloatArray) -> MixedFit | None:
+    if y.size < 3 or float(np.ptp(x)) < 1e-9:
+        return None
+    return mixed_fit(y, s, np.column_stack([np.ones(y.size), x]), common=shared)
+
+
+def _criteria(fit: MixedFit | None, span: float, spread: float, y: FloatArray) -> tuple[Criterion, ...]:
+    ratio = span / spread if spread > 0.0 else np.inf
+    found = [
+        Criterion(
+            "shots",
+            float(y.size),
+            float(FEWEST_FOR_SLOPE),
+            "1",
+            True,
+            f"there are {y.size} shots, {FEWEST_FOR_SLOPE} needed",
+        ),
+        Criterion(
+            "span of the rates",
+            span,
+            LEAST_SPAN,
+            "decade",
+            True,
+            f"the shots' rates span {span:.2f} decade, {LEAST_SPAN:g} are needed: a slope per decade would"
+            " extrapolate them more than twofold",
+        ),
+        Criterion(
+            "span over the spread of the rate inside a test",
+            ratio,
+            LEAST_RATIO,
+            "1",
+            True,
+            f"the span is {ratio:.1f} times the {spread:.2f} decade by which the rate spreads inside a test,"
+            f" {LEAST_RATIO:g} times are needed: the shots are not tests at different rates",
+        ),
+    ]
+    if fit is None:
+        return tuple(found)
+    low, high = fit.interval(1)
+    width = 0.5 * (high - low) / abs(float(y.mean()))
+    leverage = float(fit.leverage.max())
+    return (
+        *found,
+        Criterion(
+            "largest leverage of one shot",
+            leverage,
+            LARGEST_LEVERAGE,
+            "1",
+            False,
+            f"one shot has a leverage of {leverage:.2f}, at most {LARGEST_LEVERAGE:g} is allowed: its error"
+            " would go into the line and not show beside it: repeat the test at that rate",
+        ),
+        Criterion(
+            "half width of the slope's interval over the mean",
+            width,
+            LARGEST_HALF_WIDTH,
+            "1/decade",
+            False,
+            f"the scatter leaves the slope uncertain by {100.0 * width:.0f} % of the stiffness per decade, at"
+            f" most {100.0 * LARGEST_HALF_WIDTH:.0f} % is allowed: nothing would be excluded",
+        ),
+    )

@@ -1,0 +1,339 @@
+"""A new shot file: a blank one filled in from the folder's files and recordings, or the next one of a
+series."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.base.errors import InputError
+from kolsky.base.units import unit_factor
+from kolsky.readers.contents import Channel, Contents
+from kolsky.readers.header import si_unit
+from kolsky.readers.recordings import read_contents
+from kolsky.survey.tables import (
+    ColumnEntry,
+    Survey,
+    TableEntry,
+    displacement_of,
+    quoted,
+    sigma_of,
+    strain_of,
+    stress_of,
+    voltage_of,
+)
+
+BLANK = '""'
+"""A value that is to be filled in."""
+COLUMN = 38
+"""Where the remark of a line begins."""
+PER_SHOT = ("specimen.diameter", "specimen.length", "frames.static")
+"""Keys that the next shot of a series does not share with the last."""
+SHIFT = "on the file's clock"
+_TABLE = re.compile(r"\[\s*([\w.]+)\s*\]")
+_VALUE = r"""(?P<value>"[^"]*"|\{.*?\}|\[.*?\]|[^\s#]+)"""
+_LINE = re.compile(rf"(?P<off># )?(?P<key>\w+) = {_VALUE}(?P<rest>\s*(?:#.*)?)")
+
+
+def fill_in(text: str, values: Mapping[str, str | None]) -> str:
+    """A shot file with other values, its remarks kept.
+
+    Parameters
+    ----------
+    text
+        The shot file.
+    values
+        Dotted key -> value as TOML writes it; None turns the line into a remark. A line that is a remark is
+        taken out of it.
+
+    Raises
+    ------
+    KeyError
+        If a key has no line.
+    """
+    table, lines, left = "", [], dict(values)
+    for line in text.split("\n"):
+        header, found = _TABLE.match(line.lstrip("# ")), _LINE.fullmatch(line)
+        if (header and not line.startswith("# ")) or (header and "=" not in line):
+            table = header.group(1)
+        key = f"{table}.{found['key']}" if found else ""
+        if key in left and (found["off"] is None or left[key] is not None):  # type: ignore[index]
+            lines.append(_written(found, left.pop(key)))  # type: ignore[arg-type]
+        else:
+            lines.append(line)
+    if left:
+        raise KeyError(f"no line for {', '.join(left)}")
+    return "\n".join(lines)
+
+
+def _written(found: re.Match[str], value: str | None) -> str:
+    remark = found["rest"].strip()
+    head = f"{found['key']} = {value}" if value is not None else f"# {found['key']} = {found['value']}"
+    return f"{head:<{COLUMN - 1}} {remark}" if remark else head
+
+
+def with_notes(text: str, notes: Mapping[str, str]) -> str:
+    """A shot file with remarks in lines of their own, each above the line of its dotted key."""
+    table, lines = "", []
+    for line in text.split("\n"):
+        header, found = _TABLE.match(line), _LINE.fullmatch(line)
+        if header:
+            table = header.group(1)
+        if found and found["off"] is None and (said := notes.get(f"{table}.{found['key']}")):
+            lines.append(f"# {said}")
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def values_of(found: Survey) -> dict[str, str | None]:
+    """Dotted key -> value, for all that the files of a folder say beyond doubt."""
+    parts, values = found.parts, dict[str, str | None]()
+    frames = parts.get("frames", parts.get("flyer"))
+    for name, table in (("frames", frames), *parts.items()):
+        if table is None or f"{name}.file" in values:
+            continue
+        values[f"{name}.file"] = quoted(table.path.name)
+        if table.layout:
+            values[f"{name}.layout"] = table.toml_layout()
+        if table.frame is not None and name in ("frames", "flyer", "centre_line"):
+            values[f"{name}.frame"] = quoted(table.frame.name)
+        if name == "force" and table.clock is not None:
+            values["force.time"] = None  # the layout says how to read it
+        elif table.time is not None and name != "curve":
+            values[f"{name}.time"] = table.time.toml()
+    chosen: dict[str, ColumnEntry | None] = {}
+    if "force" in parts:
+        chosen["force.voltage"] = voltage_of(parts["force"])
+    if "flyer" in parts:
+        chosen["flyer.displacement"] = displacement_of(parts["flyer"])
+    if "centre_line" in parts:
+        line = parts["centre_line"]
+        chosen |= {"centre_line.y": line.only(r"y\b", "m"), "centre_line.Z": line.only(r"z\b", "m")}
+        if (sigma := sigma_of(line)) is not None:
+            chosen["centre_line.sigma_column"], values["centre_line.sigma"] = sigma, None
+    if "curve" in parts:
+        chosen |= {"curve.strain": strain_of(parts["curve"]), "curve.stress": stress_of(parts["curve"])}
+    return values | {key: column.toml() for key, column in chosen.items() if column is not None}
+
+
+def notes_of(found: Survey) -> dict[str, str]:
+    """Dotted key -> remark: what the files say that helps to fill in what they do not."""
+    notes = {}
+    parts = found.parts
+    frames = parts.get("frames", parts.get("flyer"))
+    for name, table in (("force", parts.get("force")), ("frames", frames)):
+        if table is not None and (clock := _clock_text(table)):
+            notes[f"{name}.clock_offset"] = f"{table.path.name}: {clock}"
+    if frames is not None and frames.time is not None and frames.time.unit:
+        before = int((frames.time.values * unit_factor(frames.time.unit, "s") <= 0.0).sum())
+        notes["frames.static"] = f"{before} frames of {frames.time.values.size} have times up to 0 {SHIFT}"
+    if (force := parts.get("force")) is not None:
+        first = float(force.seconds()[0])
+        if np.isfinite(first):
+            notes["force.baseline"] = f"the record begins at {microseconds(first)} {SHIFT}"
+        if voltage_of(force) is None:
+            notes["force.voltage"] = "one of " + ", ".join(
+                c.toml() for c in force.columns[:9] if c != force.time
+            )
+    return notes
+
+
+def _clock_text(table: TableEntry) -> str:
+    """First and last time and the step of a file, in words; empty where they are not known."""
+    first, last, step = table.seconds().tolist()
+    if not np.isfinite([first, last, step]).all():
+        return ""
+    return f"{microseconds(first)} to {microseconds(last)}, every {microseconds(step)}, {SHIFT}"
+
+
+def microseconds(seconds: float) -> str:
+    """A time as text."""
+    return f"{1e6 * seconds:.6g} us"
+
+
+def next_of_series(text: str, folder: Path, found: Survey) -> str:
+    """The shot file of the last shot made into the next one's.
+
+    The apparatus stays; what each shot has of its own is blank, and a file that is not in the folder is
+    replaced by the one that was found for its part, with its columns, or is blank.
+
+    Parameters
+    ----------
+    text
+        The last shot's file.
+    folder
+        The next shot's folder.
+    found
+        What is in it.
+    """
+    declared = dict(_declared_value(text))
+    changed: dict[str, str | None] = {key: BLANK for key in PER_SHOT if key in declared}
+    if "name" in declared:
+        changed["name"] = None
+    new = values_of(found)
+    for key, value in declared.items():
+        part, _, name = key.partition(".")
+        if name == "file" and not (folder / value.strip('"')).is_file():
+            changed |= {k: v for k, v in new.items() if k.startswith(f"{part}.") and (k in declared)}
+            changed.setdefault(key, BLANK)
+    top = {key: value for key, value in changed.items() if "." not in key}
+    below = {key: value for key, value in changed.items() if "." in key}
+    for key in top:
+        text = re.sub(rf"(?m)^{key} = ", f"# {key} = ", text, count=1)
+    return fill_in(text, below)
+
+
+def _declared_value(text: str) -> Iterator[tuple[str, str]]:
+    """Dotted key -> value as written, of the lines that are no remarks."""
+    table = ""
+    for line in text.split("\n"):
+        header, found = _TABLE.match(line), _LINE.fullmatch(line)
+        if header:
+            table = header.group(1)
+        elif found and found["off"] is None:
+            yield (f"{table}.{found['key']}" if table else found["key"]), found["value"]
+
+
+_INCIDENT_WORDS = re.compile(r"(?<![a-z])(inc|input|eingang|einfall|entr|in(?![a-z]))", re.IGNORECASE)
+_TRANSMITTED_WORDS = re.compile(r"(?<![a-z])(tra(?!in|ck|ce)|out|ausgang|sortie)", re.IGNORECASE)
+SIDES = {"incident": _INCIDENT_WORDS, "transmission": _TRANSMITTED_WORDS}
+"""How a word in the name of a bar's channel begins."""
+REST_SHARE = 0.05
+"""Share of a record's beginning that is taken for rest, to say when a signal leaves it."""
+ONSET_SIGMAS = 8.0
+"""Standard deviations of the rest beyond which five samples in a row have left it."""
+
+Signal = tuple[str, Channel]
+"""Name of the recorder, and a channel of its file."""
+
+
+def with_recordings(text: str, found: Survey) -> str:
+    """The blank file with recorders, channels and, as remarks, what the recordings show.
+
+    A channel is written where its name says its bar, else it stays blank and the channels are listed.
+
+    Parameters
+    ----------
+    text
+        The blank file.
+    found
+        What is in the folder.
+    """
+    recorders = _recorders(found.recordings)
+    if not recorders:
+        return text
+    text = text.replace(_block(text), "".join(_recorder(n, c) for n, c in recorders.items()), 1)
+    signals = [(name, channel) for name, contents in recorders.items() for channel in contents.channels]
+    values: dict[str, str | None] = {}
+    notes: dict[str, str] = {}
+    for side, pattern in SIDES.items():
+        table = f"gauges.{side}"
+        own = [s for s in signals if pattern.search(s[1].name)]
+        if not own:  # one file a bar, of which the files' names say which
+            own = [s for s in signals if pattern.search(s[0])]
+        if 1 <= len(own) <= 2:
+            values |= _chosen(table, own, text)
+            if (at := _leaves_rest(own[0][1])) is not None:
+                notes[f"{table}.baseline"] = (
+                    f"{own[0][1].name} leaves the level of its beginning at about {microseconds(at)} on the "
+                    "file's clock"
+                )
+        else:
+            notes[f"{table}.channels"] = "one of " + ", ".join(map(_described, signals[:9]))
+            if len(recorders) > 1:
+                values[f"{table}.recorder"] = '""'
+            else:
+                values[f"{table}.recorder"] = quoted(next(iter(recorders)))
+    return with_notes(fill_in(text, values), notes)
+
+
+def _recorders(tables: tuple[TableEntry, ...]) -> dict[str, Contents]:
+    """Name in the shot file -> contents of each recording."""
+    found: dict[str, Contents] = {}
+    for table in tables:
+        name = re.sub(r"\W+", "_", table.path.stem).strip("_") or "scope"
+        while name in found:
+            name += "_2"
+        found["scope" if len(tables) == 1 else name] = read_contents(table.path)
+    return found
+
+
+def _block(text: str) -> str:
+    """The lines of the recorder of the blank file, up to the gauges."""
+    return text[text.index("[recorders.scope]") : text.index("[gauges.incident]")]
+
+
+def _recorder(name: str, contents: Contents) -> str:
+    """A recorder's table, with its clock as a remark."""
+    lines = [f"[recorders.{name}]", f"file = {quoted(contents.path.name)}"]
+    try:
+        clock = contents.channels[0].clock()
+    except InputError as error:
+        lines.append(f"# {error.message}")
+        key, hint = "interval", 'from the recorder\'s settings, e.g. "80 ns"'
+        if "has no unit" in error.message:
+            key, hint = "time_unit", '"s", "ms", "us" or "ns"'
+        lines.append(_blank(key, hint))
+    else:
+        last = clock.start + clock.interval * (contents.channels[0].samples - 1)
+        span = f"{microseconds(clock.start)} to {microseconds(last)}"
+        lines.append(f"# {span}, every {microseconds(clock.interval)}, on the file's clock: {clock.source}")
+    if any(channel.unit is None for channel in contents.channels):
+        lines.append(_blank("unit", 'the file does not say it: "V", "mV", "strain"'))
+    lines.append(_blank("clock_offset", "\"0 us\" where it is the shot's: clock = the file's time + this"))
+    return "\n".join(lines) + "\n\n"
+
+
+def _blank(key: str, hint: str) -> str:
+    """A line that is to be filled in."""
+    head = f'{key} = ""'
+    return f"{head:<{COLUMN - 1}} # {hint}"
+
+
+def _described(signal: Signal) -> str:
+    """A channel with its recorder and the time at which it leaves its rest."""
+    recorder, channel = signal
+    at = _leaves_rest(channel)
+    when = "" if at is None else f", leaves its rest at about {microseconds(at)}"
+    return f"{quoted(channel.name)} ({recorder}{when})"
+
+
+def _chosen(table: str, own: list[Signal], text: str) -> dict[str, str | None]:
+    """Recorder, channels and, of a file of strains, the calibration of one gauge."""
+    recorders = [recorder for recorder, _ in own]
+    one = quoted(recorders[0]) if len(set(recorders)) == 1 else f"[{', '.join(map(quoted, recorders))}]"
+    values: dict[str, str | None] = {
+        f"{table}.recorder": one,
+        f"{table}.channels": f"[{', '.join(quoted(channel.name) for _, channel in own)}]",
+    }
+    known = si_unit(own[0][1].unit or "")
+    if known is not None and known[0] == "1" and f"{table}.strain" in _keys(text):
+        values |= {f"{table}.strain_per_volt": None, f"{table}.strain": "true"}
+    return values
+
+
+def _keys(text: str) -> Mapping[str, None]:
+    """Dotted keys that have a line in the file, remarks included."""
+    table, found = "", dict[str, None]()
+    for line in text.split("\n"):
+        if header := re.match(r"\[([\w.]+)\]", line):
+            table = header.group(1)
+        elif key := re.match(r"(?:# )?(\w+) = ", line):
+            found[f"{table}.{key.group(1)}"] = None
+    return found
+
+
+def _leaves_rest(channel: Channel) -> float | None:
+    """Time at which a signal leaves the level of its beginning [s], on the file's clock; None if unknown."""
+    try:
+        values, clock = channel.values(), channel.clock()
+    except InputError:
+        return None
+    rest = values[: max(20, int(REST_SHARE * values.size))]
+    scatter = max(float(rest.std()), float(np.ptp(values)) * 1e-4)
+    away = np.abs(values - rest.mean()) > ONSET_SIGMAS * scatter
+    run = np.flatnonzero(np.convolve(away, np.ones(5), "valid") > 4.5)
+    return clock.start + clock.interval * int(run[0]) if run.size else None

@@ -1,0 +1,141 @@
+"""A survey of a folder's pictures: which series are the test's and which show a calibration target.
+
+What the files say beyond doubt is found: two series with a picture for each frame, two others with one number
+of pictures. Which camera is which is told by the order of their names alone, and is said.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from kolsky.survey.new_file import BLANK
+from kolsky.survey.tables import Survey, quoted
+
+ONE_FILE = (".tif", ".tiff", ".cine", ".mraw", ".h5", ".hdf5")
+"""Endings of files that may hold a whole series."""
+NUMBERED = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
+"""Endings of pictures of a numbered series."""
+FEWEST = 3
+"""Fewest pictures of a series; fewer are no test and no calibration."""
+_NUMBER = re.compile(r"(.*?)(\d{1,18})(\D*)", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class SeriesEntry:
+    """Pictures of one camera."""
+
+    name: str
+    """The file, or the pattern with one `*`, as a shot file names it from its folder."""
+    key: str
+    """ "file" or "pattern"."""
+    count: int
+    """Number of pictures."""
+    shape: tuple[int, int]
+    """Rows and columns [px]."""
+    crop: tuple[float, float] | None
+    """Place on the sensor (x, y) [px] that the file states; None if it states none."""
+
+    @property
+    def said(self) -> str:
+        """It in words."""
+        return f"{self.name}: {self.count} pictures of {self.shape[1]} x {self.shape[0]} px"
+
+
+@dataclass(frozen=True)
+class PictureSurvey:
+    """The picture series of a folder by their part in a shot."""
+
+    test: tuple[SeriesEntry, ...] = ()
+    """Both series of the test, in the order of their names; empty if it is not clear which they are."""
+    target: tuple[SeriesEntry, ...] = ()
+    """Both series of a calibration target; empty likewise."""
+    others: tuple[SeriesEntry, ...] = ()
+    """Series that could not be assigned."""
+
+
+def survey_pictures(folder: Path, found: Survey) -> PictureSurvey:
+    """Look at the pictures in a folder and one folder below; nothing is written.
+
+    Parameters
+    ----------
+    folder
+        The shot's folder.
+    found
+        Its tables: the frames' file says how many pictures a camera took.
+    """
+    series = sorted(_series(folder), key=lambda one: one.name)
+    frames = found.parts.get("frames")
+    count = frames.time.values.size if frames is not None and frames.time is not None else None
+    test = _pair([one for one in series if one.count == count])
+    left = [one for one in series if one not in test]
+    target = _pair([one for one in left if one.key == "pattern" and one.count != count]) if test else ()
+    return PictureSurvey(test, target, tuple(one for one in left if one not in target))
+
+
+def _pair(series: list[SeriesEntry]) -> tuple[SeriesEntry, ...]:
+    """The two series of two cameras; nothing unless there are exactly two, alike in number and size."""
+    alike = len(series) == 2 and len({(one.count, one.shape) for one in series}) == 1
+    return tuple(series) if alike else ()
+
+
+def _series(folder: Path) -> Iterator[SeriesEntry]:
+    """Every series in a folder and the folders below it; what cannot be opened is left out."""
+    from dic.images import PictureError, open_pictures
+
+    numbered: dict[str, list[Path]] = {}
+    below = (p for p in sorted(folder.iterdir()) if p.is_dir() and p.name != "results")
+    for place in (folder, *below):
+        for path in sorted(p for p in place.iterdir() if p.is_file()):
+            name = path.relative_to(folder).as_posix()
+            if (number := _NUMBER.fullmatch(path.stem)) and path.suffix.lower() in NUMBERED:
+                pattern = f"{number[1]}*{number[3]}{path.suffix}"
+                numbered.setdefault((path.parent / pattern).relative_to(folder).as_posix(), []).append(path)
+            if path.suffix.lower() not in ONE_FILE:
+                continue
+            try:
+                pictures = open_pictures(path)
+            except (PictureError, OSError):
+                continue
+            if pictures.n_frames >= FEWEST:
+                crop = pictures.crop_offset if pictures.crop_offset != (0.0, 0.0) else None
+                yield SeriesEntry(name, "file", pictures.n_frames, pictures.shape, crop)
+    for pattern, files in numbered.items():
+        if len(files) < FEWEST:
+            continue
+        try:
+            pictures = open_pictures((folder / pattern).parent, pattern=Path(pattern).name)
+        except (PictureError, OSError):
+            continue
+        yield SeriesEntry(pattern, "pattern", pictures.n_frames, pictures.shape, None)
+
+
+def picture_values(found: PictureSurvey) -> dict[str, str | None]:
+    """Dotted key -> value of a shot file for what the pictures say beyond doubt."""
+    values: dict[str, str | None] = {}
+    whole = {one.shape for one in found.target}
+    for camera, one in enumerate(found.test):
+        crop = '["", ""]'
+        if one.crop is not None:
+            crop = f"[{one.crop[0]:g}, {one.crop[1]:g}]"
+        elif {one.shape} == whole:
+            crop = "[0, 0]"  # the test's pictures are as large as the target's: nothing was cut
+        values[f"pictures.camera_{camera}"] = f"{{ {one.key} = {quoted(one.name)}, crop_offset = {crop} }}"
+    if found.target:
+        values["calibration.file"] = None
+        values |= {f"calibration.camera_{camera}": quoted(s.name) for camera, s in enumerate(found.target)}
+        facts = ("distortion", "target.kind", "target.columns", "target.rows")
+        values |= {f"calibration.{fact}": BLANK for fact in facts}
+    return values
+
+
+def picture_notes(found: PictureSurvey) -> Mapping[str, str]:
+    """Dotted key -> remark: how the cameras were told apart, and what was cut from what."""
+    notes = {}
+    for camera, one in enumerate(found.test):
+        notes[f"pictures.camera_{camera}"] = f"{one.said}; camera {camera} by the order of the names"
+    for camera, one in enumerate(found.target):
+        notes[f"calibration.camera_{camera}"] = f"{one.said}; crop_offset counts from their top left pixel"
+    return notes

@@ -1,0 +1,302 @@
+"""Tables of a stranger's folder: which is which part of a shot, with columns, units, clock and layout."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+from kolsky.base.errors import InputError
+from kolsky.base.units import UnitError, unit_factor
+from kolsky.readers.contents import Contents, Layout
+from kolsky.readers.recordings import read_contents
+from kolsky.readers.table import read_table
+from kolsky.readers.text import ENCODINGS, decode_text, full_match, read_bytes
+
+DIMENSIONS = ("s", "m", "V", "Pa", "N", "1")
+"""SI units of what columns of a shot hold."""
+_HEADING_UNIT = re.compile(
+    r".*?(?:[(\[]\s*([^()\[\]]+?)\s*[)\]]|\s/\s*(\S+)|\s+in\s+(\S+)|_([A-Za-zµ%]+))\s*"
+)
+_FRAME = re.compile(r"(frame|bild|image|img|picture|photo|trame|fotograma)(?![a-z]*zeit)", re.IGNORECASE)
+_TIME = re.compile(r"(time|zeit|temps|tiempo|t)\b", re.IGNORECASE)
+
+
+@dataclass(frozen=True, eq=False)
+class ColumnEntry:
+    """One column of a table, as its heading names it."""
+
+    name: str
+    """Its heading, by which a shot file asks for it."""
+    unit: str
+    """Its unit as the heading or the line below it writes it; empty if neither does."""
+    dimension: str
+    """SI unit of its kind, one of `DIMENSIONS`; empty if it is not known."""
+    values: FloatArray
+    """What it holds, in `unit`, shape [n]; empty of a recorder's channel."""
+
+    def toml(self) -> str:
+        """The column as a shot file declares it."""
+        return f"{{ column = {quoted(self.name)}, unit = {quoted(self.unit)} }}"
+
+    @property
+    def whole(self) -> bool:
+        """True if it holds whole numbers that never fall: frame numbers, point by point."""
+        x = self.values
+        return x.size > 1 and bool((x == np.round(x)).all() and (np.diff(x) >= 0.0).all() and x[0] >= 0.0)
+
+
+@dataclass(frozen=True)
+class TableEntry:
+    """One file that could be read."""
+
+    path: Path
+    """The file."""
+    columns: tuple[ColumnEntry, ...]
+    """Its columns of numbers; of a recorder's file its channels."""
+    layout: Mapping[str, str | int] = field(default_factory=dict)
+    """Keys of `layout` that it needs; none if it is UTF-8 with commas, points and one header line."""
+    clock: tuple[float, float, int] | None = None
+    """First and last time [s] and number of samples of a recorder's file that is no plain table."""
+
+    @property
+    def time(self) -> ColumnEntry | None:
+        """Its time column."""
+        named = [c for c in self.columns if _TIME.match(c.name) and c.dimension in ("s", "")]
+        found = [c for c in self.columns if c.dimension == "s"] or named
+        return found[0] if len(found) == 1 else None
+
+    @property
+    def frame(self) -> ColumnEntry | None:
+        """Its column of frame numbers."""
+        found = [c for c in self.columns if c.whole and _FRAME.search(c.name) and c.dimension in ("", "1")]
+        return found[0] if len(found) == 1 else None
+
+    def of(self, dimension: str) -> list[ColumnEntry]:
+        """Its columns of one kind."""
+        return [c for c in self.columns if c.dimension == dimension]
+
+    def only(self, pattern: str, dimension: str) -> ColumnEntry | None:
+        """The one column of a kind whose name begins so; None if there is not exactly one."""
+        found = [c for c in self.of(dimension) if re.match(pattern, c.name, re.IGNORECASE)]
+        return found[0] if len(found) == 1 else None
+
+    def toml_layout(self) -> str:
+        """Its layout as a shot file declares it; empty if it needs none."""
+        said = (f"{k} = {v if isinstance(v, int) else quoted(v)}" for k, v in self.layout.items())
+        return f"{{ {', '.join(said)} }}" if self.layout else ""
+
+    def seconds(self) -> FloatArray:
+        """First and last time and the steps' median [s], shape [3]; NaN where they are not known."""
+        time = self.time
+        if self.clock is not None:
+            first, last, count = self.clock
+            return np.array([first, last, (last - first) / max(count - 1, 1)])
+        if time is None or not time.unit or time.values.size < 2:
+            return np.full(3, np.nan)
+        t = time.values * unit_factor(time.unit, "s")
+        return np.array([t[0], t[-1], np.median(np.diff(np.unique(t)))])
+
+
+def unit_in(heading: str) -> str:
+    """The unit that a heading names: in brackets, behind a stroke, "in", or a last underscore."""
+    match = full_match(_HEADING_UNIT, heading)
+    text = next((group for group in match.groups() if group), "") if match else ""
+    text = "1" if text == "-" else text
+    return text if dimension_of(text) else ""
+
+
+def dimension_of(unit: str) -> str:
+    """SI unit of a unit's kind, one of `DIMENSIONS`; empty if it is none of them."""
+    for dimension in DIMENSIONS if unit else ():
+        try:
+            unit_factor("1" if unit == "-" else unit, dimension)
+        except UnitError:
+            continue
+        return dimension
+    return ""
+
+
+def quoted(text: str) -> str:
+    """A text as TOML writes it."""
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+SUFFIXES = (
+    ".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", ".xls", ".xlsx", ".tdms", ".mat", ".lvm", ".wfm", ".isf",
+    ".bin",
+)  # fmt: skip
+"""Endings of files that may hold tables or recordings."""
+_SIGMA = re.compile(r"(sigma|σ|std|uncert|unsich|incert|écart)", re.IGNORECASE)
+_STRAIN = re.compile(r"(strain|dehnung|stauchung|d[ée]formation|epsilon|ε)", re.IGNORECASE)
+_STRESS = re.compile(r"(stress|spannung|contrainte|σ)", re.IGNORECASE)
+_TRANSMITTED = re.compile(r"(transm|ausgang|output|sortie)", re.IGNORECASE)
+_SCOPE_ROWS = 200
+"""Fewest samples of a table without volts that is taken for a recording of the force."""
+
+
+@dataclass(frozen=True)
+class Survey:
+    """The files of a folder by their part in a shot."""
+
+    parts: Mapping[str, TableEntry]
+    """ "force", "frames", "flyer", "centre_line", "curve": those that were found, one file each."""
+    doubtful: Mapping[str, str]
+    """File name -> why it was not taken for anything."""
+    recordings: tuple[TableEntry, ...] = ()
+    """Files with a clock and signals on it: what a recorder of bars may have written."""
+
+
+def survey(folder: Path) -> Survey:
+    """Look at the files of a folder; nothing is written, and a file that cannot be read is named."""
+    parts: dict[str, list[TableEntry]] = {}
+    doubtful: dict[str, str] = {}
+    recordings: list[TableEntry] = []
+    files = sorted(p for p in folder.iterdir() if p.is_file() and p.suffix.lower() in SUFFIXES)
+    for path in files:
+        try:
+            table = read_table_entry(path)
+        except InputError as error:
+            doubtful[path.name] = error.message
+            continue
+        if is_recording(table):
+            recordings.append(table)
+        part = _part_of(table)
+        if part is None:
+            doubtful[path.name] = "its columns are of no part of a shot"
+        else:
+            parts.setdefault(part, []).append(table)
+    for part, tables in parts.items():
+        if len(tables) > 1:
+            names = ", ".join(table.path.name for table in tables)
+            doubtful |= {t.path.name: f"could be [{part}], and so could each of {names}" for t in tables}
+    found = {part: tables[0] for part, tables in parts.items() if len(tables) == 1}
+    return Survey(found, doubtful, tuple(recordings))
+
+
+def is_recording(table: TableEntry) -> bool:
+    """True for a file with a clock, many samples and a signal that is no length and no frame number."""
+    if table.clock is not None:
+        return table.clock[2] >= _SCOPE_ROWS
+    time = table.time
+    if time is None or time.values.size < _SCOPE_ROWS or table.frame is not None:
+        return False
+    return any(c is not time and c.dimension in ("", "V", "1") for c in table.columns)
+
+
+def _part_of(table: TableEntry) -> str | None:
+    """The table of a shot file that a file belongs to; None if its columns do not say."""
+    frame, lengths = table.frame, table.of("m")
+    if frame is not None:
+        if np.unique(frame.values).size < frame.values.size:
+            return "centre_line" if len(lengths) > 1 else None
+        if lengths:
+            return "flyer"
+        return "frames" if table.time is not None else None
+    if strain_of(table) is not None and stress_of(table) is not None:
+        return "curve"
+    if table.of("V") or table.clock is not None:
+        return "force"
+    long = table.time is not None and table.time.values.size >= _SCOPE_ROWS
+    return "force" if long and len(table.columns) > 1 and not table.of("Pa") and not lengths else None
+
+
+def strain_of(table: TableEntry) -> ColumnEntry | None:
+    """The one column of strains."""
+    found = [c for c in table.columns if _STRAIN.search(c.name) and c.dimension in ("1", "")]
+    return found[0] if len(found) == 1 else None
+
+
+def stress_of(table: TableEntry) -> ColumnEntry | None:
+    """The one column of stresses."""
+    found = [c for c in table.columns if _STRESS.search(c.name) and not _SIGMA.match(c.name)]
+    found = [c for c in found if c.dimension in ("Pa", "")]
+    return found[0] if len(found) == 1 else None
+
+
+def sigma_of(table: TableEntry) -> ColumnEntry | None:
+    """The one column of standard deviations of lengths."""
+    found = [c for c in table.of("m") if _SIGMA.search(c.name)]
+    return found[0] if len(found) == 1 else None
+
+
+def voltage_of(table: TableEntry) -> ColumnEntry | None:
+    """The transmitted force's column: the only one of volts, or the only one that is called so."""
+    volts = table.of("V")
+    named = [c for c in volts if _TRANSMITTED.search(c.name)]
+    return volts[0] if len(volts) == 1 else (named[0] if len(named) == 1 else None)
+
+
+def displacement_of(table: TableEntry) -> ColumnEntry | None:
+    """The flyer's displacement: the only column of lengths that is no standard deviation."""
+    lengths = [c for c in table.of("m") if not _SIGMA.search(c.name)]
+    return lengths[0] if len(lengths) == 1 else None
+
+
+def read_table_entry(path: Path) -> TableEntry:
+    """Read a file with the layout that is found in it.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    contents = read_contents(path)
+    if contents.facts.get("format") != "delimited":
+        return _recorder(path, contents)
+    layout = dict(_layout(contents.facts))
+    table = read_table(path, layout=Layout(**layout) if layout else None)  # type: ignore[arg-type]
+    units = _units_below(path, table.sheet.dialect.split, layout)
+    columns = []
+    for i, name in enumerate(table.header):
+        try:
+            values = table.sheet.values(i)
+        except InputError:
+            continue  # a column of words
+        unit = unit_in(name) or (units[i] if i < len(units) else "")
+        columns.append(ColumnEntry(name, unit, dimension_of(unit), values))
+    return TableEntry(path, tuple(columns), layout)
+
+
+def _recorder(path: Path, contents: Contents) -> TableEntry:
+    """A recorder's own format: its channels, and the clock of the first."""
+    channels = tuple(
+        ColumnEntry(c.name, c.unit or "", dimension_of(c.unit or ""), np.empty(0)) for c in contents.channels
+    )
+    first = contents.channels[0]
+    clock = first.clock()
+    last = clock.start + clock.interval * (first.samples - 1)
+    layout = {"format": contents.facts["format"]}
+    return TableEntry(path, channels, layout, (clock.start, last, first.samples))
+
+
+def _layout(facts: Mapping[str, str]) -> Iterator[tuple[str, str | int]]:
+    """Keys of a layout for what a plain table is not."""
+    encoding = next((name for name in ENCODINGS if facts["encoding"].startswith(name)), "utf-8")
+    if encoding != "utf-8":
+        yield "encoding", encoding
+    if facts["delimiter"] != "comma":
+        yield "delimiter", {"semicolon": ";"}.get(facts["delimiter"], facts["delimiter"])
+    if facts["decimal"] != ".":
+        yield "decimal", facts["decimal"]
+    header = int(facts["header"]) if facts["header"].isdecimal() else 0
+    if header != 1:
+        yield "header_line", header
+    if "units" in facts:
+        yield "units_line", int(facts["units"])
+    above = max(header, int(facts.get("units", 0)))
+    if int(facts["first samples"]) != above + 1:
+        yield "first_line", int(facts["first samples"])
+
+
+def _units_below(path: Path, split, layout: Mapping[str, str | int]) -> list[str]:  # type: ignore[no-untyped-def]
+    """The units of the columns where they stand on a line of their own."""
+    if "units_line" not in layout:
+        return []
+    said = layout.get("encoding")
+    text, _ = decode_text(path, read_bytes(path), None if said is None else str(said))
+    return [cell.strip("()[] ") for cell in split(text.split("\n")[int(layout["units_line"]) - 1].strip())]

@@ -1,0 +1,391 @@
+"""The uncertainty budget of every route, of their difference, and of several shots.
+
+The noise of flyer motion and material curve comes from replicates, that of the outline from its modes.
+
+Of several shots: a constant of the material is one number for all of them. A specimen and the place of an
+outline are each shot's own, and their parts add in quadrature. Scale and clock of the force are in the
+weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.coarse_search import replicate_uncertainty
+from kolsky.inverse.estimates import RouteOptimum
+from kolsky.inverse.joint_problem import JointProblem, ShotData
+from kolsky.inverse.joint_runs import JointRuns
+from kolsky.inverse.joint_search import Optimum
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import Observations
+from kolsky.inverse.parameters import MOVED, PARAMETERS, has_effect
+from kolsky.inverse.problem import PreparedShot
+from kolsky.inverse.refined_search import RefinedOptimum
+from kolsky.inverse.result import Contribution, Route, RouteDifference
+from kolsky.inverse.staged_runs import Replicates
+from kolsky.shot.records import Shot
+from kolsky.uncertainty.input_changes import SPECIMEN, height_follows, outline_follows
+from kolsky.uncertainty.inputs import parameter_step
+from kolsky.uncertainty.mesh_error import MeshChange, numerical_parts
+
+OUTLINE = "common errors of the outline"
+"""Name of the part by errors that outline points have in common."""
+
+
+def scale_uncertainty(change: FloatArray, gains: Sequence[FloatArray]) -> FloatArray:
+    """Standard uncertainty from a common scale: the largest move that any of the slopes gives.
+
+    A scale is one number, which nothing averages; of several slopes that may be right the one with the
+    largest move counts.
+
+    Parameters
+    ----------
+    change
+        Change of the data vector by one standard uncertainty of the scale, shape [k].
+    gains
+        Linear maps from a change of the data vector to the move of the optimum, shape [d, k] each.
+
+    Returns
+    -------
+    ndarray
+        In the parameters' units, shape [d].
+    """
+    return np.asarray(np.max([np.abs(gain @ change) for gain in gains], axis=0))
+
+
+@dataclass(frozen=True)
+class InputChanges:
+    """Changes of the data vector by the noise of the inputs."""
+
+    replicates: Mapping[str, FloatArray]
+    """Source -> data of each replicate minus the reference's, shape [n, k]: "flyer motion", "material
+    curve"; of what is known as patterns of one standard deviation each, these times root n (`as_drawn`):
+    `OUTLINE`, and "flyer motion" where the path is a nuisance of the fit."""
+    scales: Mapping[str, FloatArray]
+    """Source -> change by one standard uncertainty of a common scale, shape [k]: "force scale", "motion
+    scale"."""
+
+    def parts(self, gain: FloatArray, gains: Sequence[FloatArray] | None = None) -> dict[str, FloatArray]:
+        """Standard uncertainties by source, shape [d] each.
+
+        Parameters
+        ----------
+        gain
+            Linear map from a change of the data vector to the move of the optimum, shape [d, k].
+        gains
+            As of `scale_uncertainty`; `gain` alone if left out.
+        """
+        found = {key: scale_uncertainty(change, gains or [gain]) for key, change in self.scales.items()}
+        for key, changes in self.replicates.items():
+            found[key] = replicate_uncertainty(changes @ gain.T)
+        return found
+
+
+def as_drawn(patterns: FloatArray) -> FloatArray:
+    """Patterns of one standard deviation each as replicates with the same mean square, shape [n, k]."""
+    return np.asarray(np.sqrt(len(patterns)) * patterns)
+
+
+def input_changes(objective: Objective, replicates: Replicates | None) -> InputChanges:
+    """Changes of the data vector by every source that is known.
+
+    Parameters
+    ----------
+    objective
+        Whose data vector, and the force's scale.
+    replicates
+        Runs under other motions and curves, the reference first; None leaves their noise out. A point that a
+        replicate leaves adds nothing. Where the front face's path is moved, the patterns of its noise in the
+        weights stand for the other motions: the replicates' ring out of step with the answer, on a mesh that
+        rings otherwise, and the weights would take nothing of that away.
+    """
+    scales = {}
+    if objective.observations.force_sigma_gain > 0.0:
+        scales["force scale"] = objective.scale_error
+    outline = objective.outline_errors
+    known = {OUTLINE: as_drawn(outline)} if len(outline) else {}
+    if replicates is None:
+        return InputChanges(known, scales)
+    vectors = objective.vectors(replicates.prediction)
+    change = np.nan_to_num(vectors - vectors[0])
+    if replicates.scale.any():
+        scales["motion scale"] = change[replicates.scale][0]
+    moved = objective.observations.front_offset is not None
+    motions = as_drawn(objective.front_noise) if moved else change[replicates.flyer]
+    drawn = {"flyer motion": motions, "material curve": change[replicates.curve]}
+    return InputChanges({**drawn, **known}, scales)
+
+
+RESIDUALS = "force and shape"
+"""Name of the part that comes from the residuals."""
+DECLARED = "declared inputs"
+"""Name of the part that comes from [uncertainty] of the shot file."""
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Everything that moves an optimum, as changes of the data vector."""
+
+    inputs: InputChanges
+    """Noise and scales of the inputs."""
+    mesh: MeshChange
+    """Mesh and element."""
+    deviations: FloatArray | None = None
+    """What a run deviates from the model of a rough response (`RefinedOptimum.deviations`), shape [n, k];
+    each route, and the difference of two, makes of them what its own map does."""
+    declared: FloatArray | None = None
+    """Changes by what shot.toml declares uncertain, their mean square the sum over the keys, shape [n, k];
+    the joint answer counts these by itself, `Estimate.sigma_systematic`."""
+
+    def roughness(self, gain: FloatArray) -> FloatArray | None:
+        """Standard deviation of an optimum from the response's roughness, shape [d]; None if it is smooth."""
+        if self.deviations is None:
+            return None
+        return np.asarray(np.sqrt(np.sum((self.deviations @ gain.T) ** 2, axis=0)))
+
+    def parts(
+        self, residual: FloatArray, gain: FloatArray, gains: Sequence[FloatArray] | None = None
+    ) -> dict[str, FloatArray]:
+        """Standard uncertainties by source, shape [d] each.
+
+        Parameters
+        ----------
+        residual
+            Covariance from the residuals, shape [d, d].
+        gain, gains
+            As of `InputChanges.parts`.
+        """
+        found = {
+            RESIDUALS: np.sqrt(np.diag(residual)),
+            **self.inputs.parts(gain, gains),
+            **numerical_parts(self.mesh, gain, roughness=self.roughness(gain)),
+        }
+        if self.declared is not None and len(self.declared):
+            found[DECLARED] = replicate_uncertainty(self.declared @ gain.T)
+        return found
+
+
+def noise_parts(fine: RefinedOptimum, sources: Sources) -> dict[str, FloatArray]:
+    """Standard uncertainties of the joint answer by source of noise, shape [d] each.
+
+    A common scale counts with the steepest of the slopes that may be right.
+    """
+    objective, vector = fine.objective, fine.model(fine.x)[0]
+    residual = objective.residual_covariance(fine.jacobian, vector)
+    gains = [objective.gain(slope) for slope in fine.slopes]
+    return {
+        RESIDUALS: np.sqrt(np.diag(residual)),
+        **sources.inputs.parts(objective.gain(fine.jacobian), gains),
+    }
+
+
+def root_sum_squares(parts: dict[str, FloatArray]) -> FloatArray:
+    """Root sum of squares of the parts, shape [d]."""
+    return np.asarray(np.sqrt(np.sum([part**2 for part in parts.values()], axis=0)))
+
+
+def budgeted(names: Sequence[str], optimum: RouteOptimum, sources: Sources) -> Route:
+    """A route with its correction for the mesh and its budget."""
+    parts = sources.parts(optimum.residual, optimum.gain)
+    correction = sources.mesh.correction(optimum.gain)
+    return Route(
+        name=optimum.name,
+        parameters=_named(names, optimum.x + correction),
+        cost=optimum.cost,
+        sigma=_named(names, root_sum_squares(parts)),
+        correction=_named(names, correction),
+        budget=_contributions(names, parts),
+    )
+
+
+def route_difference(
+    names: Sequence[str], optima: Sequence[RouteOptimum], sources: Sources
+) -> RouteDifference | None:
+    """Force alone minus outline alone with its own budget; None where one of them is missing.
+
+    The residuals of the two are of different data, and their covariances add.
+    """
+    by_part = {optimum.part: optimum for optimum in optima}
+    if not {"force", "shape"} <= set(by_part):
+        return None
+    force, shape = by_part["force"], by_part["shape"]
+    gain = force.gain - shape.gain
+    parts = sources.parts(force.residual + shape.residual, gain)
+    return RouteDifference(
+        values=_named(names, force.x - shape.x + sources.mesh.correction(gain)),
+        sigma=_named(names, root_sum_squares(parts)),
+        budget=_contributions(names, parts),
+    )
+
+
+def _named(names: Sequence[str], values: FloatArray) -> dict[str, float]:
+    return dict(zip(names, np.asarray(values).tolist(), strict=True))
+
+
+def _contributions(names: Sequence[str], parts: dict[str, FloatArray]) -> tuple[Contribution, ...]:
+    return tuple(Contribution(source, _named(names, sigma)) for source, sigma in parts.items())
+
+
+def declared_parts(problem: JointProblem, found: Optimum, gain: FloatArray) -> dict[str, FloatArray]:
+    """Standard uncertainties of the unknowns by declared source, shape [d] each.
+
+    Parameters
+    ----------
+    problem, found
+        The problem and its optimum.
+    gain
+        Linear map from a change of the data to the move of the optimum, shape [d, k].
+
+    Raises
+    ------
+    ValueError
+        If a run with a moved input does not complete.
+    """
+    parts: dict[str, FloatArray] = {}
+    base = problem.predict("inputs", found.x[None], problem.mesh)[0]
+    shots = [p.forward.shot for p in problem.runs.prepared]
+    names = sorted({key for shot in shots for key, sigma in shot.uncertainty.items() if sigma > 0.0})
+    for key in names:
+        sigmas = np.array([shot.uncertainty.get(key, 0.0) for shot in shots])
+        if key == "curve_scale" and MOVED in problem.unknowns.names:
+            # m times the curve is what the data see: the whole of it goes into m
+            i = problem.unknowns.names.index(MOVED)
+            parts[key] = np.zeros(len(found.x))
+            parts[key][i] = float(sigmas.max()) * float(found.x[i])
+        elif key in SPECIMEN:
+            parts[key] = _specimen_part(problem, found, gain, base, sigmas, key)
+        elif key in ("Z_offset", "y_offset"):
+            parts[key] = _outline_place_part(problem, gain, sigmas, key)
+        elif _held_constant(problem, key):
+            parts[key] = _constant_part(problem, found, gain, base, float(sigmas.max()), key)
+    return parts
+
+
+def _held_constant(problem: JointProblem, key: str) -> bool:
+    if key not in PARAMETERS or key in problem.unknowns.names:
+        return False
+    shot = problem.first.shot
+    return PARAMETERS[key].belongs_to(shot) and has_effect(
+        PARAMETERS[key], (shot.interface.faces, shot.interface.side)
+    )
+
+
+def _constant_part(
+    problem: JointProblem, found: Optimum, gain: FloatArray, base: FloatArray, sigma: float, key: str
+) -> FloatArray:
+    """A constant of the material that is held: moved in all shots together."""
+    p = PARAMETERS[key]
+    value = problem.runs.held.get(key, p.held(problem.first.shot))
+    step = parameter_step(key, value)
+    if value + step > p.allowed[1]:
+        step = -step
+    runs = _changed_runs(problem, problem.runs.prepared, {**problem.runs.held, key: value + step})
+    change = (_changed_vector(problem, runs, found.x) - base) / step
+    return np.abs(sigma * gain @ change)
+
+
+def _specimen_part(
+    problem: JointProblem, found: Optimum, gain: FloatArray, base: FloatArray, sigmas: FloatArray, key: str
+) -> FloatArray:
+    """A length or the density of every shot's own specimen."""
+    moved: list[PreparedShot] = []
+    for prepared, sigma in zip(problem.runs.prepared, sigmas, strict=True):
+        shot = prepared.forward.shot
+        value = getattr(shot.specimen, SPECIMEN[key]) * (1.0 + sigma)
+        changed = replace(shot, specimen=replace(shot.specimen, **{SPECIMEN[key]: value}))
+        moved.append(replace(prepared, forward=replace(prepared.forward, shot=changed)))
+    change = _changed_vector(problem, _changed_runs(problem, moved, problem.runs.held), found.x) - base
+    if key == "specimen_diameter":
+        shots = [prepared.forward.shot for prepared in problem.runs.prepared]
+        change = outlines_with_diameter(change, shots, problem.stack.shots, problem.stack.ends, sigmas)
+    if key == "specimen_length":
+        shots = [prepared.forward.shot for prepared in problem.runs.prepared]
+        heights = [height_follows(shot, sigma) for shot, sigma in zip(shots, sigmas.tolist(), strict=True)]
+        change = change + _place_change(problem, np.array(heights), "y_offset")
+    return _in_quadrature(problem, gain, change)
+
+
+def outlines_with_diameter(
+    change: FloatArray,
+    shots: Sequence[Shot],
+    data: Sequence[ShotData],
+    ends: Sequence[int],
+    sigmas: FloatArray,
+) -> FloatArray:
+    """Change of prediction minus data by larger diameters: outlines move whose axis was placed by theirs.
+
+    Parameters
+    ----------
+    change
+        Change of the predictions, shape [k].
+    shots, data, ends
+        The shots, their data, and where each ends in the vector.
+    sigmas
+        By how much each diameter is larger, relative to it, shape [n_shots].
+    """
+    found, start = change.copy(), 0
+    for shot, one, end, sigma in zip(shots, data, ends, sigmas.tolist(), strict=True):
+        if shot.axis_by_radius:
+            diameter, n_force = shot.specimen.diameter, one.objective.n_force
+            found[start:end] = outline_follows(change[start:end], sigma, diameter, n_force)
+        start = end
+    return found
+
+
+def _outline_place_part(problem: JointProblem, gain: FloatArray, sigmas: FloatArray, key: str) -> FloatArray:
+    """Axis or height of every shot's own outline."""
+    return _in_quadrature(problem, gain, _place_change(problem, sigmas, key))
+
+
+def _place_change(problem: JointProblem, sigmas: FloatArray, key: str) -> FloatArray:
+    """Change of prediction minus data by a larger Z or y of every outline: the data move, the model does not,
+    shape [k]."""
+    change = np.zeros(len(problem.stack.data))
+    start = 0
+    for one, end, sigma in zip(problem.stack.shots, problem.stack.ends, sigmas, strict=True):
+        first = start + one.objective.n_force
+        change[first:end] = (
+            -sigma if key == "Z_offset" else sigma * _outline_slope(one.observations)[one.counted]
+        )
+        start = end
+    return change
+
+
+def _outline_slope(seen: Observations) -> FloatArray:
+    """dZ/dy along each frame's outline as it was measured [-], shape [Q]."""
+    line, found = seen.centre_line, np.zeros(len(seen.centre_line.Z))
+    for frame in np.unique(line.frame):
+        rows = np.flatnonzero(line.frame == frame)
+        if len(rows) > 2:
+            fit = np.polynomial.Polynomial.fit(line.y[rows], line.Z[rows], min(4, len(rows) - 1))
+            found[rows] = fit.deriv()(line.y[rows])
+    return found
+
+
+def _in_quadrature(problem: JointProblem, gain: FloatArray, change: FloatArray) -> FloatArray:
+    """Root of the sum over shots of the squared moves by each shot's part of a change, shape [d]."""
+    moves = [gain @ problem.stack.of_shot(k, change) for k in range(len(problem.stack.shots))]
+    return np.sqrt((np.array(moves) ** 2).sum(axis=0))
+
+
+def _changed_runs(
+    problem: JointProblem, prepared: Sequence[PreparedShot], held: Mapping[str, float]
+) -> JointRuns:
+    return JointRuns(
+        prepared, problem.unknowns, held=held, ledger=problem.runs.ledger, progress=problem.runs.progress
+    )
+
+
+def _changed_vector(problem: JointProblem, runs: JointRuns, x: FloatArray) -> FloatArray:
+    vectors = runs.vectors("inputs", x[None], problem.mesh)
+    stack = problem.stack
+    slow = problem.slow_values(x, held=runs.held)
+    whole = stack.joined(vectors, slow[None], problem.known(x)[None])[0]
+    if np.isnan(whole).any():
+        raise ValueError("a run with an input moved by its uncertainty did not complete")
+    problem.runs.made += runs.made
+    return whole

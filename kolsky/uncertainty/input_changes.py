@@ -1,0 +1,518 @@
+"""Change of "prediction minus data" when an input is changed by a step, by runs or by the data alone.
+
+Every direction, and the Jacobian by the free parameters, is from runs on one mesh, the surrogate's: a map
+from another would not cancel what rings in the mesh. Parameters and curves share one batch; a change of
+the mesh, of its mass, or of friction that is not named has a batch of its own. A scale, a zero, a clock
+and a place of what was measured need no run.
+
+A wrong input moves the optimum by the part of its direction that the free parameters can follow, and
+leaves the rest in the residual:
+
+    shift = -G c,    rest = c + J shift,    visible share = |rest / sigma|^2 / |c / sigma|^2
+
+with the direction c, the Jacobian J and the least-squares map G (`Objective.gain`). A share near zero is
+an input that the data cannot show to be wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from explicit import Response
+from explicit.materials import MaterialLaw
+from kolsky.bars.signals.transducers import ForceBins
+from kolsky.base.arrays import FloatArray
+from kolsky.base.records import MaterialCurve
+from kolsky.inverse.forward import Forward, material_law
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import Observations, predict
+from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.work import Launch, run_side_by_side
+from kolsky.shot.records import Shot
+from kolsky.uncertainty.inputs import CLOCK, INPUTS, no_part, parameter_step
+
+
+def outline_follows(change: FloatArray, step: float, diameter: float, n_force: int) -> FloatArray:
+    """Change of prediction minus data by a larger diameter, where the outline's axis was placed by it.
+
+    An axis that lies the declared radius behind the surface at rest moves back with it, and every measured Z
+    grows by as much: the model's outline and the measured one grow alike, and what is left is their strain.
+
+    Parameters
+    ----------
+    change
+        Change of the prediction alone, shape [k].
+    step
+        By how much the diameter is larger, relative to it.
+    diameter
+        The declared one [m].
+    n_force
+        Entries of the force at the head of the data vector.
+    """
+    found = change.copy()
+    found[n_force:] -= 0.5 * step * diameter
+    return found
+
+
+def height_follows(shot: Shot, step: float) -> float:
+    """By how much the outline's heights are too large where the length is too large by a share of it [m].
+
+    Where the pictures have a part in the length, errors of length and heights go together
+    (`kolsky.pictures.specimen_length`): what of the heights' error goes with the length's is in the direction
+    of the length, what is left in that of the heights, and both are independent.
+
+    Parameters
+    ----------
+    shot
+        The shot.
+    step
+        By how much its length is larger, relative to it.
+    """
+    found = shot.length_by_pictures
+    return 0.0 if found is None else found.y_per_length * step * shot.specimen.length
+
+
+@dataclass(frozen=True)
+class MovedInputs:
+    """Changes of the data vector by inputs that need no run of their own.
+
+    A scale and a clock act on the data, but are taken through the model's force and outline, which have no
+    noise and ring in the mesh as the Jacobian does.
+    """
+
+    objective: Objective
+    """The objective."""
+    observations: Observations
+    """What was measured."""
+    reference: Response
+    """The run at the optimum, its surface `CLOCK` before and after each frame among its times."""
+
+    def change(self, key: str, step: float) -> FloatArray:
+        """Change of prediction minus data when the input is larger by a step, shape [k]."""
+        n, change = self.objective.n_force, np.zeros(len(self.objective.data))
+        own = len(self.observations.bins.mean)  # of the transmitted force alone
+        match key:
+            case "sensitivity":  # a larger sensitivity is a smaller force
+                change[:own] = step * self._seen()[:own]
+            case "force_zero":  # what is taken for zero is subtracted
+                change[:own] = step
+            case "clock_offset":
+                change[:n] = step * self.force_rate()
+            case "outline_clock":
+                change[n:] = step * self.outline_rate()
+            case "flyer_clock":  # all that is simulated comes later
+                change[:n], change[n:] = -step * self.force_rate(), -step * self.outline_rate()
+            case "Z_offset":
+                change[n:] = -step
+            case "y_offset":
+                y = self.observations.centre_line.y
+                change = 0.5 * (self._seen(y=y + step) - self._seen(y=y - step))
+            case _:
+                raise KeyError(f"{key} needs a run")
+        return change
+
+    def heights_with_length(self, shot: Shot, step: float) -> FloatArray:
+        """Change of prediction minus data by the outline's heights that go with a longer specimen
+        (`height_follows`), shape [k]; zero without an outline."""
+        heights = height_follows(shot, step)
+        if heights == 0.0 or not self.objective.counted.any():
+            return np.zeros(len(self.objective.data))
+        return self.change("y_offset", heights)
+
+    def force_rate(self) -> FloatArray:
+        """Time derivative of each bin's force, of the model, which has no noise [N/s], shape [n_bins]."""
+
+        def rate(bins: ForceBins, which: str) -> FloatArray:
+            run = self.reference
+            force = run.force_transmission if which == "transmission" else run.force_flyer
+            at = np.interp(bins.edges, run.force_times, force[0])
+            return np.asarray(np.diff(at) / np.diff(bins.edges))
+
+        return self.observations.of_forces(rate)
+
+    def outline_rate(self) -> FloatArray:
+        """Time derivative of the radius at each counted point's height [m/s], shape [n_counted]."""
+        time = self.observations.centre_line.time
+        before, after = times_around(time, self.reference)
+        up, down = self._seen(time=after), self._seen(time=before)
+        return np.asarray((up - down)[self.objective.n_force :] / (after - before)[self.objective.counted])
+
+    def _seen(self, y: FloatArray | None = None, time: FloatArray | None = None) -> FloatArray:
+        """The predicted data vector with the outline seen at other heights or times."""
+        line = self.observations.centre_line
+        line = replace(line, y=line.y if y is None else y, time=line.time if time is None else time)
+        seen = replace(self.observations, centre_line=line)
+        return np.asarray(self.objective.vectors(predict(self.reference, seen))[0])
+
+
+def times_around(time: FloatArray, response: Response) -> tuple[FloatArray, FloatArray]:
+    """Times `CLOCK` before and after; at the ends of what was simulated the time itself [s]."""
+    first, last = response.surface_times[0], response.surface_times[-1]
+    return np.maximum(time - CLOCK, first), np.minimum(time + CLOCK, last)
+
+
+SPECIMEN = {"specimen_diameter": "diameter", "specimen_length": "length", "specimen_density": "density"}
+"""Inputs that change the mesh or its mass, and their field of the specimen."""
+
+
+class RunLost(ValueError):
+    """A run with a moved input did not complete."""
+
+
+@dataclass(frozen=True)
+class MovedRuns:
+    """Runs with moved parameters, curves and specimens, all on the surrogate's mesh."""
+
+    stages: StagedRuns
+    """The identification's simulations."""
+    x: FloatArray
+    """The optimum in SI, shape [d]."""
+    objective: Objective
+    """The objective."""
+    steps: Mapping[str, float]
+    """Key -> step of each input to be moved."""
+
+    @property
+    def mesh_point(self) -> FloatArray:
+        """Where the surrogate's mesh answers like the refined one at the optimum, shape [d]."""
+        return np.asarray(self.stages.solver_values(self.x[None], self.stages.settings.numerics.mesh)[0])
+
+    @property
+    def forward(self) -> Forward:
+        """The shot ready to run, its surface kept beside the frames too."""
+        forward = self.stages.prepared.forward
+        frames = self.stages.observations.frame_times
+        if not frames.size:
+            return forward
+        first, last = forward.sampling.surface_times[[0, -1]]
+        close = np.concatenate([frames - CLOCK, frames, frames + CLOCK])
+        close = close[(close >= first) & (close <= last)]
+        return replace(forward, sampling=replace(forward.sampling, surface_times=np.unique(close)))
+
+    @property
+    def point(self) -> dict[str, float]:
+        """The optimum and what is held, by name."""
+        found = dict(zip(self.stages.box.names, self.mesh_point.tolist(), strict=True))
+        return {**self.stages.settings.held, **found}
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Inputs that join the common batch: parameters that change nothing but their value when named."""
+        held = self.stages.settings.held
+        return tuple(
+            key
+            for key in self.steps
+            if key in PARAMETERS and (PARAMETERS[key].changed is None or key in held)
+        )
+
+    @cached_property
+    def rows(self) -> dict[tuple[str, int], int]:
+        """Row of the common batch by name and sign; ("", 0) is the optimum."""
+        keys = [("", 0)] + [(name, sign) for name in self.stages.box.names for sign in (1, -1)]
+        for key in self.named:
+            value = self.value(key)
+            low, high = PARAMETERS[key].allowed
+            keys += [(key, sign) for sign in (1, -1) if low <= value + sign * self.steps[key] <= high]
+        keys += [("curve_scale", sign) for sign in (1, -1) if "curve_scale" in self.steps]
+        return {key: row for row, key in enumerate(keys)}
+
+    def value(self, key: str) -> float:
+        """The value of a parameter that is not free."""
+        return self.stages.settings.held.get(key, PARAMETERS[key].held(self.forward.shot))
+
+    @property
+    def common(self) -> Response:
+        """The common batch."""
+        return self._responses[""]
+
+    @cached_property
+    def _responses(self) -> dict[str, Response]:
+        """The common batch, and each changed shot's by key and sign: all of them side by side."""
+        keys, numerics = {"": self._common}, self.stages.settings.numerics
+        for key, step in self.steps.items():
+            if self._is_alone(key):
+                for sign in (1, -1):
+                    changed = self._changed(key, sign * step)
+                    if changed is not None:
+                        forward = replace(self.forward, shot=changed)
+                        keys[f"{key}{sign:+d}"] = Launch(forward, self.point, numerics)
+        return dict(zip(keys, run_side_by_side(list(keys.values())), strict=True))
+
+    @property
+    def _common(self) -> Launch:
+        point = {**self.point, **{key: self.value(key) for key in self.named}}
+        columns = {name: np.full(len(self.rows), value) for name, value in point.items()}
+        material = np.zeros(len(self.rows), dtype=np.int64)
+        forward, low, high = self.forward, *self._design
+        for (key, sign), row in self.rows.items():
+            if key == "curve_scale":
+                material[row] = 1 if sign > 0 else 2
+            elif key in self.stages.box.names:
+                i = self.stages.box.names.index(key)
+                columns[key][row] = (high if sign > 0 else low)[i]
+            elif key:
+                columns[key][row] += sign * self.steps[key]
+        if "curve_scale" in self.steps:
+            curve, step = forward.shot.curve, self.steps["curve_scale"]
+            forward = replace(
+                forward, laws=(forward.laws[0], *(scaled_law(curve, 1.0 + s * step) for s in (1.0, -1.0)))
+            )
+        return Launch(forward, columns, self.stages.settings.numerics, material=material)
+
+    @property
+    def _design(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper ends of the central differences by the free parameters, shape [d] each."""
+        lower, upper = np.array(self.stages.box.lower), np.array(self.stages.box.upper)
+        x = self.mesh_point
+        values = zip(self.stages.box.names, x.tolist(), strict=True)
+        step = np.array([parameter_step(name, value) for name, value in values])
+        return np.maximum(x - step, lower), np.minimum(x + step, upper)
+
+    def reference_and_jacobian(self) -> tuple[Response, FloatArray]:
+        """The run at the optimum, and the Jacobian of the data vector, shape [k, d]."""
+        down, up = self._design
+        try:
+            slopes = [
+                (self._vector((name, 1)) - self._vector((name, -1))) / (up - down)[i]
+                for i, name in enumerate(self.stages.box.names)
+            ]
+            self._vector(("", 0))
+        except RunLost as lost:
+            raise ValueError(f"beside the optimum, {lost}") from None
+        return self.common.select([0]), np.nan_to_num(np.array(slopes)).T
+
+    def change(self, key: str, step: float) -> FloatArray:
+        """Change of the predicted data vector, up and down where both are possible, shape [k].
+
+        Raises
+        ------
+        RunLost
+            If a run with the moved input did not complete.
+        """
+        up, down = self.moved(key, 1, step), self.moved(key, -1, step)
+        if up is not None and down is not None:
+            return np.asarray(0.5 * (up - down))
+        centre = self.moved("", 0, 0.0)
+        assert centre is not None
+        if up is not None:
+            return np.asarray(up - centre)
+        assert down is not None  # a range is wider than one step on one side at least
+        return np.asarray(centre - down)
+
+    def moved(self, key: str, sign: int, step: float) -> FloatArray | None:
+        """The predicted data vector with an input moved up or down; None where it cannot be."""
+        if self._is_alone(key):
+            if step != self.steps[key]:
+                raise ValueError(f"{key} was moved by {self.steps[key]:.6g}, not by {step:.6g}")
+            response = self._responses.get(f"{key}{sign:+d}")
+            return None if response is None else self._seen(response, 0, key)
+        return self._vector((key, sign)) if (key, sign) in self.rows else None
+
+    def _is_alone(self, key: str) -> bool:
+        """Whether an input needs a model of its own."""
+        return key in SPECIMEN or (key in PARAMETERS and key not in self.named)
+
+    def _changed(self, key: str, step: float) -> Shot | None:
+        """The shot with an input moved by a step; None where the value is not allowed."""
+        shot = self.forward.shot
+        if key in SPECIMEN:
+            name = SPECIMEN[key]
+            value = getattr(shot.specimen, name) * (1.0 + step)
+            return replace(shot, specimen=replace(shot.specimen, **{name: value}))
+        p, value = PARAMETERS[key], self.value(key) + step
+        if not p.allowed[0] <= value <= p.allowed[1]:
+            return None
+        assert p.changed is not None  # else it joins the common batch
+        return p.changed(shot, value)
+
+    def _vector(self, key: tuple[str, int]) -> FloatArray:
+        return self._seen(self.common, self.rows[key], key[0])
+
+    def _seen(self, response: Response, row: int, key: str) -> FloatArray:
+        if not response.outcomes[row].ok:
+            raise RunLost(f"the run with a changed {key or 'nothing'} ended {response.describe(row)}")
+        prediction = predict(response.select([row]), self.objective.observations)
+        return np.asarray(self.objective.vectors(prediction)[0])
+
+
+def scaled_law(curve: MaterialCurve, factor: float) -> MaterialLaw:
+    """The law of a curve whose stresses are all multiplied."""
+    if curve.law is not None:
+        return curve.law.scaled(factor)
+    return material_law(replace(curve, stress=factor * curve.stress))
+
+
+@dataclass(frozen=True)
+class InputDirection:
+    """One input, and what a step of it does to the data vector."""
+
+    key: str
+    """Its key of `kolsky.uncertainty.inputs.INPUTS`."""
+    step: float
+    """By how much it is larger, in its unit, or relative."""
+    change: FloatArray
+    """Change of prediction minus data by the step, shape [k]; zero at an outline point that the moved model
+    does not reach."""
+    value: float
+    """Its declared value in SI; NaN where it is a scale or an offset that no number stands for."""
+
+    @property
+    def slope(self) -> FloatArray:
+        """Change of prediction minus data for one unit of it, shape [k]."""
+        return self.change / self.step
+
+
+@dataclass(frozen=True)
+class InputDirections:
+    """The directions of all inputs at an optimum, beside the Jacobian by the free parameters."""
+
+    names: tuple[str, ...]
+    """Free parameters, length d."""
+    x: FloatArray
+    """The optimum in SI, shape [d]."""
+    objective: Objective
+    """With the discrepancies of the optimum."""
+    vector: FloatArray
+    """Predicted data vector there on the surrogate's mesh, shape [k]."""
+    jacobian: FloatArray
+    """Its derivative by the free parameters, shape [k, d]."""
+    directions: tuple[InputDirection, ...]
+    """One an input that has a part in the answer."""
+    absent: Mapping[str, str] = field(default_factory=dict)
+    """Key -> why an input has none: it is free, has no part here, or its run did not complete."""
+
+    def __getitem__(self, key: str) -> InputDirection:
+        """The direction of an input.
+
+        Raises
+        ------
+        KeyError
+            If it has none; the message says why.
+        """
+        for one in self.directions:
+            if one.key == key:
+                return one
+        raise KeyError(f"{key}: {self.absent.get(key, 'no such input')}")
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Inputs that have a direction."""
+        return tuple(one.key for one in self.directions)
+
+    @cached_property
+    def gain(self) -> FloatArray:
+        """Linear map from a change of the prediction to minus that of the optimum, shape [d, k]."""
+        return self.objective.gain(self.jacobian)
+
+    def shift(self, key: str) -> FloatArray:
+        """Change of the optimum by the input's step, in SI, shape [d]."""
+        # The optimum follows what the prediction is short of.
+        return np.asarray(-self.gain @ self[key].change)
+
+    def rest(self, key: str) -> FloatArray:
+        """What the step leaves in the residual once the free parameters have followed, shape [k]."""
+        return np.asarray(self[key].change + self.jacobian @ self.shift(key))
+
+    def visible(self, key: str) -> float:
+        """Share of the direction that stays in the residual, 0 to 1, in weighted squares [-]."""
+        whitened = self.objective.whitened
+        whole = float(np.sum(whitened(self[key].change) ** 2))
+        return float(np.sum(whitened(self.rest(key)) ** 2)) / whole if whole > 0.0 else 0.0
+
+    def likeness(self, one: str, other: str) -> float:
+        """Cosine between what two inputs leave in the residual, -1 to 1; near +-1 none tells them apart.
+
+        Zero where one of them leaves nothing.
+        """
+        a, b = self.objective.whitened(self.rest(one)), self.objective.whitened(self.rest(other))
+        size = float(np.linalg.norm(a) * np.linalg.norm(b))
+        return float(a @ b) / size if size > 0.0 else 0.0
+
+
+def input_directions(
+    stages: StagedRuns,
+    x: FloatArray,
+    objective: Objective,
+    *,
+    steps: Mapping[str, float] | None = None,
+    only: Collection[str] | None = None,
+) -> InputDirections:
+    """Move every input that has a part in the answer, and return what that does to the data vector.
+
+    Parameters
+    ----------
+    stages
+        The identification's simulations.
+    x
+        The optimum in SI, shape [d].
+    objective
+        With the discrepancies of the optimum.
+    steps
+        Key -> step, in place of the input's own; a declared uncertainty, for one.
+    only
+        Inputs to be moved; all of them if left out.
+
+    Raises
+    ------
+    ValueError
+        If the run at the optimum, or one for the Jacobian, does not complete.
+    """
+    shot, box, held = stages.prepared.forward.shot, stages.box, stages.settings.held
+    absent = {
+        key: why
+        for key in INPUTS
+        if (why := no_part(key, free=box.names, held=held, shot=shot, seen=stages.observations))
+    }
+    wanted = {
+        key: (steps or {}).get(key, one.step(shot, objective))
+        for key, one in INPUTS.items()
+        if key not in absent and (only is None or key in only)
+    }
+    stages.progress("inputs", 0, len(wanted))
+    batch = MovedRuns(stages, x, objective, wanted)
+    reference, jacobian = batch.reference_and_jacobian()
+    moved = MovedInputs(objective, stages.observations, reference)
+    found = []
+    for done, (key, step) in enumerate(wanted.items()):
+        if INPUTS[key].acts_on == "data" or key == "flyer_clock":
+            change = moved.change(key, step)
+        else:
+            try:
+                change = batch.change(key, step)
+            except RunLost as lost:
+                absent[key] = str(lost)
+                continue
+            if key == "specimen_diameter" and shot.axis_by_radius:
+                change = outline_follows(change, step, shot.specimen.diameter, objective.n_force)
+            if key == "specimen_length":
+                change = change + moved.heights_with_length(shot, step)
+        found.append(InputDirection(key, step, np.nan_to_num(change), declared_value(key, shot, held)))
+        stages.progress("inputs", done + 1, len(wanted))
+    stages.progress("inputs", len(wanted), len(wanted))
+    vector = objective.vectors(predict(reference, objective.observations))[0]
+    return InputDirections(box.names, x, objective, vector, jacobian, tuple(found), absent)
+
+
+def declared_value(key: str, shot: Shot, held: Mapping[str, float]) -> float:
+    """The value in SI that a shot declares for an input, or that it is held at; NaN if no number does."""
+    if key in PARAMETERS:
+        return held.get(key, PARAMETERS[key].held(shot))
+    if key in SPECIMEN:
+        return float(getattr(shot.specimen, SPECIMEN[key]))
+    return float("nan")
+
+
+def declared_changes(directions: InputDirections, uncertainty: Mapping[str, float]) -> FloatArray:
+    """Changes by the declared standard uncertainties in quadrature, shape [n, k]."""
+    keys = [key for key, sigma in uncertainty.items() if sigma > 0.0 and key in directions.keys]
+    return in_quadrature([uncertainty[key] * directions[key].slope for key in keys])
+
+
+def in_quadrature(rows: list[FloatArray]) -> FloatArray:
+    """Changes as rows whose mean square is the sum of their squares, shape [n, k]."""
+    return np.asarray(np.sqrt(len(rows)) * np.array(rows))

@@ -1,0 +1,425 @@
+"""Profile likelihoods and posterior of a shot's parameters, on a surrogate that runs along the profiles
+confirm.
+
+The data vector is reduced to the components that can change; `sample_posterior` needs emcee (extra
+[bayes]).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from doe import Box, from_points
+from doe.surrogates import ComponentSurrogate
+from doe.uncertainty import Channel, Likelihood, Profiles, profile_likelihoods, sample_posterior, verdicts
+from doe.uncertainty.profile import Profile
+from kolsky.base.arrays import FloatArray
+from kolsky.inverse.coarse_search import CorrectedSurrogate, Model, jacobian, surrogate_kind
+from kolsky.inverse.objective import Objective
+from kolsky.inverse.observations import Prediction
+from kolsky.inverse.result import Interval, PairMap, ParameterProfile, PosteriorSummary
+from kolsky.inverse.staged_runs import StagedRuns
+
+
+@dataclass(frozen=True)
+class ReducedResiduals:
+    """T and the scores."""
+
+    coordinates: Callable[[FloatArray], FloatArray]
+    """s(x), shape [n, d] -> [n, q]."""
+    triangle: FloatArray
+    """T, shape [p, q + 1]."""
+
+    def residuals(self, points: FloatArray) -> FloatArray:
+        """Residuals with the same sum of squares as the weighted data vector's, shape [n, d] -> [n, p]."""
+        s = self.coordinates(points)
+        return s @ self.triangle[:, :-1].T + self.triangle[:, -1]
+
+
+def reduce_residuals(model: CorrectedSurrogate, objective: Objective) -> ReducedResiduals:
+    """Reduce a corrected surrogate and an objective with fixed discrepancies.
+
+    Raises
+    ------
+    TypeError
+        If the surrogate is not one by principal components.
+    """
+    surrogate = model.surrogate
+    if not isinstance(surrogate, ComponentSurrogate):
+        raise TypeError(f"a surrogate by principal components is needed, got {type(surrogate).__name__}")
+    q = surrogate.n_components
+    slope = np.zeros((len(objective.data), 0)) if np.isscalar(model.slope) else np.asarray(model.slope)
+    anchor = 0.0 if model.anchor is None else model.anchor
+
+    def coordinates(points: FloatArray) -> FloatArray:
+        scores = surrogate.scores(points, extrapolate=True)
+        return np.hstack([scores, points - anchor]) if slope.size else scores
+
+    zero = surrogate.components.expand(np.zeros((1, q)))[0] + model.shift - objective.data
+    columns = np.column_stack([surrogate.components.deviation(np.eye(q)).T, slope, zero])
+    _, triangle = np.linalg.qr(objective.whitened(columns.T).T)
+    return ReducedResiduals(coordinates, triangle)
+
+
+def reduced_likelihood(model: CorrectedSurrogate, objective: Objective, box: Box) -> Likelihood:
+    """The likelihood with the objective's weights, its noise and discrepancies, fixed."""
+    short, prior = reduce_residuals(model, objective), objective.prior
+    p = len(short.triangle)
+    if prior is None:
+        return Likelihood(box, short.residuals, np.zeros(p), [Channel("force and shape", np.ones(p))])
+
+    def residuals(points: FloatArray) -> FloatArray:
+        return np.hstack([short.residuals(points), prior.residuals(points)])
+
+    p += len(prior.rows())
+    return Likelihood(box, residuals, np.zeros(p), [Channel("force, shape and prior", np.ones(p))])
+
+
+def full_likelihood(
+    model: CorrectedSurrogate, objective: Objective, box: Box, *, taus: tuple[float, float] | None = None
+) -> Likelihood:
+    """The likelihood of the whole data vector, a channel for the force and one for the outline.
+
+    Parameters
+    ----------
+    model, objective, box
+        As of `reduced_likelihood`.
+    taus
+        Discrepancies of force [N] and outline [m] instead of the objective's.
+    """
+    force, shape = taus or (objective.force_discrepancy, objective.shape_discrepancy)
+    n = objective.n_force
+    channels = [Channel("force", objective.noise[:n], discrepancy=force)]
+    if len(objective.data) > n:
+        channels.append(Channel("outline", objective.noise[n:], discrepancy=shape))
+    prior = objective.prior
+    if prior is None:
+        return Likelihood(box, model.predict, objective.data, channels)
+    known = np.zeros(len(prior.rows()))
+
+    def predict(points: FloatArray) -> FloatArray:
+        return np.hstack([model.predict(points), prior.residuals(points)])
+
+    channels.append(Channel("prior", np.ones(len(known))))
+    return Likelihood(box, predict, np.concatenate([objective.data, known]), channels)
+
+
+TOLERANCE = 0.1
+"""Error of the rise at the runs along a profile, over the level, at which the surrogate is believed."""
+WARN_ERROR = 1.0 - 0.75**2
+"""The same at which it is said: the rise goes with the square, so that an end of the interval may then stand
+a quarter too near the optimum, or a fifth too far. The answer's own interval does not rest on it."""
+ROUNDS = 3
+"""Most times that runs along the profiles are added to a surrogate."""
+ALONG = 6
+"""Runs along each profile that test the surrogate."""
+REACH = 1.5
+"""Rise over the level up to which a profile is tested."""
+MAP_REACH = 3.0
+"""Rise over the level up to which a map shows."""
+NEAR = 8.0
+"""Half the edge of the box in which profiles of several parameters begin, over their sigma."""
+APART = 1e-3
+"""Smallest distance of two runs of a surrogate, in the unit box."""
+MAP = 81
+"""Values along an edge of a map."""
+
+
+@dataclass(frozen=True)
+class LinearisedOptimum:
+    """The optimum on the refined mesh, and the response linearised about it."""
+
+    x: FloatArray
+    """The optimum in SI, shape [d]."""
+    local: Box
+    """Box of the last design."""
+    objective: Objective
+    """With the discrepancies of the optimum."""
+    vector: FloatArray
+    """Predicted data vector at the optimum on the refined mesh, shape [k]."""
+    slope: FloatArray
+    """Its Jacobian there, shape [k, d]."""
+    steeper: FloatArray
+    """What of the Jacobian the refined mesh adds to the surrogate's, shape [k, d]."""
+    smooth: bool = False
+    """Whether the response is smooth about it; of one parameter it is."""
+
+    @classmethod
+    def of(
+        cls,
+        x: FloatArray,
+        local: Box,
+        objective: Objective,
+        model: Model,
+        surrogate: Model,
+        *,
+        smooth: bool = False,
+    ) -> LinearisedOptimum:
+        """From the model that agrees with the last run on the refined mesh, and the surrogate in it."""
+        slope = jacobian(model, local, x)
+        return cls(x, local, objective, model(x)[0], slope, slope - jacobian(surrogate, local, x), smooth)
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Variance with residuals correlated in time over that without, of each parameter, >= 1."""
+        information = self.objective.information(self.slope)
+        alone = np.linalg.inv(information + self.objective.prior_precision(len(self.x)))
+        together = self.objective.covariance(self.slope, self.vector)
+        return np.asarray(np.maximum(np.diag(together) / np.diag(alone), 1.0))
+
+
+@dataclass(frozen=True)
+class ParameterProfiles:
+    """The profiles and what they rest on."""
+
+    profiles: tuple[ParameterProfile, ...]
+    """One a free parameter."""
+    map: PairMap | None
+    """The rise over the plane of two free parameters; None for another number of them."""
+    model: CorrectedSurrogate
+    """The surrogate, corrected to the refined mesh at the optimum."""
+    objective: Objective
+    """The objective over the points that all its runs reach."""
+    box: Box
+    """Where it holds."""
+    optimum: FloatArray
+    """The most likely point on it, in SI, shape [d]."""
+
+
+def profile_parameters(stages: StagedRuns, answer: LinearisedOptimum) -> ParameterProfiles:
+    """Profile every free parameter.
+
+    First near the answer; if the data do not close an interval there, in the whole box. The
+    surrogate is tested by runs along the profiles and takes them in, until their rise agrees to a tenth of
+    the level.
+
+    Parameters
+    ----------
+    stages
+        The identification's simulations, with all runs on the surrogate's mesh.
+    answer
+        Where it ended.
+
+    Raises
+    ------
+    ValueError, RuntimeError
+        If no surrogate or profile can be made from the runs; the message says why.
+    """
+    local, whole = _near(stages, answer), stages.box
+    found = _in_box(stages, answer, local)
+    inside = np.greater([local.lower, whole.upper], [whole.lower, local.upper])
+    open_ends = np.isnan([profile.interval for profile in found.profiles]).T
+    return _in_box(stages, answer, whole) if (open_ends & inside).any() else found
+
+
+def _near(stages: StagedRuns, answer: LinearisedOptimum) -> Box:
+    """Where the profiles begin: the box of the last design, for several parameters `NEAR` sigma about the
+    answer with a design of its own."""
+    whole = stages.box
+    if whole.dimension == 1:
+        return answer.local
+    reach = NEAR * np.sqrt(np.diag(answer.objective.covariance(answer.slope, answer.vector)))
+    lower, upper = np.maximum(answer.x - reach, whole.lower), np.minimum(answer.x + reach, whole.upper)
+    box = replace(whole, lower=tuple(lower.tolist()), upper=tuple(upper.tolist()))
+    enough = 12 * box.dimension
+    if box != whole and box.contains(stages.on_surrogate_mesh()[0]).sum() < enough:
+        stages.simulate("profile", stages.design(box), stages.settings.numerics)
+    return box
+
+
+def _in_box(stages: StagedRuns, answer: LinearisedOptimum, box: Box) -> ParameterProfiles:
+    worst = np.inf
+    for turn in range(ROUNDS):
+        model, objective = surrogate_of(stages.on_surrogate_mesh(), answer, box, stages.box)
+        likelihood = reduced_likelihood(model, objective, box)
+        start = np.clip(answer.x, box.lower, box.upper)
+        found = profile_likelihoods(likelihood, start, correlation=answer.correlation)
+        errors = _test_along(stages, found, model, objective)
+        before, worst = worst, float(np.max(errors / [profile.level for profile in found.profiles]))
+        # Runs that do not halve the error meet roughness of the response, which more of them cannot mend.
+        if turn == ROUNDS - 1 or worst <= TOLERANCE or worst > 0.5 * before:
+            break
+    told = verdicts(likelihood, found)
+    return ParameterProfiles(
+        profiles=tuple(
+            ParameterProfile(
+                name=profile.name,
+                values=profile.values,
+                rise=profile.rise,
+                points=profile.points,
+                level=profile.level,
+                correlation=float(share),
+                interval=_ends(profile.interval),
+                alone=_ends(profile.alone),
+                verdict=verdict.kind.value,
+                text=verdict.text,
+                error=float(error),
+            )
+            for profile, verdict, share, error in zip(
+                found.profiles, told, answer.correlation, errors, strict=True
+            )
+        ),
+        map=_pair_map(likelihood, found) if box.dimension == 2 else None,
+        model=model,
+        objective=objective,
+        box=box,
+        optimum=found.optimum.point,
+    )
+
+
+def surrogate_of(
+    runs: tuple[FloatArray, Prediction], answer: LinearisedOptimum, box: Box, whole: Box
+) -> tuple[CorrectedSurrogate, Objective]:
+    """The surrogate of all runs in a box, corrected to the refined mesh at the optimum.
+
+    Near the answer it agrees with value and slope there. The whole box is too wide for a slope that two
+    neighbouring runs gave; there it agrees in value.
+
+    Parameters
+    ----------
+    runs
+        Points and predictions on the surrogate's mesh.
+    answer
+        Where the identification ended.
+    box, whole
+        Where the surrogate shall hold, and the whole range of the design.
+
+    Returns
+    -------
+    model, objective
+        The surrogate, and the objective over the points that all its runs reach.
+    """
+    points, prediction = runs
+    use = box.contains(points)
+    smooth = answer.smooth and box != whole
+    least = APART if smooth or box.dimension == 1 else 1e-3 * APART  # a process has a nugget against twins
+    use[use] = _apart_in_box(box.unit(points[use]), least)
+    counted = answer.objective.counted & prediction.inside[use].all(axis=0)
+    objective = replace(answer.objective, counted=counted)
+    kept = np.concatenate([np.ones(objective.n_force, dtype=bool), counted[answer.objective.counted]])
+    surrogate = surrogate_kind(box, smooth=smooth).fit(
+        box, points[use], objective.vectors(prediction)[use], scale=objective.noise
+    )
+    model = CorrectedSurrogate(surrogate).through(answer.x, answer.vector[kept])
+    if box != whole:
+        model = replace(model, slope=answer.steeper[kept])
+    return model, objective
+
+
+def _apart_in_box(unit: FloatArray, least: float) -> NDArray[np.bool_]:
+    """Points that are not too near to an earlier one: twins make a surrogate ill-conditioned."""
+    kept: list[int] = []
+    for row in range(len(unit)):
+        if all(np.linalg.norm(unit[row] - unit[other]) >= least for other in kept):
+            kept.append(row)
+    return np.isin(np.arange(len(unit)), kept)
+
+
+def _test_along(
+    stages: StagedRuns, found: Profiles, model: CorrectedSurrogate, objective: Objective
+) -> FloatArray:
+    """Error of the rise at runs along each profile, shape [d]; NaN-free: a lost run is an infinite one."""
+    rows = [_along(profile) for profile in found.profiles]
+    points = np.concatenate([profile.points[row] for profile, row in zip(found.profiles, rows, strict=True)])
+    runs = stages.simulate("profile", from_points(stages.box, points), stages.settings.numerics)
+    error = np.full(len(points), np.inf)
+    said, plain = model.predict(runs.points), model.surrogate.predict(runs.points, extrapolate=True)
+    ran = objective.vectors(runs.prediction) + (said - plain)
+    for point, pair in zip(runs.points, zip(ran, said, strict=True), strict=True):
+        here = (points == point).all(axis=1)
+        chi2 = objective.chi2(np.stack(pair))
+        error[here] = np.abs(np.diff(chi2))[0] if np.isfinite(chi2).all() else np.inf
+    ends = np.cumsum([len(row) for row in rows])
+    return np.array([part.max() for part in np.split(error, ends[:-1])])
+
+
+def _along(profile: Profile) -> NDArray[np.intp]:
+    """Rows of a profile to run: spread over where its rise is small, both ends of that among them."""
+    low = np.flatnonzero(profile.rise <= REACH * profile.level)
+    return np.unique(low[np.linspace(0, len(low) - 1, ALONG).round().astype(int)])
+
+
+def _ends(interval: tuple[float | None, float | None]) -> Interval:
+    low, high = (np.nan if end is None else float(end) for end in interval)
+    return low, high
+
+
+def _pair_map(likelihood: Likelihood, found: Profiles) -> PairMap:
+    """The rise over the plane of two free parameters."""
+    box = likelihood.box
+    spans = np.array([_span(profile) for profile in found.profiles])
+    margin = 0.05 * np.diff(spans, axis=1)[:, 0]
+    low = np.maximum(spans[:, 0] - margin, box.lower)
+    high = np.minimum(spans[:, 1] + margin, box.upper)
+    x, y = (np.linspace(a, b, MAP) for a, b in zip(low, high, strict=True))
+    points = np.stack([axis.ravel() for axis in np.meshgrid(x, y)], axis=1)
+    deviance = (likelihood.residuals(box.unit(points)) ** 2).sum(axis=1)
+    rise = np.maximum(deviance - found.optimum.deviance, 0.0)
+    return PairMap((box.names[0], box.names[1]), x, y, rise.reshape(MAP, MAP))
+
+
+def _span(profile: Profile) -> tuple[float, float]:
+    """The range over which a profile's rise is small enough to be shown."""
+    low = profile.values[profile.rise <= MAP_REACH * profile.level]
+    return float(low[0]), float(low[-1])
+
+
+TAU_SCALE = 10.0
+"""Scale of the half-normal prior of a discrepancy, over the median noise of its channel."""
+MOST_SAMPLES = 4000
+"""Most samples that are kept."""
+NAMES = {"force": "force_discrepancy", "outline": "shape_discrepancy"}
+"""How the discrepancy of a channel is called in a result."""
+
+
+def posterior(found: ParameterProfiles, *, seed: int) -> PosteriorSummary:
+    """Sample parameters and discrepancies.
+
+    The prior of a parameter is uniform in the box of the profiles, times the Gaussian of its declared
+    uncertainty where it has one. Correlation of the residuals in time is
+    taken in by a power of the likelihood, one over the mean factor of the profiles.
+
+    Parameters
+    ----------
+    found
+        The profiles and what they rest on.
+    seed
+        Of the chains.
+
+    Raises
+    ------
+    ImportError
+        If emcee is not installed: `pip install 'kolsky[bayes]'`.
+    """
+    likelihood = full_likelihood(found.model, found.objective, found.box)
+    power = 1.0 / float(np.mean([profile.correlation for profile in found.profiles]))
+    chains = sample_posterior(
+        likelihood,
+        np.clip(found.optimum, found.box.lower, found.box.upper),
+        rng=seed,
+        power=power,
+        discrepancy_priors=[
+            TAU_SCALE * float(np.median(channel.sigma)) if channel.name in NAMES else 0.0
+            for channel in likelihood.channels
+        ],
+    )
+    samples = np.column_stack([chains.samples, chains.discrepancies])
+    lower, median, upper = np.percentile(samples, [2.5, 50.0, 97.5], axis=0)
+    every = max(1, -(-len(samples) // MOST_SAMPLES))
+    return PosteriorSummary(
+        names=(*chains.names, *(NAMES[name] for name in chains.discrepancy_names)),
+        samples=samples[::every],
+        median=median,
+        lower=lower,
+        upper=upper,
+        converged=chains.converged,
+        autocorrelation=float(np.max(chains.autocorrelation)),
+        steps=chains.steps,
+        acceptance=chains.acceptance,
+        power=power,
+        prior=chains.prior,
+    )

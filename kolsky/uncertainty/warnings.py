@@ -1,0 +1,487 @@
+"""Warnings before an answer is used, gravest first: one sentence each, with the value and the cure."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import isfinite, sqrt
+from typing import Any
+
+import numpy as np
+
+from explicit import Mesh, Response
+from explicit.contact import contact_law
+from explicit.mesh import corner_areas
+from kolsky.base.apparatus import SLIDING_LAW, Interface
+from kolsky.inverse.parameters import any_slides
+from kolsky.inverse.result import Estimate, Identification, Verdict, disagreements, worst_imbalance
+from kolsky.inverse.run_table import DesignTable
+from kolsky.uncertainty.mesh_error import LostRun
+
+SIGMA_RATIO = 1.3
+"""A declared sigma is not believable when the data say this many times more or less."""
+WHITE = 3.0
+"""Noise is not white when its lag-1 correlation is beyond this many times 1 / sqrt(samples)."""
+
+
+def conditioned_curve_warning(checks: Mapping[str, float]) -> Iterator[str]:
+    """Say how m against the conditioned curve would differ from m against the first pull."""
+    if "conditioned_ratio" in checks:
+        ratio = checks["conditioned_ratio"]
+        yield (
+            f"m refers to the first pull; the conditioned curve's stress is {ratio:.3g} times that, so m "
+            f"would be about {1.0 / ratio:.3g} times as large against it: --pull conditioned identifies it"
+        )
+
+
+def symmetry_warning(checks: Mapping[str, float]) -> Iterator[str]:
+    """Say that the window ends with the flyer's first direction, or goes on beyond it."""
+    end, last = checks.get("symmetry_end", float("inf")), checks.get("window_end", 0.0)
+    if end <= last:
+        yield (
+            f"the flyer leaves its first direction at {1e3 * end:.4g} ms, before the window ends at "
+            f"{1e3 * last:.4g} ms: the model is one of revolution; end the window there"
+        )
+    elif isfinite(end):
+        yield f"the window ends at {1e3 * last:.4g} ms, where the flyer leaves its first direction"
+
+
+def flyer_warnings(checks: Mapping[str, float]) -> Iterator[str]:
+    """Say that the flyer's path, or the front face's velocity, scatters more or less than declared."""
+    if "front_noise_scale" in checks:
+        scale = checks["front_noise_scale"]
+        if scale > SIGMA_RATIO:
+            yield (
+                f"the front face's velocity scatters {scale:.2g} times as much as the gauges' noise and was "
+                "taken so uncertain; check the windows and the dispersion correction"
+            )
+        return
+    scale, chi2 = checks["flyer_noise_scale"], checks["flyer_chi2_per_dof"]
+    if scale > SIGMA_RATIO:
+        yield (
+            f"the flyer's noise is {scale:.2g} times its declared sigma and was taken so large; check "
+            "flyer.sigma, or whether the flyer rings"
+        )
+    elif not SIGMA_RATIO**-2 <= chi2 <= SIGMA_RATIO**2:
+        which = "small" if chi2 > 1.0 else "large"
+        yield (
+            f"the flyer's path has chi-square {chi2:.2g} per degree of freedom where 1 is expected: its "
+            f"declared sigma is about {max(chi2, 1.0 / chi2) ** 0.5:.2g} times too {which}; check flyer.sigma"
+        )
+
+
+def force_noise_warnings(checks: Mapping[str, float]) -> Iterator[str]:
+    """Say that the noise of the force is not white, as a bin's sigma takes it to be."""
+    if "force_noise_correlation" not in checks:
+        return  # a force from bar waves: its noise is the reduction's affair
+    c, n = checks["force_noise_correlation"], checks["force_baseline_samples"]
+    limit = WHITE / sqrt(n)
+    if abs(c) > limit:
+        yield (
+            f"the force's baseline noise is not white: neighbouring samples correlate by {c:.2g} (white "
+            f"noise: within {limit:.2g}), so the sigma of a bin's mean is wrong by a factor of about "
+            f"{sqrt((1.0 + c) / (1.0 - c)):.2g}"
+        )
+
+
+def outline_noise_warnings(result: Identification) -> Iterator[str]:
+    """Residuals above the noise are the model's and are weighted so; below it only sigma can be wrong."""
+    t = result.terms
+    if t.n_shape and isfinite(t.chi2_shape) and t.chi2_shape / t.n_shape < SIGMA_RATIO**-2:
+        ratio = sqrt(t.n_shape / t.chi2_shape)
+        yield (
+            f"the outline's residuals are {ratio:.2g} times smaller than its declared sigma, which cannot "
+            "be right; check centre_line.sigma"
+        )
+
+
+def lost_mesh_runs(lost: Sequence[LostRun], coarse: tuple[int, int]) -> Iterator[str]:
+    """Say which runs of `kolsky.uncertainty.mesh_error.MeshChange` were lost, and what stands in for them.
+
+    Parameters
+    ----------
+    lost
+        The runs.
+    coarse
+        Elements of the search's mesh, across the radius and along the length.
+    """
+    for run in lost:
+        across, along = run.numerics.mesh
+        why = f" ({run.why})" if run.why else ""
+        if run.is_graded:
+            yield (
+                f"the run at the answer on the graded mesh of {across} x {along} elements was lost{why}, so "
+                "that the correction for the mesh and its part of the interval come from the coarser mesh of "
+                f"{coarse[0]} x {coarse[1]} elements, by which that part is longer as a rule: give another "
+                "--refined-mesh, or end the [window] before it"
+            )
+        else:
+            yield (
+                f"the run at the answer with {run.numerics.element} elements on {across} x {along} was lost"
+                f"{why}, so that a multiple of what is extrapolated stands in the mesh's part of the "
+                "interval for the distance of the two elements: give another --mesh, or end the [window] "
+                "before it"
+            )
+
+
+PAST_CURVE = 0.01
+"""Share of the specimen past the quasi-static curve from which on it is said."""
+FOLDED = -0.4
+"""Area at an element's corner over the undeformed one below which the edge is called folded over [-]: chosen
+on impacts with friction of 0.1, 0.3 and 0.5, judged on drawn ones (docs/validation/folding)."""
+ARTIFICIAL = 0.01
+"""Energy of hourglass control over the strain energy from which on it is said."""
+
+
+def past_curve_warning(share: float, reached: float, checks: Mapping[str, float]) -> Iterator[str]:
+    """Say that the material was strained beyond what the quasi-static test covers.
+
+    Parameters
+    ----------
+    share : float
+        Largest share of the specimen's volume past the curve [-].
+    reached : float
+        Largest s = sqrt(I1 - 3) [-].
+    checks
+        "curve_last_s" and "curve_last_strain" of `kolsky.inverse.problem.PreparedShot.checks`.
+    """
+    if share > PAST_CURVE:
+        last, strain = checks["curve_last_s"], checks["curve_last_strain"]
+        yield (
+            f"{100.0 * share:.0f} % of the specimen's volume was strained past the quasi-static curve: "
+            f"s = sqrt(I1 - 3) reached {reached:.3g}, the curve ends at {last:.3g} (nominal strain "
+            f"{strain:+.2g}); from there the law goes on without a test that supports it. "
+            f"A curve to a nominal strain of {equivalent_strain(reached, strain):+.2g} would cover it"
+        )
+
+
+def hourglass_warning(response: Response) -> Iterator[str]:
+    """Say that hourglass control took part in the answer of the batch's first simulation."""
+    if not response.outcomes[0].ok:
+        return
+    share = float(response.energy.artificial_share()[0])
+    if share > ARTIFICIAL:
+        yield (
+            f"hourglass control stored and dissipated {100.0 * share:.2g} % of the strain energy; refine the "
+            "mesh, or check with --element fbar"
+        )
+
+
+def folded_warning(
+    response: Response, mesh: Mesh, interface: Interface, named: Sequence[str]
+) -> Iterator[str]:
+    """Say that the edge of a sliding specimen folded over in the batch's first simulation.
+
+    Where a face slides with friction and its edge rolls onto the platen, the elements there are bent into a
+    fold. Once a corner is turned inside out by more than `FOLDED`, the edge comes loose and jumps along the
+    platen by up to 0.2 mm, and the run completes all the same (docs/validation/folding).
+
+    Parameters
+    ----------
+    response
+        The batch, with its nodes; one without them is not looked at.
+    mesh
+        Its mesh.
+    interface
+        The interface as the shot declares it.
+    named
+        Parameters that were named; one that slides replaces that interface.
+    """
+    laws = [contact_law(law) for law in (interface.faces, interface.side)]
+    slides = any_slides(named) or any(law.needs_friction for law in laws)
+    if not slides or response.nodes is None or not response.outcomes[0].ok:
+        return
+    worst = corner_areas(mesh, response.nodes[0]).min(axis=2)
+    over = np.flatnonzero((worst < FOLDED).any(axis=1))
+    if over.size:
+        time, element = response.surface_times[over[0]], int(np.argmin(worst[over[0]]))
+        r, y = mesh.nodes[mesh.quads[element]].mean(axis=0)
+        yield (
+            f"from {1e6 * time:.0f} us on the sliding edge is folded over (element {element} at R = "
+            f"{1e3 * r:.2f} mm, Y = {1e3 * y:.2f} mm has a corner turned inside out): the edge may jump along"
+            " the platen, and its radius and the contact's are not known better than to 0.2 mm; compare with "
+            "--element fbar, end the window before, or hold the face"
+        )
+
+
+def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
+    """Count the runs that did not complete, by stage and `explicit.Outcome`, and tell the first of each kind.
+
+    Parameters
+    ----------
+    table
+        Every run.
+    rest : str
+        What the others are for, said behind the count.
+    """
+    kinds: dict[str, list[int]] = {}
+    for run in table.lost:
+        kinds.setdefault(f"{table.stage[run]}: {table.outcomes[run]}", []).append(run)
+    if kinds:
+        counts = ", ".join(f"{len(runs)} in {kind}" for kind, runs in kinds.items())
+        yield f"{len(table.lost)} of {len(table.outcomes)} runs did not complete ({counts}){rest}"
+    for runs in kinds.values():
+        values = zip(table.names, table.points[runs[0]], strict=True)
+        point = ", ".join(f"{name} = {value:.4g}" for name, value in values)
+        yield f"run {runs[0]} ({point}) ended {table.ending(runs[0]).sentence}"
+
+
+def rerun_advice(damaged: Sequence[str]) -> Iterator[str]:
+    """Name the runs that a ledger held damaged and that were therefore made anew.
+
+    Parameters
+    ----------
+    damaged
+        Beginnings of their keys.
+    """
+    if damaged:
+        said = ", ".join(damaged[:5]) + (", ..." if len(damaged) > 5 else "")
+        yield (
+            f"{len(damaged)} runs in the ledger were damaged ({said}) and have been run again: check the"
+            " disk that it lies on"
+        )
+
+
+def sliding_warning(interface: Interface, named: list[str]) -> Iterator[str]:
+    """Say that naming a parameter that slides replaced the declared interface; see
+    `kolsky.inverse.forward.Forward.run`."""
+    names = [name for name in named if any_slides([name])]
+    if names and {interface.faces, interface.side} != {SLIDING_LAW}:
+        yield (
+            f"with {names[0]} as a parameter, Coulomb's law replaced the interface that the shot declares "
+            f"(faces {interface.faces}, side {interface.side}): the specimen may slide and lift off"
+        )
+
+
+def equivalent_strain(s: float, branch: float) -> float:
+    """Nominal strain of a uniaxial test with the same I1: lam^2 + 2 / lam = 3 + s^2 on one branch."""
+    roots = np.roots([1.0, 0.0, -(3.0 + s**2), 2.0]).real
+    lam = roots.max() if branch > 0.0 else roots[roots > 0.0].min()
+    return float(lam - 1.0)
+
+
+DISAGREE = 2.5
+"""Force and outline disagree beyond so many standard uncertainties of their difference: at two, one right
+shot in twenty with one parameter would be called so, and one in seven with three."""
+HALF = 0.5
+"""A mesh without which the interval would be shorter than this share of it is said."""
+IMBALANCE = 0.01
+"""Share of the external work that may be unaccounted for before it is said."""
+
+
+def _unit(e: Estimate) -> str:
+    """The unit behind a number; text and files are in SI."""
+    return "" if e.unit == "1" else f" {e.unit}"
+
+
+def route_disagreement(result: Identification) -> Iterator[str]:
+    """Say that the check run does not confirm the surrogate, and how many more runs would."""
+    if any(e.outcome is Verdict.DISAGREEING for e in result.estimates.values()):
+        shift = result.surrogate.get("check_shift_sigmas")
+        by = "" if shift is None else f": the last one still moved the optimum by {shift:.2g} sigma"
+        needed, cure = result.surrogate.get("runs_needed"), ""
+        if len(result.estimates) > 1:  # no surrogate led there, but steps on the refined mesh
+            cure = (
+                "; its steps start from the optimum on --mesh: give a finer one, such as 32x43, or hold what "
+                "the data hardly tell (--hold)"
+            )
+        elif needed is not None:
+            cure = (
+                f"; about {needed:.0f} runs around the optimum would do"
+                if isfinite(needed)
+                else "; more runs would hardly help, because the response is rough: shrink the bounds"
+            )
+        yield (
+            f"the check run on the refined mesh does not confirm the surrogate{by}; do not use the "
+            f"value{cure}"
+        )
+
+
+def force_only_warning(result: Identification) -> Iterator[str]:
+    """Without an outline nothing contradicts a wrong model."""
+    if np.isfinite(result.terms.chi2_force) and not result.terms.has_shape:
+        yield (
+            "no outline was measured: the value rests on the force alone, and nothing shows whether the "
+            "specimen deformed as the model says, slid on the platens or was of another length"
+        )
+
+
+def route_warnings(result: Identification) -> Iterator[str]:
+    """Force and outline are two measurements of one specimen: their optima must agree.
+
+    Compared is their difference with its own standard uncertainty, see
+    `kolsky.uncertainty.budgets.route_difference`. Of several parameters each is looked at alone.
+    """
+    difference, routes = result.route_difference, {route.name: route for route in result.routes}
+    if difference is None or not {"force only", "shape only"} <= set(routes):
+        return
+    force, shape = routes["force only"], routes["shape only"]
+    boxes = {curve.parameter: (curve.x[0], curve.x[-1]) for curve in result.curves}
+    for name, e in result.estimates.items():
+        both = DISAGREE * difference.sigma[name]
+        if abs(difference.values[name]) > both:
+            low, high = boxes.get(name, (-np.inf, np.inf))
+            near = 1e-4 * (high - low) if np.isfinite(high - low) else 0.0
+            edge = any(min(x - low, high - x) <= near for x in (force.on_mesh(name), shape.on_mesh(name)))
+            yield (
+                f"force and outline disagree about {name}: {force.parameters[name]:.5g} by the force alone, "
+                f"{shape.parameters[name]:.5g} by the outline alone, further apart than the k = {DISAGREE:g} "
+                f"uncertainty of their difference, {both:.2g}"
+                f"{_unit(e)}{' (and one of them at the edge of the box that was searched)' if edge else ''}; "
+                "the joint value is a compromise between them"
+            )
+
+
+def method_warnings(result: Identification) -> Iterator[str]:
+    """Searches of one misfit must end at one point, or it has more than one valley, or is rough."""
+    for method, name, distance in disagreements(result.methods):
+        if isfinite(distance):
+            yield (
+                f"methods disagree about {name}: {method.name} ends at {method.values[name]:.5g}"
+                f"{_unit(result.estimates[name])}, {abs(distance):.2g} of the k = 2 half width from the "
+                f"answer ({method.ended})"
+            )
+        else:
+            yield f"{method.name} has no value of {name} to compare ({method.ended})"
+
+
+def bound_warnings(result: Identification) -> Iterator[str]:
+    """An interval that leaves the design rests on no run there."""
+    design = result.design
+    for i, name in enumerate(design.names):
+        e, low, high = result.estimates[name], design.lower[i], design.upper[i]
+        judged = e.outcome.identified or e.outcome is Verdict.BOUND_REACHED
+        if judged and not low <= e.value - 2.0 * e.sigma <= e.value + 2.0 * e.sigma <= high:
+            yield (
+                f"the k = 2 interval of {name} reaches past the bounds of its design ({low:g} to {high:g}); "
+                f"widen them with --free {name}=LOW:HIGH, if a value beyond is possible"
+            )
+
+
+def energy_warning(result: Identification) -> Iterator[str]:
+    """Say that energy is missing from the simulation's ledger."""
+    imbalance = worst_imbalance(result.response)
+    if imbalance > IMBALANCE:
+        yield f"{100.0 * imbalance:.2g} % of the simulation's external work is not accounted for"
+
+
+def lost_run_warnings(result: Identification, lost_replicates: int) -> Iterator[str]:
+    """Say which runs of the design and how many replicates of the noise did not complete."""
+    yield from lost_runs(result.design, "; the surrogate rests on the others")
+    if lost_replicates:
+        yield (
+            f"{lost_replicates} replicates of the input noise did not complete; the interval rests on the "
+            "others"
+        )
+
+
+def outside_warnings(result: Identification) -> Iterator[str]:
+    """Say that outline points were not counted, at the optimum or in the search."""
+    t = result.terms
+    if t.n_outside:
+        yield (
+            f"{t.n_outside} of {t.n_outside + t.n_shape} outline points lie outside the simulated outline "
+            "at the optimum and are not counted"
+        )
+    searched = result.surrogate.get("counted_points", float(t.n_shape))
+    if searched < t.n_shape:
+        yield (
+            f"{t.n_shape - searched:.0f} of {t.n_shape} outline points were not counted in the search, "
+            "because some run of the design does not reach them"
+        )
+
+
+def mesh_warnings(result: Identification) -> Iterator[str]:
+    """Say that without the mesh's part the interval would be half as long, or that the misfit is rough."""
+    for name, e in result.estimates.items():
+        rough = e.numerical_parts.get("roughness", 0.0)
+        mesh = e.numerical_parts.get("mesh", e.sigma_numerical)
+        without = sqrt(max(e.sigma**2 - mesh**2, 0.0))
+        if without < HALF * e.sigma:
+            yield (
+                f"the mesh makes most of the uncertainty of {name}: U (k = 2) is {2.0 * e.sigma:.2g}"
+                f"{_unit(e)} and would be {2.0 * without:.2g}{_unit(e)} without it; where that matters, "
+                "refine both meshes (--mesh, --refined-mesh)"
+            )
+        if rough > e.sigma_noise:
+            low, high = e.value - 2.0 * rough, e.value + 2.0 * rough
+            yield (
+                f"the simulated response is so rough that it contributes more to the uncertainty of {name} "
+                f"({rough:.2g}) than the measured noise ({e.sigma_noise:.2g}): between "
+                f"{low:.5g} and {high:.5g}{_unit(e)} the misfit is flat to within its jumps; refine both "
+                "meshes, or hold another parameter"
+            )
+
+
+def left_out_warnings(result: Identification) -> Iterator[str]:
+    """Say that the interval leaves out the noise of an input."""
+    for source in ("flyer motion", "material curve"):
+        if not any(source in e.noise_parts for e in result.estimates.values()) and result.estimates:
+            yield f"the interval leaves out the noise of the {source}"
+
+
+def collect_warnings(
+    result: Identification,
+    *,
+    checks: Mapping[str, float],
+    interface: Interface,
+    lost_replicates: int = 0,
+    mesh: Mesh | None = None,
+    lost_meshes: Sequence[LostRun] = (),
+) -> tuple[str, ...]:
+    """Collect the warnings of a result, gravest first.
+
+    Parameters
+    ----------
+    result
+        The finished identification; its own `warnings` are not read.
+    checks
+        The figures of `kolsky.inverse.problem.PreparedShot.checks`.
+    interface
+        The interface as the shot declares it.
+    lost_replicates : int
+        Runs of the noise stage that did not complete.
+    mesh
+        Of the check run; left out, its elements are not looked at.
+    lost_meshes
+        Runs that were to tell the mesh's error and did not complete.
+
+    Returns
+    -------
+    tuple of str
+        One sentence each, without a final stop; empty if there is nothing to say.
+    """
+    named = [*result.estimates, *_held_values(result)]
+    return tuple(
+        [
+            *route_disagreement(result),
+            *force_only_warning(result),
+            *route_warnings(result),
+            *method_warnings(result),
+            *bound_warnings(result),
+            *_past_curve_of(result, checks),
+            *conditioned_curve_warning(checks),
+            *energy_warning(result),
+            *hourglass_warning(result.response),
+            *([] if mesh is None else folded_warning(result.response, mesh, interface, named)),
+            *lost_run_warnings(result, lost_replicates),
+            *outside_warnings(result),
+            *symmetry_warning(checks),
+            *flyer_warnings(checks),
+            *force_noise_warnings(checks),
+            *outline_noise_warnings(result),
+            *lost_mesh_runs(lost_meshes, result.mesh),
+            *mesh_warnings(result),
+            *left_out_warnings(result),
+            *sliding_warning(interface, named),
+        ]
+    )
+
+
+def _past_curve_of(result: Identification, checks: Mapping[str, float]) -> Iterator[str]:
+    response = result.response
+    return past_curve_warning(
+        float(response.extrapolated_share[0]), float(response.largest_strain_measure[0]), checks
+    )
+
+
+def _held_values(result: Identification) -> Mapping[str, Any]:
+    held = result.provenance.get("settings", {}).get("held", {})
+    return held if isinstance(held, Mapping) else {}

@@ -1,1 +1,0 @@
-"""Warnings before an answer is used: one sentence each, with the value and the cure."""
