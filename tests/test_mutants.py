@@ -1,5 +1,6 @@
 """No named fault gets past the quick tests, and the trial itself can tell: see `tests.mutants`."""
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -7,30 +8,94 @@ from pathlib import Path
 import pytest
 
 from tests.mutants import FAULTS, Fault
-
-ROOT = Path(__file__).resolve().parents[1]
+from tests.mutants.sources import ROOT, Sources, sources
 
 FEWEST = 40
 """Faults that the project wants to hold at least, over interval, verdicts, warnings, budget, waves, rates,
 image correlation, misfit and solver."""
 
 
-def test_every_fault_fits_its_file() -> None:
-    """A line that was rewritten takes its fault along: the right text stands in the file exactly once."""
+def test_every_fault_fits_one_place() -> None:
+    """Code that was rewritten takes its fault along: the right code stands in its function exactly once."""
     assert len(FAULTS) >= FEWEST
     assert len({fault.name for fault in FAULTS}) == len(FAULTS)
     for fault in FAULTS:
-        fault.planted((ROOT / fault.file).read_text("utf-8"))
+        place = sources().place(fault)
+        ast.parse(place.planted(fault))
         assert fault.tests, f"{fault.name}: no test must fail"
         for test in fault.tests:
             assert (ROOT / test.partition("::")[0]).is_file(), f"{fault.name}: {test} is no file"
 
 
-def test_a_fault_that_does_not_fit_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"stands 2 times in a\.py, not once"):
-        Fault("twice", "a.py", "x", "y", ("t.py",)).planted("x = x")
-    with pytest.raises(ValueError, match="nothing changes"):
-        Fault("none", "a.py", "x", "x", ("t.py",)).planted("x = 1")
+ONE = '''
+class Line:
+    """Two x."""
+
+    slope: float = 2.0
+
+    def at(self, x):  # not 3 * x
+        return self.slope * sum(
+            [x, x / 2],
+        )
+
+START = 1.0
+if __name__ == "__main__":
+    print(START)
+'''
+OTHER = """
+START = 1.0
+
+def at(x):
+    def start(y):
+        return y - START
+
+    return start(x) + x
+"""
+
+
+@pytest.fixture
+def made_up(tmp_path: Path) -> Sources:
+    for name, text in {"one": ONE, "other": OTHER}.items():
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text(text, "utf-8")
+    return Sources(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("function", "right", "wrong", "near", "planted"),
+    [
+        ("Line.slope", "2.0", "3.0", "", "slope: float = 3.0\n"),
+        ("Line.at", "sum([x, x / 2])", "x", "", "return self.slope * x\n"),  # wrapped otherwise
+        ("Line.at", "2", "3", "", "[x, x / 3],\n"),
+        ("START", "1.0", "2.0", "start", "START = 2.0\n\ndef at"),
+        ("START", "1.0", "2.0", "class Line", "START = 2.0\nif"),
+        ("at.start", "-", "+", "", "return y + START\n"),
+        ("at", "return start(x)", "x = 0\nreturn start(x)", "", "    x = 0\n    return start(x) + x\n"),
+        ("__main__", "print(START)", "pass", "", '"__main__":\n    pass\n'),
+    ],
+)
+def test_a_fault_is_planted_in_the_function_it_names(
+    made_up: Sources, function: str, right: str, wrong: str, near: str, planted: str
+) -> None:
+    fault = Fault("a fault", function, right, wrong, ("t.py",), near)
+    assert planted in made_up.place(fault).planted(fault)
+
+
+@pytest.mark.parametrize(
+    ("function", "right", "wrong", "problem"),
+    [
+        ("START", "1.0", "2.0", "a fault: .* 1 times in one/.*, 1 times in other/"),
+        ("Line.at", "x", "y", "a fault: .* 3 times in one/"),
+        ("Line.at", "z", "y", "a fault: .* 0 times in one/"),
+        ("Line.to", "x", "y", "a fault: nothing is called Line.to"),
+        ("Line.at", "2", "2", "a fault: nothing changes"),
+    ],
+)
+def test_a_fault_that_does_not_fit_one_place_is_refused(
+    made_up: Sources, function: str, right: str, wrong: str, problem: str
+) -> None:
+    with pytest.raises(ValueError, match=problem):
+        made_up.place(Fault("a fault", function, right, wrong, ("t.py",)))
 
 
 def python(*words: str) -> subprocess.CompletedProcess[str]:
@@ -54,9 +119,9 @@ from tests.mutants.trial import trials
 
 unseen = Fault(
     name="a text that no test of units reads",
-    file="kolsky/base/units.py",
-    right="Written-out quantities",
-    wrong="Quantities in words",
+    function="UnitError",
+    right="UnitError(ValueError)",
+    wrong="UnitError(ValueError, object)",
     tests=("tests/unit/base/test_units.py",),
 )
 print(*(fate for _, fate in trials([unseen])))

@@ -14,8 +14,8 @@ from multiprocessing.util import Finalize
 from pathlib import Path
 
 from tests.mutants.fault import Fault
+from tests.mutants.sources import ROOT, sources
 
-ROOT = Path(__file__).resolve().parents[2]
 PRELOADED = (
     "numpy",
     "scipy.optimize",
@@ -123,7 +123,7 @@ def trials(faults: Sequence[Fault], *, processes: int = 1) -> Iterator[tuple[Fau
     Raises
     ------
     ValueError
-        If a fault does not fit its file.
+        If a fault fits no place in the sources, or several.
     RuntimeError
         If pytest cannot run a test that is named.
     """
@@ -152,13 +152,13 @@ def tried(copy: Path, faults: Sequence[Fault]) -> Iterator[tuple[Fault, Fate]]:
         if not sound:
             yield fault, Fate.BROKEN
             continue
-        place = copy / fault.file
-        source = place.read_text("utf-8")
-        place.write_text(fault.planted(source), "utf-8")
+        place = sources(copy).place(fault)
+        path = copy / place.module.file
+        path.write_text(place.planted(fault), "utf-8")
         try:
             killed = tests_fail(copy, fault.tests)
         finally:
-            place.write_text(source, "utf-8")
+            path.write_text(place.module.source, "utf-8")
         yield fault, Fate.KILLED if killed else Fate.SURVIVED
 
 
