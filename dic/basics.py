@@ -27,12 +27,7 @@ MEDIAN_LENGTH = 1.18
 def median(values: FloatArray, axis: int = 0) -> FloatArray:
     """`numpy.median` of values none of which is NaN, with a fifth of its time for some hundred of them.
 
-    Parameters
-    ----------
-    values
-        The values; at least one along `axis`.
-    axis
-        Along which the median is taken.
+    ``values``: the values; at least one along `axis`. ``axis``: along which the median is taken.
     """
     ordered = np.sort(values, axis=axis).swapaxes(0, axis)
     half = len(ordered) // 2

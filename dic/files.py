@@ -69,15 +69,7 @@ def remove_abandoned(folder: Path) -> None:
 
 
 def _locked(folder: Path) -> int | None:
-    """A handle of a folder that is locked with it; None where folders cannot be locked.
-
-    Raises
-    ------
-    BlockingIOError
-        If another process has locked it.
-    FileNotFoundError
-        If it is gone.
-    """
+    """A handle of a folder that is locked with it; None where folders cannot be locked."""
     if fcntl is None:
         return None
     handle = os.open(folder, os.O_RDONLY)
@@ -144,10 +136,8 @@ def regular(path: Path | str) -> Path:
 
     A pipe that nobody writes to never answers, a device never ends, and links lead to both.
 
-    Raises
-    ------
-    OSError
-        If there is no such file, or it is a folder, a pipe, a socket or a device; `strerror` says which.
+    Raises OSError if there is no such file, or it is a folder, a pipe, a socket or a device; `strerror` says
+    which.
     """
     mode = os.stat(path).st_mode
     if stat.S_ISREG(mode):

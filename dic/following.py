@@ -19,10 +19,7 @@ def end_with(parent: int) -> None:
     A thread that waits for the parent would be late where a library works for long without giving others
     their turn. The system takes the thread that started this process for its parent: it must wait for it.
 
-    Parameters
-    ----------
-    parent
-        Number of the process that started this one; if that has ended already this one ends at once.
+    ``parent``: number of the process that started this one; if that has ended already this one ends at once.
     """
     if sys.platform != "linux":
         return

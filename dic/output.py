@@ -232,21 +232,10 @@ def write_frames(folder: Path, body: Body, *, strain: FloatArray | None = None) 
     [mm], the epipolar distance e [px], and exx, eyy, exy, the Green-Lagrange strain, if it is given. A column
     more names the outcome; a point that was lost has its row, its numbers are empty.
 
-    Parameters
-    ----------
-    folder
-        Where to; made if absent. The files are ``frame_0000.csv`` and so on.
-    body
-        The points.
-    strain
-        Strain of every point, NaN where it has none [-], shape [n_frames, n_points, 3].
-
-    Raises
-    ------
-    ValueError
-        A strain of another shape.
-    OSError
-        If a file cannot be written; an older one is then unchanged.
+    ``folder``: where to; made if absent. The files are ``frame_0000.csv`` and so on. ``body``: the points.
+    ``strain``: strain of every point, NaN where it has none [-], shape [n_frames, n_points, 3]. Raises
+    ValueError: a strain of another shape. Raises OSError if a file cannot be written; an older one is then
+    unchanged.
     """
     surface = body.surface
     shape = (surface.n_frames, surface.n_points, 3)
@@ -281,12 +270,8 @@ def write_frames(folder: Path, body: Body, *, strain: FloatArray | None = None) 
 def write_history(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     """Write columns of equal length, named with their units, as one table; NaN is an empty cell.
 
-    Raises
-    ------
-    ValueError
-        Columns of different length.
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    Raises ValueError: columns of different length. Raises OSError if the file cannot be written; an older one
+    is then unchanged.
     """
     lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
@@ -314,12 +299,7 @@ def write_full_field_frames(folder: Path, result: FullField) -> list[Path]:
     eyy, exy with their sigmas; the lowest correlation of the cameras; the epipolar distance; the outcome. A
     number that is not known is an empty cell.
 
-    Parameters
-    ----------
-    folder
-        Where to; made if absent.
-    result
-        The result.
+    ``folder``: where to; made if absent. ``result``: the result.
     """
     folder.mkdir(parents=True, exist_ok=True)
     surface, unit, written = result.surface, result.unit, []
@@ -345,12 +325,7 @@ def write_full_field_frames(folder: Path, result: FullField) -> list[Path]:
 def write_full_field_history(path: Path, result: FullField) -> None:
     """Write one row a frame: points found, mean strains, and what extensometers and cylinder say.
 
-    Parameters
-    ----------
-    path
-        The file.
-    result
-        The result.
+    ``path``: the file. ``result``: the result.
     """
     unit, mean = result.unit, result.mean_strain
     columns = {
@@ -387,10 +362,7 @@ CURE = "pip install 'kolsky[notebook]'"
 def pandas() -> Any:
     """The package pandas.
 
-    Raises
-    ------
-    ImportError
-        If it is not installed; the message says how to get it.
+    Raises ImportError if it is not installed; the message says how to get it.
     """
     try:
         import pandas
@@ -402,10 +374,7 @@ def pandas() -> Any:
 def xarray() -> Any:
     """The package xarray.
 
-    Raises
-    ------
-    ImportError
-        If it is not installed; the message says how to get it.
+    Raises ImportError if it is not installed; the message says how to get it.
     """
     try:
         import xarray

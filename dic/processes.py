@@ -78,18 +78,9 @@ class PendingResult(Generic[Result]):
 def background(work: Callable[[], Result], *, fork: bool | None = None) -> Iterator[PendingResult[Result]]:
     """Do work beside the block: in a fork, or else in a thread. It ends with the block, wanted or not.
 
-    Parameters
-    ----------
-    work
-        The work. In a fork it sees everything as it stands now, and changes nothing here; its result is
-        copied, so let it be small.
-    fork
-        Whether in a fork; None: within `forking`, where `can_fork`.
-
-    Yields
-    ------
-    Later
-        Gives the result, or raises what the work raised.
+    ``work``: the work. In a fork it sees everything as it stands now, and changes nothing here; its result is
+    copied, so let it be small. ``fork``: whether in a fork; None: within `forking`, where `can_fork`. Yields:
+    gives the result, or raises what the work raised.
     """
     if not ((_FORKS_ALLOWED.get() if fork is None else fork) and can_fork()):
         with ThreadPoolExecutor(1) as pool:
@@ -122,15 +113,8 @@ def background_pool(
 ) -> Iterator[Callable[..., list[Result]]]:
     """Begin several works in forks, if there are some, while this process does something else.
 
-    Parameters
-    ----------
-    works, processes
-        As of `side_by_side`.
-
-    Yields
-    ------
-    callable
-        Joins in the work and gives what `side_by_side` gives; takes its `progress`.
+    ``works``, ``processes``: as of `side_by_side`. Yields: joins in the work and gives what `side_by_side`
+    gives; takes its `progress`.
     """
     if processes is None and not (_FORKS_ALLOWED.get() and can_fork()):
         yield lambda progress=None: _by_threads(works, progress or _no_progress)
@@ -168,15 +152,9 @@ def run_parallel(
     """Do several works, each of which takes the next one that nobody has begun, and return their results in
     order.
 
-    Parameters
-    ----------
-    works
-        As for `beside`.
-    processes
-        Processes that work, this one among them. With None as many as there are cores within `forking`, and
-        else this one alone, with a thread a core.
-    progress
-        Told here of the works done, or begun where forks work, and their number.
+    ``works``: as for `beside`. ``processes``: processes that work, this one among them. With None as many as
+    there are cores within `forking`, and else this one alone, with a thread a core. ``progress``: told here
+    of the works done, or begun where forks work, and their number.
     """
     with background_pool(works, processes=processes) as joined:
         return joined(progress)
@@ -238,12 +216,8 @@ def _fork(work: Callable[[], Any], there: Any) -> int:
 class WorkerProcess(Generic[Result]):
     """The process, as the one that forked it sees it.
 
-    Parameters
-    ----------
-    tell : callable
-        Sends something to it, which must be picklable; returns when it was taken, or the process is gone.
-    result
-        Waits for what its work returns.
+    ``tell``: sends something to it, which must be picklable; returns when it was taken, or the process is
+    gone. ``result``: waits for what its work returns.
     """
 
     def __init__(self, tell: Callable[[Any], None], result: PendingResult[Result]) -> None:
@@ -257,18 +231,9 @@ def worker_process(
     """Fork a process that is told later what to work on; it ends with the block. See
     `dic.processes.can_fork`.
 
-    Parameters
-    ----------
-    work
-        Its work, of a function that waits for the next thing told and returns it. The result is copied.
-    instead
-        The same work here, of all that was told: where the process does not deliver. What it raises is
-        raised by the result.
-
-    Yields
-    ------
-    Apart
-        The process.
+    ``work``: its work, of a function that waits for the next thing told and returns it. The result is copied.
+    ``instead``: the same work here, of all that was told: where the process does not deliver. What it raises
+    is raised by the result. Yields: the process.
     """
     said, (taken, handed) = list[Any](), Pipe(duplex=False)
     forked = list[bool]()  # filled here only

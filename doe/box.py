@@ -300,18 +300,9 @@ COMPARISONS: dict[type[ast.cmpop], Callable[[FloatArray, FloatArray], NDArray[np
 class Constraint:
     """A comparison of two arithmetic expressions in parameters and numbers.
 
-    Parameters
-    ----------
-    text
-        Such as "friction * damping < 1e-5"; chains as "0.1 < friction < stiffness_factor" are allowed.
-        Nothing but ``+ - * / **``, brackets, numbers and names: it is read, not run.
-    names
-        The parameters that may stand in it.
-
-    Raises
-    ------
-    ValueError
-        If the text is not of this kind or names something else.
+    ``text``: such as "friction * damping < 1e-5"; chains as "0.1 < friction < stiffness_factor" are allowed.
+    Nothing but ``+ - * / **``, brackets, numbers and names: it is read, not run. ``names``: the parameters
+    that may stand in it. Raises ValueError if the text is not of this kind or names something else.
     """
 
     def __init__(self, text: str, names: tuple[str, ...]) -> None:
@@ -331,15 +322,8 @@ class Constraint:
     def __call__(self, points: FloatArray) -> NDArray[np.bool_]:
         """Points that meet the constraint.
 
-        Parameters
-        ----------
-        points
-            Values in SI, shape [n, d], a column a name.
-
-        Returns
-        -------
-        met
-            Shape [n]; False also where the arithmetic has no finite result.
+        ``points``: values in SI, shape [n, d], a column a name. Returns: shape [n]; False also where the
+        arithmetic has no finite result.
         """
         return _compare(self._comparison, dict(zip(self.names, points.T, strict=True)))
 

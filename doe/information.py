@@ -32,10 +32,7 @@ from doe.uncertainty.covariance import inverse_information
 class LinearData:
     """Data with their derivatives by some parameters.
 
-    Raises
-    ------
-    ValueError
-        If shapes do not match, an entry is not finite, or a sigma or scale is not > 0.
+    Raises ValueError if shapes do not match, an entry is not finite, or a sigma or scale is not > 0.
     """
 
     names: tuple[str, ...]
@@ -77,10 +74,8 @@ class LinearData:
     def covariance(self) -> FloatArray:
         """H^-1, in parameter units, shape [d, d].
 
-        Raises
-        ------
-        doe.uncertainty.covariance.SingularInformationError
-            If some direction of the parameters does not move the data.
+        Raises doe.uncertainty.covariance.SingularInformationError if some direction of the parameters does
+        not move the data.
         """
         return inverse_information(self.rows) * np.outer(self.scale, self.scale)
 
@@ -126,13 +121,9 @@ class LinearData:
     def directions(self) -> tuple[FloatArray, FloatArray]:
         """Directions that the data determine best and least, without an inverse.
 
-        Returns
-        -------
-        deviations
-            Standard deviation along each direction in units of the scales [-], the largest first, infinite
-            for what is not seen, shape [d].
-        vectors
-            The directions in parameters over their scale, length one, shape [d, d], one a row.
+        Returns: standard deviation along each direction in units of the scales [-], the largest first,
+        infinite for what is not seen, shape [d]. Returns: the directions in parameters over their scale,
+        length one, shape [d, d], one a row.
         """
         values, vectors = np.linalg.eigh(self.information)
         seen = values > 1e-12 * values[-1]
@@ -172,10 +163,7 @@ class Placement:
 def costs(information: FloatArray, criterion: Criterion) -> FloatArray:
     """Cost of an information matrix, shape [..., d, d] -> [...]; infinite where it is singular.
 
-    Raises
-    ------
-    ValueError
-        If the criterion is neither "D" nor "A".
+    Raises ValueError if the criterion is neither "D" nor "A".
     """
     if criterion not in ("D", "A"):
         raise ValueError(f'criterion must be "D" or "A", got {criterion!r}')
@@ -191,23 +179,10 @@ def best_groups(
 ) -> Placement:
     """The `count` groups of data that with the base leave least undecided.
 
-    Parameters
-    ----------
-    groups
-        Information of each group, e.g. of all that is seen at one height [-], shape [n, d, d].
-    count
-        How many to choose, 1 to n.
-    base
-        Information that is there anyway [-], shape [d, d]; none if left out.
-    criterion
-        "D" or "A".
-
-    Raises
-    ------
-    ValueError
-        If `count` is outside its range.
-    UndecidedError
-        If every choice is singular.
+    ``groups``: information of each group, e.g. of all that is seen at one height [-], shape [n, d, d].
+    ``count``: how many to choose, 1 to n. ``base``: information that is there anyway [-], shape [d, d]; none
+    if left out. ``criterion``: "D" or "A". Raises ValueError if `count` is outside its range. Raises
+    UndecidedError if every choice is singular.
     """
     n, d, _ = groups.shape
     count = index(count)

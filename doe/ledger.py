@@ -390,10 +390,7 @@ class Pace:
 def shard(n: int, i: int, of: int) -> NDArray[np.intp]:
     """Rows of a design of n points that shard i of `of` runs: i - 1, i - 1 + of, i - 1 + 2 of, ...
 
-    Raises
-    ------
-    ValueError
-        If i is not in [1, of], or there are more shards than points.
+    Raises ValueError if i is not in [1, of], or there are more shards than points.
     """
     if not 1 <= i <= of:
         raise ValueError(f"shard {i}/{of} does not exist; the first number must be in [1, {of}]")

@@ -111,10 +111,7 @@ class _Recorder:
 def evaluate(function: Objective, box: Box, point: FloatArray) -> float:
     """The function at one point, refused if it is not a finite number.
 
-    Raises
-    ------
-    ValueError
-        If the value is NaN or infinite; the message names the point.
+    Raises ValueError if the value is NaN or infinite; the message names the point.
     """
     # A copy: a function that writes into its argument must not move the simplex or the trace.
     value = float(function(point.copy()))

@@ -85,10 +85,7 @@ class SaltelliSample:
     def draw(cls, d: int, n: int, rng: Rng) -> SaltelliSample:
         """Halves of a scrambled Sobol' sequence in 2 d dimensions.
 
-        Raises
-        ------
-        ValueError
-            If n is not a power of two, at least 4: the sequence is balanced for no other.
+        Raises ValueError if n is not a power of two, at least 4: the sequence is balanced for no other.
         """
         count = index(n)
         if count < 4 or count & (count - 1):
@@ -114,10 +111,7 @@ class SaltelliSample:
 def evaluate(function: Function, box: Box, unit_points: FloatArray) -> FloatArray:
     """The function at points of the unit box, some at a time, shape [n, s].
 
-    Raises
-    ------
-    ValueError
-        If an answer has a wrong shape or is not finite; the message names the point.
+    Raises ValueError if an answer has a wrong shape or is not finite; the message names the point.
     """
     parts = []
     for start in range(0, len(unit_points), CHUNK):
@@ -194,27 +188,7 @@ def sobol_indices(
 
 
 def _resampled(terms: list[FloatArray], resamples: int, seed: int) -> list[FloatArray]:
-    """Means over the rows of a sample drawn again, the same rows for all terms.
-
-    Parameters
-    ----------
-    terms
-        Each of shape [..., n, s].
-    resamples
-        Number of draws, at least 100.
-    seed
-        Of the draws.
-
-    Returns
-    -------
-    means
-        For each term, shape [resamples, ..., s].
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than 100 draws: the ends of an interval would be two or three of them.
-    """
+    """Means over the rows of a sample drawn again, the same rows for all terms."""
     if resamples < 100:
         raise ValueError(f"resamples must be at least 100, got {resamples}")
     n = terms[0].shape[-2]
@@ -223,13 +197,7 @@ def _resampled(terms: list[FloatArray], resamples: int, seed: int) -> list[Float
 
 
 def _interval_ends(confidence: float) -> tuple[float, float]:
-    """Quantiles at the ends of an interval.
-
-    Raises
-    ------
-    ValueError
-        If the confidence is not in (0, 1).
-    """
+    """Quantiles at the ends of an interval."""
     if not 0.0 < confidence < 1.0:
         raise ValueError(f"confidence must be in (0, 1), got {confidence}")
     return 0.5 * (1.0 - confidence), 0.5 * (1.0 + confidence)
@@ -295,27 +263,12 @@ def history_indices(
 ) -> HistoryIndices:
     """Variance-based sensitivity of a history, e.g. `Surrogate.predict`.
 
-    Parameters
-    ----------
-    box
-        Where the parameters vary, uniformly and independently.
-    function
-        The histories at points, shape [n, d] -> [n, k].
-    scale
-        What entries are measured by when they are put together, > 0, in their units: a number or shape [k].
-    n
-        Points of each of the d + 2 samples, a power of two.
-    rng
-        Integer seed or generator.
-    variance
-        Share of the scaled variance that the components keep, in (0, 1].
-    confidence, resamples
-        As in `doe.sensitivity.sobol_indices`.
-
-    Raises
-    ------
-    ValueError
-        If an argument is outside its range, an answer is unusable, or the history does not vary at all.
+    ``box``: where the parameters vary, uniformly and independently. ``function``: the histories at points,
+    shape [n, d] -> [n, k]. ``scale``: what entries are measured by when they are put together, > 0, in their
+    units: a number or shape [k]. ``n``: points of each of the d + 2 samples, a power of two. ``rng``: integer
+    seed or generator. ``variance``: share of the scaled variance that the components keep, in (0, 1].
+    ``confidence``, ``resamples``: as in `doe.sensitivity.sobol_indices`. Raises ValueError if an argument is
+    outside its range, an answer is unusable, or the history does not vary at all.
     """
     seed = seed_of(rng)
     sample = SaltelliSample.draw(box.dimension, n, seed)
@@ -407,16 +360,9 @@ class Trajectories:
     def effects(self, outputs: FloatArray) -> ElementaryEffects:
         """The effects of the runs' outputs.
 
-        Parameters
-        ----------
-        outputs
-            One row a point of `design`, shape [r (d + 1), s].
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong, or an output is not finite: an effect is then not known, and a trajectory
-            that is left out would be missed where the model is at its limits.
+        ``outputs``: one row a point of `design`, shape [r (d + 1), s]. Raises ValueError if the shape is
+        wrong, or an output is not finite: an effect is then not known, and a trajectory that is left out
+        would be missed where the model is at its limits.
         """
         r, d = self.moved.shape
         y = np.asarray(outputs, dtype=np.float64)

@@ -146,25 +146,10 @@ def compile_each(
 def load_module(kernel: Any, device: Any, folder: Path | str | None) -> bool:
     """Give a CUDA device the time loop from a folder of modules.
 
-    Parameters
-    ----------
-    kernel : TimeLoopKernel
-        The time loop.
-    device
-        A Warp device; nothing is done for a CPU.
-    folder : Path or str, optional
-        Written by `ahead_of_time`; default what the environment variable ``KOLSKY_AOT`` says, or none.
-
-    Returns
-    -------
-    bool
-        Whether a module was found. If a folder is named and has none for this time loop and device, a
-        `RuntimeWarning` says so once, and the launch compiles it.
-
-    Raises
-    ------
-    ValueError
-        If the folder named is not there.
+    ``kernel``: the time loop. ``device``: a Warp device; nothing is done for a CPU. ``folder``: written by
+    `ahead_of_time`; default what the environment variable ``KOLSKY_AOT`` says, or none. Returns: whether a
+    module was found. If a folder is named and has none for this time loop and device, a `RuntimeWarning` says
+    so once, and the launch compiles it. Raises ValueError if the folder named is not there.
     """
     folder = folder or os.environ.get(FOLDER_VARIABLE) or None
     if folder is None or not device.is_cuda:

@@ -199,15 +199,7 @@ APART = 256
 
 
 def in_one_copy(values: Mapping[str, tuple[NDArray[Any], Any]], where: Any) -> dict[str, Any]:
-    """Arrays on a device, by name.
-
-    Parameters
-    ----------
-    values
-        Numbers and the Warp type that they are to have there, by name.
-    where
-        The device.
-    """
+    """Arrays on a device, by name."""
     found = {name: (_as(numbers, dtype), dtype) for name, (numbers, dtype) in values.items()}
     places, end = {}, 0
     for name, (numbers, _) in found.items():

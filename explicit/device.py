@@ -25,10 +25,7 @@ GENERATING = RLock()
 def select_device(name: str) -> Any:
     """Start Warp quietly and return a device: "cpu", "cuda:1", or by "cuda" this process's own (`own_gpu`).
 
-    Raises
-    ------
-    ValueError
-        If the machine has no such device; the message lists those it has.
+    Raises ValueError if the machine has no such device; the message lists those it has.
     """
     _start()
     known = {"cpu"} | {device.alias for device in wp.get_cuda_devices()}

@@ -38,15 +38,7 @@ THREADS = 4
 
 
 class _HostTransfer:
-    """The histories of one batch copied to the host.
-
-    Parameters
-    ----------
-    output
-        The time loop's output on a CUDA device.
-    device
-        The device.
-    """
+    """The histories of one batch copied to the host."""
 
     def __init__(self, output: Any, device: Any) -> None:
         self._sources = {name: getattr(output, name) for name in HISTORIES}
@@ -120,10 +112,7 @@ LIMIT = 1 << 25
 class Piece:
     """A piece of memory on the host.
 
-    Parameters
-    ----------
-    memory
-        Its Warp array.
+    ``memory``: its Warp array.
     """
 
     def __init__(self, memory: Any) -> None:
@@ -154,12 +143,8 @@ class _Owner:
 class Pool:
     """Pieces of page-locked memory, the smallest that is large enough first.
 
-    Parameters
-    ----------
-    limit
-        Most numbers in all pieces together.
-    pinned
-        False for ordinary memory, where there is no GPU to lock pages for.
+    ``limit``: most numbers in all pieces together. ``pinned``: False for ordinary memory, where there is no
+    GPU to lock pages for.
     """
 
     def __init__(self, limit: int = LIMIT, *, pinned: bool = True) -> None:

@@ -183,10 +183,7 @@ _KNOWN: WeakKeyDictionary[Mesh, ElementGeometry] = WeakKeyDictionary()
 def element_geometry(mesh: Mesh) -> ElementGeometry:
     """Integrate the element constants of a mesh with 3 x 3 Gauss points, once.
 
-    Raises
-    ------
-    ValueError
-        If an element has a non-positive Jacobian; the message names it.
+    Raises ValueError if an element has a non-positive Jacobian; the message names it.
     """
     if mesh not in _KNOWN:
         _KNOWN[mesh] = _integrate(mesh)
@@ -251,22 +248,9 @@ def _integrate(mesh: Mesh) -> ElementGeometry:
 def deformation_gradient(mesh: Mesh, nodes: ArrayLike) -> FloatArray:
     """Volume-averaged deformation gradient of each element, the one at the stress point of "one_point".
 
-    Parameters
-    ----------
-    mesh
-        The undeformed mesh.
-    nodes
-        Positions (r, y) of its nodes [m], shape [..., n_nodes, 2].
-
-    Returns
-    -------
-    F
-        In (r, y, hoop) [-], shape [..., n_elements, 3, 3].
-
-    Raises
-    ------
-    ValueError
-        If the nodes are not those of the mesh.
+    ``mesh``: the undeformed mesh. ``nodes``: positions (r, y) of its nodes [m], shape [..., n_nodes, 2].
+    Returns: in (r, y, hoop) [-], shape [..., n_elements, 3, 3]. Raises ValueError if the nodes are not those
+    of the mesh.
     """
     x = np.asarray(nodes, dtype=float)
     if x.shape[-2:] != (mesh.n_nodes, 2):
@@ -286,17 +270,8 @@ def corner_areas(mesh: Mesh, nodes: FloatArray) -> FloatArray:
     A simulation ends where a stress point is turned inside out. A corner can be so long before: the one-point
     element has no stress point there, and those of full integration lie inside.
 
-    Parameters
-    ----------
-    mesh
-        Their mesh.
-    nodes
-        Positions (r, y) [m], shape [..., n_nodes, 2].
-
-    Returns
-    -------
-    ndarray
-        Below 0 where a corner is turned inside out, shape [..., n_elements, 4].
+    ``mesh``: their mesh. ``nodes``: positions (r, y) [m], shape [..., n_nodes, 2]. Returns: below 0 where a
+    corner is turned inside out, shape [..., n_elements, 4].
     """
     return np.asarray(_spanned(mesh, nodes) / _spanned(mesh, mesh.nodes))
 

@@ -288,17 +288,8 @@ def scale_of(name: str, value: float) -> float:
 def stencil_for(name: str, value: float, widest: float) -> Stencil:
     """The central formula, or a one-sided one where a step would leave the parameter's range.
 
-    Parameters
-    ----------
-    name : str
-        The parameter.
-    value, widest : float
-        Its value and the widest step, in its unit.
-
-    Raises
-    ------
-    ValueError
-        If neither side has room for the widest step.
+    ``name``: the parameter. ``value``, ``widest``: its value and the widest step, in its unit. Raises
+    ValueError if neither side has room for the widest step.
     """
     low, high = BOUNDS[name]
     for stencil in (CENTRAL, FORWARD, BACKWARD):

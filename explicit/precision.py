@@ -32,10 +32,7 @@ PRECISIONS = {
 def precision(name: str) -> Precision:
     """Look a precision up by name.
 
-    Raises
-    ------
-    ValueError
-        If the name is not "fp32" or "fp64".
+    Raises ValueError if the name is not "fp32" or "fp64".
     """
     if name not in PRECISIONS:
         raise ValueError(f"precision must be one of {sorted(PRECISIONS)}, got {name!r}")

@@ -71,10 +71,7 @@ def joint_result(
 ) -> JointResult:
     """Values, intervals and verdicts at an optimum.
 
-    Raises
-    ------
-    ValueError
-        If the run at the answer on the search's mesh does not complete.
+    Raises ValueError if the run at the answer on the search's mesh does not complete.
     """
     stack, unknowns = problem.stack, problem.unknowns
     residual = found.vector - stack.data
@@ -321,37 +318,23 @@ def identify_shots(
     relaxing = [name for name in problem.unknowns.bounds if PARAMETERS[name].relaxes]
     kept = {n: b for n, b in problem.unknowns.bounds.items() if n not in relaxing}
     if not relaxing or not (kept or settings.curve_nodes) or not settings.choose:
-        found = with_patterns_and_scatter(problem, search_joint(problem), said)
+        found = with_patterns_and_scatter(problem, _search_joint(problem), said)
         return joint_result(problem, found, None, tuple(said))
     bare = [
         replace(p, forward=replace(p.forward, shot=replace(p.forward.shot, relaxation=None)))
         for p in prepared
     ]
     elastic = _build_problem(bare, kept, freed[0], settings, slow, ledger, progress)
-    without = search_joint(elastic)
-    found = search_joint(problem, beside=weak_branch(problem, elastic, without.start))
+    without = _search_joint(elastic)
+    found = _search_joint(problem, beside=weak_branch(problem, elastic, without.start))
     found = _not_above(problem, found, elastic, without)
     choice = choose_model(problem, found, elastic, without)
     found = with_patterns_and_scatter(problem, found, said)
     return joint_result(problem, found, choice, tuple(said))
 
 
-def search_joint(problem: JointProblem, *, beside: FloatArray | None = None) -> Optimum:
-    """The optimum on the refined mesh, shots without a scatter between them.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-    beside
-        One more point to search from, shape [d]. Its end is taken to the refined mesh too: which of two
-        valleys is the deeper one is not for the search's mesh to say, whose ringing has another period.
-
-    Raises
-    ------
-    ValueError
-        If no search can start, or a run beside the optimum does not complete.
-    """
+def _search_joint(problem: JointProblem, *, beside: FloatArray | None = None) -> Optimum:
+    """The optimum on the refined mesh, shots without a scatter between them."""
     numerics = problem.mesh
     x, _ = problem.search(starts(problem, numerics), numerics, FIRST_STEPS)
     problem.learn_noise(x, numerics)
@@ -369,15 +352,7 @@ def search_joint(problem: JointProblem, *, beside: FloatArray | None = None) -> 
 
 
 def _not_above(problem: JointProblem, found: Optimum, elastic: JointProblem, without: Optimum) -> Optimum:
-    """An optimum that explains no less than that of a model which is contained in its own.
-
-    Parameters
-    ----------
-    problem, found
-        The larger problem, and where its search ended.
-    elastic, without
-        The smaller one, and its optimum.
-    """
+    """An optimum that explains no less than that of a model which is contained in its own."""
     nothing = optimum_without_branch(problem, elastic, without)
     if nothing is None or problem.deviance(found.vector) <= problem.deviance(nothing.vector):
         return found

@@ -88,27 +88,6 @@ def lateral_places(
     all shows the fewest. A body that flies keeps its lateral velocity: what these frames show of it, with
     twice its standard deviation, times the time to them may have been added since. The scatter of the frames
     about their line is what the place itself is off by at most, in all frames alike.
-
-    Parameters
-    ----------
-    t
-        Frame times [s], shape [n_frames].
-    moves
-        Translations of the frames that both cameras saw [m], NaN in the others, shape [n_frames, 3].
-    counts
-        Points that both cameras saw, shape [n_frames].
-    pixel
-        Length that a pixel shows [m].
-
-    Returns
-    -------
-    NDArray
-        Translations along x and Z [m], shape [n_frames, 2].
-    NDArray
-        Standard deviations of the motion since, between `LEAST_LATERAL` and `LATERAL_SIGMA` pixels [m], shape
-        [n_frames].
-    NDArray
-        That of the place, along x and Z, common to all frames [m], shape [2].
     """
     twice = np.flatnonzero(np.isfinite(moves).all(axis=1))
     across, weight = moves[twice][:, [0, 2]], counts[twice].astype(np.float64)
@@ -464,17 +443,7 @@ def from_rest(
 def include_static_frames(
     static: IntArray, rest: float, index: IntArray, y: FloatArray, sigma: list[float], counts: list[int]
 ) -> tuple[IntArray, FloatArray, list[float], list[int]]:
-    """The displacements with the static frames that do not show the body: there it rests.
-
-    Parameters
-    ----------
-    static
-        Frames in which it rests.
-    rest
-        Its place there [m].
-    index, y, sigma, counts
-        Frames that show it, ascending, with place, standard deviation [m] and points.
-    """
+    """The displacements with the static frames that do not show the body: there it rests."""
     still = np.setdiff1d(static, index)
     order = np.argsort(np.concatenate([still, index]), kind="stable")
     spread = np.concatenate([np.full(still.size, float(np.median(sigma))), sigma])[order]

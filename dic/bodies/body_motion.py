@@ -70,31 +70,6 @@ def rigid_motion(
 
     The start is Kabsch's rotation by singular values with scalar weights; Gauss-Newton steps then weigh
     with the whole covariances.
-
-    Parameters
-    ----------
-    X
-        Points at rest [m], shape [n, 3].
-    x
-        The same points now [m], shape [n, 3].
-    covariance
-        Of the differences between the two [m²], shape [n, 3, 3].
-    overlap
-        Variance factors of points whose subsets overlap, `dic.surfaces.overlap_factor`, shape [n].
-    reject
-        Points farther off than this many sigmas, or this many robust standard deviations if the scatter
-        is larger than the sigmas say, are left out and marked in `RigidMotion.used` [-].
-
-    Raises
-    ------
-    ValueError
-        Fewer than 3 points, shapes that do not fit, numbers that are not finite, covariances that are not
-        positive definite, or points on one line, about which the rotation is open.
-
-    References
-    ----------
-    W. Kabsch, "A solution for the best rotation to relate two sets of vectors", Acta Crystallographica
-    A32 (1976) 922-923.
     """
     rest, now = np.asarray(X, dtype=np.float64), np.asarray(x, dtype=np.float64)
     C = np.asarray(covariance, dtype=np.float64)
@@ -246,19 +221,9 @@ class Poses:
 def adjust(observations: Observations, prior: MotionPrior, reject: float) -> Poses:
     """Poses of all frames that are connected with the one that sees most points.
 
-    Parameters
-    ----------
-    observations
-        What was seen.
-    habits
-        What is known of the motion.
-    reject
-        Observations farther off than this many (robust) sigmas are left out.
-
-    Raises
-    ------
-    ValueError
-        If no frame sees enough points, or the iteration does not settle.
+    ``observations``: what was seen. ``habits``: what is known of the motion. ``reject``: observations farther
+    off than this many (robust) sigmas are left out. Raises ValueError if no frame sees enough points, or the
+    iteration does not settle.
     """
     frames, points, R, p, X = _chain(observations)
     tolerance = ROUGH
@@ -439,28 +404,7 @@ STEP = 1e-6
 def _ray_observations(
     camera: Camera, frame: SpecimenFrame, pixels: FloatArray, covariance: FloatArray, near: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Points on a camera's rays and their inverse covariances, which are of rank 2.
-
-    Parameters
-    ----------
-    camera
-        One camera of the rig.
-    frame
-        The frame that points are wanted in.
-    pixels
-        Where the camera sees them [px], shape [n, 2].
-    covariance
-        Of the pixels [px²], shape [n, 2, 2].
-    near
-        Points near them, whose depth is taken, in the frame [m], shape [n, 3].
-
-    Returns
-    -------
-    NDArray
-        The point of each ray nearest to `near`, to first order [m], shape [n, 3].
-    NDArray
-        Inverse covariances ``Jᵀ C⁻¹ J``, J the projection's derivative [1/m²], shape [n, 3, 3].
-    """
+    """Points on a camera's rays and their inverse covariances, which are of rank 2."""
     x = np.array(near)
     for _ in range(3):  # the projection is nearly linear: each step leaves the square of the last
         J = _slope(camera, frame, x)

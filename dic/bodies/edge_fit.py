@@ -108,22 +108,11 @@ def covariance(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> F
 def with_slopes(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> tuple[FloatArray, FloatArray]:
     """Covariance of the rows of a strip, and its slope over each parameter.
 
-    Parameters
-    ----------
-    p
-        Place of the edge [px]; logarithms of blur, of the lengths of the paint on the body and beyond [px],
-        of the contrasts of body and beyond and of the noise [-], of the shape; the band's parameter.
-    u
-        Places of the rows [px], shape [n_rows].
-    width
-        Band for parameter 0, and what parameter 1 adds [px].
-    free
-        Whether the parameter counts.
-
-    Returns
-    -------
-    tuple of NDArray
-        Covariance, shape [n_rows, n_rows], and slopes, shape [9, n_rows, n_rows].
+    ``p``: place of the edge [px]; logarithms of blur, of the lengths of the paint on the body and beyond
+    [px], of the contrasts of body and beyond and of the noise [-], of the shape; the band's parameter. ``u``:
+    places of the rows [px], shape [n_rows]. ``width``: band for parameter 0, and what parameter 1 adds [px].
+    ``free``: whether the parameter counts. Returns: covariance, shape [n_rows, n_rows], and slopes, shape [9,
+    n_rows, n_rows].
     """
     return next(of_bands(p, u, [width], free))
 
@@ -213,15 +202,7 @@ def sandwich(
 
 
 def block_sigma(g: FloatArray, H: FloatArray) -> float:
-    """Standard deviation of the first parameter: ``H^-1 Σ g gᵀ H^-1 n / (n - 1)``.
-
-    Parameters
-    ----------
-    g
-        Scores of the blocks, shape [n, n_parameters].
-    H
-        Their information, shape [n_parameters, n_parameters].
-    """
+    """Standard deviation of the first parameter: ``H^-1 Σ g gᵀ H^-1 n / (n - 1)``."""
     n, turned = len(g), np.linalg.pinv(H, rcond=1e-10)
     V = turned @ (g.T @ g) @ turned * n / (n - 1.0)
     return float(np.sqrt(V[0, 0]))
@@ -300,25 +281,12 @@ def fit_edge(
 ) -> _EdgeFit | None:
     """Find an edge in strips.
 
-    Parameters
-    ----------
-    strips
-        Grey values, shape [n_frames, n_rows, n_columns].
-    u
-        Places of the rows, outward from the body, from where the edge is looked for [px], shape [n_rows].
-    bands
-        Width of the band in every frame for a parameter p from 0 to 1, as ``first + p second`` [px], shape
-        [2, n_frames].
-    reach
-        Largest distance of the edge from there [px].
-    sure
-        True if other evidence says that there is an edge within `reach`: no other place is tried then. Where
-        frames repeat the body's paint, its own chance may look like an edge.
-
-    Returns
-    -------
-    EdgeFit or None
-        None if the most likely edge of the strip is not within `reach`, or at an end of it.
+    ``strips``: grey values, shape [n_frames, n_rows, n_columns]. ``u``: places of the rows, outward from the
+    body, from where the edge is looked for [px], shape [n_rows]. ``bands``: width of the band in every frame
+    for a parameter p from 0 to 1, as ``first + p second`` [px], shape [2, n_frames]. ``reach``: largest
+    distance of the edge from there [px]. ``sure``: True if other evidence says that there is an edge within
+    `reach`: no other place is tried then. Where frames repeat the body's paint, its own chance may look like
+    an edge. Returns: None if the most likely edge of the strip is not within `reach`, or at an end of it.
     """
     flat = without_shading(strips)
     size = float(np.sqrt(np.mean(flat**2)))
@@ -385,17 +353,7 @@ def fit_edge(
 
 
 def gap_before(spread: FloatArray, u: FloatArray, place: float) -> float:
-    """Distance from the last row of the body with half its contrast to an edge [px].
-
-    Parameters
-    ----------
-    spread
-        Standard deviation of every row, those of the body first, shape [n_rows].
-    u
-        Places of the rows [px], shape [n_rows].
-    place
-        The edge [px].
-    """
+    """Distance from the last row of the body with half its contrast to an edge [px]."""
     body = spread[u <= max(place - CLEAR_OF_EDGE, float(u[0]))]
     half = 0.5 * float(np.median(body))
     below = np.flatnonzero((spread < half) & (u > u[body.size - 1]))

@@ -129,16 +129,8 @@ def rays_on_body(
     """Where the rays of pixels meet a cylinder about the axis, in the test frame [m], shape [n, 3]; NaN for
     those that miss it.
 
-    Parameters
-    ----------
-    camera, frame
-        The camera and the test frame.
-    pixels
-        Pixels (x, y) [px], shape [n, 2].
-    radius
-        Of the cylinder [m].
-    across
-        A point of its axis in the test frame [m], shape [3].
+    ``camera``, ``frame``: the camera and the test frame. ``pixels``: pixels (x, y) [px], shape [n, 2].
+    ``radius``: of the cylinder [m]. ``across``: a point of its axis in the test frame [m], shape [3].
     """
     ideal = camera.undistort(pixels)
     rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1) @ camera.rotation
@@ -533,17 +525,7 @@ def consistent_frames(
 
 
 def at_rest_before(change: float, most: float, distance: float) -> bool:
-    """Whether a body can have rested where a static frame shows it.
-
-    Parameters
-    ----------
-    change
-        From its place in the next frame that shows it to that in the static frame [m].
-    most
-        The same if it had its later speed all the way [m].
-    distance
-        What either may be off by [m].
-    """
+    """Whether a body can have rested where a static frame shows it."""
     low, high = min(most, 0.0), max(most, 0.0)
     return low - distance <= change <= high + distance
 

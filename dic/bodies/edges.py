@@ -76,18 +76,9 @@ class FollowedEdge:
 def follow_edge(pictures: FloatArray, noise: float) -> FollowedEdge:
     """Follow the edge of a flyer that comes in by the first row.
 
-    Parameters
-    ----------
-    pictures
-        Grey values without the uneven light, of frames in order; flyer at the top, shape [n_frames, rows,
-        columns].
-    noise
-        Standard deviation of their noise.
-
-    Raises
-    ------
-    ValueError
-        If nothing moves rigidly into the picture, or no row is found where it ends.
+    ``pictures``: grey values without the uneven light, of frames in order; flyer at the top, shape [n_frames,
+    rows, columns]. ``noise``: standard deviation of their noise. Raises ValueError if nothing moves rigidly
+    into the picture, or no row is found where it ends.
     """
     n, rows, _ = pictures.shape
     travel, first = _coarse_travel(pictures)
@@ -188,20 +179,7 @@ def _rows_at(picture: FloatArray, at: FloatArray) -> FloatArray:
 
 
 def _row_variation(pictures: FloatArray, travel: FloatArray) -> FloatArray:
-    """Standard deviation over the frames of every row of the last picture, the flyer held still.
-
-    Parameters
-    ----------
-    pictures
-        The last is the one the rows are counted in, shape [n_frames, rows, columns].
-    travel
-        Of the flyer from each frame to the last [px], shape [n_frames].
-
-    Returns
-    -------
-    array
-        Shape [rows]; NaN where fewer than `FEWEST_FRAMES` frames show the row.
-    """
+    """Standard deviation over the frames of every row of the last picture, the flyer held still."""
     rows = pictures.shape[1]
     total = np.zeros(pictures.shape[1:])
     square, count = np.zeros_like(total), np.zeros(rows)
@@ -242,21 +220,7 @@ def _consistent_edge(
 
 
 def rigid_limit(rows: FloatArray, noise: float) -> float:
-    """Largest standard deviation over the frames of rows that are held still.
-
-    Parameters
-    ----------
-    rows
-        Neighbouring rows of one picture, shape [n, columns].
-    noise
-        Standard deviation of the pictures' noise.
-
-    Returns
-    -------
-    float
-        Root of (`RIGID` times the noise)² and (`PLACED` times the slope across the rows, root mean square)²,
-        the slope without what the noise adds to it.
-    """
+    """Largest standard deviation over the frames of rows that are held still."""
     slope = 0.5 * (rows[2:] - rows[:-2])
     true = max(float(np.mean(slope**2)) - 0.5 * noise**2, 0.0)
     return float(np.sqrt((RIGID * noise) ** 2 + PLACED**2 * true))
@@ -422,13 +386,6 @@ def end_arc(picture: FloatArray, edge: float) -> FloatArray | None:
 def block_edge(block: FloatArray, platen: int) -> float:
     """Row at which a block of columns falls to the platen's grey level, between the last row of the specimen
     and the one below it [px].
-
-    Parameters
-    ----------
-    block
-        Grey values, shape [rows, columns].
-    platen
-        First row that is surely the platen's.
     """
     level = np.median(block[platen:])
     departs = np.sqrt(np.mean((block - level) ** 2, axis=1))

@@ -106,20 +106,6 @@ def least_in_strip(mask: BoolArray, points: FloatArray, settings: Correlation) -
     A subset that is wider than the strip hangs over it on both sides, and the strip holds little more of it
     than `Correlation.least_pixels` of its area, if that: nothing would be left for what the other camera does
     not see.
-
-    Parameters
-    ----------
-    mask
-        Pixels of the body, shape [rows, columns].
-    points
-        Its points (x, y) [px], shape [n, 2].
-    settings
-        The subset, and the share that is asked for of a body that fills it.
-
-    Returns
-    -------
-    float
-        `STRIP` of the largest share of a subset that lies inside the mask, `settings.least_pixels` at most.
     """
     held = uniform_filter(mask.astype(np.float64), size=settings.subset, mode="constant")
     x, y = np.round(points).astype(int).T
@@ -127,17 +113,7 @@ def least_in_strip(mask: BoolArray, points: FloatArray, settings: Correlation) -
 
 
 def track_body(body: MatchedBody, camera: int, progress: Callable[[int, int], None] | None = None) -> Track:
-    """Follow a body's points in one camera; in camera 1 those that were matched.
-
-    Parameters
-    ----------
-    body
-        The body.
-    camera
-        0 or 1.
-    progress
-        Called with the frames done and their number.
-    """
+    """Follow a body's points in one camera; in camera 1 those that were matched."""
     first, points, match = camera == 0, body.points, body.match
     known = np.ones(len(points), dtype=bool) if first else match.valid
     if not known.any():
@@ -167,17 +143,8 @@ def track_body(body: MatchedBody, camera: int, progress: Callable[[int, int], No
 def material_frame(health: tuple[IntArray, IntArray], wanted: int) -> int:
     """Frame nearest to the wanted one of which both cameras have a usable picture, the earlier of two.
 
-    Parameters
-    ----------
-    health
-        `FrameOutcome` of the pictures of the cameras, each of shape [n_frames].
-    wanted
-        The frame in which the region is declared.
-
-    Raises
-    ------
-    ValueError
-        If no frame has a usable picture of both cameras.
+    ``health``: `FrameOutcome` of the pictures of the cameras, each of shape [n_frames]. ``wanted``: the frame
+    in which the region is declared. Raises ValueError if no frame has a usable picture of both cameras.
     """
     usable = np.flatnonzero((health[0] == FrameOutcome.VALID) & (health[1] == FrameOutcome.VALID))
     if not usable.size:
@@ -199,17 +166,7 @@ def _empty_track(points: FloatArray, match: StereoMatch, health: IntArray) -> Tr
 
 
 def _all_points(fields: dict[str, Any], points: FloatArray, match: StereoMatch) -> Track:
-    """A track of the matched points with rows for the others, which keep the outcome of their match.
-
-    Parameters
-    ----------
-    fields
-        Fields of the track, whose arrays are taken out one by one: two of the largest are held at a time.
-    points
-        All points, shape [n, 2].
-    match
-        Their match between the cameras.
-    """
+    """A track of the matched points with rows for the others, which keep the outcome of their match."""
     known, n_frames, n = match.valid, len(fields["warp"]), len(points)
     for name in ("warp", "covariance", "zncc", "excess", "reference"):
         if fields[name] is None or known.all():
@@ -228,12 +185,7 @@ def _all_points(fields: dict[str, Any], points: FloatArray, match: StereoMatch) 
 class SecondCamera:
     """The process that follows camera 1.
 
-    Parameters
-    ----------
-    pictures
-        The series that it has, of camera 0 and camera 1.
-    process
-        The process.
+    ``pictures``: the series that it has, of camera 0 and camera 1. ``process``: the process.
     """
 
     def __init__(self, pictures: tuple[Pictures, Pictures], process: WorkerProcess[list[Track]]) -> None:
@@ -254,17 +206,9 @@ class SecondCamera:
 def second_camera(pictures: tuple[Pictures, Pictures], device: str) -> Iterator[SecondCamera | None]:
     """Fork the process; it ends with the block.
 
-    Parameters
-    ----------
-    pictures
-        The series of camera 0 and camera 1; best are those that are in memory (`dic.images.series`).
-    device
-        Where pictures are correlated.
-
-    Yields
-    ------
-    SecondCamera or None
-        None on a CPU, where forks are not allowed (`dic.processes.allow_forks`), and where Warp has begun.
+    ``pictures``: the series of camera 0 and camera 1; best are those that are in memory
+    (`dic.images.series`). ``device``: where pictures are correlated. Yields: None on a CPU, where forks are
+    not allowed (`dic.processes.allow_forks`), and where Warp has begun.
     """
     if device == "cpu" or not may_fork() or warp_started():
         yield None

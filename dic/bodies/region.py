@@ -49,22 +49,9 @@ def polygon_mask(corners: Sequence[tuple[float, float]], shape: tuple[int, int])
     OpenCV's `fillPoly` fills the pixels that a side passes through as well, whose centres may lie up to half
     a pixel outside: a region that is declared clear of an edge would come to it.
 
-    Parameters
-    ----------
-    corners
-        Corners (x, y) in order [px], at least three; the last is joined to the first. Even-odd rule.
-    shape
-        Rows and columns of the picture.
-
-    Returns
-    -------
-    array of bool
-        Shape [rows, columns].
-
-    Raises
-    ------
-    ValueError
-        Fewer than three corners, one that is not finite, or a polygon that holds no pixel of the picture.
+    ``corners``: corners (x, y) in order [px], at least three; the last is joined to the first. Even-odd rule.
+    ``shape``: rows and columns of the picture. Returns: shape [rows, columns]. Raises ValueError: fewer than
+    three corners, one that is not finite, or a polygon that holds no pixel of the picture.
     """
     vertices = np.asarray(corners, dtype=np.float64)
     if vertices.ndim != 2 or vertices.shape[0] < 3 or vertices.shape[1] != 2:
@@ -97,27 +84,11 @@ def polygon_mask(corners: Sequence[tuple[float, float]], shape: tuple[int, int])
 def grid_points(mask: BoolArray, step: int, *, margin: float = 0.0) -> tuple[FloatArray, IntArray]:
     """Points of a square grid inside a mask.
 
-    Parameters
-    ----------
-    mask
-        Pixels of the body, shape [rows, columns].
-    step
-        Distance of neighbouring points [px], at least 1.
-    margin
-        Least distance from a point to the nearest pixel outside the mask [px]; the picture's border is
-        outside.
-
-    Returns
-    -------
-    points : array
-        Places (x, y) [px], shape [n, 2]: whole numbers, so a point is a pixel's centre.
-    cell : array of int
-        Column and row of each point in the grid, shape [n, 2].
-
-    Raises
-    ------
-    ValueError
-        A step below 1, a negative margin, or no point that is left.
+    ``mask``: pixels of the body, shape [rows, columns]. ``step``: distance of neighbouring points [px], at
+    least 1. ``margin``: least distance from a point to the nearest pixel outside the mask [px]; the picture's
+    border is outside. Returns: places (x, y) [px], shape [n, 2]: whole numbers, so a point is a pixel's
+    centre. Returns: column and row of each point in the grid, shape [n, 2]. Raises ValueError: a step below
+    1, a negative margin, or no point that is left.
     """
     if step < 1 or margin < 0.0:
         raise ValueError(f"step must be at least 1 px and margin not negative, got {step} and {margin}")
@@ -383,23 +354,10 @@ def carry_region(
 ) -> Region | None:
     """Carry a region to another frame by following what it shows.
 
-    Parameters
-    ----------
-    pictures
-        The series of camera 0.
-    health
-        `FrameOutcome` of its pictures, shape [n_frames].
-    region
-        Where the body is; its frame must be usable.
-    frame
-        Where it is wanted.
-    direction
-        Axis of the motion in the pictures (right, down).
-
-    Returns
-    -------
-    Region or None
-        None if the declared frame is not usable, or the body could not be followed.
+    ``pictures``: the series of camera 0. ``health``: `FrameOutcome` of its pictures, shape [n_frames].
+    ``region``: where the body is; its frame must be usable. ``frame``: where it is wanted. ``direction``:
+    axis of the motion in the pictures (right, down). Returns: None if the declared frame is not usable, or
+    the body could not be followed.
     """
     if health[region.frame] != FrameOutcome.VALID:
         return None

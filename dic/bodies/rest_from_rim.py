@@ -89,25 +89,11 @@ def find_rim(
 ) -> Rim | None:
     """Find the rim of the flyer's face in all frames that show it.
 
-    Parameters
-    ----------
-    pictures
-        Both series.
-    body
-        The flyer, followed; the rim is looked for beyond the end of its region.
-    rig, frame
-        The cameras and the test frame.
-    places
-        Its points at translation zero [m], shape [n_points, 3]; NaN where not known.
-    moves
-        Translations of the frames [m], shape [n_frames, 3]; NaN where not known.
-    geometry
-        The specimen, for the band between it and the rim.
-
-    Returns
-    -------
-    Rim or None
-        None if neither camera shows the rim clearly in `FEWEST_FRAMES` frames.
+    ``pictures``: both series. ``body``: the flyer, followed; the rim is looked for beyond the end of its
+    region. ``rig``, ``frame``: the cameras and the test frame. ``places``: its points at translation zero
+    [m], shape [n_points, 3]; NaN where not known. ``moves``: translations of the frames [m], shape [n_frames,
+    3]; NaN where not known. ``geometry``: the specimen, for the band between it and the rim. Returns: None if
+    neither camera shows the rim clearly in `FEWEST_FRAMES` frames.
     """
     known = np.asarray(np.isfinite(places).all(axis=1))
     if known.sum() < 3:
@@ -134,13 +120,6 @@ def combine_rims(found: list[float], sigmas: list[float]) -> Rim:
     they disagree one of them may show no rim, and which is not known: half of what they are apart is in
     the standard deviation, so that the place of either lies one from the mean. By more than a length allows
     (`RestGeometry.known`), nothing counts from it.
-
-    Parameters
-    ----------
-    found
-        Its place in each camera that showed it [m].
-    sigmas
-        Standard deviations of these [m].
     """
     apart = abs(found[0] - found[-1])
     return Rim(
@@ -202,17 +181,7 @@ def _rim_of(
 
 
 def first_varying(spread: FloatArray, above: int, high: float) -> int:
-    """First row into which the specimen's side reaches.
-
-    Parameters
-    ----------
-    spread
-        Standard deviation over the frames of every row, the flyer's rows first, shape [n_rows].
-    above
-        A row of the specimen.
-    high
-        What its rows vary by.
-    """
+    """First row into which the specimen's side reaches."""
     low = float(np.median(spread[: max(above - 3, 1)]))
     return int(np.argmax(spread > max(VARIES[0] * low, VARIES[1] * high)))
 
@@ -254,22 +223,10 @@ def _stabilised_strip(
 def face_width(camera: FloatArray, y: float, radius: float, geometry: RestGeometry) -> tuple[float, float]:
     """Width at which a camera sees the flyer's face between its rim and the specimen [m].
 
-    Parameters
-    ----------
-    camera
-        The camera's centre in the test frame [m], shape [3].
-    y
-        The face's place [m]. Above the camera's height it is seen; below, the rim hides the specimen's end.
-    radius
-        Of the flyer [m].
-    geometry
-        The specimen.
-
-    Returns
-    -------
-    tuple
-        For a specimen that meets the face with its radius at rest, and for one that has its mean radius
-        there, which grows as its volume is kept.
+    ``camera``: the camera's centre in the test frame [m], shape [3]. ``y``: the face's place [m]. Above the
+    camera's height it is seen; below, the rim hides the specimen's end. ``radius``: of the flyer [m].
+    ``geometry``: the specimen. Returns: for a specimen that meets the face with its radius at rest, and for
+    one that has its mean radius there, which grows as its volume is kept.
     """
     mean = geometry.radius * float(np.sqrt(geometry.length / max(y, 0.2 * geometry.length)))
     distance = float(np.hypot(camera[0], camera[2])) - radius

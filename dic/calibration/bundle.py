@@ -89,7 +89,9 @@ def centroids(inside: FloatArray, normals: FloatArray, spread: FloatArray) -> Fl
     return np.asarray((inside[:, :2] * z[:, None] + (r2 * nz)[:, None] * normals[:, :2]) / below[:, None])
 
 
-def bent_middles(inside: FloatArray, normals: FloatArray, spread: FloatArray, bend: FloatArray) -> FloatArray:
+def _bent_middles(
+    inside: FloatArray, normals: FloatArray, spread: FloatArray, bend: FloatArray
+) -> FloatArray:
     """Middles of patches in the camera's frame as their curvature moves them, Eq. (C.2) [m], shape [n, 3]."""
     oblique = np.sum(bend * inside, axis=1) / np.sum(normals * inside, axis=1)
     curvature = np.sum(bend * bend, axis=1)
@@ -126,22 +128,15 @@ def project_points(
 ) -> FloatArray:
     """Pixels of a target's points in a camera, shape [n, 2]; NaN behind it.
 
-    Parameters
-    ----------
-    camera
-        With its pose in the rig's frame.
-    view
-        Whose points.
-    R, t
-        From the target's frame to the rig's, shapes [3, 3] and [3], or one a point.
-    patches
-        Centroids of the patches, as they are measured; False: the points themselves.
+    ``camera``: with its pose in the rig's frame. ``view``: whose points. ``R``, ``t``: from the target's
+    frame to the rig's, shapes [3, 3] and [3], or one a point. ``patches``: centroids of the patches, as they
+    are measured; False: the points themselves.
     """
     inside = camera.in_camera(_turned(view.points, R) + t)
     inside = np.where(inside[:, 2:] > 0.0, inside, np.nan)
     normals = _turned(view.normals, R) @ camera.rotation.T
     if patches and view.bend.any():
-        inside = bent_middles(inside, normals, view.spread, _turned(view.bend, R) @ camera.rotation.T)
+        inside = _bent_middles(inside, normals, view.spread, _turned(view.bend, R) @ camera.rotation.T)
     return camera.to_pixels(camera.distort(centroids(inside, normals, view.spread * patches)))
 
 
@@ -164,7 +159,7 @@ def derivatives(camera: Camera, view: View, R: FloatArray, t: FloatArray) -> tup
     normals = _turned(view.normals, R) @ camera.rotation.T
     patch = inside
     if view.bend.any():
-        patch = bent_middles(inside, normals, view.spread, _turned(view.bend, R) @ camera.rotation.T)
+        patch = _bent_middles(inside, normals, view.spread, _turned(view.bend, R) @ camera.rotation.T)
     ideal = centroids(patch, normals, view.spread)
     plane = camera.distort(ideal)
     x, y = ideal.T
@@ -244,14 +239,8 @@ class Fit:
 def free_columns(free: Iterable[str], *, square_pixels: bool, relative: bool) -> FloatArray:
     """From the numbers adjusted to the rig's parameters, shape [SHARED, m].
 
-    Parameters
-    ----------
-    free
-        Names of `PARAMETERS` that are adjusted, in both cameras.
-    square_pixels
-        Whether fx and fy are one number.
-    relative
-        Whether the relative pose is adjusted.
+    ``free``: names of `PARAMETERS` that are adjusted, in both cameras. ``square_pixels``: whether fx and fy
+    are one number. ``relative``: whether the relative pose is adjusted.
     """
     columns = []
     names = list(free)
@@ -277,7 +266,7 @@ def residuals(rig: Rig, view: View) -> FloatArray:
     return np.asarray(view.pixels - project_points(rig.cameras[view.camera], view, R, t))
 
 
-def step_rig(rig: Rig, shared: FloatArray, poses: Mapping[int, FloatArray]) -> Rig:
+def _step_rig(rig: Rig, shared: FloatArray, poses: Mapping[int, FloatArray]) -> Rig:
     """The state after a step."""
     cameras = []
     for k, camera in enumerate(rig.cameras):
@@ -332,23 +321,10 @@ def adjust(
 ) -> Fit:
     """The least squares over all views, from a start near enough.
 
-    Parameters
-    ----------
-    rig
-        The start; poses that no view asks for stay as they are.
-    views
-        What was seen.
-    columns
-        What is adjusted (`free_columns`), beside the poses.
-    tolerance
-        Relative decrease of the sum of squares at which the search ends.
-    damping
-        Of the first step.
-
-    Raises
-    ------
-    Undetermined
-        Fewer numbers measured than adjusted, or a combination of parameters that no picture depends on.
+    ``rig``: the start; poses that no view asks for stay as they are. ``views``: what was seen. ``columns``:
+    what is adjusted (`free_columns`), beside the poses. ``tolerance``: relative decrease of the sum of
+    squares at which the search ends. ``damping``: of the first step. Raises Undetermined: fewer numbers
+    measured than adjusted, or a combination of parameters that no picture depends on.
     """
     views = list(views)
     pairs = sorted({view.pair for view in views})
@@ -368,7 +344,7 @@ def adjust(
         trial_cost = np.inf
         if step is not None:
             try:
-                trial = step_rig(rig, columns @ step[0], step[1])
+                trial = _step_rig(rig, columns @ step[0], step[1])
                 off, trial_cost = _weighted(trial, cameras)
             except (ValueError, FloatingPointError):  # a focal length below zero
                 trial_cost = np.inf

@@ -28,20 +28,10 @@ RING_PIXELS = 1000
 def centroids(image: FloatArray, ellipses: FloatArray, noise: float) -> FloatArray:
     """Centroids of outlined dots, `dic.calibration.dots.find_dots` says of what.
 
-    Parameters
-    ----------
-    image
-        Grey values, dots dark, shape [rows, columns].
-    ellipses
-        Outlines: centre x, y, diameters along both axes [px] and angle of the first [degrees], shape [n, 5].
-    noise
-        Standard deviation of the grey values.
-
-    Returns
-    -------
-    array
-        x, y and their standard deviation [px], mass [px²] and darkness [-] of each dot, shape [n, 5]; NaN
-        where the surroundings of a dot cannot be told from it.
+    ``image``: grey values, dots dark, shape [rows, columns]. ``ellipses``: outlines: centre x, y, diameters
+    along both axes [px] and angle of the first [degrees], shape [n, 5]. ``noise``: standard deviation of the
+    grey values. Returns: x, y and their standard deviation [px], mass [px²] and darkness [-] of each dot,
+    shape [n, 5]; NaN where the surroundings of a dot cannot be told from it.
     """
     result = np.full((len(ellipses), 5), np.nan)
     reach = np.ceil(0.5 * ellipses[:, 2:4].max(axis=1, initial=0.0) * RING + 2.0 * MARGIN).astype(int) + 2
@@ -92,19 +82,7 @@ def _batch_centroids(image: FloatArray, ellipses: FloatArray, reach: int, noise:
 
 
 class _Window:
-    """Pixels in and around n dots, listed: offsets from the centre [px], grey values, which of them count.
-
-    Parameters
-    ----------
-    image
-        Grey values, shape [rows, columns].
-    x0, y0
-        Centres of the windows [px], shape [n].
-    ellipses
-        Diameters [px] and angle [degrees], shape [n, 3].
-    reach
-        Half side of the windows [px].
-    """
+    """Pixels in and around n dots, listed: offsets from the centre [px], grey values, which of them count."""
 
     def __init__(
         self, image: FloatArray, x0: FloatArray, y0: FloatArray, ellipses: FloatArray, reach: int
@@ -224,26 +202,6 @@ def _fit_discs(
     with δ the distance from the outline to first order, Φ the normal distribution and s the blur. The
     brightness, its slope, D, M, s and the centre are found by Gauss-Newton steps. The edge alone carries the
     place, so the noise of the surface around it, which a centroid takes in, does not enter.
-
-    Parameters
-    ----------
-    image
-        Grey values, shape [rows, columns].
-    centre
-        Starting centres [px], shape [n, 2].
-    shape
-        Starting M as (Mxx, Mxy, Myy) [1/px²], shape [n, 3].
-    reach
-        Half side of the window [px]; no other dot may reach into it.
-    noise
-        Standard deviation of the grey values.
-
-    Returns
-    -------
-    centre
-        Shape [n, 2]; NaN where the fit failed.
-    sigma
-        Standard deviation of a coordinate [px], shape [n].
     """
     found, sigma = np.full((len(centre), 2), np.nan), np.full(len(centre), np.nan)
     w = int(np.ceil(reach))
@@ -350,10 +308,7 @@ BANDS, BAND = 16, 24
 def grey(picture: NDArray[np.generic]) -> FloatArray:
     """A picture in float64.
 
-    Raises
-    ------
-    ValueError
-        If it is not one grey picture of at least 16 x 16 finite values.
+    Raises ValueError if it is not one grey picture of at least 16 x 16 finite values.
     """
     image = np.asarray(picture)
     if image.ndim != 2 or min(image.shape) < 16:
@@ -429,14 +384,8 @@ def corner_sigma(picture: NDArray[np.generic], corners: FloatArray, reach: float
     A saddle is located by the gradients around it: with G = Σ ∇I ∇Iᵀ over the window, the covariance is
     σ² G⁻¹ (least squares); the root of its mean eigenvalue is given.
 
-    Parameters
-    ----------
-    picture
-        Grey values, shape [rows, columns].
-    corners
-        Places [px], shape [n, 2].
-    reach
-        Half side of the window [px].
+    ``picture``: grey values, shape [rows, columns]. ``corners``: places [px], shape [n, 2]. ``reach``: half
+    side of the window [px].
     """
     image, noise, w = grey(picture), noise_level(picture), max(int(reach), 2)
     sigma = np.empty(len(corners))
@@ -485,14 +434,9 @@ def find_dots(picture: NDArray[np.generic], *, dark: bool = True, round_dots: bo
     Round dots without a hole are then fitted by their edges (`dic.calibration.dots`), and the more precise
     of the two is kept.
 
-    Parameters
-    ----------
-    picture
-        Grey values of any depth, shape [rows, columns].
-    dark
-        True for dark dots on a bright board, False for bright dots on a dark one.
-    round_dots
-        Whether outlines must be ellipses; False lets squares and other compact shapes pass.
+    ``picture``: grey values of any depth, shape [rows, columns]. ``dark``: True for dark dots on a bright
+    board, False for bright dots on a dark one. ``round_dots``: whether outlines must be ellipses; False lets
+    squares and other compact shapes pass.
     """
     image = grey(picture)
     if not dark:

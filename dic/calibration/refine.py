@@ -178,15 +178,7 @@ def baseline_normals(t: FloatArray) -> FloatArray:
 
 
 def prior_root(rig: StereoRig, since: float) -> FloatArray:
-    """A root A of the prior: AᵀA is the inverse covariance of turns and tilts, shape [5, 5].
-
-    Parameters
-    ----------
-    rig
-        The cameras with their covariance, if it is known.
-    since
-        Standard deviation of each turn and tilt for what has moved since the calibration [rad].
-    """
+    """A root A of the prior: AᵀA is the inverse covariance of turns and tilts, shape [5, 5]."""
     C = max(since, 1e-9) ** 2 * np.eye(5)
     if rig.covariance is not None:
         _, t = rig.relative
@@ -209,27 +201,11 @@ def refine_from_pictures(
 ) -> Refinement:
     """Match points of one pair of pictures with a wide epipolar gate, and refine the pose from them.
 
-    Parameters
-    ----------
-    pictures
-        One instant, camera 0 and camera 1, each of shape [rows, columns].
-    rig
-        The cameras, for these pictures.
-    points
-        Places in camera 0's picture [px], shape [n, 2]; some `MOST_POINTS` of them are matched.
-    settings
-        Of the match.
-    noise
-        Of the grey values of the cameras.
-    mask
-        Pixels of the body in camera 0's picture.
-    device
-        Where pictures are correlated.
-
-    Raises
-    ------
-    ValueError
-        As `refine`, if too few points are matched.
+    ``pictures``: one instant, camera 0 and camera 1, each of shape [rows, columns]. ``rig``: the cameras, for
+    these pictures. ``points``: places in camera 0's picture [px], shape [n, 2]; some `MOST_POINTS` of them
+    are matched. ``settings``: of the match. ``noise``: of the grey values of the cameras. ``mask``: pixels of
+    the body in camera 0's picture. ``device``: where pictures are correlated. Raises ValueError as `refine`,
+    if too few points are matched.
     """
     rows = np.unique(np.linspace(0, len(points) - 1, MOST_POINTS).astype(int))
     match = match_stereo(
@@ -263,20 +239,10 @@ def find_order(
 ) -> list[int] | None:
     """Find which picture of camera 1 belongs to each of camera 0.
 
-    Parameters
-    ----------
-    detections
-        What each camera saw, one entry a picture, as `dic.calibration.calibrate` takes it; as many of both.
-    targets
-        The target of each pair.
-    sensors
-        Columns and rows of the two cameras' pictures [px].
-
-    Returns
-    -------
-    list of int or None
-        A picture of camera 1 for each of camera 0, every one once; pictures without a detection take what is
-        left. None if no order fits `LEAST_SHARE` of them.
+    ``detections``: what each camera saw, one entry a picture, as `dic.calibration.calibrate` takes it; as
+    many of both. ``targets``: the target of each pair. ``sensors``: columns and rows of the two cameras'
+    pictures [px]. Returns: a picture of camera 1 for each of camera 0, every one once; pictures without a
+    detection take what is left. None if no order fits `LEAST_SHARE` of them.
     """
     views = all_views(detections, targets)  # type: ignore[arg-type]
     own: list[dict[int, View]] = [

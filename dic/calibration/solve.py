@@ -94,10 +94,7 @@ def focal_start(sensor: tuple[int, int], views: Sequence[View]) -> Camera:
     The focal length is that of least median misfit over a few pictures, from a scan: it cannot run away, as
     the closed form from homographies does with a long lens and nearly parallel boards.
 
-    Raises
-    ------
-    Undetermined
-        If no pose explains any picture.
+    Raises Undetermined if no pose explains any picture.
     """
     middle = (0.5 * (sensor[0] - 1), 0.5 * (sensor[1] - 1))
     few = [views[k] for k in np.unique(np.linspace(0, len(views) - 1, FOCAL_TRIALS).round().astype(int))]
@@ -236,7 +233,7 @@ def _group_by_pair(views: Sequence[View]) -> dict[int, list[View]]:
     return {pair: list(views) for pair, views in groupby(ordered, key=lambda s: s.pair)}
 
 
-def fit_pose(rig: Rig, views: Sequence[View], *, tolerance: float = 1e-10) -> Fit:
+def _fit_pose(rig: Rig, views: Sequence[View], *, tolerance: float = 1e-10) -> Fit:
     """The best pose of one target for given cameras."""
     return adjust(rig, views, np.zeros((SHARED_PARAMETERS, 0)), tolerance=tolerance)
 
@@ -262,7 +259,7 @@ def cross_validation_error(fit: Fit, views: Sequence[View], columns: FloatArray,
             return None
         squares, count = 0.0, 0
         for pair in out:
-            again = fit_pose(without.rig, pairs[pair], tolerance=ENOUGH)
+            again = _fit_pose(without.rig, pairs[pair], tolerance=ENOUGH)
             off = np.concatenate([residuals(again.rig, s) for s in pairs[pair]])
             squares, count = squares + float(np.sum(off**2)), count + len(off)
         return squares, count
@@ -379,15 +376,6 @@ def _solve_without_bad(
     is bad; after each solution every pair that is out is tried
     again with nothing but its pose adjusted, and comes back if it fits. So one bad pair cannot take good
     ones with it, and the verdict on a pair never rests on a solution that it took part in spoiling.
-
-    Parameters
-    ----------
-    rig, views
-        The start, and all that was seen.
-    columns
-        What is adjusted first, and in the end (`free_columns`).
-    reject
-        False: keep all.
     """
     pairs = _group_by_pair([s for s in views if s.pair in rig.poses])
     bad: dict[int, str] = {}
@@ -414,7 +402,7 @@ def _solve_without_bad(
     fit = adjust(fit.rig, kept, columns[1], damping=HARDLY)
     poses = dict(fit.rig.poses)
     for pair in bad:
-        poses[pair] = fit_pose(fit.rig, pairs[pair]).rig.poses[pair]
+        poses[pair] = _fit_pose(fit.rig, pairs[pair]).rig.poses[pair]
     return Fit(
         Rig(fit.rig.cameras, poses), fit.covariance, fit.chi2, fit.freedom, fit.pose_covariance
     ), Verdicts(kept, used, bad)
@@ -460,7 +448,7 @@ def _limit(errors: Sequence[float]) -> tuple[float, float]:
 
 def _error(fit: Fit, views: list[View], out: bool) -> float:
     """Rms residual of a pair [px]; its pose is adjusted first if it took no part."""
-    return rms(fit_pose(fit.rig, views).rig if out else fit.rig, views)
+    return rms(_fit_pose(fit.rig, views).rig if out else fit.rig, views)
 
 
 def _judge(errors: dict[int, float], bad: dict[int, str]) -> dict[int, str]:

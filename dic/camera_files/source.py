@@ -46,10 +46,7 @@ class Source:
     def open(cls, path: Path | str) -> "Source":
         """Read a file.
 
-        Raises
-        ------
-        CameraFileError
-            If it is missing, larger than `LARGEST`, or no text.
+        Raises CameraFileError if it is missing, larger than `LARGEST`, or no text.
         """
         path = Path(path)
         try:
@@ -75,10 +72,7 @@ class Source:
     def number(self, word: str, what: str, line: int | None) -> float:
         """A finite number.
 
-        Raises
-        ------
-        CameraFileError
-            If `word` is none.
+        Raises CameraFileError if `word` is none.
         """
         try:
             value = float(word.replace("_", "x"))  # Python would take 1_000 for a number
@@ -103,24 +97,10 @@ class Source:
     ) -> Camera:
         """A camera from numbers of the file.
 
-        Parameters
-        ----------
-        index, line
-            Which camera of the file, and where it begins.
-        matrix
-            fx, fy, cx, cy, skew [px].
-        distortion
-            k1, k2, p1, p2, k3 [-].
-        rotation, translation
-            Its pose, translation in m. A rotation that is one to the digits of a file (1e-4) is replaced by
-            the nearest exact one.
-        sensor
-            Columns and rows [px].
-
-        Raises
-        ------
-        CameraFileError
-            If they make none.
+        ``index``, ``line``: which camera of the file, and where it begins. ``matrix``: fx, fy, cx, cy, skew
+        [px]. ``distortion``: k1, k2, p1, p2, k3 [-]. ``rotation``, ``translation``: its pose, translation in
+        m. A rotation that is one to the digits of a file (1e-4) is replaced by the nearest exact one.
+        ``sensor``: columns and rows [px]. Raises CameraFileError if they make none.
         """
         rotation = np.asarray(rotation, dtype=np.float64)
         if np.all(np.isfinite(rotation)) and np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-4:
@@ -200,17 +180,8 @@ class Element:
 def parse(source: Source, *, start: int = 0, end: int | None = None) -> Element:
     """The root element of a file, or of a part of it.
 
-    Parameters
-    ----------
-    source
-        The file.
-    start, end
-        The part [characters].
-
-    Raises
-    ------
-    CameraFileError
-        If it is not well-formed, cut short, nested too deep, or declares an entity.
+    ``source``: the file. ``start``, ``end``: the part [characters]. Raises CameraFileError if it is not
+    well-formed, cut short, nested too deep, or declares an entity.
     """
     before = source.line_of(start) - 1
     document = Element("", {}, 0)

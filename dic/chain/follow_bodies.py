@@ -49,29 +49,7 @@ the edge [px]."""
 def before_rim(
     mask: BoolArray, camera: Camera, frame: SpecimenFrame, radius: float, move: FloatArray, rim: float
 ) -> tuple[BoolArray, float]:
-    """Pixels of a region that show the flyer's side clear of its rim, if some of it lie past the rim.
-
-    Parameters
-    ----------
-    mask
-        Pixels of the region in the material picture, shape [rows, columns].
-    camera, frame
-        The camera of that picture, and the test frame.
-    radius
-        Of the flyer [m].
-    move
-        Its translation in that picture [m], shape [3].
-    rim
-        y of the rim at translation zero [m].
-
-    Returns
-    -------
-    array of bool
-        The pixels, shape [rows, columns]: all of the region if none of their centres lies past the rim,
-        otherwise those that are `CLEAR` of it.
-    float
-        How far the region reaches past the rim along the axis [px]; 0: it does not.
-    """
+    """Pixels of a region that show the flyer's side clear of its rim, if some of it lie past the rim."""
     row, column = np.nonzero(mask)
     pixels = np.stack([column, row], axis=1).astype(np.float64)
     moved = np.array([move[0], 0.0, move[2]])
@@ -114,32 +92,7 @@ def flyer_poses(
     subset: int,
     length: float | None,
 ) -> tuple[BodyMotion | None, list[Remark]]:
-    """The rigid motion of the flyer, where its points tell it.
-
-    Parameters
-    ----------
-    body
-        The flyer, followed.
-    rig, frame
-        The cameras and the test frame.
-    axial
-        Its axial displacement, which scales the prior of the lateral motion from frame to frame.
-    static
-        Frames in which it rests, shape [n_frames].
-    subset
-        Side of the subsets [px].
-    length
-        Length of the specimen at rest [m]: the displacement is that of the middle of the flyer's face. None:
-        of the middle of the points.
-
-    Returns
-    -------
-    motion : BodyMotion or None
-        Its zero is the mean at rest, or that of the first frames with a wide view if too little of the body
-        is in view at rest. LOST frames: too little of it is in view. None if no poses can be had.
-    remarks : list of Remark
-        Why there are none.
-    """
+    """The rigid motion of the flyer, where its points tell it."""
     body = subsample(body, MOST_POINTS)
     r = body.reconstruction
     seen = np.logical_or(*(track.outcome == PointOutcome.VALID for track in body.tracks))
@@ -276,16 +229,8 @@ def _matched(
 
 
 def usable_region(inputs: Inputs, region: Region, name: str) -> Region:
-    """The region in the nearest frame with a usable picture of both cameras, if it is known to show the same.
-
-    Raises
-    ------
-    ChainError
-        If that is another frame than the region's own, the body does not rest in both, and it cannot be
-        followed from one to the other.
-    ValueError
-        If no frame has a usable picture of both cameras.
-    """
+    """The region in the nearest frame with a usable picture of both cameras, if it is known to show the
+    same."""
     frame = material_frame(inputs.health, region.frame)
     if frame == region.frame or (inputs.static[frame] and inputs.static[region.frame]):
         return region
@@ -371,12 +316,8 @@ def displacement_of(
 ) -> AxialDisplacement | None:
     """Axial displacement of the flyer, if there is one.
 
-    Parameters
-    ----------
-    inputs, flyer, placement
-        The pictures, the flyer followed, and the specimen at rest.
-    rim, seen
-        The rim of its face, and its translations, where they are known (`rim_in`, `translations_of`).
+    ``inputs``, ``flyer``, ``placement``: the pictures, the flyer followed, and the specimen at rest. ``rim``,
+    ``seen``: the rim of its face, and its translations, where they are known (`rim_in`, `translations_of`).
     """
     if flyer is None:
         return None

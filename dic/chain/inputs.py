@@ -188,10 +188,7 @@ def inspect_images(
 ) -> Inputs:
     """Inputs of all stages, from pictures that are inspected here or were `inspection`.
 
-    Raises
-    ------
-    ChainError
-        As `inspect_pictures`.
+    Raises ChainError as `inspect_pictures`.
     """
     found = inspect_pictures(pictures, static) if inspection is None else inspection
     return Inputs(found.pictures, rig, settings, t, static, found.health, found.grey)
@@ -226,10 +223,7 @@ def _line(grey: GreyNoise) -> Noise:
 def check_cameras(inputs: Inputs, region: Region) -> tuple[Finding, ...]:
     """Findings about the cameras from a first pair of pictures, matched without their parameters.
 
-    Raises
-    ------
-    ChainError
-        If no frame has a usable picture of both cameras.
+    Raises ChainError if no frame has a usable picture of both cameras.
     """
     pictures, settings, health = inputs.pictures, inputs.settings, inputs.health
     try:

@@ -60,28 +60,6 @@ def past_the_ends(
     The part of a subset that its mask holds reaches so many pixels from the point toward either end in the
     material picture. Deformed with the point's own warp it must fit, in each camera's picture, between the
     point and that end, or the platen's rim where it hides the end.
-
-    Parameters
-    ----------
-    body
-        The specimen, followed.
-    rig
-        The cameras.
-    frame
-        The test frame.
-    subset
-        Side of the subsets [px].
-    direction
-        From the transmission platen toward the flyer in camera 0's picture (right, down).
-    ends
-        y of the lower and the upper end in every frame [m], each of shape [n_frames]; NaN where not known.
-    platen
-        Radius of both platens [m]; None: not known, and no rim is looked at.
-
-    Returns
-    -------
-    array of bool
-        Shape [n_frames, n_points].
     """
     r = body.reconstruction
     toward = np.asarray(direction) / np.linalg.norm(direction)
@@ -124,21 +102,6 @@ def visible_room(
     Its end is taken at the point's own distance from the axis. The rim lies in the plane of the end where
     the plane through the point, the camera and the direction of the axis meets it on the camera's side; it
     hides nothing of a point that is as far from the axis.
-
-    Parameters
-    ----------
-    camera, frame
-        The camera and the test frame.
-    places
-        The points in the test frame [m], shape [n, 3].
-    pixels
-        Where the camera sees them [px], shape [n, 2].
-    end
-        y of the end [m], one or one a point, shape [n].
-    outward
-        Unit vector toward that end in the picture, shape [2].
-    platen
-        Radius of the platen's rim [m]; None: not known.
     """
     y = np.full(len(places), end)
     at_end = np.column_stack([places[:, 0], y, places[:, 2]])
@@ -157,15 +120,8 @@ def visible_room(
 
 
 def axis_in_picture(camera: Camera, frame: SpecimenFrame, places: FloatArray) -> tuple[FloatArray, float]:
-    """Direction of the axis toward the flyer in a picture, a unit vector [2], and pixels of a metre along it.
-
-    Parameters
-    ----------
-    camera, frame
-        The camera and the test frame.
-    places
-        Points of the specimen in the test frame [m], shape [n, 3]: both are those at their middle.
-    """
+    """Direction of the axis toward the flyer in a picture, a unit vector [2], and pixels of a metre along
+    it."""
     if not len(places):
         return np.array([0.0, -1.0]), 1.0
     step = np.array([0.0, SMALL, 0.0])
@@ -220,12 +176,8 @@ ROUNDS = 12
 def spacing(position: FloatArray, cell: IntArray) -> float:
     """Median distance of points that are next to each other in the grid [m]; NaN if no two of them are known.
 
-    Parameters
-    ----------
-    position
-        Places [m], shape [n_points, 3]; NaN where not known.
-    cell
-        Column and row of each point in the grid, shape [n_points, 2].
+    ``position``: places [m], shape [n_points, 3]; NaN where not known. ``cell``: column and row of each point
+    in the grid, shape [n_points, 2].
     """
     near, offset = _neighbours(cell)
     beside = (near >= 0) & (np.abs(offset).sum(axis=-1) == 1.0)
@@ -243,29 +195,6 @@ def off_surface(
     neighbours, the point itself left out. The worst point among its neighbours goes first, and all are
     judged anew without it: one false match does not condemn those around it. A point with fewer than two
     neighbours is confirmed by nobody and goes too; with two or three it is not judged.
-
-    Parameters
-    ----------
-    position
-        Places in space [m], shape [n_frames, n_points, 3].
-    sigma
-        Their standard deviations by component [m], likewise.
-    valid
-        Which are to be judged, shape [n_frames, n_points].
-    cell
-        Column and row of each point in the grid, shape [n_points, 2].
-    distance
-        Of the points at rest (`spacing`) [m]: `BENDING` of it is what a surface may bend between them.
-
-    Returns
-    -------
-    array of bool
-        Shape [n_frames, n_points].
-
-    Raises
-    ------
-    ValueError
-        If `distance` is not a positive length.
     """
     if not distance > 0.0:
         raise ValueError(f"distance must be a positive length [m], got {distance}")
@@ -363,21 +292,6 @@ def unlike_points(excess: FloatArray, valid: BoolArray, cell: IntArray) -> BoolA
     A patch holds a point with `SEED` times the residual of the frame's better points, and all around it with
     `TOUCHED` times that. Seeds and limits were chosen on one drawn population and judged on another
     (verification page of the tracking).
-
-    Parameters
-    ----------
-    excess
-        Variance of the residuals beyond that of the noise, over the latter [-], shape [n_frames, n_points];
-        NaN where not known: such a point is judged by nothing.
-    valid
-        Which are to be judged, shape [n_frames, n_points].
-    cell
-        Column and row of each point in the grid, shape [n_points, 2].
-
-    Returns
-    -------
-    array of bool
-        Shape [n_frames, n_points].
     """
     low = cell.min(axis=0)
     shape = tuple((cell.max(axis=0) - low + 1).tolist())

@@ -200,12 +200,7 @@ FEWEST_POINTS = 10
 def of_travel(axial: AxialDisplacement | None, specimen: Body) -> list[Remark]:
     """Remarks on a travel of the flyer that its steps, the specimen's end or its points contradict.
 
-    Parameters
-    ----------
-    axial
-        The travel; None: there is none to be checked.
-    specimen
-        The specimen's points.
+    ``axial``: the travel; None: there is none to be checked. ``specimen``: the specimen's points.
     """
     if axial is None:
         return []
@@ -343,7 +338,7 @@ def speckles(
     return Speckles(mean, speckle_quality(mean, mask, subset, noise, averaged=len(chosen), wanted=wanted))
 
 
-def quality_facts(quality: SpeckleQuality) -> dict[str, Any]:
+def _quality_facts(quality: SpeckleQuality) -> dict[str, Any]:
     """Facts of the speckles for the reporting table, as JSON can hold them: lengths in px, gradients in
     grey/px."""
     judged = ~np.any(np.isnan(quality.floor), axis=2)
@@ -368,12 +363,8 @@ def speckles_of(
 ) -> tuple[Speckles | None, Speckles | None]:
     """The speckles of both cameras of a stereo result; None where they cannot be judged.
 
-    Parameters
-    ----------
-    result
-        What the pictures gave; its table says why a camera's speckles cannot be judged.
-    pictures
-        The series it was made from.
+    ``result``: what the pictures gave; its table says why a camera's speckles cannot be judged. ``pictures``:
+    the series it was made from.
     """
     found: list[Speckles | None] = []
     rest = np.flatnonzero(result.static & result.specimen.surface.valid.any(axis=1)).tolist()
@@ -426,5 +417,5 @@ def speckle_settings_facts(inputs: Inputs, specimen: Body, rest: list[int]) -> l
         except (PictureError, ValueError) as error:
             found.append({"problem": str(error)})
         else:
-            found.append(quality_facts(judged.quality))
+            found.append(_quality_facts(judged.quality))
     return found

@@ -70,35 +70,6 @@ def refined_end(
     A camera above the plane of the end sees the specimen's own edge, and the platen's face beyond it at a
     glance. From below that plane the platen's rim stands before the end and hides it: what is seen is the
     rim, at the platen's radius in the same plane.
-
-    Parameters
-    ----------
-    pictures
-        Mean static pictures of both cameras.
-    rig
-        The cameras.
-    cylinder
-        The specimen at rest.
-    declared
-        Where the specimen is seen to end in camera 0's picture (x, y) [px].
-    direction
-        From there into the specimen in the pictures (right, down).
-    platen
-        Radius of the platen it stands on [m]; None: not known.
-
-    Returns
-    -------
-    point : array
-        A point of the end's plane on the specimen's side [m], shape [3].
-    sigma : float
-        Its standard deviation along the axis [m].
-    found : int
-        Cameras in which the edge was found. If in none, the point is the declared one.
-
-    Raises
-    ------
-    ValueError
-        As `on_cylinder` and `test_frame`.
     """
     rim = (1.0 + OPEN_RIM) * cylinder.radius if platen is None else max(platen, cylinder.radius)
     rim_sigma = OPEN_RIM * cylinder.radius if platen is None else RIM_SIGMA * rim
@@ -161,17 +132,7 @@ def end_in_camera(
     rim: float,
     rim_sigma: float,
 ) -> tuple[float, float] | None:
-    """Height of the lower end in one camera, and its standard deviation [m]; None if it is not seen there.
-
-    Parameters
-    ----------
-    camera, picture, frame
-        The camera, its mean static picture and the test frame.
-    y
-        About where the end is [m].
-    specimen, rim, rim_sigma
-        Radii of specimen and platen, and the standard deviation of the latter [m].
-    """
+    """Height of the lower end in one camera, and its standard deviation [m]; None if it is not seen there."""
     slope = _slope(camera, frame, y)
     radius = specimen if slope >= 0.0 else rim
     scale = _scale(camera, frame, y, radius)
@@ -205,11 +166,6 @@ def of_phases(found: FloatArray) -> tuple[float, float]:
 
     To the fits' own standard deviation comes what the model leaves out: `MODEL`, half of what the fits differ
     by, and a gap in the paint before the edge, anywhere in which the body may end (a uniform distribution).
-
-    Parameters
-    ----------
-    found
-        Place, standard deviation and gap of each fit [px], shape [n, 3].
     """
     place, sigma, gap = found.mean(axis=0)
     apart = 0.5 * float(np.ptp(found[:, 0]))
@@ -241,19 +197,9 @@ class RestState:
 def fit_test_frame(inputs: Inputs, body: TrackedBody, flyer: TrackedBody | None = None) -> RestState:
     """Fit the test frame to the specimen at rest.
 
-    Parameters
-    ----------
-    inputs
-        The pictures and cameras.
-    body
-        The specimen, followed.
-    flyer
-        The flyer, followed: both platens are taken to have its radius; None: not known.
-
-    Raises
-    ------
-    ChainError
-        If no point was found by both cameras at rest, or the points lie on no cylinder.
+    ``inputs``: the pictures and cameras. ``body``: the specimen, followed. ``flyer``: the flyer, followed:
+    both platens are taken to have its radius; None: not known. Raises ChainError if no point was found by
+    both cameras at rest, or the points lie on no cylinder.
     """
     rig, settings = inputs.rig, inputs.settings
     rest = _rest_frames(inputs, body)

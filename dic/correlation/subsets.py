@@ -47,14 +47,8 @@ def identity(n: int) -> FloatArray:
 def apply(points: FloatArray, warp: FloatArray, xi: FloatArray | float = 0.0) -> FloatArray:
     """Warped places of material points [px], shape [..., 2].
 
-    Parameters
-    ----------
-    points
-        Places in the material picture [px], shape [..., 2].
-    warp
-        Their warps, shape [..., 12].
-    xi
-        Offsets within the subset [px], shape [..., 2] or 0 for the points themselves.
+    ``points``: places in the material picture [px], shape [..., 2]. ``warp``: their warps, shape [..., 12].
+    ``xi``: offsets within the subset [px], shape [..., 2] or 0 for the points themselves.
     """
     if np.isscalar(xi) and xi == 0.0:
         return np.asarray(points + warp[..., :2])
@@ -74,12 +68,8 @@ def gradient(warp: FloatArray) -> FloatArray:
 def neighbour_warp(warp: FloatArray, step: FloatArray) -> FloatArray:
     """The warp a neighbour suggests: of a point that lies `step` away in the material picture.
 
-    Parameters
-    ----------
-    warp
-        Warps of points already found, shape [..., 12].
-    step
-        From them to the points to guess, in the material picture [px], shape [..., 2].
+    ``warp``: warps of points already found, shape [..., 12]. ``step``: from them to the points to guess, in
+    the material picture [px], shape [..., 2].
     """
     x, y = step[..., 0], step[..., 1]
     guess = np.array(np.broadcast_to(warp, (*np.broadcast_shapes(warp.shape[:-1], x.shape), 12)))
@@ -418,20 +408,9 @@ def _alike(apart: FloatArray, subset: float, shape: Shape) -> FloatArray:
 def overlap_matrix(points: ArrayLike, subset: float, shape: Shape = Shape.AFFINE) -> csr_array:
     """`overlap_correlation` of points with themselves, of the pairs alone whose subsets overlap.
 
-    Parameters
-    ----------
-    points
-        Places in the material picture [px], shape [n, 2].
-    subset
-        Side of the subsets [px].
-    shape
-        Shape function of the match.
-
-    Returns
-    -------
-    csr_array
-        Shape [n, n], symmetric, ones on its diagonal; a row holds as many numbers as subsets reach into the
-        point's own.
+    ``points``: places in the material picture [px], shape [n, 2]. ``subset``: side of the subsets [px].
+    ``shape``: shape function of the match. Returns: shape [n, n], symmetric, ones on its diagonal; a row
+    holds as many numbers as subsets reach into the point's own.
     """
     grid = np.asarray(points, dtype=np.float64)
     tree = cKDTree(grid)

@@ -186,10 +186,7 @@ def extensions(
 ) -> tuple[Extension, ...]:
     """`extension` of several extensometers.
 
-    Raises
-    ------
-    ValueError
-        If an end lies beside all points, so that no frame could give a length.
+    Raises ValueError if an end lies beside all points, so that no frame could give a length.
     """
     for one in wanted:
         for end in one.ends:
@@ -229,16 +226,9 @@ def noise_at_rest(
 ) -> tuple[Noise, float] | None:
     """Noise from the static frames, and its standard deviation [grey]; None if fewer than two are usable.
 
-    Parameters
-    ----------
-    pictures
-        One camera's series.
-    health
-        `FrameOutcome` of its pictures, shape [n_frames].
-    static
-        Frames at the beginning in which nothing moves.
-    mask
-        Pixels that count, shape [rows, columns]; None: all.
+    ``pictures``: one camera's series. ``health``: `FrameOutcome` of its pictures, shape [n_frames].
+    ``static``: frames at the beginning in which nothing moves. ``mask``: pixels that count, shape [rows,
+    columns]; None: all.
     """
     rest = np.flatnonzero(health[:static] == FrameOutcome.VALID)
     if rest.size < 2:
@@ -261,21 +251,9 @@ def noise_from_matches(
     grey values in the subset, noise included. The median over the points of ``s √(1 - zncc)`` also holds
     what interpolation and shape function leave, and is therefore rather too large than too small.
 
-    Parameters
-    ----------
-    picture
-        The reference picture, shape [rows, columns].
-    points
-        Places of the matched subsets' centres [px], shape [n, 2].
-    zncc
-        Their correlations, shape [n].
-    subset
-        Side of the subsets [px].
-
-    Raises
-    ------
-    ValueError
-        If there are no points.
+    ``picture``: the reference picture, shape [rows, columns]. ``points``: places of the matched subsets'
+    centres [px], shape [n, 2]. ``zncc``: their correlations, shape [n]. ``subset``: side of the subsets [px].
+    Raises ValueError if there are no points.
     """
     if not len(points):
         raise ValueError("no subset was matched, so the noise of the grey values is not known: declare it")

@@ -55,18 +55,6 @@ from dic.tracking import Track
 def plane_frame(X: FloatArray, rig: StereoRig) -> SpecimenFrame:
     """Frame on the plane that fits points best: Z along its normal toward the cameras, x as camera 0's
     pictures run to the right, y up in them, the origin in the middle of the points.
-
-    Parameters
-    ----------
-    X
-        Points in the rig's frame [m], shape [n, 3].
-    rig
-        The cameras.
-
-    Raises
-    ------
-    ValueError
-        Fewer than three points, or a plane that camera 0 sees edge on.
     """
     if len(X) < 3:
         raise ValueError(f"a plane needs three points, got {len(X)}")
@@ -99,21 +87,7 @@ LEAST_SEEN = 0.2
 
 
 def polynomial_bias(field: FloatArray, shape: Shape) -> FloatArray:
-    """Value at the centre of the polynomial that fits a field over a square best, less the field's own.
-
-    Parameters
-    ----------
-    field
-        The field at `subset_nodes`, its value at the centre in the middle, NaN where it is not known, shape
-        [n, NODES², m].
-    shape
-        AFFINE for a polynomial of first order, QUADRATIC for one of second.
-
-    Returns
-    -------
-    NDArray
-        Shape [n, m]; NaN where less than `LEAST_SEEN` of the field, or not its centre, is known.
-    """
+    """Value at the centre of the polynomial that fits a field over a square best, less the field's own."""
     x, y = subset_nodes(2.0).T  # from -1 to 1: the result has no length in it
     terms = [np.ones_like(x), x, y] + ([x * x, x * y, y * y] if shape == Shape.QUADRATIC else [])
     T = np.stack(terms, axis=1)
@@ -149,28 +123,7 @@ def on_cylinder(camera: Camera, pixels: FloatArray, cylinder: Cylinder) -> Float
 def match_bias(
     rig: StereoRig, cylinder: Cylinder, points: FloatArray, mask: BoolArray, subset: int, shape: Shape
 ) -> FloatArray:
-    """Bias of the places in camera 1 of points matched from camera 0 [px], shape [n, 2].
-
-    Parameters
-    ----------
-    rig
-        The cameras.
-    cylinder
-        In the rig's frame, from points of this rig.
-    points
-        Centres of the subsets in camera 0's picture [px], shape [n, 2].
-    mask
-        Pixels of that picture that count, shape [rows, columns].
-    subset
-        Their side [px].
-    shape
-        Shape function of the match.
-
-    Returns
-    -------
-    NDArray
-        NaN where too little of the subset lies on the cylinder and in the mask.
-    """
+    """Bias of the places in camera 1 of points matched from camera 0 [px], shape [n, 2]."""
     pixels = points[:, None] + subset_nodes(float(subset))
     X = on_cylinder(rig.cameras[0], pixels, cylinder)
     rows, columns = mask.shape
@@ -185,15 +138,6 @@ def without_bias(track: Track, bias: FloatArray, material: int) -> Track:
 
     Its points were matched beside them by `bias` in the material frame and follow the place found there: by
     ``F F₀⁻¹ bias`` beside it in another frame, F the deformation gradients of the track.
-
-    Parameters
-    ----------
-    track
-        Camera 1's track.
-    bias
-        Bias in the material frame [px], shape [n_points, 2]; a NaN corrects nothing.
-    material
-        That frame.
     """
     known = np.where(np.isfinite(bias), bias, 0.0)
     F = gradient(track.warp)
@@ -210,7 +154,7 @@ CORRECTIONS = 2
 """Times that the curvature's bias is taken off: the second starts from a cylinder that is nearly right."""
 
 
-def apply_epipolar_gate(rig: StereoRig, body: TrackedBody, rest: Sequence[int]) -> TrackedBody:
+def _apply_epipolar_gate(rig: StereoRig, body: TrackedBody, rest: Sequence[int]) -> TrackedBody:
     """The body with the epipolar gate that its reference frames give."""
     epipolar = body.reconstruction.epipolar[list(rest)]
     found = epipolar[np.isfinite(epipolar)]
@@ -243,7 +187,7 @@ def _cylinder_of(
     return fit_cylinder(X, C, radius=radius, overlap=overlap_factor(points[known], settings.subset))
 
 
-def remove_curvature_bias(
+def _remove_curvature_bias(
     rig: StereoRig, body: TrackedBody, rest: Sequence[int], settings: FullFieldSettings, radius: float | None
 ) -> tuple[TrackedBody, float, float]:
     """The body without the bias of its subsets' curvature, the bias's median size in camera 1 [px], and the
@@ -256,13 +200,13 @@ def remove_curvature_bias(
         known = np.isfinite(bias).all(axis=1)
         size = float(np.median(np.linalg.norm(bias[known], axis=1))) if known.any() else 0.0
         tracks = (body.tracks[0], without_bias(track, bias, body.material))
-        body = apply_epipolar_gate(
-            rig, replace(first, tracks=tracks, reconstruction=reconstruct_body(rig, first, tracks)), rest
+        body = _apply_epipolar_gate(
+            rig, replace(first, tracks=tracks, reconstruction=_reconstruct_body(rig, first, tracks)), rest
         )
     return body, size, plain
 
 
-def reconstruct_body(rig: StereoRig, body: TrackedBody, tracks: tuple[Any, Any]) -> Reconstruction:
+def _reconstruct_body(rig: StereoRig, body: TrackedBody, tracks: tuple[Any, Any]) -> Reconstruction:
     return reconstruct(rig, *tracks, common=body.common)
 
 
@@ -409,10 +353,10 @@ def _measured(
     )
     at_rest = settings.reference < settings.static
     rest = list(range(settings.static)) if at_rest else [settings.reference]
-    body = apply_epipolar_gate(rig, body, rest)
+    body = _apply_epipolar_gate(rig, body, rest)
     correction, plain = 0.0, float("nan")
     if kind == "cylinder":
-        body, correction, plain = remove_curvature_bias(rig, body, rest, settings, radius)
+        body, correction, plain = _remove_curvature_bias(rig, body, rest, settings, radius)
         frame = _cylinder_frame(_cylinder_of(body.reconstruction, rest, settings, body.points, radius), rig)
     else:
         frame = plane_frame(_at_rest_of(body.reconstruction, rest)[0], rig)

@@ -61,10 +61,8 @@ class CinePictures:
     def frame(self, index: int) -> Grey:
         """Grey values of one picture, P10 made linear with 12 bits (`p10_to_linear`), shape [rows, columns].
 
-        Raises
-        ------
-        PictureError
-            If the picture or its place in the table lies beyond the end of the file, or its size is wrong.
+        Raises PictureError if the picture or its place in the table lies beyond the end of the file, or its
+        size is wrong.
         """
         index = checked_index(self.n_frames, index)
         rows, columns = self.shape

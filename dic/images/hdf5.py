@@ -46,10 +46,7 @@ class Hdf5Pictures:
     def frame(self, index: int) -> Grey:
         """Grey values of one frame, shape [rows, columns].
 
-        Raises
-        ------
-        PictureError
-            If it cannot be read.
+        Raises PictureError if it cannot be read.
         """
         import h5py
 

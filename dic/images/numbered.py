@@ -125,11 +125,6 @@ class _NumberedPictures:
     def frame(self, index: int) -> Grey:
         """Grey values of one file; a JPEG is turned as its EXIF says, three colours are weighted to one
         grey value by `WEIGHTS`.
-
-        Raises
-        ------
-        PictureError
-            If the file is missing, cut short, cannot be decoded or has another shape.
         """
         file = self.files[checked_index(self.n_frames, index)]
         if file is None:
@@ -142,19 +137,10 @@ class _NumberedPictures:
 def read_folder(path: Path, pattern: str | None = None) -> _NumberedPictures:
     """Open the series in a folder.
 
-    Parameters
-    ----------
-    path
-        The folder.
-    pattern
-        Names of the series with one `*` for the number, e.g. ``"cam0_*.png"``; without it all
-        pictures of the folder must belong to one series, by the last number in their names.
-
-    Raises
-    ------
-    PictureError
-        If there is no such series or more than one, two files have one number, the numbers
-        are no frame numbers, or no file can be decoded.
+    ``path``: the folder. ``pattern``: names of the series with one `*` for the number, e.g. ``"cam0_*.png"``;
+    without it all pictures of the folder must belong to one series, by the last number in their names. Raises
+    PictureError if there is no such series or more than one, two files have one number, the numbers are no
+    frame numbers, or no file can be decoded.
     """
     named = _matching(path, pattern) if pattern is not None else _only_series(path)
     found: dict[int, Path] = {}
@@ -182,10 +168,7 @@ def read_folder(path: Path, pattern: str | None = None) -> _NumberedPictures:
 def read_files(files: Sequence[Path]) -> _NumberedPictures:
     """Open picture files in the order given; frame i is file i, and a file that is not there a missing frame.
 
-    Raises
-    ------
-    PictureError
-        If there is no file or none can be decoded.
+    Raises PictureError if there is no file or none can be decoded.
     """
     if not files:
         raise PictureError("list of files", "it is empty", cure="name a file at least")

@@ -55,10 +55,7 @@ class Header:
     def whole(self, name: str, default: int | None = None) -> int:
         """A field's whole number.
 
-        Raises
-        ------
-        PictureError
-            If it is missing and has no default, or is not a whole number.
+        Raises PictureError if it is missing and has no default, or is not a whole number.
         """
         text = self.fields.get(name)
         if text is None and default is not None:
@@ -74,10 +71,7 @@ class Header:
     def number(self, name: str) -> float | None:
         """A field's number; None if it is missing.
 
-        Raises
-        ------
-        PictureError
-            If it is no number.
+        Raises PictureError if it is no number.
         """
         text = self.fields.get(name)
         if text is None:
@@ -92,13 +86,7 @@ class Header:
 
 
 def read_header(path: Path) -> Header:
-    """Read a `.cih` or `.cihx` file.
-
-    Raises
-    ------
-    PictureError
-        If it cannot be read, is too large, or is neither of the two.
-    """
+    """Read a `.cih` or `.cihx` file."""
     try:
         with open(regular(path), "rb") as file:
             data = file.read(_LARGEST + 1)
@@ -170,10 +158,7 @@ class MrawPictures:
     def frame(self, index: int) -> Grey:
         """Grey values of one picture, shape [rows, columns].
 
-        Raises
-        ------
-        PictureError
-            If it lies beyond the end of the file, or needs more bits than the header says.
+        Raises PictureError if it lies beyond the end of the file, or needs more bits than the header says.
         """
         index = checked_index(self.n_frames, index)
         rows, columns = self.shape

@@ -21,17 +21,7 @@ _LARGEST_WINDOW = 1024
 
 
 def _width_of_autocorrelation(detail: FloatArray, used: Mask, sigma: float) -> tuple[float, float]:
-    """Full width at half height of the autocorrelation along x and y [px]; NaN if it never falls by half.
-
-    Parameters
-    ----------
-    detail
-        Grey values less the illumination, shape [rows, columns].
-    used
-        The pixels that count, shape [rows, columns]; of a large field the middle is taken.
-    sigma
-        Standard deviation of the noise, taken off the peak [grey].
-    """
+    """Full width at half height of the autocorrelation along x and y [px]; NaN if it never falls by half."""
     window = tuple(_middle(np.flatnonzero(used.any(axis=1 - axis))) for axis in (0, 1))
     detail, used = np.where(used, detail, 0.0)[window], used[window]
     shape = [2 * side for side in detail.shape]  # zeros around: no wrap
@@ -398,13 +388,7 @@ def speckle_quality(
 def _sums(
     f: FloatArray, used: NDArray[np.bool_], variance: FloatArray, averaged: int
 ) -> tuple[FloatArray, float]:
-    """Summed-area tables of Gx², Gy², GxGy, the same three times σ², and the mask; and the mean of |∇f|.
-
-    Returns
-    -------
-    tuple
-        The tables, shape [7, rows + 1, columns + 1], and the mean intensity gradient [grey/px].
-    """
+    """Summed-area tables of Gx², Gy², GxGy, the same three times σ², and the mask; and the mean of |∇f|."""
     from dic.basics import cv2
 
     gx, gy = gradient(f)

@@ -88,10 +88,8 @@ MOST_FRAMES = 10_000_000
 def checked_shape(path: Path, rows: object, columns: object) -> tuple[int, int]:
     """Rows and columns, if a camera can have made them.
 
-    Raises
-    ------
-    PictureError
-        If either is not a whole number from 1 to `LARGEST_SIDE`, or they are more than `MOST_PIXELS`.
+    Raises PictureError if either is not a whole number from 1 to `LARGEST_SIDE`, or they are more than
+    `MOST_PIXELS`.
     """
     if (
         not isinstance(rows, int)
@@ -111,10 +109,7 @@ def checked_shape(path: Path, rows: object, columns: object) -> tuple[int, int]:
 def checked_count(path: Path, frames: int) -> int:
     """The number of frames, if it is from 1 to `MOST_FRAMES`.
 
-    Raises
-    ------
-    PictureError
-        If it is not.
+    Raises PictureError if it is not.
     """
     if not 1 <= frames <= MOST_FRAMES:
         raise PictureError(
@@ -128,10 +123,7 @@ def checked_count(path: Path, frames: int) -> int:
 def checked_bits(path: Path, bits: int, container: int) -> int:
     """The bits that carry the grey value, if they fit into a `container` of so many bits.
 
-    Raises
-    ------
-    PictureError
-        If they do not.
+    Raises PictureError if they do not.
     """
     if not 1 <= bits <= container:
         raise PictureError(
@@ -145,10 +137,7 @@ def checked_bits(path: Path, bits: int, container: int) -> int:
 def checked_index(n_frames: int, index: int) -> int:
     """A frame number from 0 to `n_frames` - 1.
 
-    Raises
-    ------
-    IndexError
-        If it is outside.
+    Raises IndexError if it is outside.
     """
     index = operator.index(index)
     if not 0 <= index < n_frames:
@@ -161,10 +150,7 @@ def checked_frame(
 ) -> Grey:
     """One decoded frame, if it has the series' shape and holds 8 or 16-bit grey values of so many bits.
 
-    Raises
-    ------
-    PictureError
-        If it does not.
+    Raises PictureError if it does not.
     """
     if picture.shape != shape:
         size = " x ".join(str(side) for side in picture.shape)
@@ -195,10 +181,7 @@ def checked_frame(
 class PicturesInMemory:
     """Arrays as a series; see `dic.images.Pictures`.
 
-    Raises
-    ------
-    ValueError
-        No pictures, or one that is not of shape [rows, columns].
+    Raises ValueError: no pictures, or one that is not of shape [rows, columns].
     """
 
     pictures: Sequence[NDArray[np.generic]]
@@ -251,12 +234,7 @@ def decode_once(pictures: Pictures) -> "DecodedPictures":
 class DecodedPictures:
     """The same series, for those who look at its pictures more than once; see `dic.images.Pictures`.
 
-    Parameters
-    ----------
-    pictures
-        The series.
-    most
-        Memory that its pictures may take up [bytes].
+    ``pictures``: the series. ``most``: memory that its pictures may take up [bytes].
     """
 
     def __init__(self, pictures: Pictures, *, most: int = MOST_DECODED) -> None:
@@ -314,10 +292,8 @@ class DecodedPictures:
     def frame(self, index: int) -> Grey:
         """Grey values of one frame, not to be written to, shape [rows, columns].
 
-        Raises
-        ------
-        PictureError
-            As the series does; a frame that cannot be read is tried again when it is asked for again.
+        Raises PictureError as the series does; a frame that cannot be read is tried again when it is asked
+        for again.
         """
         found = self._kept.get(index)
         if found is None:
@@ -339,19 +315,9 @@ def packed_size(values: int, bits: int) -> int:
 def unpack(raw: Bytes, bits: int, values: int) -> Words:
     """The first `values` grey values of packed bytes, shape [values].
 
-    Parameters
-    ----------
-    raw
-        The bytes, at least `packed_size` of them, shape [n].
-    bits
-        Bits of a grey value: 10 or 12.
-    values
-        How many grey values to read.
-
-    Raises
-    ------
-    ValueError
-        Other bits, or fewer bytes than the values need.
+    ``raw``: the bytes, at least `packed_size` of them, shape [n]. ``bits``: bits of a grey value: 10 or 12.
+    ``values``: how many grey values to read. Raises ValueError: other bits, or fewer bytes than the values
+    need.
     """
     if bits not in (10, 12):
         raise ValueError(f"bits = {bits}: packed grey values have 10 or 12")

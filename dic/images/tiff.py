@@ -66,10 +66,7 @@ class TiffPictures:
     def frame(self, index: int) -> Grey:
         """Grey values of one page, larger is brighter, shape [rows, columns].
 
-        Raises
-        ------
-        PictureError
-            If the page lies beyond a cut, cannot be decoded or has another shape.
+        Raises PictureError if the page lies beyond a cut, cannot be decoded or has another shape.
         """
         index = checked_index(self.n_frames, index)
         if self.stack is not None:
@@ -263,13 +260,7 @@ def _decode(path: Path, index: int, offset: int) -> NDArray[np.generic]:
 
 
 def _check_strips(file: "tifffile.TiffFile", page: "tifffile.TiffPage") -> None:
-    """Refuse strips that hold, or unpack to, more than the page: a small file may unpack to any size.
-
-    Raises
-    ------
-    ValueError
-        If they do.
-    """
+    """Refuse strips that hold, or unpack to, more than the page: a small file may unpack to any size."""
     most = page.imagelength * page.imagewidth * 2 + _SLACK
     if sum(page.databytecounts) > 2 * most:
         raise ValueError(f"its strips have {sum(page.databytecounts)} bytes, the page needs at most {most}")

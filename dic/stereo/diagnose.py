@@ -78,22 +78,7 @@ class Offset:
 
 
 def _find_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, where: str) -> Offset:
-    """The whole-pixel crop offset under which the epipolar distances are least.
-
-    Parameters
-    ----------
-    rig
-        The cameras, with the crop that is doubted.
-    pixels0, pixels1
-        Point pairs (x, y) [px], shapes [n, 2], finite.
-    where
-        A key of `HYPOTHESES`.
-
-    Raises
-    ------
-    ValueError
-        Fewer than 20 pairs, a lens distortion that cannot be undone.
-    """
+    """The whole-pixel crop offset under which the epipolar distances are least."""
     if len(pixels0) < 20:
         raise ValueError(f"an offset needs at least 20 point pairs, got {len(pixels0)}")
     step = -(-len(pixels0) // OFFSET_POINTS)
@@ -119,17 +104,6 @@ def faint_offset(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> Of
     Rays that miss each other by hundredths of a pixel pass as calibrated, but where what they miss by varies
     over the field as perspective makes it, and half of it goes with one offset of whole pixels, the crop is
     doubted: depths, and with them all lengths, follow it.
-
-    Parameters
-    ----------
-    rig, pixels0, pixels1
-        As for `find_offset`.
-
-    Returns
-    -------
-    Offset or None
-        None if no component is `SURE` standard deviations and `LEAST_FAINT` from zero, or if too little of
-        the distances goes with it.
     """
     step = -(-len(pixels0) // OFFSET_POINTS)
     p0, p1 = pixels0[::step], pixels1[::step]
@@ -566,25 +540,11 @@ def free_pairs(
     Camera 1's picture is taken for a later one of camera 0, and searched by features and windows; only the
     neighbours judge a match. On a strongly curved surface the middle of the view is found.
 
-    Parameters
-    ----------
-    pictures
-        One instant, camera 0 and camera 1, each of shape [rows, columns].
-    points
-        Places in camera 0's picture [px], shape [n, 2].
-    tracking
-        How subsets are matched; an affine shape function at least is used.
-    noise
-        Standard deviation of the grey values.
-    mask
-        Pixels of the body in camera 0's picture.
-    device
-        Where pictures are correlated.
-
-    Returns
-    -------
-    pixels0, pixels1 : array
-        The same points in both pictures, NaN where not found, shape [1, n, 2].
+    ``pictures``: one instant, camera 0 and camera 1, each of shape [rows, columns]. ``points``: places in
+    camera 0's picture [px], shape [n, 2]. ``tracking``: how subsets are matched; an affine shape function at
+    least is used. ``noise``: standard deviation of the grey values. ``mask``: pixels of the body in camera
+    0's picture. ``device``: where pictures are correlated. Returns: the same points in both pictures, NaN
+    where not found, shape [1, n, 2].
     """
     rows = np.unique(np.linspace(0, len(points) - 1, MOST_POINTS).astype(int))
     subset = tracking.correlation
@@ -601,12 +561,8 @@ def free_pairs(
 def check_setup(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> tuple[Finding, ...]:
     """Findings about cameras and crop offsets from the epipolar distances; none if there are too few pairs.
 
-    Parameters
-    ----------
-    rig
-        The cameras, for pictures with the crop of the series.
-    pixels0, pixels1
-        The same points in both cameras, NaN where lost [px], shape [n_frames, n_points, 2].
+    ``rig``: the cameras, for pictures with the crop of the series. ``pixels0``, ``pixels1``: the same points
+    in both cameras, NaN where lost [px], shape [n_frames, n_points, 2].
     """
     pairs = np.isfinite(pixels0).all(axis=-1) & np.isfinite(pixels1).all(axis=-1)
     if pairs.sum() < LEAST_PAIRS:

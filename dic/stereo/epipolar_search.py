@@ -178,20 +178,9 @@ def facet_geometry(rig: StereoRig, pixels0: FloatArray, distance: FloatArray) ->
 def normals(rig: StereoRig, X: FloatArray, turns: FloatArray) -> FloatArray:
     """Normals turned away from the one that faces both cameras alike.
 
-    Parameters
-    ----------
-    rig
-        The cameras.
-    X
-        Places of the facets in the rig's frame [m], shape [..., 3].
-    turns
-        Angles within the epipolar plane, where they stretch what one camera sees against the other, and out
-        of it, where they shear it, shape [m, 2] [rad].
-
-    Returns
-    -------
-    NDArray
-        Unit vectors toward the cameras, shape [..., m, 3].
+    ``rig``: the cameras. ``X``: places of the facets in the rig's frame [m], shape [..., 3]. ``turns``:
+    angles within the epipolar plane, where they stretch what one camera sees against the other, and out of
+    it, where they shear it, shape [m, 2] [rad]. Returns: unit vectors toward the cameras, shape [..., m, 3].
     """
     to = [_unit(camera.centre - X) for camera in rig.cameras]
     middle = _unit(to[0] + to[1])
@@ -235,16 +224,8 @@ class _FacetFit(NamedTuple):
 def fit_facet(rig: StereoRig, pixels0: FloatArray, distance: FloatArray, A: FloatArray) -> _FacetFit:
     """The facet with the gradient `A` of camera 1's pixel by camera 0's, and how far it is from being one.
 
-    Parameters
-    ----------
-    rig
-        The cameras.
-    pixels0
-        Where camera 0 sees the facets [px], shape [n, 2].
-    distance
-        Along camera 0's rays [m], shape [n].
-    A
-        Measured gradients [-], shape [n, 2, 2].
+    ``rig``: the cameras. ``pixels0``: where camera 0 sees the facets [px], shape [n, 2]. ``distance``: along
+    camera 0's rays [m], shape [n]. ``A``: measured gradients [-], shape [n, 2, 2].
     """
     seen = facet_geometry(rig, pixels0, distance)
     s = np.asarray(distance)[..., None]
@@ -455,24 +436,7 @@ BOX_ENLARGEMENT = 0.02
 def visible_piece(
     rig: StereoRig, rays: FloatArray, shape1: tuple[int, int], limits: tuple[float, float]
 ) -> FloatArray:
-    """Inverse distances along camera 0's rays between which camera 1's picture can show them [1/m].
-
-    Parameters
-    ----------
-    rig
-        The cameras.
-    rays
-        Unit vectors from camera 0's centre, in the rig's frame, shape [n, 3].
-    shape1
-        Rows and columns of camera 1's picture.
-    limits
-        Nearest and farthest distance [m].
-
-    Returns
-    -------
-    array
-        Least and largest inverse distance, shape [n, 2]; twice the least one for a ray that is not seen.
-    """
+    """Inverse distances along camera 0's rays between which camera 1's picture can show them [1/m]."""
     first, second = rig.cameras
     v = rays @ second.rotation.T
     e = second.rotation @ first.centre + second.translation
@@ -496,20 +460,7 @@ def visible_piece(
 
 
 def ideal_box(camera: Camera, shape: tuple[int, int]) -> tuple[FloatArray, FloatArray] | None:
-    """Least and largest x, and y, of the ideal points that a picture shows [-].
-
-    Parameters
-    ----------
-    camera
-        The camera.
-    shape
-        Rows and columns of its picture.
-
-    Returns
-    -------
-    tuple or None
-        None where its lens cannot be undone on the whole border.
-    """
+    """Least and largest x, and y, of the ideal points that a picture shows [-]."""
     along = np.linspace(0.0, 1.0, BORDER)
     ends = np.zeros(BORDER), np.ones(BORDER)
     border = np.concatenate([np.stack(p, axis=1) for end in ends for p in ((along, end), (end, along))])
@@ -529,10 +480,7 @@ RANGE = 20.0
 def fold(camera: Camera) -> float:
     """Squared radius on the plane z = 1 at which a lens model begins to fold back [-]; inf if it does not.
 
-    Parameters
-    ----------
-    camera
-        The camera; the radius is that where r (1 + k1 r² + k2 r⁴ + k3 r⁶) turns.
+    ``camera``: the camera; the radius is that where r (1 + k1 r² + k2 r⁴ + k3 r⁶) turns.
     """
     k1, k2, _, _, k3 = camera.distortion
     turning = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])

@@ -77,14 +77,8 @@ def towards(camera: Camera, x: FloatArray) -> FloatArray:
 def pixels_per_length(camera: Camera, X: FloatArray, direction: FloatArray) -> FloatArray:
     """Motion of the pixel of a place that moves along a direction [px/m], shape [2].
 
-    Parameters
-    ----------
-    camera
-        The camera.
-    X
-        The place in the rig's frame, in front of the camera [m], shape [3].
-    direction
-        Unit vector in the rig's frame, shape [3].
+    ``camera``: the camera. ``X``: the place in the rig's frame, in front of the camera [m], shape [3].
+    ``direction``: unit vector in the rig's frame, shape [3].
     """
     return np.asarray(projection_slope(camera, np.asarray(X)) @ direction)
 
@@ -101,12 +95,7 @@ def pixel_slope(camera: Camera, ideal: FloatArray) -> FloatArray:
 def projection_slope(camera: Camera, X: FloatArray) -> FloatArray:
     """Derivative of `Camera.project` by the point [px/m], shape [..., 2, 3].
 
-    Parameters
-    ----------
-    camera
-        The camera.
-    X
-        Points in the rig's frame, in front of the camera [m], shape [..., 3].
+    ``camera``: the camera. ``X``: points in the rig's frame, in front of the camera [m], shape [..., 3].
     """
     place = camera.in_camera(X)
     depth = place[..., 2]
@@ -153,12 +142,8 @@ def epipolar_sigma(
 ) -> FloatArray:
     """Standard deviation of `epipolar_distance` that the noise of the pixels predicts [px], shape [...].
 
-    Parameters
-    ----------
-    rig, pixels0, pixels1
-        As for `epipolar_distance`.
-    covariance0, covariance1
-        Of the pixels, independent between the cameras [px²], shapes [..., 2, 2] or [2, 2].
+    ``rig``, ``pixels0``, ``pixels1``: as for `epipolar_distance`. ``covariance0``, ``covariance1``: of the
+    pixels, independent between the cameras [px²], shapes [..., 2, 2] or [2, 2].
     """
     _, slope0, slope1 = epipolar_slopes(rig, pixels0, pixels1)
     return sigma_of(slope0, slope1, covariance0, covariance1)
@@ -173,22 +158,7 @@ def sigma_of(
 
 
 def epipolar_curve(rig: StereoRig, pixels0: FloatArray, depths: FloatArray) -> FloatArray:
-    """Pixels of camera 1 for what camera 0 sees at `pixels0`, at each assumed depth [px].
-
-    Parameters
-    ----------
-    rig
-        The cameras.
-    pixels0
-        Places in camera 0's picture (x, y) [px], shape [..., 2].
-    depths
-        Distances along camera 0's ray [m], shape [n].
-
-    Returns
-    -------
-    NDArray
-        Shape [..., n, 2]; NaN for a depth that lies behind camera 1.
-    """
+    """Pixels of camera 1 for what camera 0 sees at `pixels0`, at each assumed depth [px]."""
     first, second = rig.cameras
     rays = directions(first, pixels0)
     return second.project(first.centre + rays[..., None, :] * np.asarray(depths)[:, None])
@@ -264,17 +234,8 @@ class Triangulation(NamedTuple):
 def midpoint(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) -> FloatArray:
     """The middle of the shortest connection of the two rays [m], shape [..., 3].
 
-    Parameters
-    ----------
-    rig
-        The cameras.
-    pixels0, pixels1
-        One point seen by both, a row each (x, y) [px], shapes [..., 2].
-
-    Raises
-    ------
-    ValueError
-        If a lens distortion cannot be undone.
+    ``rig``: the cameras. ``pixels0``, ``pixels1``: one point seen by both, a row each (x, y) [px], shapes
+    [..., 2]. Raises ValueError if a lens distortion cannot be undone.
     """
     first, second = rig.cameras
     return _middle(rig, directions(first, pixels0), directions(second, pixels1))

@@ -37,15 +37,7 @@ REACH = 3.0
 
 
 def neighbourhood(points: FloatArray, number: int) -> IntArray:
-    """The nearest other points of each, nearest first, shape [n, number]; -1 where there are fewer.
-
-    Parameters
-    ----------
-    points
-        Places in the material picture [px], shape [n, 2].
-    number
-        Greatest number of neighbours.
-    """
+    """The nearest other points of each, nearest first, shape [n, number]; -1 where there are fewer."""
     n = len(points)
     if n < 2:
         return np.full((n, number), -1, dtype=np.int64)
@@ -271,21 +263,9 @@ def disagreement(points: FloatArray, warp: FloatArray, near: IntArray, valid: Bo
     A neighbour puts it at its own match plus the step between them, taken through the mean of both
     gradients: exact for displacements of second order.
 
-    Parameters
-    ----------
-    points
-        Places in the material picture [px], shape [n, 2].
-    warp
-        Total warps, shape [n, 12].
-    near
-        Their neighbours, shape [n, k], -1 for none.
-    valid
-        Points that are matched, shape [n]; only those are asked.
-
-    Returns
-    -------
-    NDArray
-        inf for a point that is not matched or has no matched neighbour.
+    ``points``: places in the material picture [px], shape [n, 2]. ``warp``: total warps, shape [n, 12].
+    ``near``: their neighbours, shape [n, k], -1 for none. ``valid``: points that are matched, shape [n]; only
+    those are asked. Returns: inf for a point that is not matched or has no matched neighbour.
     """
     step = points[:, None] - points[near]
     gradient = warp[:, 2:6].reshape(-1, 2, 2)
@@ -396,17 +376,7 @@ class Gate(IntFlag):
 def failed_gates(
     gate_values: GateValues, gates: StereoGates, distances: tuple[float, float] | None = None
 ) -> IntArray:
-    """Gates that each match fails, as a sum of `Gate` members, shape [n].
-
-    Parameters
-    ----------
-    evidence
-        The numbers; one that could not be had fails its gate.
-    gates
-        The limits.
-    distances
-        Declared nearest and farthest distance along camera 0's rays [m].
-    """
+    """Gates that each match fails, as a sum of `Gate` members, shape [n]."""
     near, far = distances if distances is not None else (0.0, np.inf)
     with np.errstate(invalid="ignore"):  # inf, where there is no evidence, passes no comparison
         noise = np.where(np.isfinite(gate_values.sigma), gates.sigmas * gate_values.sigma, 0.0)

@@ -150,17 +150,8 @@ def reconstruct(
 def narrow_gates(found: Reconstruction, *, gate: float, gate_sigmas: float) -> None:
     """Make of a reconstruction, in place, what `reconstruct` would give with gates no wider than it had.
 
-    Parameters
-    ----------
-    found
-        What `reconstruct` gave.
-    gate, gate_sigmas
-        As there.
-
-    Raises
-    ------
-    ValueError
-        If the standard deviations of the epipolar distances are not known.
+    ``found``: what `reconstruct` gave. ``gate``, ``gate_sigmas``: as there. Raises ValueError if the standard
+    deviations of the epipolar distances are not known.
     """
     if found.epipolar_sigma is None:
         raise ValueError("the standard deviations of the epipolar distances are not known: reconstruct again")
@@ -171,14 +162,8 @@ def narrow_gates(found: Reconstruction, *, gate: float, gate_sigmas: float) -> N
 def end_points(found: Reconstruction, points: BoolArray, outcome: PointOutcome) -> None:
     """End points of a reconstruction with an outcome, in place: a copy would be as large as all there is.
 
-    Parameters
-    ----------
-    found
-        The reconstruction.
-    points
-        Which points of which frames, shape [n_frames, n_points].
-    outcome
-        Their outcome.
+    ``found``: the reconstruction. ``points``: which points of which frames, shape [n_frames, n_points].
+    ``outcome``: their outcome.
     """
     found.position[points], found.covariance[points] = np.nan, np.nan
     found.outcome[points] = int(outcome)
@@ -261,12 +246,7 @@ def _pixels(track: Track, part: slice, found: NDArray[np.bool_], camera: int) ->
 def perturbed(rig: StereoRig, change: FloatArray) -> StereoRig:
     """The rig with its parameters changed by a little; camera 0's pose, the frame of all points, stays.
 
-    Parameters
-    ----------
-    rig
-        The cameras.
-    change
-        By `StereoRig.parameter_names` [px, -, rad, m], shape [26].
+    ``rig``: the cameras. ``change``: by `StereoRig.parameter_names` [px, -, rad, m], shape [26].
     """
     n = len(PARAMETERS)
     first = _changed(rig.cameras[0], change[:n])

@@ -24,11 +24,6 @@ def _candidate_axes(X: FloatArray) -> list[FloatArray]:
 
     The direction of least curvature of the paraboloid over the plane that fits best, right for any arc
     up to a half circle; the principal directions of the points, right for a long cylinder.
-
-    Parameters
-    ----------
-    X
-        Points about their centroid [m], shape [n, 3].
     """
     _, vectors = np.linalg.eigh(X.T @ X)
     normal, first, second = vectors.T
@@ -75,23 +70,7 @@ def _fit_shape(
     robust: bool = False,
     steps: int = 100,
 ) -> Shape:
-    """Least squares of the distances over their sigmas.
-
-    Parameters
-    ----------
-    X
-        Points about their centroid [m], shape [n, 3].
-    sigma
-        Their noise along the normal [m], shape [n].
-    start
-        Where to begin.
-    radius, radius_sigma
-        As `dic.surfaces.fit_cylinder`.
-    robust
-        Sum 2 (√(1 + r²) - 1) in place of r², at which single points pull little.
-    steps
-        Most evaluations.
-    """
+    """Least squares of the distances over their sigmas."""
     held = radius is not None and radius_sigma == 0.0
     begin = (start[0], start[1], float(radius)) if held and radius is not None else start
     size = float(np.sqrt(np.mean(X**2)))

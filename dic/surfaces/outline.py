@@ -21,20 +21,7 @@ from dic.surfaces.surface_history import CentrePoints, SurfaceHistory
 
 
 def rows_of(surface: SurfaceHistory, points: ArrayLike) -> IntArray:
-    """Number of the row across the axis that each point of the grid lies in, by increasing y.
-
-    Parameters
-    ----------
-    surface
-        The points' reference positions.
-    points
-        Their places in the material picture, on a grid [px], shape [n_points, 2].
-
-    Returns
-    -------
-    NDArray
-        Shape [n_points].
-    """
+    """Number of the row across the axis that each point of the grid lies in, by increasing y."""
     grid = np.asarray(points, dtype=np.float64)
     y = surface.X[:, 1]
     terms = np.column_stack([np.ones(len(y)), grid])

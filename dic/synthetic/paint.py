@@ -107,10 +107,7 @@ def waves(
 class Paint:
     """Reflectances of drops and ground, and how sharp a drop's rim is.
 
-    Raises
-    ------
-    ValueError
-        A reflectance outside 0 to 1, a softness outside 0 to 1.
+    Raises ValueError: a reflectance outside 0 to 1, a softness outside 0 to 1.
     """
 
     dark: float = 0.16
@@ -135,18 +132,9 @@ def sprayed_drops(
     bare:
     ``n = -ln(1 - coverage) area / A``, with ``A = π/4 size² (1 + spread²)``. Diameters are log-normal.
 
-    Parameters
-    ----------
-    area
-        Where they fall; also half of the largest ones beside it.
-    size
-        Mean diameter [m].
-    spread
-        Standard deviation of the diameters over their mean [-].
-    coverage
-        Share of the area that is covered in the end [-].
-    rng
-        Random numbers.
+    ``area``: where they fall; also half of the largest ones beside it. ``size``: mean diameter [m].
+    ``spread``: standard deviation of the diameters over their mean [-]. ``coverage``: share of the area that
+    is covered in the end [-]. ``rng``: random numbers.
     """
     if not (0.0 < coverage < 1.0 and size > 0.0 and spread >= 0.0):
         raise ValueError(
@@ -191,14 +179,8 @@ def painted(
 ) -> Texture:
     """Texture of drops on a ground; where drops overlap the surface is as dark as one.
 
-    Parameters
-    ----------
-    area, pitch
-        What it covers, and the distance of its texels [m].
-    centres, diameters
-        Of the drops [m], shapes [n, 2] and [n].
-    paint
-        Reflectances and rims.
+    ``area``, ``pitch``: what it covers, and the distance of its texels [m]. ``centres``, ``diameters``: of
+    the drops [m], shapes [n, 2] and [n]. ``paint``: reflectances and rims.
     """
     paint = paint or Paint()
     across, along = area.grid(pitch)
@@ -266,24 +248,9 @@ HOLE = 0.45
 def board_texture(target: Any, pitch: float) -> tuple[Texture, FloatArray]:
     """Paint of a target, in the frame that its points are numbered in, and the corners of the board.
 
-    Parameters
-    ----------
-    target
-        A `FiducialDots`, `Chessboard` or `Charuco`.
-    pitch
-        Largest distance of texels [m]; x is around, y along.
-
-    Returns
-    -------
-    Texture
-        The paint.
-    corners
-        Of the board [m], shape [4, 2].
-
-    Raises
-    ------
-    TypeError
-        Another target.
+    ``target``: a `FiducialDots`, `Chessboard` or `Charuco`. ``pitch``: largest distance of texels [m]; x is
+    around, y along. Returns: the paint. Returns: of the board [m], shape [4, 2]. Raises TypeError: another
+    target.
     """
     if isinstance(target, FiducialDots):
         texture = _dots(target, pitch)

@@ -41,34 +41,12 @@ def picture_series(
     the
     integral over its square of the rays, smeared by the lens.
 
-    Parameters
-    ----------
-    scene
-        Bodies at the instants of the frames.
-    camera
-        The camera, cropped to the pictures.
-    shape
-        Rows and columns [px].
-    lens
-        Point spread and rays a pixel; default `Lens()`.
-    haze
-        Displacements of the picture by the air [px], as `dic.synthetic.scene.haze` makes them; None: none.
-    haze_pitch
-        Distance of its nodes [px].
-    device
-        "cpu" or a GPU, "cuda:0".
-    threads
-        Threads on a CPU.
-
-    Yields
-    ------
-    Light
-        The next frames, in their order.
-
-    Raises
-    ------
-    ValueError
-        An unknown device; a lens distortion that cannot be undone.
+    ``scene``: bodies at the instants of the frames. ``camera``: the camera, cropped to the pictures.
+    ``shape``: rows and columns [px]. ``lens``: point spread and rays a pixel; default `Lens()`. ``haze``:
+    displacements of the picture by the air [px], as `dic.synthetic.scene.haze` makes them; None: none.
+    ``haze_pitch``: distance of its nodes [px]. ``device``: "cpu" or a GPU, "cuda:0". ``threads``: threads on
+    a CPU. Yields: the next frames, in their order. Raises ValueError: an unknown device; a lens distortion
+    that cannot be undone.
     """
     lens = lens or Lens()
     start = select_device(device)
@@ -92,14 +70,9 @@ def board_series(
 ) -> Iterator[Light]:
     """Light on the pixels of one camera of a flat board, one pose a frame; see `picture_series`.
 
-    Parameters
-    ----------
-    board
-        Its texture, by x (around) and y (along) of the board's frame; of the rest nothing is used.
-    poses
-        R and t of each frame, from the board's frame to the rig's, `X = R x + t`.
-    background
-        Light beside the board.
+    ``board``: its texture, by x (around) and y (along) of the board's frame; of the rest nothing is used.
+    ``poses``: R and t of each frame, from the board's frame to the rig's, `X = R x + t`. ``background``:
+    light beside the board.
     """
     lens = lens or Lens()
     start = select_device(device)
@@ -147,10 +120,7 @@ def _depths(scene: Scene, camera: Camera) -> tuple[float, float]:
 class Sensor:
     """A camera's sensor.
 
-    Raises
-    ------
-    ValueError
-        A value outside its range.
+    Raises ValueError: a value outside its range.
     """
 
     bits: int = 12
@@ -210,16 +180,9 @@ class Sensor:
 
         Photons are Poisson's, read noise is Gaussian; the sum is rounded, and clipped at 0 and the largest.
 
-        Parameters
-        ----------
-        light
-            Light on the pixels, 1 of white paint, shape [rows, columns].
-        pattern
-            What `pattern` gave for this camera.
-        brightness
-            Of the lamp in this frame, 1 on average.
-        rng
-            Random numbers.
+        ``light``: light on the pixels, 1 of white paint, shape [rows, columns]. ``pattern``: what `pattern`
+        gave for this camera. ``brightness``: of the lamp in this frame, 1 on average. ``rng``: random
+        numbers.
         """
         mean = np.maximum(self.electrons(light) * pattern * brightness, 0.0)
         caught = rng.poisson(mean) + self.read_noise * rng.standard_normal(mean.shape)

@@ -36,19 +36,9 @@ def exposures(times: FloatArray, exposure: float, points: np.ndarray | int = 1) 
 
     Gauss-Legendre points: n of them integrate motion blur of a polynomial of degree 2 n - 1 exactly.
 
-    Parameters
-    ----------
-    times
-        Middle of each exposure [s], shape [n_frames].
-    exposure
-        How long the shutter is open [s]; 0 freezes all motion.
-    points
-        How many instants a frame gets, one number or one a frame.
-
-    Raises
-    ------
-    ValueError
-        A negative exposure or a number of points below 1.
+    ``times``: middle of each exposure [s], shape [n_frames]. ``exposure``: how long the shutter is open [s];
+    0 freezes all motion. ``points``: how many instants a frame gets, one number or one a frame. Raises
+    ValueError: a negative exposure or a number of points below 1.
     """
     counts = np.broadcast_to(np.asarray(points, dtype=np.int64), (len(times),))
     if not (np.isfinite(exposure) and exposure >= 0.0):
@@ -172,10 +162,8 @@ LEVELS = 65
 class Lens:
     """Point spread of a camera.
 
-    Raises
-    ------
-    ValueError
-        A negative spread or aperture, a distance of focus that is not positive, fewer than 2 rays.
+    Raises ValueError: a negative spread or aperture, a distance of focus that is not positive, fewer than 2
+    rays.
     """
 
     spread: float = 0.45
@@ -251,18 +239,9 @@ def haze(
     its nodes
     are `length` apart.
 
-    Parameters
-    ----------
-    n_frames, shape
-        Frames, and rows and columns of the pictures [px].
-    size
-        Standard deviation of a displacement [px].
-    length
-        Distance over which it is smooth [px].
-    memory
-        Frames after which 1/e of it is left.
-    rng
-        Random numbers.
+    ``n_frames``, ``shape``: frames, and rows and columns of the pictures [px]. ``size``: standard deviation
+    of a displacement [px]. ``length``: distance over which it is smooth [px]. ``memory``: frames after which
+    1/e of it is left. ``rng``: random numbers.
     """
     nodes = tuple(int(np.ceil(n / length)) + 3 for n in shape)
     keep = np.exp(-1.0 / memory) if memory > 0.0 else 0.0

@@ -41,10 +41,7 @@ class SpecklePattern:
     def grey(self, X: FloatArray) -> FloatArray:
         """Grey values at places of the material picture [grey], shape [...].
 
-        Parameters
-        ----------
-        X
-            Places (x, y) [px], shape [..., 2].
+        ``X``: places (x, y) [px], shape [..., 2].
         """
         X = np.asarray(X, dtype=np.float64)
         places = X.reshape(-1, 2)
@@ -100,23 +97,10 @@ def speckle_pattern(
     Their autocorrelation is a Gaussian, so that the mean square of a gradient component is
     ``contrast² / (2 s²)`` with ``s = size / (4 √ln 2)``.
 
-    Parameters
-    ----------
-    shape
-        Rows and columns of the material picture [px].
-    size
-        Full width of the pattern's autocorrelation at half its height [px].
-    contrast, level
-        Standard deviation and mean of the grey value [grey].
-    margin
-        Width of the pattern beyond the picture [px].
-    seed
-        Of the random places.
-
-    Raises
-    ------
-    ValueError
-        A size or contrast that is not positive.
+    ``shape``: rows and columns of the material picture [px]. ``size``: full width of the pattern's
+    autocorrelation at half its height [px]. ``contrast``, ``level``: standard deviation and mean of the grey
+    value [grey]. ``margin``: width of the pattern beyond the picture [px]. ``seed``: of the random places.
+    Raises ValueError: a size or contrast that is not positive.
     """
     for name, value in (("size", size), ("contrast", contrast)):
         if not (np.isfinite(value) and value > 0.0):
@@ -240,18 +224,9 @@ class RenderedCylinder:
     ) -> FloatArray:
         """The picture a camera takes, reflectances averaged over each pixel [-], shape [rows, columns].
 
-        Parameters
-        ----------
-        camera
-            The camera.
-        shape
-            Rows and columns [px].
-        pattern
-            Reflectance of the surface by arc length and height.
-        oversample
-            Rays a pixel along each axis.
-        background
-            Reflectance beside the cylinder.
+        ``camera``: the camera. ``shape``: rows and columns [px]. ``pattern``: reflectance of the surface by
+        arc length and height. ``oversample``: rays a pixel along each axis. ``background``: reflectance
+        beside the cylinder.
         """
         rows, columns = shape
         offset = (np.arange(oversample) + 0.5) / oversample - 0.5

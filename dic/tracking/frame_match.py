@@ -128,27 +128,6 @@ def correlate_windows(
 
     The window is cut out of the reference picture as the guess says that it looks in the deformed one, and
     searched for around its guessed place.
-
-    Parameters
-    ----------
-    reference, deformed
-        Grey values, shape [rows, columns].
-    origin
-        Places in the reference picture (x, y) [px], shape [n, 2].
-    guess
-        Places expected in the deformed picture [px], shape [n, 2].
-    F
-        Expected deformation gradient from the reference to the deformed picture, shape [n, 2, 2].
-    half
-        Half the side of the window, in the deformed picture [px].
-    search
-        Half the side of the area searched [px].
-
-    Returns
-    -------
-    tuple
-        Places found [px], shape [n, 2], and their correlations, shape [n]; NaN and -1 where window or area
-        leave the pictures.
     """
     f, g = (np.ascontiguousarray(picture, dtype=np.float32) for picture in (reference, deformed))
     places, score = np.full((len(origin), 2), np.nan), np.full(len(origin), -1.0)
@@ -209,21 +188,7 @@ def match_features(reference: Picture, deformed: Picture) -> tuple[FloatArray, F
 def affine_consensus(
     places0: FloatArray, places1: FloatArray, origin: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Local affine motions that the matched features around points agree on (RANSAC).
-
-    Parameters
-    ----------
-    places0, places1
-        Matched features in the reference and the deformed picture [px], each of shape [m, 2].
-    origin
-        Points in the reference picture [px], shape [n, 2].
-
-    Returns
-    -------
-    tuple
-        Places in the deformed picture [px], shape [n, 2], and deformation gradients, shape [n, 2, 2]; NaN
-        where fewer than `CONSENSUS` of the `NEAREST` features agree.
-    """
+    """Local affine motions that the matched features around points agree on (RANSAC)."""
     places = np.full((len(origin), 2), np.nan)
     F = np.full((len(origin), 2, 2), np.nan)
     if len(places0) < CONSENSUS:
@@ -287,16 +252,8 @@ class Neighbours:
     def best(self, warp: FloatArray, zncc: FloatArray, usable: BoolArray, rows: IntArray) -> FloatArray:
         """The warps that the neighbours with the best correlation suggest, shape [len(rows), 12].
 
-        Parameters
-        ----------
-        warp
-            Warps of all points, shape [n, 12].
-        zncc
-            Their correlations, shape [n].
-        usable
-            Which of them have been found, shape [n].
-        rows
-            Points with at least one neighbour among those.
+        ``warp``: warps of all points, shape [n, 12]. ``zncc``: their correlations, shape [n]. ``usable``:
+        which of them have been found, shape [n]. ``rows``: points with at least one neighbour among those.
         """
         index = self.index[rows]
         score = np.where(self.there[rows] & usable[index], zncc[index], -np.inf)
@@ -313,17 +270,8 @@ class Neighbours:
     ) -> tuple[IntArray, IntArray]:
         """Number of neighbours that agree with the places of points `rows`.
 
-        Parameters
-        ----------
-        warp, usable, rows
-            As in `best`.
-        gate
-            Largest distance [px].
-
-        Returns
-        -------
-        tuple
-            Neighbours that agree, and neighbours that have been found, shape [len(rows)] each.
+        ``warp``, ``usable``, ``rows``: as in `best`. ``gate``: largest distance [px]. Returns: neighbours
+        that agree, and neighbours that have been found, shape [len(rows)] each.
         """
         index = self.index[rows]
         x, y = self._across[:, rows]

@@ -145,10 +145,7 @@ class Scene:
         that lies above the mean of the material picture. It is black if its contrast is below a tenth of the
         material picture's, or if neighbouring pixels differ as much as distant ones do.
 
-        Parameters
-        ----------
-        picture
-            The frame, shape [rows, columns]; None if it could not be read.
+        ``picture``: the frame, shape [rows, columns]; None if it could not be read.
         """
         if picture is None or picture.ndim != 2 or picture.size == 0:
             return FrameOutcome.UNREADABLE
@@ -189,20 +186,10 @@ class FramesAhead:
     sent by a thread while the frames of this one are searched. On a CPU the thread would only take the cores
     that search.
 
-    Parameters
-    ----------
-    pictures
-        The series.
-    noise
-        Standard deviation of a grey value, or `dic.correlation.Noise` [grey].
-    prefilter
-        Standard deviation of the Gaussian before the match [px].
-    device
-        Where the matches are computed.
-    border
-        Outermost pixels that are left out of what is prepared.
-    together
-        Size of the coefficients of a block [bytes]; 0: no blocks; None: `TOGETHER` on a GPU, else 0.
+    ``pictures``: the series. ``noise``: standard deviation of a grey value, or `dic.correlation.Noise`
+    [grey]. ``prefilter``: standard deviation of the Gaussian before the match [px]. ``device``: where the
+    matches are computed. ``border``: outermost pixels that are left out of what is prepared. ``together``:
+    size of the coefficients of a block [bytes]; 0: no blocks; None: `TOGETHER` on a GPU, else 0.
     """
 
     def __init__(
@@ -247,10 +234,7 @@ class FramesAhead:
     def prepared(self, frame: int, picture: Picture) -> PictureStack:
         """A frame that was `read`, prepared.
 
-        Raises
-        ------
-        ValueError
-            As `PictureStack.prepare`.
+        Raises ValueError as `PictureStack.prepare`.
         """
         block = self._block
         if block is not None and block.stack is not None and frame in block.place:

@@ -196,17 +196,7 @@ EVEN = 0.5
 
 
 def local_variance(picture: Picture, places: FloatArray, side: int) -> FloatArray:
-    """Variance of the grey values in squares around places [grey²], shape [n].
-
-    Parameters
-    ----------
-    picture
-        Grey values, shape [rows, columns].
-    places
-        Centres (x, y) [px], shape [n, 2]; one outside the picture takes the value at its border.
-    side
-        Side of the squares [px].
-    """
+    """Variance of the grey values in squares around places [grey²], shape [n]."""
     grey = np.asarray(picture, dtype=np.float64)
     grey = grey - grey.mean()
     mean, square = (cv2.boxFilter(values, -1, (side, side)) for values in (grey, grey * grey))
@@ -238,14 +228,8 @@ def excess(zncc: FloatArray, variance: FloatArray, noise: Noise, grey: float) ->
 def enlarged(covariance: FloatArray, F: FloatArray, by: FloatArray) -> FloatArray:
     """Covariances with the share that an excess residual adds [px²], shape [n, 2, 2].
 
-    Parameters
-    ----------
-    covariance
-        Of matches, scaled by 1 + e [px²], shape [n, 2, 2].
-    F
-        Deformation gradients from the material picture, shape [n, 2, 2].
-    by
-        Excess of the residuals, shape [n].
+    ``covariance``: of matches, scaled by 1 + e [px²], shape [n, 2, 2]. ``F``: deformation gradients from the
+    material picture, shape [n, 2, 2]. ``by``: excess of the residuals, shape [n].
     """
     # the principal directions as the picture shows them are those of F Fᵀ
     B = F @ np.swapaxes(F, -1, -2)
@@ -315,18 +299,9 @@ class Matcher:
     ) -> Match:
         """Find points `rows` in a picture.
 
-        Parameters
-        ----------
-        deformed
-            The picture, prepared.
-        rows
-            Points, shape [m].
-        guess
-            Total warps to start from, shape [m, 12].
-        template
-            Their references.
-        current
-            Whether those are the ones that the points have now, whose templates are kept.
+        ``deformed``: the picture, prepared. ``rows``: points, shape [m]. ``guess``: total warps to start
+        from, shape [m, 12]. ``template``: their references. ``current``: whether those are the ones that the
+        points have now, whose templates are kept.
         """
         stack, picture = self.references.prepared(template.frame)
 
@@ -406,22 +381,10 @@ def compose(
 ) -> tuple[FloatArray, FloatArray]:
     """Covariance of places found through a chain of references (`dic.tracking.matcher`).
 
-    Parameters
-    ----------
-    match_covariance
-        Of the last match alone [px²], shape [n, 2, 2].
-    warp
-        Total warps found, shape [n, 12].
-    template
-        References they were matched with.
-    beyond
-        Excess of the residuals, shape [n].
-
-    Returns
-    -------
-    tuple
-        The covariance of the places, and what a chain that takes this match as its next reference carries
-        [px²], each of shape [n, 2, 2].
+    ``match_covariance``: of the last match alone [px²], shape [n, 2, 2]. ``warp``: total warps found, shape
+    [n, 12]. ``template``: references they were matched with. ``beyond``: excess of the residuals, shape [n].
+    Returns: the covariance of the places, and what a chain that takes this match as its next reference
+    carries [px²], each of shape [n, 2, 2].
     """
     reference, searched = shares(warp, template.warp)
     F = relative(warp, template.warp)

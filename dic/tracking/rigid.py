@@ -52,35 +52,14 @@ def track_rigid(
     of a picture is matched by the part inside, `Correlation.least_pixels` of it at least; the outermost
     pixels are left out.
 
-    Parameters
-    ----------
-    pictures
-        The series.
-    points
-        Places in the material picture (x, y) [px], shape [n_points, 2].
-    settings
-        How a subset is matched; its shape function is taken as RIGID.
-    noise
-        Standard deviation of the grey values.
-    mask
-        Pixels of the body in the material picture, shape [rows, columns].
-    start
-        Total warps of the points in frame `first`, shape [n_points, 12]; None: it is the material picture.
-    start_covariance
-        Of the places that `start` gives [px²], shape [n_points, 2, 2].
-    first
-        Frame in which the points are known.
-    frame_outcome
-        `FrameOutcome` of the pictures, shape [n_frames].
-    device
-        Where matches are computed.
-    progress
-        Called with the frames done and their number.
-
-    Raises
-    ------
-    PictureError
-        If the picture of frame `first` cannot be read.
+    ``pictures``: the series. ``points``: places in the material picture (x, y) [px], shape [n_points, 2].
+    ``settings``: how a subset is matched; its shape function is taken as RIGID. ``noise``: standard deviation
+    of the grey values. ``mask``: pixels of the body in the material picture, shape [rows, columns].
+    ``start``: total warps of the points in frame `first`, shape [n_points, 12]; None: it is the material
+    picture. ``start_covariance``: of the places that `start` gives [px²], shape [n_points, 2, 2]. ``first``:
+    frame in which the points are known. ``frame_outcome``: `FrameOutcome` of the pictures, shape [n_frames].
+    ``device``: where matches are computed. ``progress``: called with the frames done and their number. Raises
+    PictureError if the picture of frame `first` cannot be read.
     """
     n_frames, n = len(frame_outcome), len(points)
     root = identity(n) if start is None else np.asarray(start, dtype=np.float64)
@@ -129,13 +108,7 @@ def track_rigid(
 
 
 def most_unlike(before: Sequence[float]) -> float:
-    """Largest median of 1 - ZNCC with which points show the same body [-].
-
-    Parameters
-    ----------
-    before
-        Those of the frames in which it was found so far.
-    """
+    """Largest median of 1 - ZNCC with which points show the same body [-]."""
     return max(UNLIKE, TIMES * float(np.median(before))) if before else 1.0
 
 

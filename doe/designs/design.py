@@ -58,10 +58,7 @@ class Design:
 def count_of(n: int) -> int:
     """A number of points.
 
-    Raises
-    ------
-    ValueError
-        If it is below 2.
+    Raises ValueError if it is below 2.
     """
     count = index(n)
     if count < 2:
@@ -75,10 +72,7 @@ def seed_of(rng: Rng) -> int:
     From a generator one is drawn: SciPy's samplers spawn a child of a generator, which its recorded
     state would not reproduce.
 
-    Raises
-    ------
-    TypeError
-        If `rng` is neither an integer nor a generator.
+    Raises TypeError if `rng` is neither an integer nor a generator.
     """
     if isinstance(rng, np.random.Generator):
         return int(rng.integers(2**63))

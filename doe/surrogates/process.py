@@ -24,13 +24,13 @@ Correlation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Correlation c and its slope -2 dc/d(r^2) of squared distances r^2, measured in lengths."""
 
 
-def squared_exponential(r2: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _squared_exponential(r2: FloatArray) -> tuple[FloatArray, FloatArray]:
     """exp(-r^2 / 2): for responses with all derivatives."""
     c = np.exp(-0.5 * r2)
     return c, c
 
 
-def matern52(r2: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _matern52(r2: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(1 + a + a^2 / 3) exp(-a), a = sqrt(5) r: for responses with two derivatives."""
     a = np.sqrt(5.0 * r2)
     decay = np.exp(-a)
@@ -38,8 +38,8 @@ def matern52(r2: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 CORRELATIONS: dict[str, Correlation] = {
-    "squared exponential": squared_exponential,
-    "matern 5/2": matern52,
+    "squared exponential": _squared_exponential,
+    "matern 5/2": _matern52,
 }
 """By name; the likelihood of the runs chooses among them."""
 
@@ -136,21 +136,10 @@ class GaussianProcess:
     ) -> GaussianProcess:
         """Choose the hyperparameters by the restricted likelihood of the runs.
 
-        Parameters
-        ----------
-        unit_points
-            The runs in the unit box [-], shape [n, d].
-        values
-            Shape [n, q].
-        kinds
-            Correlation functions to choose from.
-        start
-            Where to begin, e.g. the hyperparameters of fewer runs; left out, two starts a kind.
-
-        Raises
-        ------
-        SurrogateError
-            If there are too few runs, or they do not determine the linear trend.
+        ``unit_points``: the runs in the unit box [-], shape [n, d]. ``values``: shape [n, q]. ``kinds``:
+        correlation functions to choose from. ``start``: where to begin, e.g. the hyperparameters of fewer
+        runs; left out, two starts a kind. Raises SurrogateError if there are too few runs, or they do not
+        determine the linear trend.
         """
         n, d = unit_points.shape
         if n < d + 3:

@@ -199,12 +199,8 @@ class SurrogateKind:
 def checked_runs(box: Box, points: ArrayLike, values: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Runs and their values as arrays [n, d] and [n, k], refused if they cannot make a surrogate.
 
-    Raises
-    ------
-    ValueError
-        If a point is outside the box or the shapes do not match.
-    SurrogateError
-        If a value is not finite; the message names the run.
+    Raises ValueError if a point is outside the box or the shapes do not match. Raises SurrogateError if a
+    value is not finite; the message names the run.
     """
     x = box.require(np.asarray(points, dtype=np.float64), what="run")
     y = np.asarray(values, dtype=np.float64)
@@ -223,10 +219,7 @@ def checked_runs(box: Box, points: ArrayLike, values: ArrayLike) -> tuple[FloatA
 def unit_points(box: Box, points: ArrayLike, *, extrapolate: bool) -> FloatArray:
     """Points to predict at as unit coordinates, shape [m, d].
 
-    Raises
-    ------
-    ValueError
-        If the shape is not [m, d], or a point is outside the box and `extrapolate` is False.
+    Raises ValueError if the shape is not [m, d], or a point is outside the box and `extrapolate` is False.
     """
     x = np.asarray(points, dtype=np.float64)
     if x.ndim != 2:

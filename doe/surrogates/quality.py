@@ -84,23 +84,7 @@ def leave_one_out(surrogate: Surrogate, sigma: ArrayLike) -> CurveErrors:
 
 
 def held_out(surrogate: Surrogate, points: ArrayLike, responses: ArrayLike, sigma: ArrayLike) -> CurveErrors:
-    """Errors at runs that the surrogate has not seen.
-
-    Parameters
-    ----------
-    surrogate
-        Any surrogate of a response.
-    points, responses
-        The runs, in parameter units, shape [n, d], and what they gave, shape [n, k].
-    sigma
-        Noise of each entry, in response units, > 0: a number or shape [k].
-
-    Raises
-    ------
-    ValueError
-        If a point is outside the surrogate's box or one of its runs, shapes do not match, or a sigma is not
-        finite and > 0.
-    """
+    """Errors at runs that the surrogate has not seen."""
     x, y = checked_runs(surrogate.box, points, responses)
     near = cdist(surrogate.box.unit(x), surrogate.box.unit(surrogate.points)).min(axis=1)
     if near.min() < 1e-9:
@@ -153,10 +137,7 @@ class Fitness:
     def require(self) -> None:
         """Refuse the surrogate if it is not good enough.
 
-        Raises
-        ------
-        SurrogateError
-            With the number of runs that it would take.
+        Raises SurrogateError: with the number of runs that it would take.
         """
         if not self.good:
             raise SurrogateError(f"the surrogate is not good enough: {self}")

@@ -117,26 +117,6 @@ def loo_operator(unit_points: FloatArray, kernel: Kernel) -> tuple[FloatArray, f
 
     With the tail's values P and an orthonormal basis Z of the null space of P^T it is
     B = Z (Z^T Phi Z)^-1 Z^T; the matrix in brackets is positive definite.
-
-    Parameters
-    ----------
-    unit_points
-        The runs in the unit box [-], shape [n, d].
-    kernel
-        The kernel.
-
-    Returns
-    -------
-    operator
-        B, symmetric, shape [n, n].
-    condition
-        Condition number of Z^T Phi Z [-].
-
-    Raises
-    ------
-    SurrogateError
-        If there are too few runs, two coincide, they do not determine the tail (with one run left out),
-        or the condition number is above 1e12.
     """
     n, d = unit_points.shape
     if n < kernel.n_needed(d):
@@ -180,22 +160,7 @@ def loo_operator(unit_points: FloatArray, kernel: Kernel) -> tuple[FloatArray, f
 def choose_kernel(
     unit_points: FloatArray, values: FloatArray, kernels: Sequence[Kernel]
 ) -> tuple[RadialBasis, tuple[Candidate, ...]]:
-    """The interpolant with the smallest leave-one-out error, and what every candidate did.
-
-    Parameters
-    ----------
-    unit_points
-        The runs in the unit box [-], shape [n, d].
-    values
-        Shape [n, q].
-    kernels
-        The candidates.
-
-    Raises
-    ------
-    SurrogateError
-        If no candidate can be used; the message lists each with its reason.
-    """
+    """The interpolant with the smallest leave-one-out error, and what every candidate did."""
     best: RadialBasis | None = None
     candidates: list[Candidate] = []
     for kernel in kernels:

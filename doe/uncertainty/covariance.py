@@ -18,10 +18,7 @@ class SingularInformationError(ValueError):
 def inverse_information(jacobian: FloatArray) -> FloatArray:
     """(J^T J)^-1 of a whitened Jacobian, shape [k, d] -> [d, d].
 
-    Raises
-    ------
-    SingularInformationError
-        If a direction of the parameters is not seen; the message names it.
+    Raises SingularInformationError if a direction of the parameters is not seen; the message names it.
     """
     _, singular, right = np.linalg.svd(jacobian, full_matrices=False)
     values = singular**2

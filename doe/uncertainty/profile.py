@@ -82,10 +82,7 @@ class Profiles:
     def __getitem__(self, name: str) -> Profile:
         """The profile of a parameter.
 
-        Raises
-        ------
-        KeyError
-            If there is none of that name.
+        Raises KeyError if there is none of that name.
         """
         for profile in self.profiles:
             if profile.name == name:
@@ -316,14 +313,8 @@ def partners(likelihood: Likelihood, profiles: Profiles, profile: Profile) -> tu
     each other parameter would cost alone. One whose move costs more than the level made the difference;
     one that drifts at no cost did not.
 
-    Parameters
-    ----------
-    likelihood
-        Of the data.
-    profiles
-        Holds the optimum and the level.
-    profile
-        Of the parameter in question.
+    ``likelihood``: of the data. ``profiles``: holds the optimum and the level. ``profile``: of the parameter
+    in question.
     """
     box, best = likelihood.box, profiles.optimum
     j = box.names.index(profile.name)

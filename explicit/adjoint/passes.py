@@ -154,13 +154,7 @@ class _ReturnedWave:
             self._stored.append(len(self.outgoing) - 1)
 
     def check_segments(self, n_steps: int) -> None:
-        """Refuse segments of `n_steps` steps if a wave returns within the segment that it left in.
-
-        Raises
-        ------
-        ValueError
-            If so; the message names the round trip and the cure.
-        """
+        """Refuse segments of `n_steps` steps if a wave returns within the segment that it left in."""
         later = np.array([source.later for source in self.sources], dtype=np.int64)
         inside = np.flatnonzero((later >= 0) & (later >= np.arange(len(later)) // n_steps * n_steps))
         if inside.size:
@@ -200,20 +194,9 @@ class ForwardRun:
 def run_forward(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None = None) -> ForwardRun:
     """Run forward, segment by segment of as many steps as the plan's window holds.
 
-    Parameters
-    ----------
-    plan : PhasePlan
-        The simulation.
-    sampling : Sampling
-        What to record.
-    steps : StepSequence, optional
-        The steps to take; default: measured as by `explicit.run`.
-
-    Raises
-    ------
-    ValueError
-        If a requested time is before the model's start, or the run does not reach its end; the message has
-        the cause and the cure.
+    ``plan``: the simulation. ``sampling``: what to record. ``steps``: the steps to take; default: measured as
+    by `explicit.run`. Raises ValueError if a requested time is before the model's start, or the run does not
+    reach its end; the message has the cause and the cure.
     """
     window, model = plan.window, plan.model
     asked = min(float(sampling.force_times[0]), float(sampling.surface_times[0]))
@@ -346,27 +329,10 @@ def reverse(
 ) -> dict[str, FloatArray]:
     """Carry the cotangent of the histories back to what the kernels read.
 
-    Parameters
-    ----------
-    plan : PhasePlan
-        The simulation, in a window as long as a segment.
-    sampling : Sampling
-        What was recorded.
-    forward : ForwardRun
-        The forward run of this plan.
-    cotangent : Histories
-        Derivative of the objective by every entry of the histories, without leading axes.
-
-    Returns
-    -------
-    dict
-        Derivatives by "solids" (a record per modulus and viscosity), "row" (the law's constants) and
-        "friction".
-
-    Raises
-    ------
-    ValueError
-        If the wave in the support returns within a segment.
+    ``plan``: the simulation, in a window as long as a segment. ``sampling``: what was recorded. ``forward``:
+    the forward run of this plan. ``cotangent``: derivative of the objective by every entry of the histories,
+    without leading axes. Returns: derivatives by "solids" (a record per modulus and viscosity), "row" (the
+    law's constants) and "friction". Raises ValueError if the wave in the support returns within a segment.
     """
     window, steps = plan.window, forward.steps
     gradient, view = window.gradient, window.view

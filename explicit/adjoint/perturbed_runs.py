@@ -223,13 +223,7 @@ def same_steps(
     device: str = "cpu",
     threads: int | None = None,
 ) -> Stepping:
-    """One constant time step for a whole batch, below every bound that a trial run of it meets.
-
-    Raises
-    ------
-    ValueError
-        If a trial run does not complete.
-    """
+    """One constant time step for a whole batch, below every bound that a trial run of it meets."""
     quick = replace(sampling, ledger_every=len(sampling.surface_times), all_nodes=False)
     trial = run(model, samples, quick, stepping=stepping, device=device, threads=threads)
     _require_completed(trial, samples, ())

@@ -51,13 +51,6 @@ def contact_radius(response: Response, length: float) -> FloatArray:
     """Radius of the patch on the transmission platen [m], shape [n_samples, n_surface_times].
 
     It is that of the outermost node of the side surface that lies on the platen.
-
-    Parameters
-    ----------
-    response
-        A batch with its surface.
-    length : float
-        Length of the undeformed specimen [m].
     """
     height = response.surface_y - response.surface_y[:, :, :1]
     return np.asarray(np.where(np.abs(height) <= ON_PLATEN * length, response.surface_r, 0.0).max(axis=2))
@@ -140,15 +133,7 @@ def _require_completed(response: Response) -> None:
 
 
 def mean_force(times: FloatArray, impulse: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Force from the impulse, which does not alias: its means over the intervals, at their middles.
-
-    Returns
-    -------
-    times : shape [n + 1]
-        First time, middles of the intervals, last time [s].
-    force : shape [n + 1]
-        Force there [N]; at both ends that of the middle beside.
-    """
+    """Force from the impulse, which does not alias: its means over the intervals, at their middles."""
     middle = 0.5 * (times[1:] + times[:-1])
     force = np.diff(impulse) / np.diff(times)
     grid = np.concatenate([times[:1], middle, times[-1:]])

@@ -65,18 +65,9 @@ def mesh_of(sections: Sequence[Section], *, size: float) -> ElasticMesh:
     Every radius that occurs is a line of the mesh, so a step of the radius is sharp; neighbours are bonded
     over the smaller of their faces.
 
-    Parameters
-    ----------
-    sections : sequence
-        The parts, the loaded one first.
-    size : float
-        Largest side of an element [m]. A section has at least two elements along its axis, so that its
-        mid-section is a plane of nodes, and an even number of them.
-
-    Raises
-    ------
-    ValueError
-        If there is no section or `size` is not positive.
+    ``sections``: the parts, the loaded one first. ``size``: largest side of an element [m]. A section has at
+    least two elements along its axis, so that its mid-section is a plane of nodes, and an even number of
+    them. Raises ValueError if there is no section or `size` is not positive.
     """
     if not sections:
         raise ValueError("a mesh needs at least one section, got none")
@@ -114,21 +105,6 @@ def pressed_share(mesh: ElasticMesh, radius: FloatArray) -> FloatArray:
     """Share of a force that each node of the face takes when it presses evenly within a radius.
 
     The consistent loads (2 / a^2) * integral of N_i r dr from 0 to a, integrated exactly.
-
-    Parameters
-    ----------
-    radius : shape [n]
-        Radius a of the pressed patch [m], in (0, radius of the face].
-
-    Returns
-    -------
-    shape [n, n_face_nodes]
-        Rows sum to 1.
-
-    Raises
-    ------
-    ValueError
-        If a radius is outside its range.
     """
     lines = mesh.nodes[mesh.face, 0]
     a = np.asarray(radius, dtype=float)
@@ -274,21 +250,10 @@ class ElasticBar:
     ) -> ElasticHistory:
         """Integrate from rest under a force that presses evenly on a patch of the face.
 
-        Parameters
-        ----------
-        times : shape [n]
-            Times of the force [s], ascending; it is linear between them, and the first is the start.
-        force : shape [n]
-            Compressive force [N].
-        radius : float or shape [n]
-            Radius of the patch [m], linear between the times.
-        safety : float
-            Share of the stable step that is used, in (0, 1].
-
-        Raises
-        ------
-        ValueError
-            If a time, force or radius is outside its range.
+        ``times``: times of the force [s], ascending; it is linear between them, and the first is the start.
+        ``force``: compressive force [N]. ``radius``: radius of the patch [m], linear between the times.
+        ``safety``: share of the stable step that is used, in (0, 1]. Raises ValueError if a time, force or
+        radius is outside its range.
         """
         if not 0.0 < safety <= 1.0:
             raise ValueError(f"safety must be in (0, 1], got {safety}")

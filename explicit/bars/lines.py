@@ -140,10 +140,7 @@ class WaveLine:
     ) -> None:
         """Sections that move with one velocity [m/s] and carry no force.
 
-        Raises
-        ------
-        ValueError
-            If there is no section, or one is shorter than half the way of a wave in a step.
+        Raises ValueError if there is no section, or one is shorter than half the way of a wave in a step.
         """
         if not sections:
             raise ValueError("a row of bars needs at least one section, got none")
@@ -299,15 +296,7 @@ class _ShaperContact:
         return np.array([*x, *self._x[beyond]]), np.array([*f, *self._f[beyond]])
 
     def force(self, closing: float, compliance: float) -> float:
-        """Force at the end of a step [N].
-
-        Parameters
-        ----------
-        closing : float
-            Closing speed of the faces if no force acted [m/s].
-        compliance : float
-            1 / Z1 + 1 / Z2 of the bars that meet [m/(N s)]: what a force takes from the closing speed.
-        """
+        """Force at the end of a step [N]."""
         # Trapezoidal rule: x = x0 + h/2 (c0 + closing - F(x) compliance), piecewise linear and rising in x.
         half = 0.5 * self._step
         excess = self._knots_x - self.approach - half * (self._closing + closing - compliance * self._knots_f)

@@ -185,10 +185,8 @@ class ClosedFormLaw:
     def of(cls, values: ArrayLike) -> Self:
         """The law with constants in the order of `PARAMETERS`.
 
-        Raises
-        ------
-        ValueError
-            If their number is another, one is not finite or outside a strict interval, or mu_0 is not > 0.
+        Raises ValueError if their number is another, one is not finite or outside a strict interval, or mu_0
+        is not > 0.
         """
         row = np.asarray(values, dtype=np.float64).ravel()
         if len(row) != len(cls.PARAMETERS):
@@ -228,17 +226,8 @@ def isochoric(stretch: ArrayLike) -> FloatArray:
 def kirchhoff(law: Stretches, stretch: ArrayLike) -> FloatArray:
     """Isochoric Kirchhoff stress, Eq. (L.1).
 
-    Parameters
-    ----------
-    law
-        A closed-form law.
-    stretch : array
-        Principal stretches [-], of any volume, shape [..., 3].
-
-    Returns
-    -------
-    array
-        Principal stresses tau_i [Pa], of sum 0, shape [..., 3].
+    ``law``: a closed-form law. ``stretch``: principal stretches [-], of any volume, shape [..., 3]. Returns:
+    principal stresses tau_i [Pa], of sum 0, shape [..., 3].
     """
     w = _logarithmic_slope(law, isochoric(stretch))
     return np.asarray(w - w.mean(axis=-1, keepdims=True))

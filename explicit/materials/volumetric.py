@@ -78,10 +78,7 @@ class VolumetricLaw:
 def checked_form(form: str) -> str:
     """The name of a form.
 
-    Raises
-    ------
-    ValueError
-        If there is no such form; the message lists those there are.
+    Raises ValueError if there is no such form; the message lists those there are.
     """
     if form not in get_args(Form):
         raise ValueError(f"volumetric must be one of {sorted(get_args(Form))}, got {form!r}")

@@ -112,10 +112,7 @@ Emit: TypeAlias = Callable[[str], None]
 def kind_of(dtype: Any) -> str:
     """Kind of a Warp scalar type.
 
-    Raises
-    ------
-    TypeError
-        If it has none.
+    Raises TypeError if it has none.
     """
     if dtype not in KINDS:
         raise TypeError(f"no SIMD kind for {dtype}; known: {sorted(set(KINDS.values()))}")

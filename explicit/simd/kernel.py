@@ -160,14 +160,8 @@ TRANSLATION_FOLDER = "lanes"
 def kept(time_loop: Any, choice: str, translate: Callable[[], str]) -> str:
     """The source over lanes of a time loop: from its file, or translated and put there.
 
-    Parameters
-    ----------
-    time_loop
-        The scalar Warp kernel, alone in its module.
-    choice
-        Mapping, lanes and precision in words.
-    translate : callable
-        Makes the source.
+    ``time_loop``: the scalar Warp kernel, alone in its module. ``choice``: mapping, lanes and precision in
+    words. ``translate``: makes the source.
     """
     file = _translation_file(time_loop, choice)
     try:

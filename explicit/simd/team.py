@@ -274,17 +274,9 @@ ELEMENTS_EACH = 768
 class SharedRun:
     """One launch, of one simulation or of a pack.
 
-    Parameters
-    ----------
-    begin
-        Makes the launch when it is its turn: to be called with the argument of each thread, see
-        `explicit.simd.team`.
-    count
-        Simulations of the launch.
-    n_elements
-        Elements of a simulation that several threads can share, 0 for others.
-    where
-        The Warp device.
+    ``begin``: makes the launch when it is its turn: to be called with the argument of each thread, see
+    `explicit.simd.team`. ``count``: simulations of the launch. ``n_elements``: elements of a simulation that
+    several threads can share, 0 for others. ``where``: the Warp device.
     """
 
     def __init__(

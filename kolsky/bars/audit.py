@@ -36,10 +36,7 @@ CORRECTIONS: Mapping[str, tuple[bool, str]] = MappingProxyType(
 class Switches(Mapping[str, bool]):
     """Switches of the corrections; those not stated have their default of `CORRECTIONS`.
 
-    Raises
-    ------
-    ValueError
-        If a key is unknown (the nearest known one is named) or a value is not true or false.
+    Raises ValueError if a key is unknown (the nearest known one is named) or a value is not true or false.
     """
 
     stated: Mapping[str, bool] = field(default_factory=dict)
@@ -76,10 +73,7 @@ class Switches(Mapping[str, bool]):
 def correction_key(key: str) -> str:
     """The switch of `CORRECTIONS` that a key means; underscores stand for blanks.
 
-    Raises
-    ------
-    ValueError
-        Naming the nearest one, and all.
+    Raises ValueError: naming the nearest one, and all.
     """
     known = str(key).replace("_", " ")
     if known not in CORRECTIONS:
@@ -152,10 +146,7 @@ def compare(
 class AuditLog:
     """Collects the corrections of one reduction in the order in which they were made.
 
-    Parameters
-    ----------
-    switches
-        Which corrections are to be applied.
+    ``switches``: which corrections are to be applied.
     """
 
     def __init__(self, switches: Switches | None = None) -> None:
@@ -170,20 +161,14 @@ class AuditLog:
     def add(self, *corrections: Correction) -> None:
         """Append entries that were measured elsewhere.
 
-        Raises
-        ------
-        ValueError
-            If a key is unknown.
+        Raises ValueError if a key is unknown.
         """
         self._entries.extend([replace(entry, key=correction_key(entry.key)) for entry in corrections])
 
     def complete(self, reasons: Mapping[str, str]) -> None:
         """Append an entry for each correction that has none: left out, with its reason.
 
-        Raises
-        ------
-        ValueError
-            If a key is unknown.
+        Raises ValueError if a key is unknown.
         """
         there = {entry.key for entry in self._entries}
         self.add(

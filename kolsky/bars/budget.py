@@ -23,10 +23,7 @@ def merge_quantities(quantities: Iterable[Quantity]) -> list[Quantity]:
 
     Where only one of them has an uncertainty, that one is taken.
 
-    Raises
-    ------
-    ValueError
-        If two have the same name and different values or uncertainties.
+    Raises ValueError if two have the same name and different values or uncertainties.
     """
     found: dict[str, Quantity] = {}
     for q in quantities:
@@ -42,10 +39,7 @@ def merge_quantities(quantities: Iterable[Quantity]) -> list[Quantity]:
 def check_quantities(quantities: Sequence[Quantity]) -> None:
     """Refuse impossible quantities and names that occur twice.
 
-    Raises
-    ------
-    ValueError
-        With the quantity's name.
+    Raises ValueError: with the quantity's name.
     """
     seen: set[str] = set()
     for q in quantities:
@@ -67,10 +61,7 @@ def correlation_matrix(
 ) -> FloatArray:
     """Coefficients by pairs of names as a matrix, shape [n, n].
 
-    Raises
-    ------
-    ValueError
-        If a name is unknown, a coefficient is outside [-1, 1], or they contradict each other.
+    Raises ValueError if a name is unknown, a coefficient is outside [-1, 1], or they contradict each other.
     """
     place = {q.name: i for i, q in enumerate(quantities)}
     R = np.eye(len(place))
@@ -144,10 +135,7 @@ class Budget:
     def coverage_factor(self, output: str, probability: float = 0.95) -> FloatArray:
         """Student's t for the effective degrees of freedom, rounded down (GUM G.4.1), shape [...].
 
-        Raises
-        ------
-        ValueError
-            If the probability is not inside (0, 1).
+        Raises ValueError if the probability is not inside (0, 1).
         """
         if not 0.0 < probability < 1.0:
             raise ValueError(f"a coverage probability must be inside (0, 1), got {probability}")
@@ -165,10 +153,7 @@ class Budget:
     def covariance(self, one: str, other: str) -> FloatArray:
         """Covariance of two outputs sample by sample, from the quantities only (GUM F.1.2.3), shape [...].
 
-        Raises
-        ------
-        ValueError
-            If their shapes differ.
+        Raises ValueError if their shapes differ.
         """
         a, b = self.contribution[self._known(one)], self.contribution[self._known(other)]
         if a.shape != b.shape:
@@ -194,19 +179,10 @@ class Budget:
     def table(self, output: str, sample: int | None = None) -> list[dict[str, Any]]:
         """Contributions at one sample, the largest share first; the last row is the whole.
 
-        Parameters
-        ----------
-        output
-            Name of the output.
-        sample
-            Flat index of the sample; that of the largest magnitude by default.
-
-        Returns
-        -------
-        list of dict
-            "quantity", "value", "unit", "sigma", "kind", "freedom", "sensitivity" (output per unit of the
-            quantity), "contribution" and "share" of the variance, Eq. (U.13). Shares add up to 1; that of a
-            correlated quantity may be negative.
+        ``output``: name of the output. ``sample``: flat index of the sample; that of the largest magnitude by
+        default. Returns: "quantity", "value", "unit", "sigma", "kind", "freedom", "sensitivity" (output per
+        unit of the quantity), "contribution" and "share" of the variance, Eq. (U.13). Shares add up to 1;
+        that of a correlated quantity may be negative.
         """
         at = self.peak(output) if sample is None else sample
         Z = self.contribution[output].reshape(len(self.quantities), -1)[:, at]
@@ -255,18 +231,9 @@ class Budget:
 def budget_table(budget: Budget, results: Mapping[str, tuple[str, int | None, str]]) -> BudgetTable:
     """The budget at the numbers that are quoted, e.g. at the peak stress.
 
-    Parameters
-    ----------
-    budget
-        As `propagate` made it.
-    results
-        By the name of the quoted number: output, flat index of the sample (None: that of the largest
-        magnitude), unit.
-
-    Returns
-    -------
-    BudgetTable
-        A row for every quantity, then one for the noise of every quoted number.
+    ``budget``: as `propagate` made it. ``results``: by the name of the quoted number: output, flat index of
+    the sample (None: that of the largest magnitude), unit. Returns: a row for every quantity, then one for
+    the noise of every quoted number.
     """
     numbers: dict[str, tuple[float, float, str]] = {}
     shares: list[dict[str, float]] = [{} for _ in budget.quantities]
@@ -411,13 +378,7 @@ def _raise_for_steps(
     contribution: FloatArray,
     allowed: float,
 ) -> None:
-    """Find the quantity whose half step tells another slope, and refuse.
-
-    Raises
-    ------
-    ValueError
-        Always.
-    """
+    """Find the quantity whose half step tells another slope, and refuse."""
     off = []
     for q, one in zip(quantities, contribution, strict=True):
         plus, minus = _varied_outputs(model, value, best, {q: 0.5})
@@ -435,10 +396,8 @@ def outputs(
 ) -> dict[str, FloatArray]:
     """Outputs of a model as arrays; `where` is said of the values if it fails, `like` has the right shapes.
 
-    Raises
-    ------
-    ValueError
-        If the model fails, an output is not finite, or names or shapes differ from those of `like`.
+    Raises ValueError if the model fails, an output is not finite, or names or shapes differ from those of
+    `like`.
     """
     try:
         found = {name: np.asarray(value, dtype=float) for name, value in model(values).items()}

@@ -321,10 +321,8 @@ LARGEST_JITTER = 0.01
 def uniform_clock(recording: Recording) -> tuple[float, float]:
     """First time and interval of a recording [s], which must be uniform.
 
-    Raises
-    ------
-    ValueError
-        If lengths differ, a value is not finite, or a time is off an even division by 1 % of the interval.
+    Raises ValueError if lengths differ, a value is not finite, or a time is off an even division by 1 % of
+    the interval.
     """
     time, value, name = recording.time, recording.value, recording.channel
     if time.shape != value.shape or time.ndim != 1 or time.size < 2:

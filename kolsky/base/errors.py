@@ -112,10 +112,7 @@ class InputErrors(InputError):
 def refuse(problems: list[InputError]) -> None:
     """Raise the problems, if there are any.
 
-    Raises
-    ------
-    InputError
-        The only problem, or an `InputErrors` that holds them all.
+    Raises InputError: the only problem, or an `InputErrors` that holds them all.
     """
     if len(problems) == 1:
         raise problems[0]

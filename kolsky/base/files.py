@@ -48,10 +48,8 @@ def _cell(value: Any) -> str:
 def usable_folder(folder: Path) -> Path:
     """The folder, if results can go there; nothing is made yet.
 
-    Raises
-    ------
-    InputError
-        If it is a file, or if it or the nearest folder above it that exists cannot be written to.
+    Raises InputError if it is a file, or if it or the nearest folder above it that exists cannot be written
+    to.
     """
     folder = Path(folder)
     above = folder
@@ -74,10 +72,7 @@ def filling(folder: Path) -> Iterator[Path]:
     They are written beside the old ones first, so a full disk, an error or an interrupt half-way leaves
     every old result as it was, and no folder that was not there before.
 
-    Raises
-    ------
-    InputError
-        If a file cannot be written or put in its place.
+    Raises InputError if a file cannot be written or put in its place.
     """
     made = missing(folder)
     try:
@@ -132,10 +127,7 @@ def source_hash() -> str:
 def jsonable(value: Any, where: str) -> Any:
     """A value as JSON types: arrays and tuples as lists, enums as text, numbers that are not finite as null.
 
-    Raises
-    ------
-    TypeError
-        If something in it has no such form; the message names its place, starting from `where`.
+    Raises TypeError if something in it has no such form; the message names its place, starting from `where`.
     """
     if isinstance(value, Enum):
         return value.value if isinstance(value.value, str) else value.name

@@ -131,11 +131,8 @@ def adding_to(path: Path) -> Iterator[OpenGroup]:
 def reading(path: Path, form: Format, *, cure: str) -> Iterator[Place]:
     """The place "entry" of a file of a format, nothing of it read yet.
 
-    Raises
-    ------
-    InputError
-        If the file is missing, damaged or of another format or version, or if something inside the block is
-        refused. The message is one line and ends in `cure`.
+    Raises InputError if the file is missing, damaged or of another format or version, or if something inside
+    the block is refused. The message is one line and ends in `cure`.
     """
     try:
         with h5py.File(regular(path), "r") as file:
@@ -224,14 +221,8 @@ def shape_problem(shape: tuple[int, ...], dimensions: str, sizes: dict[str, int]
 
     New named dimensions are added to `sizes`.
 
-    Parameters
-    ----------
-    shape
-        The shape.
-    dimensions
-        Names of its dimensions, "" for a scalar; a number is a size: "frames points 3".
-    sizes
-        Size of every dimension that is known.
+    ``shape``: the shape. ``dimensions``: names of its dimensions, "" for a scalar; a number is a size:
+    "frames points 3". ``sizes``: size of every dimension that is known.
     """
     names = dimensions.split()
     if len(shape) != len(names):

@@ -60,10 +60,7 @@ class Item:
     def read(self, place: Place) -> Any:
         """Read it back.
 
-        Raises
-        ------
-        kolsky.base.hdf5.Refused
-            If it is missing or not as it was written.
+        Raises kolsky.base.hdf5.Refused if it is missing or not as it was written.
         """
         raise NotImplementedError
 

@@ -45,10 +45,7 @@ def infrequent_gc(threshold: int = GC_THRESHOLD) -> Iterator[None]:
 
     A page of figures took an eighth of its time for it. Objects that no cycle holds go at once, as ever.
 
-    Parameters
-    ----------
-    threshold
-        Objects made, less those gone, from one look to the next.
+    ``threshold``: objects made, less those gone, from one look to the next.
     """
     before = gc.get_threshold()
     gc.set_threshold(max(threshold, before[0]), *before[1:])
@@ -137,10 +134,7 @@ def process_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     They are not forked: a copy of a process that has started threads may hang. Each has its number in the
     environment (`WORKER`), by which those that are told to work on "cuda" share out the GPUs.
 
-    Parameters
-    ----------
-    workers
-        Number of processes.
+    ``workers``: number of processes.
     """
     context = get_context("spawn")
     started = context.Value("i", 0)
@@ -158,19 +152,9 @@ def process_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 def run_program(program: Path, *words: str, timeout: float) -> subprocess.CompletedProcess[str]:
     """Run a Python file in a process of its own, which on Linux ends with this one however that ends.
 
-    Parameters
-    ----------
-    program
-        The file; it is run as `__main__`, and what stands beside it is not found by its imports.
-    words
-        What it finds in `sys.argv` behind its name.
-    timeout
-        Longest time that it may take [s].
-
-    Raises
-    ------
-    subprocess.TimeoutExpired
-        If it takes longer; it has been ended.
+    ``program``: the file; it is run as `__main__`, and what stands beside it is not found by its imports.
+    ``words``: what it finds in `sys.argv` behind its name. ``timeout``: longest time that it may take [s].
+    Raises subprocess.TimeoutExpired if it takes longer; it has been ended.
     """
     return subprocess.run(
         [sys.executable, "-P", following.__file__, str(os.getpid()), str(program), *words],

@@ -9,13 +9,7 @@ OURS = ("dic", "doe", "explicit")
 
 
 def shadowed(folder: Path | None = None) -> list[str]:
-    """One sentence for each of our packages that Python would import from elsewhere.
-
-    Parameters
-    ----------
-    folder
-        Where they should be; beside the package `kolsky` if not given.
-    """
+    """One sentence for each of our packages that Python would import from elsewhere."""
     folder = (folder or Path(__file__).parents[2]).resolve()
     said = []
     for name in OURS:

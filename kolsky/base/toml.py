@@ -51,16 +51,9 @@ def translate(
 ) -> InputError:
     """One pydantic error as an `InputError`.
 
-    Parameters
-    ----------
-    details
-        The error, an item of `pydantic.ValidationError.errors`.
-    model
-        The schema that was not met.
-    path, lines
-        The file, and the lines of its keys, as `kolsky.schema.shot_file.key_lines` gives them.
-    empty
-        Keys that are not filled in.
+    ``details``: the error, an item of `pydantic.ValidationError.errors`. ``model``: the schema that was not
+    met. ``path``, ``lines``: the file, and the lines of its keys, as `kolsky.schema.shot_file.key_lines`
+    gives them. ``empty``: keys that are not filled in.
     """
     location = [str(part) for part in details["loc"] if not CHOICE.match(str(part))]
     context = details.get("ctx", {})
@@ -163,19 +156,9 @@ def with_values(text: str, table: str, values: Mapping[str, str]) -> str:
 
     The result is parsed and compared: it says what the text said, but for these values.
 
-    Parameters
-    ----------
-    text
-        A valid TOML text.
-    table
-        Name of a table with a header of its own, as "dic" for ``[dic]``.
-    values
-        Key -> value as TOML text.
-
-    Raises
-    ------
-    CannotEdit
-        If the table has no header, or the result would say something else.
+    ``text``: a valid TOML text. ``table``: name of a table with a header of its own, as "dic" for ``[dic]``.
+    ``values``: key -> value as TOML text. Raises CannotEdit if the table has no header, or the result would
+    say something else.
     """
     newline = "\r\n" if "\r\n" in text else "\n"
     wanted = copy.deepcopy(tomllib.loads(text))

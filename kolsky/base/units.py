@@ -80,17 +80,8 @@ def _registry() -> "pint.UnitRegistry":
 def unit_factor(text: str, unit: str) -> float:
     """SI units in one of the written units, e.g. 1e-3 for "mm".
 
-    Parameters
-    ----------
-    text
-        A unit without a number, e.g. "mm", "kg/m^3", "%", "1".
-    unit
-        The SI unit expected, a key of `DIMENSIONS`.
-
-    Raises
-    ------
-    UnitError
-        If the text is no unit, or is one of another dimension.
+    ``text``: a unit without a number, e.g. "mm", "kg/m^3", "%", "1". ``unit``: the SI unit expected, a key of
+    `DIMENSIONS`. Raises UnitError if the text is no unit, or is one of another dimension.
     """
     if text in USUAL.get(unit, {}):
         return USUAL[unit][text]
@@ -115,23 +106,10 @@ def unit_factor(text: str, unit: str) -> float:
 def quantity(text: str, unit: str) -> float:
     """A written-out quantity in SI.
 
-    Parameters
-    ----------
-    text
-        Number and unit, e.g. "9.5 mm"; one number, one unit, nothing to be evaluated.
-    unit
-        The SI unit expected, a key of `DIMENSIONS`.
-
-    Returns
-    -------
-    float
-        The value in `unit`.
-
-    Raises
-    ------
-    UnitError
-        If the text is not a number with a unit of that dimension, is not finite, or is larger than `LARGEST`
-        or closer to zero than its inverse and not zero.
+    ``text``: number and unit, e.g. "9.5 mm"; one number, one unit, nothing to be evaluated. ``unit``: the SI
+    unit expected, a key of `DIMENSIONS`. Returns: the value in `unit`. Raises UnitError if the text is not a
+    number with a unit of that dimension, is not finite, or is larger than `LARGEST` or closer to zero than
+    its inverse and not zero.
     """
     if not isinstance(text, str):
         raise UnitError(text, "has no unit", unit)

@@ -73,10 +73,7 @@ class Direction:
 def simulate_all(spec: ActuatorSpec) -> list[Direction]:
     """Simulate every direction of gravity at the declared pressures and at steps between them.
 
-    Raises
-    ------
-    ValueError
-        If an equilibrium is not found, with its reason.
+    Raises ValueError if an equilibrium is not found, with its reason.
     """
     pressures, asked = schedule(spec.pressures)
     found = []
@@ -155,10 +152,7 @@ class BendInTime:
 def move(spec: ActuatorSpec, directions: list[Direction]) -> list[BendInTime]:
     """Raise the largest pressure in time, from rest under the weight, as [motion] declares.
 
-    Raises
-    ------
-    ValueError
-        If a step is not found, with its reason.
+    Raises ValueError if a step is not found, with its reason.
     """
     section = spec.declared.motion
     if section is None:
@@ -344,14 +338,9 @@ def pressures_for(
 ) -> Inversion:
     """Find the pressure of each cavity for a wanted angle, and position of the tip if there is one.
 
-    Parameters
-    ----------
-    actuator, gravity, most
-        As of `pressure_for`; every pressure lies in [0, most].
-    angle
-        Wanted angle [rad].
-    tip
-        Wanted position of the tip from the origin [m], shape [3]; None: only the angle counts.
+    ``actuator``, ``gravity``, ``most``: as of `pressure_for`; every pressure lies in [0, most]. ``angle``:
+    wanted angle [rad]. ``tip``: wanted position of the tip from the origin [m], shape [3]; None: only the
+    angle counts.
     """
     count, memory = len(actuator.cavities), _Memory(actuator, gravity)
     size = float(np.ptp(actuator.mesh.points[:, 0]))

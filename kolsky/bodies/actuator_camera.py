@@ -103,10 +103,7 @@ def board_corners(square: float) -> FloatArray:
 def find_corners(picture: np.ndarray) -> FloatArray:
     """Corners of the chessboard in a picture [px], row by row, shape [n, 2].
 
-    Raises
-    ------
-    ValueError
-        If they are not all found.
+    Raises ValueError if they are not all found.
     """
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if picture.ndim == 3 else picture
     ok, corners = cv2.findChessboardCornersSB(grey, BOARD)

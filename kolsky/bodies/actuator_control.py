@@ -102,13 +102,7 @@ def reduce_actuator(
     tolerance: float,
     seen: int = BASIS_PRESSURES,
 ) -> Reduction:
-    """Reduce an actuator with one cavity for pressures in [0, most].
-
-    Raises
-    ------
-    ValueError
-        If it has several cavities, or an equilibrium is not found.
-    """
+    """Reduce an actuator with one cavity for pressures in [0, most]."""
     if len(actuator.cavities) != 1:
         raise ValueError("the reduced model and its loop have one pressure: set separate = false")
     if actuator.contacts:
@@ -430,13 +424,7 @@ def _write_basis(path: Path, found: StoredBasis) -> None:
 
 
 def _read_basis(path: Path, key: str) -> StoredBasis | None:
-    """Read a file back; None where there is none, or one of another key.
-
-    Raises
-    ------
-    InputError
-        If the file is damaged or of another format.
-    """
+    """Read a file back; None where there is none, or one of another key."""
     if not Path(path).exists():
         return None
     with reading(path, FORMAT, cure=CURE) as place:
@@ -447,13 +435,7 @@ def _read_basis(path: Path, key: str) -> StoredBasis | None:
 def _restored(
     found: StoredBasis, actuator: Actuator, gravity: Sequence[float] | FloatArray
 ) -> tuple[Reduction, FloatArray, FloatArray]:
-    """The reduction of an actuator, and pressure and angle of the plant.
-
-    Raises
-    ------
-    ValueError
-        If the file's modes or elements are not those of the actuator's mesh.
-    """
+    """The reduction of an actuator, and pressure and angle of the plant."""
     model = actuator.model(gravity)
     if len(found.modes) != model.n_dofs or not (found.cells < len(model.mesh.cells)).all():
         raise ValueError("the stored basis is of another mesh: delete it")
@@ -476,20 +458,10 @@ def run_control(
 ) -> tuple[dict[str, Closed], dict[str, Reduction]]:
     """Reduce the actuator, simulate the plant, and close the loop.
 
-    Parameters
-    ----------
-    actuator, gravities, section
-        What SPEC declares.
-    basis
-        Folder in which the reductions and the plants' bends are kept, and from which they are taken where
-        they follow from the same inputs; None: neither.
-
-    Raises
-    ------
-    ValueError
-        If an equilibrium of the model or of the plant is not found.
-    InputError
-        If a file of the folder is damaged.
+    ``actuator``, ``gravities``, ``section``: what SPEC declares. ``basis``: folder in which the reductions
+    and the plants' bends are kept, and from which they are taken where they follow from the same inputs;
+    None: neither. Raises ValueError if an equilibrium of the model or of the plant is not found. Raises
+    InputError if a file of the folder is damaged.
     """
     prepared = {name: _prepared(actuator, g, section, name, basis) for name, g in gravities.items()}
     closed = {}

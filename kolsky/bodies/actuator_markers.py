@@ -102,13 +102,7 @@ class StiffnessFit:
 
 
 def marker_weights(actuator: Actuator, count: int = COUNT) -> FloatArray:
-    """Weights of the points of "line" in the position of each marker [-], shape [count, n_line].
-
-    Raises
-    ------
-    ValueError
-        If the mesh has no line.
-    """
+    """Weights of the points of "line" in the position of each marker [-], shape [count, n_line]."""
     return marker_weights_of(actuator.mesh.points[actuator.mesh.nodes("line"), 0], count)
 
 
@@ -151,24 +145,7 @@ def fit_stiffness(
     measured: Mapping[str, Mapping[float, FloatArray]],
     sigma: float,
 ) -> StiffnessFit:
-    """Fit the factor m of all moduli to markers.
-
-    Parameters
-    ----------
-    actuator
-        The actuator with the moduli that m multiplies.
-    gravities
-        Acceleration of each direction [m/s^2].
-    measured
-        Markers [m] of shape [n, 2] by direction and pressure [Pa].
-    sigma
-        Standard deviation of a coordinate [m].
-
-    Raises
-    ------
-    ValueError
-        If an equilibrium is not found.
-    """
+    """Fit the factor m of all moduli to markers."""
     own = actuator.solid.parameters()
     factor, converged = 1.0, False
     guesses: dict[str, FloatArray] = {}
@@ -212,12 +189,8 @@ def compared_markers(
 ) -> tuple[list[MarkerComparison], StiffnessFit | None, dict[str, str]]:
     """Compare the markers that a SPEC names, fit the stiffness to them; with the hash of their file.
 
-    Raises
-    ------
-    InputError
-        If the file names a direction or pressure that the SPEC does not declare, or markers are missing.
-    ValueError
-        If an equilibrium of the fit is not found.
+    Raises InputError if the file names a direction or pressure that the SPEC does not declare, or markers are
+    missing. Raises ValueError if an equilibrium of the fit is not found.
     """
     section = spec.declared.markers
     if section is None:

@@ -71,10 +71,7 @@ class Actuator:
     def model(self, gravity: Sequence[float] | FloatArray) -> Model:
         """The model with an acceleration of free fall [m/s^2], shape [3].
 
-        Raises
-        ------
-        ValueError
-            If gravity points across the mirror plane of a half.
+        Raises ValueError if gravity points across the mirror plane of a half.
         """
         g = tuple(float(value) for value in gravity)
         conditions: list[Condition] = [Fixed("clamp")]
@@ -128,22 +125,10 @@ class Actuator:
     ) -> tuple["Bending", ArcPath]:
         """Equilibria under rising pressures [Pa] of shape [n], the same in all cavities, past limit points.
 
-        Parameters
-        ----------
-        gravity, pressures, solid
-            As of `simulate`.
-        first, steps, longest
-            As of `kolsky.equilibrium.arc_length.follow`.
-
-        Returns
-        -------
-        tuple of Bending, ArcPath
-            The equilibria that a pressure raised from 0 meets, and the whole path between them.
-
-        Raises
-        ------
-        ValueError
-            If the path ends before the last pressure, with its reason.
+        ``gravity``, ``pressures``, ``solid``: as of `simulate`. ``first``, ``steps``, ``longest``: as of
+        `kolsky.equilibrium.arc_length.follow`. Returns: the equilibria that a pressure raised from 0 meets,
+        and the whole path between them. Raises ValueError if the path ends before the last pressure, with its
+        reason.
         """
         constants = None if solid is None else solid.parameters()
         path = follow(

@@ -234,10 +234,7 @@ class ActuatorSpec:
 def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
     """Read a SPEC.toml of an actuator and its mesh, if it names one.
 
-    Raises
-    ------
-    InputError
-        If it declares anything unknown, incomplete or impossible, or a file cannot be read.
+    Raises InputError if it declares anything unknown, incomplete or impossible, or a file cannot be read.
     """
     toml = parse_toml(Path(path))
     declared = toml.validated(ActuatorFile)

@@ -174,13 +174,7 @@ class BoundaryEdges:
 
 
 def boundary_edges(mesh: Mesh, where: str) -> BoundaryEdges:
-    """Find the edges on the boundary whose points both belong to a set.
-
-    Raises
-    ------
-    ValueError
-        If the mesh has other cells than linear triangles.
-    """
+    """Find the edges on the boundary whose points both belong to a set."""
     if mesh.kind != "tri3":
         raise ValueError(f"tractions are known of tri3 only, got {mesh.kind}: take the reactions")
     inside = np.zeros(len(mesh.points), dtype=bool)
@@ -206,26 +200,7 @@ def traction_force(
     u: FloatArray,
     du: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Force on the body's boundary for a thickness of 1 m, and its slopes by (mu, lambda).
-
-    Parameters
-    ----------
-    mesh, edges
-        The mesh and the edges of the boundary.
-    lame
-        mu and lambda [Pa].
-    u
-        Displacements [m], shape [n_points, 2].
-    du
-        Their derivatives by mu and lambda [m/Pa], shape [2, n_points, 2].
-
-    Returns
-    -------
-    force
-        [N/m], shape [2].
-    slopes
-        By mu and lambda, shape [2, 2].
-    """
+    """Force on the body's boundary for a thickness of 1 m, and its slopes by (mu, lambda)."""
     mu, lam = lame
     nodes = mesh.cells[edges.cells]
     F = np.eye(2) + np.einsum("nai,naj->nij", u[nodes], edges.gradients)

@@ -148,10 +148,7 @@ class FieldProblem:
         They are exact (`kolsky.equilibrium.sensitivity`); with the force from tractions, whose second
         derivatives are not known, they are differences of the gradient.
 
-        Raises
-        ------
-        ValueError
-            If a simulation fails.
+        Raises ValueError if a simulation fails.
         """
         if self.sheet.force_from == "tractions":
             return self._by_differences(free)
@@ -198,24 +195,7 @@ SMALLEST_EIGENVALUE = 1e-9
 
 
 def parameter_change(hessian: FloatArray, mixed: FloatArray) -> FloatArray:
-    """Change of the fitted constants by a measurement, Eq. (K.19).
-
-    Parameters
-    ----------
-    hessian
-        d2J/dm2 at the minimum, positive definite, shape [p, p].
-    mixed
-        d2J/dm dv, shape [p, n].
-
-    Returns
-    -------
-    array, shape [p, n]
-
-    Raises
-    ------
-    ValueError
-        If the cost has no minimum there: some direction of the constants is not seen by the data.
-    """
+    """Change of the fitted constants by a measurement, Eq. (K.19)."""
     size = np.sqrt(np.abs(np.diag(hessian)))
     if not (size > 0.0).all():
         raise ValueError("the cost does not depend on one of the constants: hold it, or measure more")
@@ -231,28 +211,14 @@ def parameter_change(hessian: FloatArray, mixed: FloatArray) -> FloatArray:
 def variance(change: FloatArray, sigma: FloatArray | float) -> FloatArray:
     """Variance of each constant from uncorrelated noise, Eqs. (K.20-23).
 
-    Parameters
-    ----------
-    change
-        dm/dv, shape [p, n].
-    sigma
-        Standard deviation of each measurement, one number or shape [n].
-
-    Returns
-    -------
-    array, shape [p]
+    ``change``: dm/dv, shape [p, n]. ``sigma``: standard deviation of each measurement, one number or shape
+    [n].
     """
     return np.asarray(((change * np.asarray(sigma)) ** 2).sum(axis=1))
 
 
 def relative_deviation(change: FloatArray, sigma: FloatArray | float, constants: FloatArray) -> FloatArray:
-    """Standard deviation of each constant over its size [-], Eqs. (K.24, K.25), shape [p].
-
-    Raises
-    ------
-    ValueError
-        If a constant is zero.
-    """
+    """Standard deviation of each constant over its size [-], Eqs. (K.24, K.25), shape [p]."""
     if not (constants != 0.0).all():
         raise ValueError("a constant is zero: a deviation relative to it has no meaning")
     return np.asarray(np.sqrt(variance(change, sigma)) / np.abs(constants))
@@ -261,17 +227,8 @@ def relative_deviation(change: FloatArray, sigma: FloatArray | float, constants:
 def smoothed(mass: csr_matrix, change: FloatArray) -> FloatArray:
     """Sensitivity as a field, so that its integral with a disturbance is the change, Eqs. (K.26, K.27).
 
-    Parameters
-    ----------
-    mass
-        Mass matrix of the region with measurements, sparse, [n, n]; rows without mass belong to nodes outside
-        it.
-    change
-        dm/dv of the nodal values, shape [p, n].
-
-    Returns
-    -------
-    array, shape [p, n]; zero outside the region.
+    ``mass``: mass matrix of the region with measurements, sparse, [n, n]; rows without mass belong to nodes
+    outside it. ``change``: dm/dv of the nodal values, shape [p, n].
     """
     inside = np.flatnonzero(mass.diagonal() > 0.0)
     field = np.zeros_like(change)
@@ -303,19 +260,9 @@ def before_test(slopes: FloatArray, mass: csr_matrix, constants: FloatArray) -> 
     The model is taken as right, u = u_msr, so that the curvature is that of Eq. (K.30). The constants are
     taken relative to their values: with Pa and pure numbers beside each other an eigenvector has no meaning.
 
-    Parameters
-    ----------
-    slopes
-        du/dm of every nodal displacement, shape [p, n].
-    mass
-        Mass matrix of the whole domain, sparse, [n, n].
-    constants
-        The constants, none of them zero, shape [p].
-
-    Raises
-    ------
-    ValueError
-        If a constant is zero or no constant moves a displacement.
+    ``slopes``: du/dm of every nodal displacement, shape [p, n]. ``mass``: mass matrix of the whole domain,
+    sparse, [n, n]. ``constants``: the constants, none of them zero, shape [p]. Raises ValueError if a
+    constant is zero or no constant moves a displacement.
     """
     if not (constants != 0.0).all():
         raise ValueError("a constant is zero: choose the value for which the test is planned")

@@ -46,10 +46,7 @@ class MeasuredField:
 def read_field(spec: Specification) -> MeasuredField:
     """Read the mesh, the points and the pad of a sheet.
 
-    Raises
-    ------
-    InputError
-        If a file cannot be read, a frame is missing, or points do not lie on the mesh.
+    Raises InputError if a file cannot be read, a frame is missing, or points do not lie on the mesh.
     """
     section, toml = spec.declared.field, spec.toml
     assert section is not None  # whoever calls this has looked
@@ -217,17 +214,9 @@ class SimulatedSheet:
 def simulate_sheet(measured: MeasuredField, *, seed: int | None = None) -> SimulatedSheet:
     """Measurements of a sheet with the declared constants, at the points and pad displacements of its files.
 
-    Parameters
-    ----------
-    measured
-        The sheet; what was measured of it is not used but for the places and the noise.
-    seed
-        Of the noise of displacements and forces; None: no noise.
-
-    Raises
-    ------
-    ValueError
-        If the simulation fails, with its reason.
+    ``measured``: the sheet; what was measured of it is not used but for the places and the noise. ``seed``:
+    of the noise of displacements and forces; None: no noise. Raises ValueError if the simulation fails, with
+    its reason.
     """
     problem = measured.problem
     cost = _simulated(problem)

@@ -54,10 +54,7 @@ class ConstantSpec:
 def constants_of(law: str) -> tuple[ConstantSpec, ...]:
     """Constants of a law by name, Poisson's ratio last.
 
-    Raises
-    ------
-    ValueError
-        If there is no such law; the message lists those there are.
+    Raises ValueError if there is no such law; the message lists those there are.
     """
     poisson = ConstantSpec(POISSON, "1", 0.0, LARGEST_POISSON)
     if law == COUPLED:
@@ -74,10 +71,8 @@ def constants_of(law: str) -> tuple[ConstantSpec, ...]:
 def solid_of(law: str, values: Mapping[str, float]) -> Solid:
     """The material with these constants, Eq. (S.I).
 
-    Raises
-    ------
-    ValueError
-        If they make no law: its shear modulus at rest is not > 0, or Poisson's ratio is outside [0, 0.5).
+    Raises ValueError if they make no law: its shear modulus at rest is not > 0, or Poisson's ratio is outside
+    [0, 0.5).
     """
     nu = values[POISSON]
     if law == COUPLED:
@@ -251,15 +246,9 @@ def law_curve(
 ) -> LawCurve:
     """The curve of a fitted law with the uncertainty of its constants.
 
-    Parameters
-    ----------
-    constants
-        The fitted law.
-    covariance
-        Of its free constants, SI, shape [p, p]; not finite where they are not known, then the curve has no
-        modes of its own.
-    branch, largest_strain
-        Side, and the largest nominal strain, > 0 and in compression < 1.
+    ``constants``: the fitted law. ``covariance``: of its free constants, SI, shape [p, p]; not finite where
+    they are not known, then the curve has no modes of its own. ``branch``, ``largest_strain``: side, and the
+    largest nominal strain, > 0 and in compression < 1.
     """
     end = 1.0 + largest_strain if branch == "tension" else 1.0 - largest_strain
     stretch = np.linspace(1.0, end, POINTS)

@@ -158,18 +158,9 @@ def intervals(
 ) -> Intervals:
     """Intervals at the end of a search.
 
-    Parameters
-    ----------
-    names, values
-        The free constants, shape [p].
-    reduced
-        The whitened problem there.
-    series
-        The same residuals, one series for each moving end of each test, neighbours beside each other.
-    at_bound
-        Constants at a bound.
-    bounds
-        Least and largest values.
+    ``names``, ``values``: the free constants, shape [p]. ``reduced``: the whitened problem there. ``series``:
+    the same residuals, one series for each moving end of each test, neighbours beside each other.
+    ``at_bound``: constants at a bound. ``bounds``: least and largest values.
     """
     free = np.flatnonzero(~np.asarray(at_bound))
     degrees = len(reduced.residual) - len(free)

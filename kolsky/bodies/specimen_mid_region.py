@@ -53,17 +53,9 @@ def marker_stretch(test: SlowTest, solution: Solution) -> FloatArray:
 def mid_region_fit(tests: list[tuple[SlowTest, FloatArray]], constants: Constants) -> MidRegion:
     """Fit a law to the middles of specimens, incompressible.
 
-    Parameters
-    ----------
-    tests
-        Tests, each with the stretch of its middle along each pull, shape [n, ends].
-    constants
-        The law, its free constants, and the values of those that are held.
-
-    Raises
-    ------
-    ValueError
-        If law and tests cannot be fitted to each other, or the law is not one of `explicit.materials`.
+    ``tests``: tests, each with the stretch of its middle along each pull, shape [n, ends]. ``constants``: the
+    law, its free constants, and the values of those that are held. Raises ValueError if law and tests cannot
+    be fitted to each other, or the law is not one of `explicit.materials`.
     """
     if constants.law not in LAWS:
         raise ValueError(f"{constants.law} has no closed form for homogeneous tests")

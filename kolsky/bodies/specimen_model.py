@@ -183,12 +183,7 @@ class SpecimenModel:
     def simulate(self, solid: Solid, displacement: FloatArray) -> Solution:
         """Equilibria at the displacements of the ends.
 
-        Parameters
-        ----------
-        solid
-            The material.
-        displacement
-            Of one end relative to the other [m], shape [n, ends].
+        ``solid``: the material. ``displacement``: of one end relative to the other [m], shape [n, ends].
         """
         steps = {f"d_{AXES[axis]}": displacement[:, axis] for axis in range(self.shape.ends)}
         return solve(self.shape.model(solid, device=self.device), steps)
@@ -208,14 +203,8 @@ class SpecimenModel:
     ) -> Linearised | str:
         """Forces and slopes at the displacements, or why there are none.
 
-        Parameters
-        ----------
-        constants
-            The law and what of it is free.
-        free
-            Values of the free constants, SI, shape [p].
-        displacement
-            [m], shape [n, ends]; in any order.
+        ``constants``: the law and what of it is free. ``free``: values of the free constants, SI, shape [p].
+        ``displacement``: [m], shape [n, ends]; in any order.
         """
         try:
             solid = constants.solid(free)

@@ -47,10 +47,7 @@ class Specification:
     def test(self, name: str) -> SlowTest:
         """A test with its data.
 
-        Raises
-        ------
-        InputError
-            If it has no file.
+        Raises InputError if it has no file.
         """
         if name not in self.samples:
             raise self.toml.error(
@@ -126,10 +123,7 @@ def _constants(toml: TomlFile, declared: SpecimenFile) -> Constants:
 def read_constants(toml: TomlFile, key: str, law: str, given: dict[str, Any]) -> dict[str, float]:
     """A law's constants with their units, in SI; Poisson's ratio is not one of them.
 
-    Raises
-    ------
-    InputError
-        If one is missing, unknown or cannot be read.
+    Raises InputError if one is missing, unknown or cannot be read.
     """
     specs = {spec.name: spec for spec in constants_of(law) if spec.name != POISSON}
     for name in specs:
@@ -198,17 +192,8 @@ class Simulated:
 def simulate_tests(spec: Specification, *, seed: int | None = None) -> dict[str, Simulated]:
     """Simulate every test of a specification with its declared constants.
 
-    Parameters
-    ----------
-    spec
-        The specification.
-    seed
-        Of the noise of displacements and forces; None: no noise.
-
-    Raises
-    ------
-    ValueError
-        If a simulation fails, with its reason.
+    ``spec``: the specification. ``seed``: of the noise of displacements and forces; None: no noise. Raises
+    ValueError if a simulation fails, with its reason.
     """
     rng = None if seed is None else np.random.default_rng(seed)
     solid = spec.constants.solid(spec.constants.start)

@@ -54,23 +54,9 @@ def resolution_study(
 ) -> list[StudyRow]:
     """Constants over the mesh and the order of its elements (their Fig. 6).
 
-    Parameters
-    ----------
-    test
-        One test.
-    constants
-        The law, its start and what is free.
-    factors
-        Factors of the numbers of elements.
-    orders
-        Elements: "hex8" (linear) and "hex27" (quadratic).
-    base
-        Elements along each edge at the factor 1, as 20 x 5 x 1.
-
-    Raises
-    ------
-    ValueError
-        If a fit fails.
+    ``test``: one test. ``constants``: the law, its start and what is free. ``factors``: factors of the
+    numbers of elements. ``orders``: elements: "hex8" (linear) and "hex27" (quadratic). ``base``: elements
+    along each edge at the factor 1, as 20 x 5 x 1. Raises ValueError if a fit fails.
     """
     rows = []
     for element in orders:
@@ -91,16 +77,8 @@ def noise_study(
 ) -> list[StudyRow]:
     """Constants with noise of rising size added to the forces (their Fig. 9).
 
-    Parameters
-    ----------
-    test, constants
-        As in `resolution_study`.
-    sigmas
-        Standard deviations of what is added [N].
-    repeats
-        Draws of each.
-    seed
-        Of the draws.
+    ``test``, ``constants``: as in `resolution_study`. ``sigmas``: standard deviations of what is added [N].
+    ``repeats``: draws of each. ``seed``: of the draws.
     """
     rng = np.random.default_rng(seed)
     rows = []
@@ -168,18 +146,9 @@ def expected(
 ) -> Expected:
     """Expected deviations of the constants from tests together.
 
-    Parameters
-    ----------
-    tests
-        Which.
-    whitened
-        L^-1 df/dp of each test, shape [m, p].
-    forces
-        Largest force of each test [N].
-    constants
-        The constants at which the tests are planned.
-    wanted
-        Names of those that one wants to know; none: all.
+    ``tests``: which. ``whitened``: L^-1 df/dp of each test, shape [m, p]. ``forces``: largest force of each
+    test [N]. ``constants``: the constants at which the tests are planned. ``wanted``: names of those that one
+    wants to know; none: all.
     """
     sizes = np.maximum(np.abs(constants.start), 1e-3 * constants.scales)
     jacobian = np.concatenate([whitened[name] for name in tests]) * sizes
@@ -213,25 +182,9 @@ def slopes(
 ) -> tuple[dict[str, FloatArray], dict[str, float], dict[str, Linearised]]:
     """Simulate every planned test once.
 
-    Parameters
-    ----------
-    models
-        Specimens by name.
-    schedules
-        Displacements of their ends [m], shape [n, ends].
-    noise
-        sigma of displacement [m] and of force [N].
-    constants
-        The constants at which the tests are planned.
-
-    Returns
-    -------
-    whitened slopes, largest forces [N], and the simulations, each by the name of the test
-
-    Raises
-    ------
-    ValueError
-        If a simulation fails.
+    ``models``: specimens by name. ``schedules``: displacements of their ends [m], shape [n, ends]. ``noise``:
+    sigma of displacement [m] and of force [N]. ``constants``: the constants at which the tests are planned.
+    Raises ValueError if a simulation fails.
     """
     whitened, forces, found = {}, {}, {}
     for name, model in models.items():

@@ -64,12 +64,8 @@ class StiffnessMap:
 def blocks_of(problem: FieldProblem, counts: tuple[int, int]) -> tuple[IntArray, FloatArray]:
     """Number the cells by blocks of a grid, and find which blocks touch.
 
-    Returns
-    -------
-    regions
-        Block of each cell, without gaps in the numbers, shape [m].
-    touching
-        Pairs of blocks with the length of their common side over the mean size of a block, shape [n, 3].
+    Returns: block of each cell, without gaps in the numbers, shape [m]. Returns: pairs of blocks with the
+    length of their common side over the mean size of a block, shape [n, 3].
     """
     mesh = problem.sheet.mesh
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
@@ -133,16 +129,9 @@ def stiffness_map(
 ) -> StiffnessMap:
     """Find the smoothest map of stiffness that explains a sheet's field.
 
-    Parameters
-    ----------
-    problem
-        The sheet with its data; its constants are those of the factor 1. All of the law's own parameters must
-        be moduli.
-    counts
-        Blocks along x and y.
-    weights
-        tau to try, largest first. The first that explains the data is taken; if none does, the last, and the
-        map says so.
+    ``problem``: the sheet with its data; its constants are those of the factor 1. All of the law's own
+    parameters must be moduli. ``counts``: blocks along x and y. ``weights``: tau to try, largest first. The
+    first that explains the data is taken; if none does, the last, and the map says so.
     """
     regions, touching = blocks_of(problem, counts)
     blocks = _Blocks(problem, regions)

@@ -118,13 +118,7 @@ class _Installation:
 
 
 def examine(folder: Path) -> _Installation:
-    """Look at the installation; nothing is left behind.
-
-    Parameters
-    ----------
-    folder
-        Where results are to go.
-    """
+    """Look at the installation; nothing is left behind."""
     versions = {
         "kolsky": _version("kolsky"),
         "Python": platform.python_version(),

@@ -78,21 +78,8 @@ class Printout:
     """The report."""
 
 
-def run_job(one: SingleShotJob, *, processes: int = 1) -> Printout:
-    """Identify a shot and write its results.
-
-    Parameters
-    ----------
-    one
-        The shot, and what is asked.
-    processes
-        Processes that draw the page; with 1 no others correlate pictures either.
-
-    Raises
-    ------
-    InputError
-        If the shot, an option or the folder of the results cannot be used.
-    """
+def _run_job(one: SingleShotJob, *, processes: int = 1) -> Printout:
+    """Identify a shot and write its results."""
     from kolsky.cli.options import load, usable
     from kolsky.cli.terminal import progress_bars
     from kolsky.report.page_process import load_identify_page, page_process
@@ -173,13 +160,7 @@ _Answer = Printout | InputError
 
 
 def refuse_shared(processes: int | None, dask: str) -> None:
-    """Refuse workers where there is but one identification.
-
-    Raises
-    ------
-    InputError
-        If workers are asked for.
-    """
+    """Refuse workers where there is but one identification."""
     for option, given in (("--processes", processes is not None), ("--dask", bool(dask))):
         if given:
             raise InputError(
@@ -192,25 +173,7 @@ def refuse_shared(processes: int | None, dask: str) -> None:
 def identify_each(
     shots: Sequence[Path], alike: SingleShotJob, *, processes: int | None, dask: str, as_json: bool
 ) -> None:
-    """Identify every shot by itself, write the results of each, print in the order of the shots.
-
-    Parameters
-    ----------
-    shots
-        Folders, or shot.toml.
-    alike
-        What is asked of every shot; its folder of results, if given, holds one of each shot's name.
-    processes, dask
-        Who shares them: processes of this machine, or the workers of a scheduler, which see the same folders.
-    as_json
-        Print one JSON object.
-
-    Raises
-    ------
-    InputError
-        If two shots would write to one place, or there are no such workers; after the others' answers, if
-        some shots cannot be used.
-    """
+    """Identify every shot by itself, write the results of each, print in the order of the shots."""
     started = perf_counter()
     from kolsky.cli.sweep import Workers
     from kolsky.cli.terminal import print_result, progress_bars, since
@@ -253,22 +216,7 @@ def identify_each(
 def run_jobs(
     executor: Callable[[], Any], tasks: Sequence[SingleShotJob], told: Callable[[int], None]
 ) -> list[_Answer]:
-    """Have an executor's workers answer.
-
-    Parameters
-    ----------
-    executor
-        Makes the executor, as in `doe.ledger.run_chunks`.
-    tasks
-        The shots; results are in their order, whoever ends first.
-    told
-        Called with the number of shots that are done.
-
-    Raises
-    ------
-    InputError
-        If a worker was lost.
-    """
+    """Have an executor's workers answer."""
     found: dict[int, _Answer] = {}
     told(0)
     try:
@@ -302,7 +250,7 @@ def _in_worker(task: SingleShotJob) -> _Answer:
 def _run_or_error(task: SingleShotJob, *, processes: int) -> _Answer:
     """The answer, or what is wrong with the shot."""
     try:
-        return run_job(task, processes=processes)
+        return _run_job(task, processes=processes)
     except InputError as error:
         return error
 
@@ -315,13 +263,7 @@ def _shot_name(shot: Path) -> str:
 
 
 def _result_folders(shots: Sequence[Path], out: Path | None) -> list[Path | None]:
-    """Where each shot's results go; None for its own folder `results`.
-
-    Raises
-    ------
-    InputError
-        If a shot stands twice, or two have one name in `out`.
-    """
+    """Where each shot's results go; None for its own folder `results`."""
     from kolsky.schema.shot_file import folder_of
 
     places = [folder_of(shot).resolve() if out is None else out / _shot_name(shot) for shot in shots]
@@ -499,7 +441,7 @@ def identify(
     from kolsky.cli.terminal import print_result, since
     from kolsky.report.page_process import drawers
 
-    found = run_job(alone, processes=drawers())
+    found = _run_job(alone, processes=drawers())
     print_result(
         found.rows,
         found.said if as_json else None,

@@ -62,10 +62,7 @@ class JointOptions:
     def refuse(self) -> None:
         """Refuse what means something for several shots together alone.
 
-        Raises
-        ------
-        InputError
-            If it is asked for.
+        Raises InputError if it is asked for.
         """
         given = {
             "slow-tests": self.slow_tests is not None,
@@ -93,10 +90,7 @@ class JointOptions:
     ) -> "JointSettings":
         """The settings of the library.
 
-        Raises
-        ------
-        InputError
-            If a value is not allowed.
+        Raises InputError if a value is not allowed.
         """
         from kolsky.inverse.joint_result import JointSettings
 
@@ -169,7 +163,7 @@ def identify_shots(
             ) from error
     write_joint_results(folder, found, formats=formats)
     print_result(
-        result_rows(found),
+        _result_rows(found),
         to_json(found) if as_json else None,
         answers=answer_lines(found),
         rest={"report": folder / "joint.html", "wall time": since(started)},
@@ -219,7 +213,7 @@ def answer_lines(found: "JointResult") -> list[str]:
     return said
 
 
-def result_rows(found: "JointResult") -> dict[str, Any]:
+def _result_rows(found: "JointResult") -> dict[str, Any]:
     """Names and values below the answer."""
     from kolsky.inverse.parameters import reference_words
 
@@ -243,10 +237,7 @@ def result_rows(found: "JointResult") -> dict[str, Any]:
 def refuse_single_shot_options(given: Mapping[str, bool]) -> None:
     """Refuse options that mean something for one shot alone.
 
-    Raises
-    ------
-    InputError
-        If one is given.
+    Raises InputError if one is given.
     """
     for name, there in given.items():
         if there:

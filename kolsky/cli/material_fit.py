@@ -50,14 +50,7 @@ def size_of(text: str) -> "Specimen":
 def agreed_size(
     size: "Specimen", length: float | None, area: float | None, unused: dict[str, bool]
 ) -> tuple[float, float]:
-    """Length [m] and cross-section [m^2] of the tests: the cylinder's, which others must agree with.
-
-    Raises
-    ------
-    InputError
-        If `--length`, `--area` or `--diameter` is another, or an option was given that such a fit has no use
-        for: the names in `unused` that are True.
-    """
+    """Length [m] and cross-section [m^2] of the tests: the cylinder's, which others must agree with."""
     for option, mine, own, unit in (
         ("--length", length, size.length, "m"),
         ("--area or --diameter", area, size.area, "m^2"),
@@ -223,19 +216,9 @@ def read_tests(
 ) -> "tuple[tuple[HomogeneousTest, ...], dict[str, str]]":
     """The tests, and the hashes of their files by path.
 
-    Parameters
-    ----------
-    files
-        "MODE:FILE", or a file of a uniaxial test.
-    columns
-        What is said of the files.
-    mean
-        Strains at which the files of a mode are averaged; 0 keeps each as a test with all its points.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read, what is said of it is not enough, or it holds no such test.
+    ``files``: "MODE:FILE", or a file of a uniaxial test. ``columns``: what is said of the files. ``mean``:
+    strains at which the files of a mode are averaged; 0 keeps each as a test with all its points. Raises
+    InputError if a file cannot be read, what is said of it is not enough, or it holds no such test.
     """
     from kolsky.material.fits.homogeneous_test import (
         means_by_mode,

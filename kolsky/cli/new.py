@@ -27,10 +27,8 @@ def beginning(path: Path) -> Iterator[None]:
 
     Within it the file is to be opened with the mode "x".
 
-    Raises
-    ------
-    InputError
-        If the file exists, something else stands where its folder is to be, or either cannot be written.
+    Raises InputError if the file exists, something else stands where its folder is to be, or either cannot be
+    written.
     """
     folder = path.parent
     try:

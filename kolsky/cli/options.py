@@ -91,16 +91,8 @@ class SolverOptions:
     def numerics(self, mesh: tuple[int, int]) -> "Numerics":
         """Settings of the solver on a mesh.
 
-        Parameters
-        ----------
-        mesh
-            Elements across the radius and along the length.
-
-        Raises
-        ------
-        InputError
-            If the precision, the element or the hourglass control is unknown, or the machine has no such
-            device.
+        ``mesh``: elements across the radius and along the length. Raises InputError if the precision, the
+        element or the hourglass control is unknown, or the machine has no such device.
         """
         from explicit.device import select_device
         from explicit.elements import ELEMENTS
@@ -138,10 +130,7 @@ SOLVER_DEFAULTS = SolverOptions()
 def with_solver_options(command: Callable[..., None]) -> Callable[..., None]:
     """Put the fields of `SolverOptions`, as options, where a command has a parameter of that type.
 
-    Parameters
-    ----------
-    command
-        A function of typed options; one without such a parameter is returned as it is.
+    ``command``: a function of typed options; one without such a parameter is returned as it is.
     """
     hints = get_type_hints(command, include_extras=True)
     name = next((name for name, hint in hints.items() if hint is SolverOptions), None)
@@ -181,10 +170,7 @@ _Quiet = Annotated[
 def with_general_options(command: Callable[..., None]) -> Callable[..., None]:
     """Add the options that every command has.
 
-    Parameters
-    ----------
-    command
-        A function of typed options.
+    ``command``: a function of typed options.
     """
     hints = get_type_hints(command, include_extras=True)
     own = [

@@ -197,10 +197,7 @@ class DesignChoice:
     def of(cls, kind: str, vary: Sequence[str], **more: Any) -> "DesignChoice":
         """The choice from the texts of `--design` and `--vary`; the other fields as they are.
 
-        Raises
-        ------
-        InputError
-            If there is no such design, or a text cannot be read.
+        Raises InputError if there is no such design, or a text cannot be read.
         """
         from doe.designs import DESIGNS, design_kind
 
@@ -224,10 +221,7 @@ class DesignChoice:
         A point that breaks a constraint is left out and counted; a design that chooses among candidates
         has only those that meet them.
 
-        Raises
-        ------
-        InputError
-            If options do not go together, or the design cannot be made of them.
+        Raises InputError if options do not go together, or the design cannot be made of them.
         """
         from doe.designs import DESIGNS, design_kind
         from doe.designs.optimal import keep
@@ -340,10 +334,7 @@ class Records:
     def place(self, folder: Path) -> Path | None:
         """The ledger's file; None if there is to be none.
 
-        Raises
-        ------
-        InputError
-            If a file is to be merged into itself, or ledgers are to be merged into none.
+        Raises InputError if a file is to be merged into itself, or ledgers are to be merged into none.
         """
         if self.ledger == "none":
             if self.merge:
@@ -358,10 +349,7 @@ class Records:
     def part(self, design: "Design") -> "Design":
         """The points of a design that this part runs.
 
-        Raises
-        ------
-        InputError
-            If there are more parts than points.
+        Raises InputError if there are more parts than points.
         """
         if self.shard == (1, 1):
             return design
@@ -399,10 +387,8 @@ class Workers:
     def executor(self) -> Iterator[Any]:
         """The maker of the executor (`doe.ledger.ExecutorFactory`); None where this process does the work.
 
-        Raises
-        ------
-        InputError
-            If both kinds are asked for, Dask is not installed, or its scheduler does not answer.
+        Raises InputError if both kinds are asked for, Dask is not installed, or its scheduler does not
+        answer.
         """
         if self.dask and self.processes is not None:
             raise InputError(
@@ -433,10 +419,7 @@ _SCHEDULER_START = "start one with `dask scheduler` and give its address or its 
 def dask_client(named: str) -> Any:
     """A client of the scheduler at an address or in a scheduler file, which the caller closes.
 
-    Raises
-    ------
-    InputError
-        If Dask is not installed, or no scheduler answers within `PATIENCE`.
+    Raises InputError if Dask is not installed, or no scheduler answers within `PATIENCE`.
     """
     try:
         from distributed import Client

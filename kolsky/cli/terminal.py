@@ -52,18 +52,9 @@ def print_result(
 ) -> None:
     """Print the answer on stdout, as lines or as one JSON object, and the warnings on stderr.
 
-    Parameters
-    ----------
-    rows
-        The answer by name, for a table.
-    said
-        The answer as one object for JSON; None where a table is wanted.
-    rest
-        Where files are, how long it took; on stderr where JSON is printed.
-    answers
-        Lines before the table.
-    warnings
-        What to know before using the answer.
+    ``rows``: the answer by name, for a table. ``said``: the answer as one object for JSON; None where a table
+    is wanted. ``rest``: where files are, how long it took; on stderr where JSON is printed. ``answers``:
+    lines before the table. ``warnings``: what to know before using the answer.
     """
     if is_quiet():
         rest = {}
@@ -86,10 +77,7 @@ def since(started: float) -> str:
 def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
     """A progress bar a stage on stderr; nothing if that is no terminal.
 
-    Yields
-    ------
-    callable
-        Called with the stage's name, the runs done and the runs there are to do.
+    Yields: called with the stage's name, the runs done and the runs there are to do.
     """
     if is_quiet() or not sys.stderr.isatty():
         yield lambda stage, done, total: None
@@ -125,10 +113,7 @@ def counted(progress: Callable[[str, int, int], None], stage: str, total: int) -
 def sweep_progress() -> Iterator[Callable[["Pace"], None]]:
     """A sweep's bar with its rate and the time left on stderr; a line a minute if that is no terminal.
 
-    Yields
-    ------
-    callable
-        Called with a `doe.ledger.Pace`.
+    Yields: called with a `doe.ledger.Pace`.
     """
     if is_quiet():
         yield lambda pace: None

@@ -285,12 +285,8 @@ def evidence(before: FloatArray, after: FloatArray, times: IntArray) -> float:
 def explained_share(before: FloatArray, after: FloatArray, entries: IntArray) -> float:
     """Share of the misfit beyond what a right model leaves that a change takes away [-].
 
-    Parameters
-    ----------
-    before, after
-        `ExpectedResidual.misfits` without and with the change, shape [2].
-    entries
-        Entries of each channel, shape [2].
+    ``before``, ``after``: `ExpectedResidual.misfits` without and with the change, shape [2]. ``entries``:
+    entries of each channel, shape [2].
     """
     excess = [float(entries @ np.maximum(misfit - 1.0, 0.0)) for misfit in (before, after)]
     return 1.0 - excess[1] / excess[0] if excess[0] > 0.0 else 0.0

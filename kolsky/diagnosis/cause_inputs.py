@@ -129,11 +129,6 @@ def contact_spread(half: float) -> tuple[FloatArray, FloatArray]:
 
     The face's chord at the distance x from the middle has the length 2 sqrt(R^2 - x^2): the delays have the
     density of a semicircle, whose Gauss quadrature is Chebyshev's of the second kind.
-
-    Parameters
-    ----------
-    half
-        Delay of the rim against the middle [s].
     """
     angle = np.pi * np.arange(1, SPREAD_NODES + 1) / (SPREAD_NODES + 1)
     return half * np.cos(angle), 2.0 * np.sin(angle) ** 2 / (SPREAD_NODES + 1)

@@ -40,21 +40,10 @@ class Point:
 class CauseModel:
     """Data vectors at points, on the surrogate's mesh corrected by a run on the refined mesh.
 
-    Parameters
-    ----------
-    stages
-        The identification's simulations.
-    x
-        Where the run on the refined mesh was made, shape [d].
-    refined
-        That run, a batch of one.
-    first
-        An input that is free beside the parameters, its coordinate the last entry of every x; None for none.
-
-    Raises
-    ------
-    ValueError
-        If the run there does not complete on the surrogate's mesh.
+    ``stages``: the identification's simulations. ``x``: where the run on the refined mesh was made, shape
+    [d]. ``refined``: that run, a batch of one. ``first``: an input that is free beside the parameters, its
+    coordinate the last entry of every x; None for none. Raises ValueError if the run there does not complete
+    on the surrogate's mesh.
     """
 
     def __init__(
@@ -261,12 +250,8 @@ AVERAGED_BINS = 7
 def expected_residual(model: CauseModel, numerics: Numerics) -> ExpectedResidual:
     """What a right model leaves of the data vector at the answer.
 
-    Parameters
-    ----------
-    model
-        The data and both meshes' runs at the answer.
-    numerics
-        The mesh on which the flyer's noise is carried to the data.
+    ``model``: the data and both meshes' runs at the answer. ``numerics``: the mesh on which the flyer's noise
+    is carried to the data.
     """
     o, n = model.observations, model.observations.n_force
     meshes = model.stages.settings
@@ -315,15 +300,6 @@ def leading_patterns(covariance: FloatArray, spans: FloatArray, count: int) -> F
     """Patterns of jerk of one standard deviation each, those that move the velocity most, shape [n, q].
 
     The columns' outer products sum to the covariance where all of them are kept.
-
-    Parameters
-    ----------
-    covariance
-        Of the jerks of the spans [m^2/s^6], shape [n, n].
-    spans
-        Their lengths [s], shape [n].
-    count
-        Most patterns.
     """
     scale = np.sqrt(np.diag(covariance))
     safe = np.where(scale > 0.0, scale, 1.0)

@@ -87,16 +87,10 @@ class CauseSearch:
     What is declared as uncertain may be off within k = 2 of that, whatever is tried: only what that leaves
     is a misfit.
 
-    Parameters
-    ----------
-    stages, model, expected
-        The identification's simulations, data vectors from them, what a right model leaves.
-    use
-        Entries of the data vector that are counted, shape [k].
-    candidates
-        Inputs that are tried, or may be off.
-    start
-        Where the search begins; the model's own point if left out.
+    ``stages``, ``model``, ``expected``: the identification's simulations, data vectors from them, what a
+    right model leaves. ``use``: entries of the data vector that are counted, shape [k]. ``candidates``:
+    inputs that are tried, or may be off. ``start``: where the search begins; the model's own point if left
+    out.
     """
 
     def __init__(
@@ -140,17 +134,9 @@ class CauseSearch:
     def judge(self, answer: CauseSearch, trials: Sequence[Trial]) -> list[Trial]:
         """Let evidence count against another search's answer, if that is the better one; its trials as here.
 
-        Parameters
-        ----------
-        answer
-            The search from the answer, of the same data; it counts all entries that count here.
-        trials
-            What it found.
-
-        Returns
-        -------
-        list of Trial
-            The same with the entries that count here, and their misfits by what is expected here.
+        ``answer``: the search from the answer, of the same data; it counts all entries that count here.
+        ``trials``: what it found. Returns: the same with the entries that count here, and their misfits by
+        what is expected here.
         """
         kept = self.use[answer.use]
         known = self.expected.misfits(answer.left[kept])
@@ -340,13 +326,13 @@ def scan_inputs(search: CauseSearch, candidates: Sequence[CandidateInput]) -> li
     with search.model.ahead(_points(search, first)):
         found = _trials(search, altered)
     with search.model.ahead(_points(search, simulated)):
-        basins = best_tried(search, _trials(search, narrow))
+        basins = _best_tried(search, _trials(search, narrow))
     steps = range(-FINER, FINER + 1)
     about = _within_bounds([(t.candidate, t.u + n * t.candidate.finer) for t in basins for n in steps])
     with search.model.ahead(_points(search, about)):
         found += _trials(search, simulated)
     found.sort(key=lambda t: [c.key for c in others].index(t.candidate.key))
-    return best_tried(search, found) + best_tried(search, _trials(search, about))
+    return _best_tried(search, found) + _best_tried(search, _trials(search, about))
 
 
 def _values(search: CauseSearch, candidates: Sequence[CandidateInput]) -> list[Value]:
@@ -373,7 +359,7 @@ def _trials(search: CauseSearch, tried: Sequence[Value]) -> list[Trial]:
     return found
 
 
-def best_tried(search: CauseSearch, tried: Sequence[Trial]) -> list[Trial]:
+def _best_tried(search: CauseSearch, tried: Sequence[Trial]) -> list[Trial]:
     """Of each candidate the two values from which both neighbours are worse, as ringing has several."""
     trials: dict[str, list[Trial]] = {}
     for t in tried:

@@ -101,11 +101,6 @@ def by_evidence(keys: Sequence[str], evidences: Sequence[float]) -> list[int]:
     What `ASSUMED` has in its key nobody has measured on the specimen; a length that is off by as much as the
     data would have it is a measurement gone wrong. Evidences that differ by less than `ALIKE` do not tell one
     from the other.
-
-    Parameters
-    ----------
-    keys, evidences
-        Of the inputs, in any order.
     """
     left, order = sorted(range(len(keys)), key=lambda i: -evidences[i]), []
     while left:
@@ -285,7 +280,7 @@ def _analysed(
     explained: Callable[[], bool],
 ) -> CauseAnalysis:
     candidates = [c for c in CANDIDATES if c.here(stages)]
-    search = search_from(stages, CauseModel(stages, x, refined), candidates)
+    search = _search_from(stages, CauseModel(stages, x, refined), candidates)
     trials = best_trials(search, candidates, explained=explained)
     found = _findings(search, [Best(t, t, search) for t in trials], candidates)
     other = elsewhere()
@@ -293,7 +288,7 @@ def _analysed(
         # At the answer the meshes are in step; at the other point the difference of its own two runs serves.
         apart = StagedRuns(stages.prepared, stages.settings, stages.box, stages.progress, prior=stages.prior)
         model = CauseModel(apart, other.x, other.refined)
-        second = search_from(apart, model, candidates, counted=search.use)
+        second = _search_from(apart, model, candidates, counted=search.use)
         seen = second.judge(search, trials)
         both = [Best(s, t, search) for s, t in zip(seen, trials, strict=True)]
         both += [Best(t, t, second) for t in best_trials(second, candidates)]
@@ -302,22 +297,14 @@ def _analysed(
     return CauseAnalysis(found, search.before)
 
 
-def search_from(
+def _search_from(
     stages: StagedRuns,
     model: CauseModel,
     candidates: Sequence[CandidateInput],
     *,
     counted: BoolArray | None = None,
 ) -> CauseSearch:
-    """The search from a model's own point.
-
-    Parameters
-    ----------
-    stages, model, candidates
-        As of `CauseSearch`.
-    counted
-        Entries of the data that may count, shape [k]; all that the model reaches if left out.
-    """
+    """The search from a model's own point."""
     settings = stages.settings
     known = np.isfinite(model.vectors([Point(model.x)])[0])
     known &= True if counted is None else counted
@@ -348,10 +335,10 @@ def _findings(
         return findings
     first = next(one for one in trials if one.own.candidate.key == findings[0].key)
     rest = [c for c in candidates if c is not first.own.candidate]
-    return search_beside_leading(first.search, first.own, findings, rest)
+    return _search_beside_leading(first.search, first.own, findings, rest)
 
 
-def search_beside_leading(
+def _search_beside_leading(
     search: CauseSearch, first: Trial, findings: tuple[CauseFinding, ...], rest: Sequence[CandidateInput]
 ) -> tuple[CauseFinding, ...]:
     """The findings with the first renewed on the refined mesh, and with what else is wrong beside it.
@@ -390,15 +377,7 @@ def search_beside_leading(
 
 
 def list_pairs(more: Sequence[CauseFinding], alone: Sequence[CauseFinding]) -> tuple[CauseFinding, ...]:
-    """What follows the first cause: likely ones beside it, likely ones in its place, the rest.
-
-    Parameters
-    ----------
-    more
-        Findings beside the first cause, in their order.
-    alone
-        The same inputs, each as the only cause, in their order; inputs that were not tried beside it too.
-    """
+    """What follows the first cause: likely ones beside it, likely ones in its place, the rest."""
     likely = [f for f in more if f.named]
     likely += [f for f in alone if f.named and f.key not in {one.key for one in likely}]
     known = {f.key for f in likely}

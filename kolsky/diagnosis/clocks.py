@@ -79,25 +79,7 @@ def fit_lag(
     before: float | None = None,
     first: float | None = None,
 ) -> FittedLag:
-    """Fit one lag, and the free parameters with it.
-
-    Parameters
-    ----------
-    objective
-        Data, noise and first discrepancies.
-    shifted
-        The prediction of late recordings at the optimum.
-    slopes
-        Of the data vector by the free parameters, shape [k, d], with late recordings.
-    direction
-        Lags of force and outline if this lag is one.
-    changes
-        By source, changes of the prediction by one standard uncertainty, shape [k] or [n, k].
-    before
-        -2 ln L with which the evidence is compared; that of `without_lag` for the same run if left out.
-    first
-        What `first_lag` gives for the same arguments, where it is known.
-    """
+    """Fit one lag, and the free parameters with it."""
     way, h = np.array(direction), STEP
     d = slopes(0.0 * way).shape[1]
     if before is None:
@@ -182,13 +164,6 @@ def late_prediction(response: Response, objective: Objective) -> Shifted:
     A bin's mean is the difference of the impulse at its edges; surfaces between the frames are splines in
     time. Before the simulation begins everything is at rest; where a time lies behind its end the value is
     that without a lag.
-
-    Parameters
-    ----------
-    response
-        The run at the optimum, a batch of one.
-    objective
-        Bins and points.
     """
     observations = objective.observations
     line, t = observations.centre_line, response.force_times
@@ -371,12 +346,7 @@ def clock_lags(
 def slopes(points: FloatArray, seen: Sequence[Shifted]) -> Shifted:
     """Effect of each parameter on late recordings, shape [k, d]; none on a point that a run does not reach.
 
-    Parameters
-    ----------
-    points
-        As of `Reruns.beside`, shape [d + 1, d].
-    seen
-        The predictions there, length d + 1.
+    ``points``: as of `Reruns.beside`, shape [d + 1, d]. ``seen``: the predictions there, length d + 1.
     """
     steps = np.diag(points[1:] - points[0])
 

@@ -44,15 +44,8 @@ between them, the root mean square of its distance from one end is a root of thr
 def residual_sources(sources: Sources) -> dict[str, FloatArray]:
     """Changes of the predicted data vector by one standard uncertainty of each source.
 
-    Parameters
-    ----------
-    sources
-        Noise and scales of the inputs, what is declared uncertain, mesh and element.
-
-    Returns
-    -------
-    dict
-        Source -> changes, shape [n, k] or [k].
+    ``sources``: noise and scales of the inputs, what is declared uncertain, mesh and element. Returns: source
+    -> changes, shape [n, k] or [k].
     """
     inputs = sources.inputs
     found = {name: change for name, change in inputs.replicates.items() if len(change)}
@@ -137,20 +130,20 @@ def fit_quality(
         noise, tau = objective.noise[use], _discrepancy(objective, channel)
         first, second = neighbours(objective, channel)
         block = blocks(objective, channel)
-        slow = [root_mean_square(block_means(change[..., use], block)) for change in left.values()]
+        slow = [_root_mean_square(block_means(change[..., use], block)) for change in left.values()]
         correlation, whiteness = correlated(residual / objective.noise, first, second)
         found.append(
             FitQuality(
                 channel=channel,
                 unit=unit,
                 values=int(use.sum()),
-                residual=root_mean_square(residual[use]),
+                residual=_root_mean_square(residual[use]),
                 predicted={
-                    NOISE: root_mean_square(noise),
-                    **{s: root_mean_square(c[..., use]) for s, c in left.items()},
+                    NOISE: _root_mean_square(noise),
+                    **{s: _root_mean_square(c[..., use]) for s, c in left.items()},
                 },
                 peak=peak(objective.data[use], channel),
-                slow_residual=root_mean_square(block_means(residual[use], block)),
+                slow_residual=_root_mean_square(block_means(residual[use], block)),
                 slow_expected=float(np.hypot.reduce([block_noise(noise, block), *slow])),
                 chi2=float(((residual[use] / noise) ** 2).mean()),
                 discrepancy_share=float(tau**2 / (tau**2 + (noise**2).mean())),
@@ -181,20 +174,6 @@ def information_shares(
     The variance of parameter i is the sum over the data of ``g_ik (C g_i)_k`` with the gain g and the data's
     covariance C: each datum has its share, and the shares sum up to one. With independent data it is
     ``(g_ik sigma_k)^2``. A datum that serves to take a common error off the others can have a negative share.
-
-    Parameters
-    ----------
-    gain
-        Linear map from a change of the data vector to the move of the optimum, shape [d, k].
-    spread
-        The gain times the covariance that weighs the data, shape [d, k].
-    masks
-        Entries of each channel, shape [k].
-
-    Returns
-    -------
-    dict
-        Channel -> shares, shape [d].
     """
     parts = gain * spread
     return {channel: parts[:, use].sum(axis=1) / parts.sum(axis=1) for channel, use in masks.items()}
@@ -206,12 +185,8 @@ def correlated(residual: FloatArray, first: IntArray, second: IntArray) -> tuple
     Ljung and Box (1978) with one lag: ``Q = n (n + 2) / (n - 1) r^2`` with n - 1 the number of pairs, against
     chi-square of one degree of freedom.
 
-    Parameters
-    ----------
-    residual
-        In units of its noise, shape [k]; its mean is not taken out: a right model leaves none.
-    first, second
-        Rows of the neighbours, shape [n_pairs].
+    ``residual``: in units of its noise, shape [k]; its mean is not taken out: a right model leaves none.
+    ``first``, ``second``: rows of the neighbours, shape [n_pairs].
     """
     if first.size < 2:
         return float("nan"), float("nan")
@@ -272,7 +247,7 @@ def peak(data: FloatArray, channel: str) -> float:
     return float(np.abs(data).max()) if channel == FORCE else float(np.ptp(data))
 
 
-def root_mean_square(values: FloatArray) -> float:
+def _root_mean_square(values: FloatArray) -> float:
     """Root mean square over all entries."""
     return float(np.sqrt(np.mean(np.square(values))))
 
@@ -408,10 +383,10 @@ def fit_warnings(result: Identification) -> Iterator[str]:
                 f"force and outline ask for values of {name} that are further apart than {CONTRADICTION:g} "
                 "standard uncertainties of their difference: at least one input, or the model, is wrong"
             )
-    yield from uninformative_channels(result)
+    yield from _uninformative_channels(result)
 
 
-def uninformative_channels(result: Identification) -> Iterator[str]:
+def _uninformative_channels(result: Identification) -> Iterator[str]:
     """Say of which values one channel has no say, where the verdict does not say it already."""
     for channel in result.fit:
         names = [

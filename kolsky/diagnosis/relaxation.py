@@ -65,30 +65,7 @@ def branch_test(
     seed: int = 1,
     realised: float = 0.0,
 ) -> BranchTest:
-    """Hold the residuals of an elastic fit against branches of some relaxation times.
-
-    Parameters
-    ----------
-    residual
-        Data less prediction, whitened, shape [k].
-    slopes
-        Of the prediction by the free parameters, whitened, shape [k, d].
-    directions
-        Change of the prediction by a unit of strength, whitened, a row a time, shape [n, k].
-    times
-        The relaxation times [s], shape [n].
-    blocks
-        Labels of the entries: residuals of one label may be correlated, shape [k] each.
-    draws, seed
-        Planted elastic data, and the seed of their noise.
-    realised
-        Fall of -2 ln L by the branch that was searched for, 0 if none was [-].
-
-    Raises
-    ------
-    ValueError
-        If no branch has an effect of its own.
-    """
+    """Hold the residuals of an elastic fit against branches of some relaxation times."""
     basis, _ = np.linalg.qr(slopes)
     own = directions - (directions @ basis) @ basis.T
     left = residual - basis @ (basis.T @ residual)
@@ -260,13 +237,6 @@ def scan_points(box: Box, at: FloatArray) -> FloatArray:
 
     A branch of strength c stiffens by 1 to 1 + c: m gives way by the root of 1 + c. The bulk modulus, which
     goes with m (1 + c) / (1 - 2 nu) and sets the pace of the ringing, stays where Poisson's ratio is free.
-
-    Parameters
-    ----------
-    box
-        Of all parameters, strength and time last.
-    at
-        The elastic point, shape [d].
     """
     times = np.geomspace(box.lower[-1], box.upper[-1], SCANNED_TIMES + 2)[1:-1]
     found = []
@@ -285,12 +255,7 @@ def scan_points(box: Box, at: FloatArray) -> FloatArray:
 def explained_share(objective: Objective, before: FloatArray, after: FloatArray) -> float:
     """Share of what one vector leaves beyond noise and patterns that another does not leave [-].
 
-    Parameters
-    ----------
-    objective
-        Data and noise.
-    before, after
-        Predictions, shape [k].
+    ``objective``: data and noise. ``before``, ``after``: predictions, shape [k].
     """
 
     def left(vector: FloatArray) -> float:
@@ -315,23 +280,10 @@ def shot_branch_test(
 ) -> BranchTest | None:
     """Hold what an elastic identification leaves against branches of some relaxation times.
 
-    Parameters
-    ----------
-    stages
-        The identification's simulations; a run a time is added on the surrogate's mesh.
-    x
-        The optimum, shape [d].
-    objective
-        With the discrepancies of the optimum.
-    slopes
-        Jacobian there, shape [k, d].
-    vector
-        Data as the refined mesh predicts them there, shape [k].
-
-    Returns
-    -------
-    BranchTest or None
-        None if the shot declares what relaxes, or a run does not complete.
+    ``stages``: the identification's simulations; a run a time is added on the surrogate's mesh. ``x``: the
+    optimum, shape [d]. ``objective``: with the discrepancies of the optimum. ``slopes``: jacobian there,
+    shape [k, d]. ``vector``: data as the refined mesh predicts them there, shape [k]. Returns: None if the
+    shot declares what relaxes, or a run does not complete.
     """
     forward, numerics = stages.prepared.forward, stages.settings.numerics
     if forward.shot.relaxation is not None or numerics.compressible is not None:
@@ -381,12 +333,8 @@ TRY = (
 def rate_advice(test: BranchTest | None, fit: BranchFit | None = None) -> tuple[str, ...]:
     """Say that a branch would explain what an elastic material leaves; nothing where chance does.
 
-    Parameters
-    ----------
-    test
-        Of a weak branch at the elastic optimum.
-    fit
-        Of a branch of any strength, where that is not significant.
+    ``test``: of a weak branch at the elastic optimum. ``fit``: of a branch of any strength, where that is not
+    significant.
     """
     if test is not None and test.significant:
         chance = f"{100.0 * test.probability:.2g} % of planted elastic data gain as much"
@@ -406,10 +354,7 @@ def rate_advice(test: BranchTest | None, fit: BranchFit | None = None) -> tuple[
 def branch_figures(test: BranchTest | None, fit: BranchFit | None) -> dict[str, float]:
     """What the advice is given by, as figures of the search.
 
-    Parameters
-    ----------
-    test, fit
-        As of `rate_advice`.
+    ``test``, ``fit``: as of `rate_advice`.
     """
     found = {} if test is None else {"branch_probability": test.probability}
     if fit is not None:
@@ -432,12 +377,7 @@ Poisson's ratio is held, and the bulk modulus grows by as much."""
 def optimum_without_branch(problem: JointProblem, elastic: JointProblem, without: Optimum) -> Optimum | None:
     """The elastic optimum as one with a strength of nothing; None if bounds of the strengths leave that out.
 
-    Parameters
-    ----------
-    problem
-        With what relaxes.
-    elastic, without
-        The same without, and its optimum.
+    ``problem``: with what relaxes. ``elastic``, ``without``: the same without, and its optimum.
     """
     box = problem.unknowns.box
     bounds = zip(problem.unknowns.names, box.lower, strict=True)
@@ -457,16 +397,8 @@ def weak_branch(
 ) -> FloatArray:
     """A point without what relaxes, with a weak branch beside it: where that is no worse than nothing.
 
-    Parameters
-    ----------
-    problem
-        With what relaxes.
-    elastic
-        The same without.
-    at
-        A point of it, shape [d].
-    strength
-        Of the branch [-].
+    ``problem``: with what relaxes. ``elastic``: the same without. ``at``: a point of it, shape [d].
+    ``strength``: of the branch [-].
     """
     names, box = list(problem.unknowns.names), problem.unknowns.box
     x = np.sqrt(np.maximum(np.array(box.lower), 1e-12) * np.array(box.upper))
@@ -488,17 +420,9 @@ def choose_model(
 ) -> ModelChoice:
     """Hold the optimum with what relaxes against the one without it, both on the refined mesh.
 
-    Parameters
-    ----------
-    problem, found
-        With what relaxes, and its optimum.
-    elastic, without
-        The same shots, slow tests and free parameters without, and its optimum.
-
-    Raises
-    ------
-    ValueError
-        If no weak branch has an effect of its own.
+    ``problem``, ``found``: with what relaxes, and its optimum. ``elastic``, ``without``: the same shots, slow
+    tests and free parameters without, and its optimum. Raises ValueError if no weak branch has an effect of
+    its own.
     """
     stack, x, vector = elastic.stack, without.x, without.vector
     # The optimum with what relaxes, judged by the same data, patterns and prior.
@@ -563,17 +487,7 @@ def _inside_range(e: Estimate | None) -> bool:
 
 
 def points_in_step(names: Sequence[str], points: FloatArray, strength: float) -> FloatArray:
-    """Points with a branch of a strength, the bulk modulus what it was without if it can be, shape [n, d].
-
-    Parameters
-    ----------
-    names
-        Of the unknowns.
-    points
-        The points with the branch, shape [n, d].
-    strength
-        Of the branch [-].
-    """
+    """Points with a branch of a strength, the bulk modulus what it was without if it can be, shape [n, d]."""
     found = points.copy()
     if VALLEY in names:
         i = names.index(VALLEY)
@@ -587,12 +501,8 @@ def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) 
     Nor is a branch whose time ends at a bound of its range: a short one is damping by another name, a long
     one a stiffer curve.
 
-    Parameters
-    ----------
-    choice
-        By criterion and planted data, which know the noise of these shots.
-    shared
-        The shared parameters, corrected for the mesh.
+    ``choice``: by criterion and planted data, which know the noise of these shots. ``shared``: the shared
+    parameters, corrected for the mesh.
     """
     sizes = [e for name, e in shared.items() if is_strength(name)]
     if not choice.asked_for or not sizes:
@@ -618,17 +528,7 @@ def choice_with_mesh_error(choice: ModelChoice, shared: Mapping[str, Estimate]) 
 
 
 def deviance_with_mesh_patterns(stack: Stack, vector: FloatArray, patterns: FloatArray) -> float:
-    """-2 ln L of a vector up to a constant; a point that a run does not reach adds nothing.
-
-    Parameters
-    ----------
-    stack
-        Data and weights.
-    vector
-        Prediction, shape [k].
-    patterns
-        Errors of the mesh that the weights know beside their own, shape [n, k].
-    """
+    """-2 ln L of a vector up to a constant; a point that a run does not reach adds nothing."""
     residual = np.where(np.isnan(vector), 0.0, vector - stack.data)
     weights = stack.whitening(stack.weighed_beside(residual, patterns), patterns)
     return float((weights.apply(residual) ** 2).sum()) + weights.log_determinant

@@ -65,10 +65,7 @@ class ArcPath:
 
         Past a limit point a raised load leaves the path and meets it again where it first rises to the load.
 
-        Raises
-        ------
-        ValueError
-            If the path does not reach a load.
+        Raises ValueError if the path does not reach a load.
         """
         found, start = [], 0
         for load in loads:

@@ -47,13 +47,7 @@ class Instant:
 
 
 def element_masses(model: Model, density: float) -> FloatArray:
-    """Consistent mass of each element [kg], shape [m, k d, k d].
-
-    Raises
-    ------
-    ValueError
-        If the density is not > 0.
-    """
+    """Consistent mass of each element [kg], shape [m, k d, k d]."""
     if not density > 0.0:
         raise ValueError(f"density must be > 0 kg/m3, got {density}")
     # products of shape functions are of twice their degree

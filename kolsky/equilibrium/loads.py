@@ -112,10 +112,7 @@ class Faces:
 def faces_on(mesh: Mesh, where: str, gauss: int | None = None) -> list[Faces]:
     """Faces on the boundary of the mesh whose points all belong to a set.
 
-    Raises
-    ------
-    ValueError
-        If there are none.
+    Raises ValueError if there are none.
     """
     element = mesh.element
     member = np.zeros(len(mesh.points), dtype=bool)

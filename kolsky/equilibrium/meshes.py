@@ -129,19 +129,10 @@ def dog_bone(
 def grid(lines: Sequence[FloatArray], keep: BoolArray, *, kind: str = "hex27") -> Mesh:
     """Cells of a rectangular grid with any spacing, of which some are left out.
 
-    Parameters
-    ----------
-    lines : sequence of array
-        Rising coordinates of the grid's lines along each axis [m], d of them.
-    keep : array of bool
-        Which cells there are, shape [n_0, .., n_(d-1)] with n_i one less than the number of lines.
-    kind : str
-        The element; a cell of simplices is six tetrahedra or two triangles.
-
-    Raises
-    ------
-    ValueError
-        If lines do not rise, or `keep` has another shape or no cell.
+    ``lines``: rising coordinates of the grid's lines along each axis [m], d of them. ``keep``: which cells
+    there are, shape [n_0, .., n_(d-1)] with n_i one less than the number of lines. ``kind``: the element; a
+    cell of simplices is six tetrahedra or two triangles. Raises ValueError if lines do not rise, or `keep`
+    has another shape or no cell.
     """
     shape = tuple(len(line) - 1 for line in lines)
     if keep.shape != shape or not keep.any():
@@ -159,10 +150,8 @@ def from_pyvista(grid: Any) -> Mesh:
     Point data whose name begins with "set:" are masks of node sets. A flat mesh of triangles or
     quadrilaterals (z = 0) becomes one of two coordinates.
 
-    Raises
-    ------
-    ValueError
-        If there are several kinds of cells, or one that is not in `kolsky.equilibrium.elements.ELEMENTS`.
+    Raises ValueError if there are several kinds of cells, or one that is not in
+    `kolsky.equilibrium.elements.ELEMENTS`.
     """
     kinds = {item.vtk: item for item in ELEMENTS.values()}
     present = list(grid.cells_dict)

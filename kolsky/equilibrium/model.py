@@ -308,13 +308,7 @@ class Unknowns:
 
 
 def _number_unknowns(model: Model) -> Unknowns:
-    """Number the unknowns of a model.
-
-    Raises
-    ------
-    ValueError
-        If two conditions claim one displacement.
-    """
+    """Number the unknowns of a model."""
     d = model.dimension
     owner = np.full(model.n_dofs, -1)
     master = np.arange(model.n_dofs)

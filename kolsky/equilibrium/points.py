@@ -90,12 +90,8 @@ CHUNK = 60_000
 def element_forces(T: FloatArray, weighted: FloatArray) -> FloatArray:
     """Sum over the points of E and P dV: forces of each element [N], shape [m, k, d].
 
-    Parameters
-    ----------
-    T
-        Gradients [1/m] as `kolsky.equilibrium.points.Geometry.T`, shape [m, g, D, k].
-    weighted
-        P times the point's volume [N m], shape [m, g, d D].
+    ``T``: gradients [1/m] as `kolsky.equilibrium.points.Geometry.T`, shape [m, g, D, k]. ``weighted``: P
+    times the point's volume [N m], shape [m, g, d D].
     """
     m, g, columns, k = T.shape
     values = np.swapaxes(weighted.reshape(m, g, -1, columns), 2, 3)  # [m, g, D, d]
@@ -215,22 +211,10 @@ class Points:
     ) -> PointState:
         """Evaluate stress and, on demand, tangent, with the elements' forces and stiffness.
 
-        Parameters
-        ----------
-        u : array, shape [n, d]
-            Displacements [m].
-        rows : array, shape [m, n_row]
-            What `rows` gave.
-        tangent : bool
-            Whether the stiffness is wanted.
-        forces : bool
-            Whether the forces are.
-        single : bool
-            Whether the stiffness is summed in single precision.
-        pressure : array, shape [m, g], optional
-            Pressure of a mixed model [Pa].
-        thickness : array, shape [m, g], optional
-            Thickness stretch to start from in plane stress [-].
+        ``u``: displacements [m]. ``rows``: what `rows` gave. ``tangent``: whether the stiffness is wanted.
+        ``forces``: whether the forces are. ``single``: whether the stiffness is summed in single precision.
+        ``pressure``: pressure of a mixed model [Pa]. ``thickness``: thickness stretch to start from in plane
+        stress [-].
         """
         (m, g), n = self.shape, self.d * self.columns
         short = single and not self.device.is_cuda

@@ -69,13 +69,7 @@ def independent(snapshots: FloatArray) -> int:
 
 
 def decompose(snapshots: FloatArray, modes: int) -> Basis:
-    """Find the modes of snapshots [m] of shape [n_snapshots, n d].
-
-    Raises
-    ------
-    ValueError
-        If there are fewer independent snapshots than modes.
-    """
+    """Find the modes of snapshots [m] of shape [n_snapshots, n d]."""
     U = np.asarray(snapshots, dtype=float)
     gram = U @ U.T
     squares, vectors = np.linalg.eigh(gram)

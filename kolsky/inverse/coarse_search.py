@@ -196,12 +196,8 @@ class CoarseOptimum:
 def surrogate_kind(box: Box, *, smooth: bool = False) -> SurrogateKind:
     """The surrogate for a number of free parameters, from the registry.
 
-    Parameters
-    ----------
-    box
-        Where it shall hold.
-    smooth
-        Whether the response is smooth there and the box of the optimum's size.
+    ``box``: where it shall hold. ``smooth``: whether the response is smooth there and the box of the
+    optimum's size.
     """
     return SURROGATES[SMOOTH if smooth or box.dimension == 1 else ROUGH]
 
@@ -308,12 +304,8 @@ def _refined_surrogate(stages: StagedRuns, found: Refinement) -> CoarseOptimum:
 def fit_for_purpose(stages: StagedRuns, coarse: CoarseOptimum, gain: FloatArray) -> Fitness:
     """Compare the move of the optimum by the surrogate's error with what its interval allows.
 
-    Parameters
-    ----------
-    stages, coarse
-        The simulations and the optimum on their mesh.
-    gain
-        Linear map from a change of the data vector to the move of the optimum over its half width, [d, k].
+    ``stages``, ``coarse``: the simulations and the optimum on their mesh. ``gain``: linear map from a change
+    of the data vector to the move of the optimum over its half width, [d, k].
     """
     points, prediction = _runs_of_surrogate(stages, coarse.surrogate)
     vectors = coarse.objective.vectors(prediction)
@@ -348,15 +340,8 @@ def _no_surrogate(error: SurrogateError, runs: CompletedRuns) -> ValueError:
 def replicate_uncertainty(moves: FloatArray) -> FloatArray:
     """Standard uncertainty from replicates: root mean square of the moves of the optimum.
 
-    Parameters
-    ----------
-    moves
-        Optimum of each replicate minus that of the reference, shape [n, d].
-
-    Returns
-    -------
-    ndarray
-        In the parameters' units, shape [d].
+    ``moves``: optimum of each replicate minus that of the reference, shape [n, d]. Returns: in the
+    parameters' units, shape [d].
     """
     return np.asarray(np.sqrt((moves**2).mean(axis=0)))
 
@@ -373,12 +358,8 @@ def data_change(prediction: Prediction) -> FloatArray:
 def front_modes(change: FloatArray, noise: FloatArray) -> FloatArray:
     """Independent patterns of the data with the mean square of some replicates, shape [n_modes, k].
 
-    Parameters
-    ----------
-    change
-        Data of each replicate less those of the reference, shape [n, k].
-    noise
-        Standard deviations of the data, shape [k].
+    ``change``: data of each replicate less those of the reference, shape [n, k]. ``noise``: standard
+    deviations of the data, shape [k].
     """
     _, size, patterns = np.linalg.svd(change / (noise * np.sqrt(len(change))), full_matrices=False)
     kept = size > SMALLEST_MODE
@@ -390,7 +371,7 @@ def noise_of(observations: Observations) -> FloatArray:
     return np.concatenate([observations.force_sigma, observations.centre_line.sigma])
 
 
-def learn_front_noise(stages: StagedRuns, replicates: Replicates | None) -> bool:
+def _learn_front_noise(stages: StagedRuns, replicates: Replicates | None) -> bool:
     """Give the observations of `stages` the modes of some replicates; False if there are none."""
     if replicates is None or not replicates.lesson.any():
         return False
@@ -406,14 +387,10 @@ def weigh_front_noise(
 
     From here on the observations of `stages` hold its modes.
 
-    Parameters
-    ----------
-    stages, coarse
-        The simulations, and the optimum by noise and discrepancy alone.
-    replicates
-        Runs near that optimum under other motions; None leaves it as it is.
+    ``stages``, ``coarse``: the simulations, and the optimum by noise and discrepancy alone. ``replicates``:
+    runs near that optimum under other motions; None leaves it as it is.
     """
-    if not learn_front_noise(stages, replicates):
+    if not _learn_front_noise(stages, replicates):
         return coarse
     objective = replace(coarse.objective, observations=stages.observations)
     model = CorrectedSurrogate(coarse.surrogate).predict

@@ -150,10 +150,8 @@ def search_routes(local: Box, objective: Objective, model: Model) -> tuple[Route
     Without an outline there is one route, that of the force: the others would be it by another name, or
     need what was not measured.
 
-    Parameters
-    ----------
-    local, objective, model
-        The last design's box, the joint objective and the corrected surrogate.
+    ``local``, ``objective``, ``model``: the last design's box, the joint objective and the corrected
+    surrogate.
     """
     found = []
     for label, part in ROUTES if objective.observations.has_shape else ROUTES[1:2]:
@@ -175,12 +173,8 @@ def search_routes(local: Box, objective: Objective, model: Model) -> tuple[Route
 def paper_route(whole: Box, table: RunTable, held: Mapping[str, float] | None = None) -> Route:
     """The optimum of the paper's cost, Eq. (M.5), by a surrogate of that cost over every run.
 
-    Parameters
-    ----------
-    whole, table
-        The first design's box and every run.
-    held
-        Values of free parameters that those runs hold, as the paper did.
+    ``whole``, ``table``: the first design's box and every run. ``held``: values of free parameters that those
+    runs hold, as the paper did.
     """
     points, cost = table.paper_cost()
     paper = CostSurrogate.fit(whole, points, cost)
@@ -288,14 +282,8 @@ ANSWER_STAGES = ("design", "refinement", "check")
 def add_method_comparison(result: Identification, stages: StagedRuns, objective: Objective) -> Identification:
     """The result with what its own search and, if asked for, least squares on the solver find.
 
-    Parameters
-    ----------
-    result
-        The finished identification; methods it has already follow.
-    stages
-        Its simulations.
-    objective
-        Which outline points count; the discrepancies are estimated afresh.
+    ``result``: the finished identification; methods it has already follow. ``stages``: its simulations.
+    ``objective``: which outline points count; the discrepancies are estimated afresh.
     """
     routes = {route.name: {p: route.on_mesh(p) for p in route.parameters} for route in result.routes}
     own = routes.get("joint", routes.get("force only"))

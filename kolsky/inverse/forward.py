@@ -43,15 +43,7 @@ from kolsky.shot.records import Shot, ShotBase
 
 
 def at_transducer(shot: ShotBase, response: Response) -> Response:
-    """A batch with the transmitted force and impulse at the transducer in place of the platen's face.
-
-    Parameters
-    ----------
-    shot
-        The shot; a transducer at the face, or on a rigid support, leaves the batch as it is.
-    response
-        Simulations of it from rest on, with force times as dense as the force changes.
-    """
+    """A batch with the transmitted force and impulse at the transducer in place of the platen's face."""
     bar = shot.transmission_bar
     if shot.transducer_depth == 0.0 or bar is None:
         return response
@@ -146,17 +138,7 @@ def with_moved_faces(
 
 
 def as_recorded(shot: ShotBase, problem: explicit.Problem, response: explicit.Response) -> explicit.Response:
-    """A batch with the forces at the transducers in place of those on the platens' faces.
-
-    Parameters
-    ----------
-    shot
-        The shot. The flyer's force is left on the face where the shot has none to compare it with.
-    problem
-        The batch, its flyer moving as measured.
-    response
-        Its simulations from rest on.
-    """
+    """A batch with the forces at the transducers in place of those on the platens' faces."""
     times = _knots(problem.model)
     if shot.behind is None:
         response = at_transducer(shot, response)

@@ -70,12 +70,8 @@ def lengthening(before: FloatArray, now: FloatArray, taken: FloatArray) -> float
     Along the last move the slopes of the coarser mesh fall short by a share that the steps asked for before
     and after it tell: with ``now = before - s taken`` the step ``now / s`` would ask for no more along it.
 
-    Parameters
-    ----------
-    before, now
-        Steps asked for at the run before and at this one, in comparable units, shape [d].
-    taken
-        This run's point less that of the run before, shape [d].
+    ``before``, ``now``: steps asked for at the run before and at this one, in comparable units, shape [d].
+    ``taken``: this run's point less that of the run before, shape [d].
     """
     share = float((before - now) @ taken) / max(float(taken @ taken), np.finfo(float).tiny)
     return 1.0 / min(max(share, 1.0 / LONGEST), 1.0)
@@ -103,18 +99,9 @@ def gauss_newton_step(
 ) -> Step:
     """Solve the linear least-squares problem of data and prior inside a box.
 
-    Parameters
-    ----------
-    objective
-        Its discrepancies are replaced by those of the run.
-    slope
-        Jacobian of the data vector, shape [k, d].
-    vector
-        The run's data vector, shape [k].
-    x
-        Where it was run, shape [d].
-    box
-        Where the optimum may lie.
+    ``objective``: its discrepancies are replaced by those of the run. ``slope``: jacobian of the data vector,
+    shape [k, d]. ``vector``: the run's data vector, shape [k]. ``x``: where it was run, shape [d]. ``box``:
+    where the optimum may lie.
     """
     weighed = objective.with_discrepancy(vector)
     sigma = np.sqrt(np.diag(weighed.covariance(slope, vector)))
@@ -204,7 +191,7 @@ def run_deviance(run: RefinedRun) -> float:
     return float(weighed.deviance(run.vector[None])[0]) + weighed.prior_chi2(run.x)
 
 
-def box_bounds(box: Box) -> tuple[FloatArray, FloatArray]:
+def _box_bounds(box: Box) -> tuple[FloatArray, FloatArray]:
     """Lower and upper bounds of a box, shape [d] each."""
     return np.array(box.lower), np.array(box.upper)
 
@@ -223,16 +210,9 @@ def descend(
 ) -> tuple[RefinedRun, FloatArray]:
     """The run where steps with the refined mesh's own slopes end, and the slopes that judge it, [k, d].
 
-    Parameters
-    ----------
-    stages
-        The identification's simulations; all runs join their table.
-    objective
-        Which outline points count, and the prior.
-    slope
-        The coarser mesh's, shape [k, d]: they are kept where a run beside the point does not complete.
-    last
-        The run from which to go on.
+    ``stages``: the identification's simulations; all runs join their table. ``objective``: which outline
+    points count, and the prior. ``slope``: the coarser mesh's, shape [k, d]: they are kept where a run beside
+    the point does not complete. ``last``: the run from which to go on.
     """
     for _ in range(MOST_STEPS):
         own = refined_slopes(stages, objective, last)
@@ -263,7 +243,7 @@ def _downhill_run(
     """A run along the step that completes and is no worse; None if there is none."""
     share = 1.0
     for _ in range(MOST_HALVINGS):
-        x = np.clip(last.x + share * last.step.change, *box_bounds(stages.box))
+        x = np.clip(last.x + share * last.step.change, *_box_bounds(stages.box))
         share *= 0.5
         try:
             check = run_points_refined(stages, x[None])[0]
@@ -276,18 +256,8 @@ def _downhill_run(
 
 
 def difference_points(box: Box, x: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points above and below a point in every coordinate, inside the box, shape [d, d] each.
-
-    Parameters
-    ----------
-    box
-        Where they may lie; a step is at most a tenth of its edge.
-    x
-        The point, shape [d].
-    step
-        Their distances from it, shape [d].
-    """
-    lower, upper = box_bounds(box)
+    """Points above and below a point in every coordinate, inside the box, shape [d, d] each."""
+    lower, upper = _box_bounds(box)
     h = np.diag(np.minimum(step, 0.1 * (upper - lower)))
     return np.minimum(x + h, upper), np.maximum(x - h, lower)
 
@@ -314,19 +284,6 @@ def follow_on_refined(
     """The optimum on the refined mesh under the path that its own residual asks for, and its slopes, [k, d].
 
     Where the surrogate's mesh has not moved the path, or the search has not come to rest, nothing changes.
-
-    Parameters
-    ----------
-    stages
-        The identification's simulations.
-    objective
-        Which outline points count, and the prior.
-    slope
-        Shape [k, d].
-    last
-        The optimum on the refined mesh under the path as the surrogate's mesh has left it.
-    search
-        How the optimum is found again under another path.
     """
     before = stages.front
     if before is None or not last.confirmed:
@@ -350,17 +307,7 @@ def follow_on_refined(
 
 
 def patterns_at_refined(stages: StagedRuns, front: MovedFront, point: FloatArray) -> MovedFront | None:
-    """The same path with patterns of its noise at a point; None if one of their runs does not complete.
-
-    Parameters
-    ----------
-    stages
-        The identification's simulations, which run under that path.
-    front
-        The path, and the modes that it is moved by.
-    point
-        Where the patterns are made, on the coarser graded mesh, shape [d].
-    """
+    """The same path with patterns of its noise at a point; None if one of their runs does not complete."""
     deviations, shares, one = front.modes.as_replicates(front.amplitudes @ front.modes.shares)
     numerics = coarser_graded(stages.settings.numerics, stages.settings.refined_mesh)
     runs = stages.under_other_motions(point[None], one * deviations, numerics, shifted=False)[0]
@@ -431,7 +378,7 @@ def search_by_gauss_newton(
         raise ValueError(f"the data do not depend on {', '.join(blind)}: hold it (--hold {blind[0]})")
     slope, centre, objective = slopes(stages, coarse)
     start = np.clip(
-        extrapolated_start(optima, numerics.mesh, stages.settings.refined_mesh), *box_bounds(stages.box)
+        extrapolated_start(optima, numerics.mesh, stages.settings.refined_mesh), *_box_bounds(stages.box)
     )
     last, other = _chord_steps(
         stages, objective, slope, start, beside, shift=start - coarse.x, final=stages.front is None
@@ -461,10 +408,7 @@ def _search_under_path(
 def slopes(stages: StagedRuns, optimum: MeshOptimum) -> tuple[FloatArray, FloatArray, Objective]:
     """Jacobian at the surrogate mesh's optimum, [k, d], the data vector there, [k], and the objective.
 
-    Raises
-    ------
-    ValueError
-        If one of the runs does not complete.
+    Raises ValueError if one of the runs does not complete.
     """
     box = stages.box
     up, down = difference_points(box, optimum.x, DIFFERENCE_STEP * optimum.sigma)
@@ -522,7 +466,7 @@ def _chord_steps(
                 sigma = run.step.sigma
                 steps = found.step.change / sigma, run.step.change / sigma, (run.x - found.x) / sigma
                 factor = lengthening(*steps)
-            found, x = run, np.clip(run.x + factor * run.step.change, *box_bounds(stages.box))
+            found, x = run, np.clip(run.x + factor * run.step.change, *_box_bounds(stages.box))
     assert found is not None
     return found, other
 

@@ -107,12 +107,8 @@ class Stack:
     def whitening(self, objectives: Sequence[Objective], more: FloatArray | None = None) -> Whitening:
         """The weights of the whole vector.
 
-        Parameters
-        ----------
-        objectives
-            Of the shots, with their discrepancies.
-        more
-            Further patterns through the vector, shape [n, k].
+        ``objectives``: of the shots, with their discrepancies. ``more``: further patterns through the vector,
+        shape [n, k].
         """
         sigma = np.concatenate([*(o.own_sigma for o in objectives), self.slow_sigma, np.ones(self.known)])
         rows = [np.zeros((0, len(sigma)))]
@@ -135,12 +131,8 @@ class Stack:
     def weighed_beside(self, residual: FloatArray, patterns: FloatArray) -> list[Objective]:
         """Every shot's weights, with the discrepancies of what some patterns leave of a residual.
 
-        Parameters
-        ----------
-        residual
-            Prediction less data, shape [k].
-        patterns
-            Changes that are free in size, shape [n, k].
+        ``residual``: prediction less data, shape [k]. ``patterns``: changes that are free in size, shape [n,
+        k].
         """
         whitening = self.weighting(residual)
         u, r = whitening.apply(patterns), whitening.apply(residual)
@@ -182,12 +174,7 @@ def information(rows: FloatArray, widths: FloatArray) -> FloatArray:
     Where a branch has no strength its time moves nothing. The variance of a range of the width w that is
     evenly likely is w^2 / 12.
 
-    Parameters
-    ----------
-    rows
-        Whitened slopes, shape [d, k].
-    widths
-        Of the unknowns' ranges, shape [d].
+    ``rows``: whitened slopes, shape [d, k]. ``widths``: of the unknowns' ranges, shape [d].
     """
     blind = np.linalg.norm(rows, axis=1) * widths < BLIND
     return np.asarray(rows @ rows.T + np.diag(np.where(blind, 12.0 / widths**2, 0.0)))
@@ -196,14 +183,8 @@ def information(rows: FloatArray, widths: FloatArray) -> FloatArray:
 def bounded_step(rows: FloatArray, residual: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
     """The step to the least-squares optimum of a linear model inside bounds, shape [d].
 
-    Parameters
-    ----------
-    rows
-        Whitened slopes, shape [d, k].
-    residual
-        Prediction less data, whitened, shape [k].
-    lower, upper
-        Bounds of the step, around 0, shape [d].
+    ``rows``: whitened slopes, shape [d, k]. ``residual``: prediction less data, whitened, shape [k].
+    ``lower``, ``upper``: bounds of the step, around 0, shape [d].
     """
     width = upper - lower  # unknowns of different units
     bounds = np.minimum(lower / width, -1e-15), np.maximum(upper / width, 1e-15)
@@ -259,16 +240,8 @@ WIDEST = 0.05
 class JointProblem:
     """Shots and slow tests as functions of the shared unknowns.
 
-    Parameters
-    ----------
-    runs
-        The shots' simulations.
-    settings
-        Noise, nodes, meshes.
-    slow
-        Slow tests.
-    prior
-        Of the parameters among the unknowns; None if nothing is known.
+    ``runs``: the shots' simulations. ``settings``: noise, nodes, meshes. ``slow``: slow tests. ``prior``: of
+    the parameters among the unknowns; None if nothing is known.
     """
 
     def __init__(self, runs: JointRuns, settings: JointSettings, slow: Slow, prior: Prior | None) -> None:
@@ -337,10 +310,7 @@ class JointProblem:
     def count(self, x: FloatArray, numerics: Numerics) -> None:
         """Count, of every outline, the points that the run at a point reaches.
 
-        Raises
-        ------
-        ValueError
-            If a shot's run does not complete.
+        Raises ValueError if a shot's run does not complete.
         """
         vectors = self.runs.vectors("design", x[None], numerics)
         shots = []
@@ -377,10 +347,7 @@ class JointProblem:
     def slopes(self, x: FloatArray, sigma: FloatArray, numerics: Numerics) -> tuple[FloatArray, FloatArray]:
         """The vector at a point, [k], and its derivatives by the unknowns, [k, d].
 
-        Raises
-        ------
-        ValueError
-            If a run beside the point does not complete.
+        Raises ValueError if a run beside the point does not complete.
         """
         lower, upper = np.array(self.unknowns.box.lower), np.array(self.unknowns.box.upper)
         h = np.diag(np.clip(NEIGHBOUR * sigma, 1e-4 * (upper - lower), WIDEST * (upper - lower)))

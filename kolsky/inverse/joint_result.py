@@ -204,10 +204,7 @@ def is_strength(name: str) -> bool:
 def as_not_seen(e: Estimate) -> Estimate:
     """An estimate of what the data do not ask for; other parameters stay as they are.
 
-    Parameters
-    ----------
-    e
-        As estimated.
+    ``e``: as estimated.
     """
     if not PARAMETERS[e.name].relaxes:
         return e
@@ -248,10 +245,7 @@ def needed_strength(estimates: Mapping[str, Estimate]) -> list[str]:
 
     Of a branch whose strength is none of the reasons (its time ends at a bound) nothing is said here.
 
-    Parameters
-    ----------
-    estimates
-        All shared parameters.
+    ``estimates``: all shared parameters.
     """
     said = []
     for name, e in estimates.items():

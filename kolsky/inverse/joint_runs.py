@@ -101,12 +101,7 @@ class Unknowns:
     def relative_stiffness(self, slopes: FloatArray, x: FloatArray) -> FloatArray:
         """Derivative of the data by the logarithm of the whole stiffness, shape [k].
 
-        Parameters
-        ----------
-        slopes
-            By the unknowns, shape [k, d].
-        x
-            Where, shape [d].
+        ``slopes``: by the unknowns, shape [k, d]. ``x``: where, shape [d].
         """
         if self.nodes:
             return np.asarray(slopes[:, self.n_parameters :].sum(axis=1))
@@ -122,12 +117,7 @@ def node_strains(curve: MaterialCurve, nodes: int) -> FloatArray:
 def with_factors(curve: MaterialCurve, logs: FloatArray) -> FloatArray:
     """Stress of the curve times its nodes' factors, whose logarithm is linear in the strain between them.
 
-    Parameters
-    ----------
-    curve
-        The slow curve.
-    logs
-        Logarithms of the factors at `node_strains`, shape [nodes].
+    ``curve``: the slow curve. ``logs``: logarithms of the factors at `node_strains`, shape [nodes].
     """
     place = np.abs(node_strains(curve, len(logs)))
     return np.asarray(curve.stress * np.exp(np.interp(np.abs(curve.stretch - 1.0), place, logs)))
@@ -161,20 +151,10 @@ class JointRuns:
     On a GPU the shots' batches run at the same time, on a CPU one after the other over its lanes. A run that
     the ledger holds is not made again.
 
-    Parameters
-    ----------
-    prepared
-        The shots.
-    unknowns
-        Shared unknowns.
-    held
-        Parameters held at other values than the shots'.
-    ledger
-        File that keeps the runs; None keeps them in memory alone.
-    replicates, seed
-        Draws of each flyer's motion and of each curve that `vectors` may ask for; seed of them.
-    progress
-        Called with stage, runs done, runs in the stage.
+    ``prepared``: the shots. ``unknowns``: shared unknowns. ``held``: parameters held at other values than the
+    shots'. ``ledger``: file that keeps the runs; None keeps them in memory alone. ``replicates``, ``seed``:
+    draws of each flyer's motion and of each curve that `vectors` may ask for; seed of them. ``progress``:
+    called with stage, runs done, runs in the stage.
     """
 
     def __init__(
@@ -206,21 +186,10 @@ class JointRuns:
     ) -> list[FloatArray]:
         """Bins and all outline points of every shot at some points, shape [n, n_bins + Q] each.
 
-        Parameters
-        ----------
-        stage
-            Of the progress.
-        points
-            Unknowns in their own units, shape [n, d].
-        numerics
-            Mesh and arithmetic.
-        motion, material
-            Which flyer path and which curve each point takes, 0 the fitted one; [n].
-
-        Returns
-        -------
-        list
-            NaN at an outline point that a run does not reach, and everywhere in a run that did not complete.
+        ``stage``: of the progress. ``points``: unknowns in their own units, shape [n, d]. ``numerics``: mesh
+        and arithmetic. ``motion``, ``material``: which flyer path and which curve each point takes, 0 the
+        fitted one; [n]. Returns: NaN at an outline point that a run does not reach, and everywhere in a run
+        that did not complete.
         """
         n = len(points)
         motions = np.zeros(n, int) if motion is None else np.asarray(motion)

@@ -82,16 +82,8 @@ def relaxing_points(
 ) -> FloatArray:
     """Points with a branch or a network of some strengths and times beside others, shape [n, d].
 
-    Parameters
-    ----------
-    problem
-        Whose unknowns.
-    x
-        A point without, shape [d].
-    strengths
-        Strengths [-].
-    follow
-        Whether the stiffness factor gives way, so that the specimen is as stiff in the mean.
+    ``problem``: whose unknowns. ``x``: a point without, shape [d]. ``strengths``: strengths [-]. ``follow``:
+    whether the stiffness factor gives way, so that the specimen is as stiff in the mean.
     """
     names = list(problem.unknowns.bounds)
     ratio = "prony_strength_1" if "prony_strength_1" in names else "creep_ratio"
@@ -279,16 +271,9 @@ def secant(
 ) -> FloatArray:
     """The slopes that also explain a change between two runs: Broyden's, the unknowns in sigmas, [k, d].
 
-    Parameters
-    ----------
-    slopes
-        By the unknowns, shape [k, d].
-    before, vector_before
-        A point, shape [d], and the data there, shape [k].
-    sigma
-        Standard deviations of the unknowns, shape [d].
-    x, vector
-        Another point, and the data there.
+    ``slopes``: by the unknowns, shape [k, d]. ``before``, ``vector_before``: a point, shape [d], and the data
+    there, shape [k]. ``sigma``: standard deviations of the unknowns, shape [d]. ``x``, ``vector``: another
+    point, and the data there.
     """
     step = (x - before) / sigma
     if not step.any():
@@ -302,13 +287,6 @@ def with_refined_patterns(problem: JointProblem, found: Optimum) -> Optimum:
 
     Where a surface slides, whose runs jump, where the search has not come to rest, or where the run on the
     graded mesh is lost, nothing changes; the last is said beside the mesh's part of the interval.
-
-    Parameters
-    ----------
-    problem
-        Shots and slow tests; its weights are the new ones from here on.
-    found
-        The optimum with the weights that the mesh of the search has taught.
     """
     if not (problem.settings.replicates and found.confirmed) or shots_slide(problem):
         return found
@@ -338,17 +316,7 @@ COVERAGE = 2.0
 
 
 def restricted_deviance(residual: FloatArray, slopes: FloatArray, whitening: Whitening) -> float:
-    """-2 ln of the restricted likelihood up to a constant [-].
-
-    Parameters
-    ----------
-    residual
-        Prediction less data, shape [k].
-    slopes
-        By the shared unknowns, shape [k, d].
-    whitening
-        The weights.
-    """
+    """-2 ln of the restricted likelihood up to a constant [-]."""
     r, rows = whitening.apply(residual), whitening.apply(slopes.T)
     normal = rows @ rows.T
     followed = rows @ r
@@ -359,17 +327,7 @@ def restricted_deviance(residual: FloatArray, slopes: FloatArray, whitening: Whi
 def restricted_scatter(
     residual: FloatArray, slopes: FloatArray, patterns: FloatArray, weights: Callable[[FloatArray], Whitening]
 ) -> Scatter:
-    """The scatter and its 95 % interval.
-
-    Parameters
-    ----------
-    residual, slopes
-        As of `restricted_deviance`.
-    patterns
-        Change of the data by a relative change of each shot's own stiffness, shape [n_shots, k].
-    weights
-        Whitening that knows further patterns beside those it has, of shape [n, k].
-    """
+    """The scatter and its 95 % interval."""
 
     def deviance(s: float) -> float:
         return restricted_deviance(residual, slopes, weights(s * patterns))
@@ -405,14 +363,8 @@ def expanded_scatter(sigma: float, between: float, shots: int) -> float:
     Student's t by the degrees of freedom of Welch and Satterthwaite: n - 1 for the scatter's part, infinitely
     many for the rest; as k = 2 stands for 95.45 %, so does t.
 
-    Parameters
-    ----------
-    sigma
-        Whole standard uncertainty.
-    between
-        Its part by the scatter, in the same unit.
-    shots
-        Their number n, >= 2 where `between` > 0.
+    ``sigma``: whole standard uncertainty. ``between``: its part by the scatter, in the same unit. ``shots``:
+    their number n, >= 2 where `between` > 0.
     """
     if between <= 0.0 or sigma <= 0.0:
         return COVERAGE * sigma

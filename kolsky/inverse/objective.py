@@ -54,10 +54,7 @@ def slow_patterns(height: FloatArray, time: FloatArray) -> FloatArray:
     Their squares, summed over the patterns and averaged over the points, are one. Fewer patterns where
     heights or times are too few to tell them apart; none without points.
 
-    Parameters
-    ----------
-    height, time
-        Of the points, in any unit, shape [n].
+    ``height``, ``time``: of the points, in any unit, shape [n].
     """
     found = [a * b for a in _polynomials(height) for b in _polynomials(time)]
     if not found or not len(height):
@@ -81,15 +78,6 @@ def most_likely_amplitude(residual: FloatArray, patterns: FloatArray, other: Whi
 
     With C the covariance of all else, whitened patterns B = V S U' and the residual's coordinates h = U' r in
     the same units, -2 ln L is ``sum ln(1 + s^2 S^2) + h^2 / (1 + s^2 S^2)`` up to a constant.
-
-    Parameters
-    ----------
-    residual
-        Shape [k].
-    patterns
-        Of unit amplitude, shape [q, k].
-    other
-        The covariance of all other errors.
     """
     if not len(patterns):
         return 0.0
@@ -121,15 +109,6 @@ def residual_without_common(
 
     D (D + M' M)^-1 r with the variances D of what is independent and the common rows M, by Woodbury's
     identity: the matrix that is inverted has the size of those.
-
-    Parameters
-    ----------
-    residual
-        Shape [k].
-    common
-        A standard deviation a row, shape [n, k].
-    own_sigma
-        Standard deviations of what is independent, shape [k].
     """
     weight: FloatArray = own_sigma**-2
     inner = np.eye(len(common)) + _product(common * weight, common.T)
@@ -151,21 +130,7 @@ about a tenth of the error."""
 def most_likely_discrepancies(
     residual: FloatArray, n_force: int, *, known: FloatArray, common: FloatArray, slow: FloatArray
 ) -> tuple[float, float, float]:
-    """Discrepancy of the force [N] and the outline [m], and root mean square of the slow error [m].
-
-    Parameters
-    ----------
-    residual
-        Force [N], then outline [m], shape [k].
-    n_force
-        How many entries are the force's.
-    known
-        Standard deviation of each entry by what is independent and known, shape [k].
-    common
-        Patterns of known errors in common, a standard deviation each, shape [n, k].
-    slow
-        Patterns of the slow error, of unit amplitude, shape [q, k].
-    """
+    """Discrepancy of the force [N] and the outline [m], and root mean square of the slow error [m]."""
     square, weight = residual**2, np.ones(len(residual))
     force = shape = amplitude = 0.0
     own = known
@@ -199,17 +164,6 @@ def correlated_in_blocks(
 
     Of the block lengths in `BLOCKS`, and of independent residuals, the one with the largest variances counts.
     Lengths that leave four blocks a parameter or fewer say nothing.
-
-    Parameters
-    ----------
-    score
-        Move of the optimum by each entry's residual, shape [d, k].
-    block
-        Force bin in which each entry lies, from 0, shape [k].
-    independent
-        The covariance from independent residuals, `known` included, shape [d, d].
-    known
-        What is added to every sandwich, shape [d, d].
     """
     best, d = independent, len(score)
     for length in BLOCKS:
@@ -228,10 +182,7 @@ def correlated_in_blocks(
 class Prior:
     """Independent Gaussian priors of the free parameters, in their order and units.
 
-    Raises
-    ------
-    ValueError
-        If the shapes differ, a mean is not finite or a standard deviation is not > 0.
+    Raises ValueError if the shapes differ, a mean is not finite or a standard deviation is not > 0.
     """
 
     mean: FloatArray
@@ -251,12 +202,8 @@ class Prior:
     def of(cls, names: Sequence[str], declared: Mapping[str, tuple[float, float]]) -> Prior | None:
         """From declared values with their standard uncertainties; None if no parameter has one.
 
-        Parameters
-        ----------
-        names
-            Free parameters, in their order.
-        declared
-            Value and standard uncertainty by name; names that are not free are left alone.
+        ``names``: free parameters, in their order. ``declared``: value and standard uncertainty by name;
+        names that are not free are left alone.
         """
         known = [declared.get(name, (0.0, np.inf)) for name in names]
         if not any(np.isfinite(sigma) for _, sigma in known):

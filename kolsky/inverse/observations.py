@@ -67,23 +67,7 @@ def radius_at(
 
 
 def free_part(surface_y: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First and last node of the free surface: the run of increasing y around its widest interval.
-
-    Parameters
-    ----------
-    surface_y : ndarray
-        Heights of the surface's nodes [m], shape [n_frames, n_nodes].
-
-    Returns
-    -------
-    first, last : ndarray
-        Node numbers, shape [n_frames]: the last node on the transmission platen, the first on the flyer's.
-
-    Raises
-    ------
-    ValueError
-        If in some frame no y exceeds its predecessor.
-    """
+    """First and last node of the free surface: the run of increasing y around its widest interval."""
     step = np.diff(surface_y, axis=1)
     interval = np.arange(step.shape[1])
     widest = step.argmax(axis=1)[:, None]
@@ -216,10 +200,7 @@ class Observations:
     def of_forces(self, of: Callable[[ForceBins, str], FloatArray]) -> FloatArray:
         """What a function of bins and "transmission" or "flyer" gives for every force, joined.
 
-        Parameters
-        ----------
-        of
-            The name is that of the force in `explicit.Response`.
+        ``of``: the name is that of the force in `explicit.Response`.
         """
         return np.concatenate(
             [of(*each) for each in zip(self.forces, ("transmission", "flyer"), strict=False)], axis=-1
@@ -255,24 +236,11 @@ def observe(
 ) -> Observations:
     """Keep what lies inside the window, and bin the force.
 
-    Parameters
-    ----------
-    force : ForceHistory
-        The transmitted force.
-    centre_line : CentreLine or None
-        The outline; None if none was measured.
-    window : tuple of float
-        First and last time, both included [s].
-    bin_width : float
-        Width of the force bins [s]; the camera's frame interval by default.
-    incident
-        The incident force, if it is compared.
-
-    Raises
-    ------
-    ValueError
-        If the window holds no outline point or fewer than 2 force samples, the bin width does not fit,
-        or a Z or a sigma inside is not positive.
+    ``force``: the transmitted force. ``centre_line``: the outline; None if none was measured. ``window``:
+    first and last time, both included [s]. ``bin_width``: width of the force bins [s]; the camera's frame
+    interval by default. ``incident``: the incident force, if it is compared. Raises ValueError if the window
+    holds no outline point or fewer than 2 force samples, the bin width does not fit, or a Z or a sigma inside
+    is not positive.
     """
     bins = bin_force(force, window=window, width=bin_width)
     first, last = window

@@ -286,10 +286,7 @@ PARAMETERS: dict[str, Parameter] = {
 def parameter(name: str) -> Parameter:
     """Look a parameter up.
 
-    Raises
-    ------
-    ValueError
-        If there is no such parameter; the message lists those there are.
+    Raises ValueError if there is no such parameter; the message lists those there are.
     """
     if name not in PARAMETERS:
         raise ValueError(f"there is no parameter {name!r}; choose from {', '.join(PARAMETERS)}")
@@ -299,10 +296,7 @@ def parameter(name: str) -> Parameter:
 def checked_value(name: str, value: float) -> float:
     """A value inside the parameter's allowed range.
 
-    Raises
-    ------
-    ValueError
-        If it is outside; the message names value, range and unit.
+    Raises ValueError if it is outside; the message names value, range and unit.
     """
     p = parameter(name)
     low, high = p.allowed
@@ -322,10 +316,7 @@ def any_slides(names: Iterable[str]) -> bool:
 def require_declared(names: Iterable[str], shot: Shot) -> None:
     """Refuse constants of what relaxes that the shot does not have.
 
-    Raises
-    ------
-    ValueError
-        If one is named and the shot's [relaxation] has no such constant.
+    Raises ValueError if one is named and the shot's [relaxation] has no such constant.
     """
     for name in names:
         if parameter(name).belongs_to(shot):
@@ -349,11 +340,8 @@ def has_effect(p: Parameter, laws: Iterable[str]) -> bool:
 def require_effect(names: Iterable[str], faces: str, side: str) -> None:
     """Refuse parameters that would have no effect with the contact laws of end faces and side surface.
 
-    Raises
-    ------
-    ValueError
-        If one is read by neither law, and none that makes the surfaces slide is named with it; or if it is
-        named beside one that does.
+    Raises ValueError if one is read by neither law, and none that makes the surfaces slide is named with it;
+    or if it is named beside one that does.
     """
     given = [parameter(name) for name in names]
     sliding = [p for p in given if p.slides]
@@ -378,10 +366,8 @@ def require_effect(names: Iterable[str], faces: str, side: str) -> None:
 def design_box(bounds: Mapping[str, tuple[float, float] | None]) -> Box:
     """The box of a design: given bounds, or the default ones where a bound is None.
 
-    Raises
-    ------
-    ValueError
-        If a name is unknown, a bound is outside the allowed range or the bounds are not ascending.
+    Raises ValueError if a name is unknown, a bound is outside the allowed range or the bounds are not
+    ascending.
     """
     from doe import Box
 
@@ -442,19 +428,8 @@ def what_relaxes(fields: Fields, relaxation: Relaxation | None) -> tuple[Fields,
 def with_relaxation(shot: Shot, kind: RelaxationKind, branches: int = 1) -> Shot:
     """The shot with what relaxes free, whatever it declares: starting values from its window and curve.
 
-    Parameters
-    ----------
-    shot
-        The shot.
-    kind
-        Prony series or network.
-    branches
-        Of a series, 1 to `kolsky.base.apparatus.MOST_BRANCHES`.
-
-    Raises
-    ------
-    ValueError
-        If there can be no such number of branches.
+    ``shot``: the shot. ``kind``: Prony series or network. ``branches``: of a series, 1 to
+    `kolsky.base.apparatus.MOST_BRANCHES`. Raises ValueError if there can be no such number of branches.
     """
     if kind == "bergstrom_boyce":
         largest = float(np.abs(shot.curve.stress).max())
@@ -480,12 +455,7 @@ def same_bulk(poisson: ArrayLike, stiffer: ArrayLike) -> FloatArray:
     branch that moved it by a percent would be out of step within the shot, which is no effect of a branch
     where Poisson's ratio is free to follow.
 
-    Parameters
-    ----------
-    poisson
-        Poisson's ratio [-].
-    stiffer
-        The instantaneous stiffness over what it was [-].
+    ``poisson``: poisson's ratio [-]. ``stiffer``: the instantaneous stiffness over what it was [-].
     """
     return np.asarray(0.5 - (0.5 - np.asarray(poisson)) * np.asarray(stiffer), dtype=np.float64)
 
@@ -493,10 +463,7 @@ def same_bulk(poisson: ArrayLike, stiffer: ArrayLike) -> FloatArray:
 def reference_words(names: Iterable[str]) -> str:
     """The curve that m refers to, by the names of a result's parameters; empty where nothing relaxes.
 
-    Parameters
-    ----------
-    names
-        Of all parameters of the result, free or held.
+    ``names``: of all parameters of the result, free or held.
     """
     there = {name for name in names if name in PARAMETERS and PARAMETERS[name].relaxes}
     if not there:
@@ -508,10 +475,7 @@ def reference_words(names: Iterable[str]) -> str:
 def parsed_kind(text: str) -> tuple[RelaxationKind, int]:
     """A kind as a command line writes it: "prony", "prony:2", "bergstrom_boyce".
 
-    Raises
-    ------
-    ValueError
-        If it is none of these.
+    Raises ValueError if it is none of these.
     """
     kind, _, number = text.partition(":")
     if kind == "prony" and (number or "1") in ("1", "2", "3"):

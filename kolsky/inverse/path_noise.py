@@ -38,14 +38,8 @@ class PathModes:
     def of(cls, change: FloatArray, noise: FloatArray, deviations: FloatArray) -> PathModes:
         """From what the replicates do to the data.
 
-        Parameters
-        ----------
-        change
-            Data under each replicate less those under the path, shape [n, k].
-        noise
-            Standard deviations of the data, shape [k].
-        deviations
-            As above, shape [n, n_spans].
+        ``change``: data under each replicate less those under the path, shape [n, k]. ``noise``: standard
+        deviations of the data, shape [k]. ``deviations``: as above, shape [n, n_spans].
         """
         root = np.sqrt(len(change))
         left, size, right = np.linalg.svd(change / (noise * root), full_matrices=False)
@@ -55,19 +49,9 @@ class PathModes:
     def as_replicates(self, shares: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """The modes in place of the replicates that they were made of: fewer runs for the same patterns.
 
-        Parameters
-        ----------
-        shares
-            Of the replicates' deviations in a path that the modes reach, shape [n].
-
-        Returns
-        -------
-        deviations
-            Of q replicates whose mean square is that of the modes [m/s^3], shape [q, n_spans].
-        shares
-            Of them in the same path [-], shape [q].
-        size
-            What they are multiplied by to be a standard deviation each [-].
+        ``shares``: of the replicates' deviations in a path that the modes reach, shape [n]. Returns: of q
+        replicates whose mean square is that of the modes [m/s^3], shape [q, n_spans]. Returns: of them in the
+        same path [-], shape [q]. Returns: what they are multiplied by to be a standard deviation each [-].
         """
         q = len(self.shares)
         own = self.amplitudes(shares) / np.sqrt(q)
@@ -78,10 +62,7 @@ class PathModes:
 
         What of it no mode reaches is left out.
 
-        Parameters
-        ----------
-        shares
-            Shape [n].
+        ``shares``: shape [n].
         """
         # Rows of `shares` are orthogonal, of length n^-1/2.
         return np.asarray(len(shares) * (self.shares @ shares))
@@ -138,12 +119,7 @@ def likely_amplitudes(objective: Objective, residual: FloatArray) -> FloatArray:
     a = M C^-1 r with the patterns M, standard normal beforehand, and the covariance C of the residual
     r = data - prediction, theirs included.
 
-    Parameters
-    ----------
-    objective
-        With the patterns, and the discrepancies of the residual.
-    residual
-        Shape [k].
+    ``objective``: with the patterns, and the discrepancies of the residual. ``residual``: shape [k].
     """
     return np.asarray(objective.front_noise @ objective.whitening().precision(residual))
 

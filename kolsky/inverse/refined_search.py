@@ -84,27 +84,16 @@ class RefinedOptimum:
 def confirms(move: FloatArray, sigma: FloatArray, roughness: FloatArray | float = 0.0) -> bool:
     """True if the last run moves every parameter of the optimum by little.
 
-    Parameters
-    ----------
-    move
-        By how much it moves the optimum, shape [d].
-    sigma
-        Standard deviation of the optimum from the residuals, shape [d].
-    roughness
-        Standard deviation of the optimum from the response's roughness, shape [d].
+    ``move``: by how much it moves the optimum, shape [d]. ``sigma``: standard deviation of the optimum from
+    the residuals, shape [d]. ``roughness``: standard deviation of the optimum from the response's roughness,
+    shape [d].
     """
     little = np.fmax(CONFIRMED * sigma, CONFIRMED_ROUGH * np.asarray(roughness))
     return bool((np.abs(move) <= little).all())
 
 
 def run_refined(stages: StagedRuns, points: FloatArray) -> CompletedRuns:
-    """Run points on the refined mesh with all nodes; all of them must complete.
-
-    Raises
-    ------
-    ValueError
-        If one does not.
-    """
+    """Run points on the refined mesh with all nodes; all of them must complete."""
     check = stages.simulate(
         "check", from_points(stages.box, points), refined_numerics(stages), all_nodes=True
     )
@@ -128,10 +117,7 @@ def slides(stages: StagedRuns) -> bool:
 def search_by_single_runs(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOptimum:
     """Stage 3 of `kolsky.identification.identify` for one parameter where a surface lets go and none slides.
 
-    Raises
-    ------
-    ValueError
-        If a run on the refined mesh does not complete.
+    Raises ValueError if a run on the refined mesh does not complete.
     """
     model, optimum = CorrectedSurrogate(coarse.surrogate), coarse.x
     objective = replace(coarse.objective, slowly=True)

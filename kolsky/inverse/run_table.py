@@ -127,16 +127,9 @@ def residuals(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Model minus measurement over sigma, of simulation `i`.
 
-    Returns
-    -------
-    force : ndarray
-        Residual of each force bin [-], shape [n_bins].
-    shape : ndarray
-        Residual of each outline point inside the model's range [-], shape [n_counted].
-    force_time : ndarray
-        Bin centres [s], shape [n_bins].
-    shape_time : ndarray
-        Frame times of the counted points [s], shape [n_counted].
+    Returns: residual of each force bin [-], shape [n_bins]. Returns: residual of each outline point inside
+    the model's range [-], shape [n_counted]. Returns: bin centres [s], shape [n_bins]. Returns: frame times
+    of the counted points [s], shape [n_counted].
     """
     line, counted = observations.centre_line, prediction.inside[i]
     force = (prediction.force_bins[i] - observations.force_mean) / observations.force_sigma
@@ -230,12 +223,8 @@ class RunTable:
     def take(self, other: RunTable, held: Mapping[str, float]) -> None:
         """Append the runs of another table, of some of the parameters, the others held.
 
-        Parameters
-        ----------
-        other
-            Its parameters are among these.
-        held
-            Value of each parameter that the other table has not, by name.
+        ``other``: its parameters are among these. ``held``: value of each parameter that the other table has
+        not, by name.
         """
         for point in other.points:
             values = {**held, **dict(zip(other.names, point.tolist(), strict=True))}

@@ -152,7 +152,7 @@ def _search_one(freed: Freed, stages: StagedRuns) -> Search:
 def _search_several(freed: Freed, stages: StagedRuns) -> Search | dict[str, str]:
     """Several smooth parameters; or, by default, why some of them must be held."""
     box = stages.box
-    held = search_held(stages) if MOVED in box.names else None
+    held = _search_held(stages) if MOVED in box.names else None
     start = _declared_values(stages.prepared.forward.shot, box)
     if held is not None:
         start[box.names.index(MOVED)] = held.coarse.x[0]
@@ -171,7 +171,7 @@ def _search_several(freed: Freed, stages: StagedRuns) -> Search | dict[str, str]
     return Search(freed, stages, found[0], found[1], held)
 
 
-def search_held(stages: StagedRuns) -> HeldSearch:
+def _search_held(stages: StagedRuns) -> HeldSearch:
     """The stiffness factor alone on the surrogate's mesh, the other free parameters at the shot's values."""
     settings, shot, i = stages.settings, stages.prepared.forward.shot, stages.box.names.index(MOVED)
     box = Box.of({MOVED: (stages.box.lower[i], stages.box.upper[i])})
@@ -182,15 +182,7 @@ def search_held(stages: StagedRuns) -> HeldSearch:
 
 
 def not_identifiable(box: Box, x: FloatArray, sigma: FloatArray) -> dict[str, str]:
-    """Why the data do not tell a parameter other than the stiffness factor, by name; empty if they do.
-
-    Parameters
-    ----------
-    box
-        The range of the design.
-    x, sigma
-        The optimum and its standard deviation, shape [d].
-    """
+    """Why the data do not tell a parameter other than the stiffness factor, by name; empty if they do."""
     found, edge = {}, on_edge(x, box)
     for i, name in enumerate(box.names):
         if name == MOVED:

@@ -179,10 +179,7 @@ def read_slow_tests(path: Path) -> Slow:
 def read_slow_list(source: Path | TomlFile) -> SlowList:
     """Read a list of slow tests and their files, its law, and how its sweeps were brought together.
 
-    Raises
-    ------
-    InputError
-        As of `read_slow_tests`; a sweep whose shifts are not determined is none of the tests.
+    Raises InputError as of `read_slow_tests`; a sweep whose shifts are not determined is none of the tests.
     """
     toml = source if isinstance(source, TomlFile) else parse_toml(source)
     declared = toml.validated(SlowFile)
@@ -275,21 +272,10 @@ def slow_predicted(
 ) -> FloatArray:
     """The same values for a material, shape [n].
 
-    Parameters
-    ----------
-    slow
-        The tests.
-    law
-        The long-term law at factor 1.
-    relaxation
-        What relaxes as it is declared; None if nothing does.
-    values
-        Constants by parameter name; the declared ones where a name is missing, and factor 1.
-
-    Raises
-    ------
-    ValueError
-        If a network of Bergstrom and Boyce is to be held against an oscillation.
+    ``slow``: the tests. ``law``: the long-term law at factor 1. ``relaxation``: what relaxes as it is
+    declared; None if nothing does. ``values``: constants by parameter name; the declared ones where a name is
+    missing, and factor 1. Raises ValueError if a network of Bergstrom and Boyce is to be held against an
+    oscillation.
     """
     if not slow:
         return np.zeros(0)

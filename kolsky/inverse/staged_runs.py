@@ -61,12 +61,8 @@ class StagedRuns:
     def offset(self, mesh: tuple[int, int], offset: FloatArray) -> None:
         """Run a mesh at shifted points from now on; its earlier runs count for the points they stand for.
 
-        Parameters
-        ----------
-        mesh
-            Elements across the radius and along the length.
-        offset
-            What is added to a point, in parameter units, shape [d].
+        ``mesh``: elements across the radius and along the length. ``offset``: what is added to a point, in
+        parameter units, shape [d].
         """
         change = offset - self.offsets.get(mesh, np.zeros(self.box.dimension))
         self.offsets[mesh] = offset
@@ -128,10 +124,7 @@ class StagedRuns:
     ) -> CompletedRuns:
         """Run a design.
 
-        Raises
-        ------
-        ValueError
-            If no run of it completed.
+        Raises ValueError if no run of it completed.
         """
         response, rows, prediction = self.run(stage, design.points, numerics, all_nodes=all_nodes)
         if prediction is None:
@@ -213,10 +206,7 @@ class StagedRuns:
         One more run has the motion larger by the standard uncertainty of its scale, if that is known. What
         the runs depend on is as it is now.
 
-        Returns
-        -------
-        callable
-            Gives the replicates; raises ValueError if the reference among them did not complete.
+        Returns: gives the replicates; raises ValueError if the reference among them did not complete.
         """
         n = self.settings.replicates
         moved = 2 * n if lesson else n
@@ -258,15 +248,9 @@ class StagedRuns:
 
         None for a point whose run under the path itself did not complete.
 
-        Parameters
-        ----------
-        points
-            In parameter units, shape [p, d].
-        deviations
-            Jerks of the other paths less that of the path [m/s^3], shape [n, n_spans], see
-            `front_deviations`.
-        numerics, shifted
-            Of the runs, and whether the mesh is run at the points at which it resembles the refined one.
+        ``points``: in parameter units, shape [p, d]. ``deviations``: jerks of the other paths less that of
+        the path [m/s^3], shape [n, n_spans], see `front_deviations`. ``numerics``, ``shifted``: of the runs,
+        and whether the mesh is run at the points at which it resembles the refined one.
         """
         path, n = self.prepared.path, len(deviations)
         others = [replace(path, jerk=path.jerk + change) for change in deviations]

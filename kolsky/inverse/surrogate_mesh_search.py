@@ -82,22 +82,13 @@ class MeshOptimum:
 def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int], MeshOptimum]:
     """Optima on the mesh of the replicates and on the surrogate's, the second from the first.
 
-    Parameters
-    ----------
-    stages
-        The identification's simulations; all runs join their table.
-    start
-        A first guess in parameter units, shape [d].
-
-    Raises
-    ------
-    ValueError
-        If no run of the scan completes, or no search can start.
+    ``stages``: the identification's simulations; all runs join their table. ``start``: a first guess in
+    parameter units, shape [d]. Raises ValueError if no run of the scan completes, or no search can start.
     """
     surrogate = stages.settings.numerics
     first = surrogate.with_mesh(min(surrogate.mesh, stages.settings.replicate_mesh))
     points, objective = starts(stages, start, first)
-    ends = least_squares_on(stages, objective, first, points, FIRST_STEPS)
+    ends = _least_squares_on(stages, objective, first, points, FIRST_STEPS)
     begin = ends[0].x
     if VALLEY in stages.box.names:
         summit = likeliest_summit(stages, np.array([end.x for end in ends]), first, objective.counted)
@@ -106,22 +97,18 @@ def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int]
             # Without them least squares would go back to the floor.
             stages.know_front_noise(summit.patterns)
             objective = replace(objective, observations=stages.observations)
-    (best,) = least_squares_on(stages, objective, first, begin[None], MOST_STEPS)
+    (best,) = _least_squares_on(stages, objective, first, begin[None], MOST_STEPS)
     if surrogate.mesh == first.mesh:
         return follow_meshes(stages, objective, best, np.zeros(stages.box.dimension))
-    (fine,) = least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
+    (fine,) = _least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
     return follow_meshes(stages, objective, fine, best.x - fine.x)
 
 
 def search_meshes_for_one(stages: StagedRuns, coarse: CoarseOptimum) -> dict[tuple[int, int], MeshOptimum]:
     """Optima of one parameter on both coarse meshes, from that of a surrogate.
 
-    Parameters
-    ----------
-    stages
-        The identification's simulations; all runs join their table.
-    coarse
-        The optimum on the surrogate's mesh under the path as it was fitted to the record.
+    ``stages``: the identification's simulations; all runs join their table. ``coarse``: the optimum on the
+    surrogate's mesh under the path as it was fitted to the record.
     """
     model, box = CorrectedSurrogate(coarse.surrogate).predict, coarse.box
     vector, slope = model(coarse.x)[0], jacobian(model, box, coarse.x)
@@ -134,17 +121,7 @@ def search_meshes_for_one(stages: StagedRuns, coarse: CoarseOptimum) -> dict[tup
 def follow_meshes(
     stages: StagedRuns, objective: Objective, fine: MeshOptimum, shift: FloatArray
 ) -> dict[tuple[int, int], MeshOptimum]:
-    """Optima on both coarse meshes with the front face's path where the data put it, and its replicates.
-
-    Parameters
-    ----------
-    stages, objective
-        As of `follow_front`.
-    fine
-        The optimum on the surrogate's mesh.
-    shift
-        The optimum on the mesh of the replicates less that, as far as it is known, shape [d].
-    """
+    """Optima on both coarse meshes with the front face's path where the data put it, and its replicates."""
     surrogate = stages.settings.numerics
     first = surrogate.with_mesh(min(surrogate.mesh, stages.settings.replicate_mesh))
     if stages.settings.replicates:
@@ -154,7 +131,7 @@ def follow_meshes(
     found = {surrogate.mesh: fine}
     if first.mesh != surrogate.mesh:
         near = np.clip(fine.x + shift, stages.box.lower, stages.box.upper)
-        (found[first.mesh],) = least_squares_on(stages, objective, first, near[None], MOST_STEPS)
+        (found[first.mesh],) = _least_squares_on(stages, objective, first, near[None], MOST_STEPS)
     if stages.settings.replicates:
         stages.replicate(found[first.mesh].x, lesson=False)
     return found
@@ -167,15 +144,6 @@ def follow_front(
 
     The patterns ring at the frequency of the point at which they are made: they are made anew until the
     optimum stays. Where they have little to explain the path stays, and they explain it.
-
-    Parameters
-    ----------
-    stages
-        The identification's simulations; from here on they run under the path that is found.
-    objective
-        Which outline points count, and the prior.
-    numerics, best
-        The mesh, and its optimum under the path as it was fitted to the record.
     """
     n = min(MOTIONS, stages.settings.replicates)
     fitted, noise = stages.prepared.path, noise_of(stages.observations)
@@ -206,7 +174,7 @@ def follow_front(
             shares = amplitudes @ modes.shares
             stages.follow(MovedFront(fitted, modes, amplitudes))
         before, weighed = best, replace(objective, observations=stages.observations)
-        (best,) = least_squares_on(stages, weighed, numerics, best.x[None], MOST_STEPS)
+        (best,) = _least_squares_on(stages, weighed, numerics, best.x[None], MOST_STEPS)
         if (np.abs(best.x - before.x) <= STILL * best.sigma).all():
             break
         if size_of_run == 1.0:
@@ -253,7 +221,7 @@ def starts(stages: StagedRuns, start: FloatArray, numerics: Numerics) -> tuple[F
     return done.points[order], Objective(stages.observations, inside, prior=stages.prior)
 
 
-def least_squares_on(
+def _least_squares_on(
     stages: StagedRuns,
     objective: Objective,
     numerics: Numerics,

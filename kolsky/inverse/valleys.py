@@ -63,14 +63,9 @@ def oscillations(
 ) -> FloatArray:
     """Number of passages of a pressure wave there and back, T c / (2 L) [-], shape of `poisson`.
 
-    Parameters
-    ----------
-    poisson
-        Poisson's ratio [-], < 1/2.
-    modulus
-        Young's modulus of the incompressible material [Pa]: G is a third of it.
-    density, length, window
-        Of the specimen [kg/m^3], [m]; duration of the test [s].
+    ``poisson``: poisson's ratio [-], < 1/2. ``modulus``: young's modulus of the incompressible material [Pa]:
+    G is a third of it. ``density``, ``length``, ``window``: of the specimen [kg/m^3], [m]; duration of the
+    test [s].
     """
     shear = modulus / 3.0
     bulk = shear * 2.0 * (1.0 + poisson) / (3.0 * (1.0 - 2.0 * poisson))
@@ -80,14 +75,8 @@ def oscillations(
 def valley_levels(stages: StagedRuns, factor: float, bounds: tuple[float, float]) -> FloatArray:
     """Values of Poisson's ratio between two bounds, both among them, a share of an oscillation apart.
 
-    Parameters
-    ----------
-    stages
-        The simulations: the shot's curve, density, length and window.
-    factor
-        Stiffness factor [-].
-    bounds
-        Of Poisson's ratio.
+    ``stages``: the simulations: the shot's curve, density, length and window. ``factor``: stiffness factor
+    [-]. ``bounds``: of Poisson's ratio.
     """
     return equal_steps(*oscillation_table(stages, factor, bounds))
 
@@ -97,10 +86,7 @@ def oscillation_table(
 ) -> tuple[FloatArray, FloatArray]:
     """Poisson's ratio between two bounds [-] and its number of oscillations [-], both rising, shape [n].
 
-    Parameters
-    ----------
-    stages, factor, bounds
-        As of `valley_levels`.
+    ``stages``, ``factor``, ``bounds``: as of `valley_levels`.
     """
     shot, edges = stages.prepared.forward.shot, stages.observations.bins.edges
     table = 0.5 * (1.0 - np.geomspace(1.0 - 2.0 * bounds[0], 1.0 - 2.0 * bounds[1], 2000))
@@ -131,14 +117,8 @@ def local_minima(values: FloatArray) -> list[int]:
 def likely_valleys(objective: Objective, vectors: FloatArray, distance: FloatArray) -> list[int]:
     """Rows of a scan that lie on the floor of a valley and deserve a search, the likeliest first.
 
-    Parameters
-    ----------
-    objective
-        Over the outline points that every run reaches.
-    vectors
-        Predicted data along the scan, shape [n, k].
-    distance
-        Of each run from the declared value, in any unit, shape [n].
+    ``objective``: over the outline points that every run reaches. ``vectors``: predicted data along the scan,
+    shape [n, k]. ``distance``: of each run from the declared value, in any unit, shape [n].
     """
     misfits = {
         "balanced": objective.balanced_deviance(vectors),
@@ -158,17 +138,6 @@ def deviance_with_path_noise(
     """-2 ln of likelihood and prior at points, each with the noise of the flyer's motion there, shape [n].
 
     Up to a constant, a frame's points as one entry; infinite where the run did not complete.
-
-    Parameters
-    ----------
-    stages
-        The identification's simulations.
-    points
-        In parameter units, shape [n, d].
-    runs
-        Of each point under other motions, see `StagedRuns.under_other_motions`.
-    inside
-        Outline points that count, shape [n_points].
     """
     found = np.full(len(points), np.inf)
     # The same outline points for all of them: likelihoods of different data do not compare.
@@ -218,21 +187,7 @@ class Summit:
 def climb_summit(
     stages: StagedRuns, floor: FloatArray, runs: Prediction, numerics: Numerics, inside: BoolArray
 ) -> Summit:
-    """The summit that is reached from a floor, all other parameters as they are there.
-
-    Parameters
-    ----------
-    stages
-        The identification's simulations.
-    floor
-        Where to begin, in parameter units, shape [d].
-    runs
-        What `MOTIONS` other motions of the flyer do there, the fitted one's first.
-    numerics
-        Of the runs.
-    inside
-        Outline points that count, shape [n_points].
-    """
+    """The summit that is reached from a floor, all other parameters as they are there."""
     box = stages.box
     i = box.names.index(VALLEY)
     factor = float(floor[box.names.index(MOVED)]) if MOVED in box.names else 1.0
@@ -263,17 +218,8 @@ def climb_summit(
 def likeliest_summit(stages: StagedRuns, floors: FloatArray, numerics: Numerics, inside: BoolArray) -> Summit:
     """The summit from the likeliest of some valleys' floors, and what the next is short of it.
 
-    Parameters
-    ----------
-    stages, numerics, inside
-        As of `climb`.
-    floors
-        In parameter units, shape [n, d].
-
-    Raises
-    ------
-    ValueError
-        If the run at no floor completes.
+    ``stages``, ``numerics``, ``inside``: as of `climb`. ``floors``: in parameter units, shape [n, d]. Raises
+    ValueError if the run at no floor completes.
     """
     runs = stages.under_other_motions(floors, stages.front_deviations(MOTIONS), numerics)
     first = int(np.argmin(deviance_with_path_noise(stages, floors, runs, inside)))
@@ -283,25 +229,21 @@ def likeliest_summit(stages: StagedRuns, floors: FloatArray, numerics: Numerics,
     summit = climb_summit(stages, floors[first], found, numerics, inside)
     at = np.vstack([summit.x, floors])
     values = deviance_with_path_noise(stages, at, [summit.runs, *runs], inside)
-    apart = np.abs(oscillations_at(stages, at) - oscillations_at(stages, summit.x[None]))
+    apart = np.abs(_oscillations_at(stages, at) - _oscillations_at(stages, summit.x[None]))
     return replace(summit, margin=margin(values, apart))
 
 
 def margin(values: FloatArray, apart: FloatArray) -> float:
     """By how much the likeliest of other valleys is short of a summit [-].
 
-    Parameters
-    ----------
-    values
-        -2 ln of likelihood and prior, the summit's first, shape [n].
-    apart
-        Oscillations from the summit [-], shape [n]; within `OTHER` of it a floor is on its slope.
+    ``values``: -2 ln of likelihood and prior, the summit's first, shape [n]. ``apart``: oscillations from the
+    summit [-], shape [n]; within `OTHER` of it a floor is on its slope.
     """
     others = values[apart > OTHER_VALLEY]
     return float(np.min(others, initial=np.inf) - values[0])
 
 
-def oscillations_at(stages: StagedRuns, points: FloatArray) -> FloatArray:
+def _oscillations_at(stages: StagedRuns, points: FloatArray) -> FloatArray:
     """Oscillations over the whole test at points of shape [n, d], shape [n]; all with the first one's
     stiffness."""
     box = stages.box
@@ -312,15 +254,7 @@ def oscillations_at(stages: StagedRuns, points: FloatArray) -> FloatArray:
 
 
 def strides_beside(best: int, known: set[int]) -> list[int]:
-    """Places to run next: `AHEAD` of them on each side of the best one where nothing is known next to it.
-
-    Parameters
-    ----------
-    best
-        The likeliest place so far.
-    known
-        Places that have been run.
-    """
+    """Places to run next: `AHEAD` of them on each side of the best one where nothing is known next to it."""
     found = []
     for side in (-1, 1):
         if best + side not in known:

@@ -87,10 +87,7 @@ def leaves_a_core(device: str, threads: int | None) -> bool:
 def in_thread(work: Callable[[], Result], *, idle: bool = True) -> Iterator[PendingResult[Result]]:
     """Do work in a thread beside the block, if a core is idle in it; else when its result is asked for.
 
-    Yields
-    ------
-    Later
-        Gives the result, or raises what the work raised.
+    Yields: gives the result, or raises what the work raised.
     """
     if not idle:
         yield PendingResult(work)

@@ -102,10 +102,7 @@ def loading_ramps(test: UniaxialTest) -> list[slice]:
     A turn counts when the strain has gone back by `REVERSAL` of the test's range, so noise makes none. The
     first ramp is the first pull; the last of several belongs to the conditioned material (Mullins).
 
-    Raises
-    ------
-    ValueError
-        If the strain never rises.
+    Raises ValueError if the strain never rises.
     """
     strain = test.strain
     least = REVERSAL * float(np.ptp(strain))
@@ -177,18 +174,9 @@ class ZeroedTest:
 def correct_toe(test: UniaxialTest, toe: Toe) -> ZeroedTest:
     """Find the zero of the strain and leave out the toe.
 
-    Parameters
-    ----------
-    test
-        One loading ramp.
-    toe
-        What is declared of it.
-
-    Raises
-    ------
-    ValueError
-        If the range has fewer than `FEWEST` samples, the stress does not rise over it, or the continued curve
-        meets zero stress only inside the range itself.
+    ``test``: one loading ramp. ``toe``: what is declared of it. Raises ValueError if the range has fewer than
+    `FEWEST` samples, the stress does not rise over it, or the continued curve meets zero stress only inside
+    the range itself.
     """
     if toe.kind == "none":
         return ZeroedTest(test.part(test.strain > 0.0), 0.0, 0.0)
@@ -264,17 +252,8 @@ def divide_ramp_and_hold(test: UniaxialTest, ramp: slice) -> tuple[slice, Hold |
     With noise the largest strain of a record lies somewhere in the hold, and the ramp up to it has stresses
     that have relaxed.
 
-    Parameters
-    ----------
-    test
-        The whole record.
-    ramp
-        One of its loading ramps.
-
-    Returns
-    -------
-    tuple of slice and Hold or None
-        The ramp to its first strain near the end if it is held there, else as it was.
+    ``test``: the whole record. ``ramp``: one of its loading ramps. Returns: the ramp to its first strain near
+    the end if it is held there, else as it was.
     """
     strain = test.strain
     begin, stop = int(ramp.start), int(ramp.stop)
@@ -371,13 +350,7 @@ class CurveBand:
 
 
 def student_factor(freedom: int) -> float:
-    """Widening of a standard uncertainty with few degrees of freedom: t_p(nu) / k at k's p.
-
-    Raises
-    ------
-    ValueError
-        If there is no degree of freedom.
-    """
+    """Widening of a standard uncertainty with few degrees of freedom: t_p(nu) / k at k's p."""
     if freedom < 1:
         raise ValueError(f"a scatter needs at least 1 degree of freedom, got {freedom}")
     return float(student.ppf(norm.cdf(COVERAGE), freedom)) / COVERAGE
@@ -389,17 +362,8 @@ def mean_of_repeats(strain: FloatArray, values: FloatArray) -> CurveBand:
     The covariance of the mean is that of the tests over their number, S / n. Its square root is taken from
     the tests' deviations themselves (singular values), n - 1 modes that reproduce it exactly.
 
-    Parameters
-    ----------
-    strain
-        Common axis [-], shape [n_points].
-    values
-        Every test on it [Pa], shape [n_tests, n_points], at least two tests.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two tests.
+    ``strain``: common axis [-], shape [n_points]. ``values``: every test on it [Pa], shape [n_tests,
+    n_points], at least two tests. Raises ValueError if there are fewer than two tests.
     """
     count = len(values)
     if count < 2:
@@ -418,12 +382,8 @@ def resample(strain: FloatArray, value: FloatArray, axis: FloatArray) -> tuple[F
     of them the neighbours are joined. The noise is that of second differences over neighbouring samples,
     which a smooth curve hardly has.
 
-    Parameters
-    ----------
-    strain, value
-        Samples in any order [-] and [Pa], shape [n], at least three.
-    axis
-        Ascending places inside their range, shape [m], at least two.
+    ``strain``, ``value``: samples in any order [-] and [Pa], shape [n], at least three. ``axis``: ascending
+    places inside their range, shape [m], at least two.
     """
     order = np.argsort(strain, kind="stable")
     x, y = strain[order], value[order]
@@ -478,19 +438,9 @@ def apparent_modulus(
 ) -> ApparentModulus:
     """E_a of a curve, Eq. (M.9).
 
-    Parameters
-    ----------
-    band
-        Nominal stress over nominal strain, both positive along the branch, no point at rest.
-    compression
-        True if the branch is compression.
-    time
-        Time of each point since the strain was zero [s], shape [n].
-
-    Raises
-    ------
-    ValueError
-        If a strain is not > 0, where the quotient has no value.
+    ``band``: nominal stress over nominal strain, both positive along the branch, no point at rest.
+    ``compression``: True if the branch is compression. ``time``: time of each point since the strain was zero
+    [s], shape [n]. Raises ValueError if a strain is not > 0, where the quotient has no value.
     """
     if (band.strain <= 0.0).any():
         raise ValueError(f"E_a needs strains > 0, got {band.strain.min():.6g}: leave out the point at rest")

@@ -23,10 +23,7 @@ from kolsky.schema.shot_file import TomlFile, parse_toml, shot_toml
 def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
     """The target that a file describes, as camera 0 and as camera 1 is to look for it.
 
-    Raises
-    ------
-    InputError
-        If its kind is unknown, a dimension is missing, has no effect or is impossible.
+    Raises InputError if its kind is unknown, a dimension is missing, has no effect or is impossible.
     """
     from dic.calibration import TARGETS
 
@@ -78,20 +75,10 @@ def calibration_of(
 ) -> "Calibration":
     """The calibration from the pictures that a file names.
 
-    Parameters
-    ----------
-    toml, section
-        The file and its table.
-    progress
-        Told of the pictures done.
-    predict
-        As of `dic.calibration.calibrate`: False if the cameras alone are wanted.
-
-    Raises
-    ------
-    InputError
-        If the pictures cannot be read or do not go together, the target is impossible, or what is seen of it
-        does not determine the cameras.
+    ``toml``, ``section``: the file and its table. ``progress``: told of the pictures done. ``predict``: as of
+    `dic.calibration.calibrate`: False if the cameras alone are wanted. Raises InputError if the pictures
+    cannot be read or do not go together, the target is impossible, or what is seen of it does not determine
+    the cameras.
     """
     with calibration_in_background(toml, section, predict=predict) as solved:
         return solved(progress)
@@ -103,10 +90,7 @@ def calibration_in_background(
 ) -> "Iterator[Callable[[Progress], Calibration]]":
     """Begin to look for the target, as `calibrated_beside`, for pictures of the whole sensors.
 
-    Yields
-    ------
-    callable
-        Gives what `calibration_of` gives, and raises what that raises.
+    Yields: gives what `calibration_of` gives, and raises what that raises.
     """
     from dic.calibration import detection_begun
 
@@ -240,16 +224,9 @@ class CalibrationFile(Section):
 def read_calibration_toml(source: Path) -> tuple[TomlFile, CalibrationSection]:
     """The description of calibration pictures and their target.
 
-    Parameters
-    ----------
-    source
-        A calibration.toml, a shot.toml, or a folder with one of them.
-
-    Raises
-    ------
-    InputError
-        If there is none, it declares anything unknown, incomplete or impossible, or it names a finished
-        calibration in place of pictures.
+    ``source``: a calibration.toml, a shot.toml, or a folder with one of them. Raises InputError if there is
+    none, it declares anything unknown, incomplete or impossible, or it names a finished calibration in place
+    of pictures.
     """
     path = Path(source)
     if path.is_dir():

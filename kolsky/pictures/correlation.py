@@ -47,24 +47,7 @@ def visible_lengths(
     toward: Literal["up", "down", "left", "right"],
     shapes: tuple[tuple[int, int], tuple[int, int]],
 ) -> tuple[float, float] | None:
-    """Smallest and largest length that the extent of a region can have [m].
-
-    Parameters
-    ----------
-    rig
-        The calibrated cameras.
-    corners
-        Corners (x, y) of the region in camera 0's picture [px], shape [n, 2].
-    toward
-        Direction of the bars' axis in that picture.
-    shapes
-        Rows and columns of both cameras' pictures.
-
-    Returns
-    -------
-    tuple of float, or None
-        None where camera 1's picture holds no part of the ray through the region's middle.
-    """
+    """Smallest and largest length that the extent of a region can have [m]."""
     first, second = rig.cameras
     along = 1 if toward in ("up", "down") else 0
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
@@ -78,17 +61,7 @@ def visible_lengths(
 
 
 def visible_distances(first: Camera, second: Camera, pixel: FloatArray, shape: tuple[int, int]) -> FloatArray:
-    """Distances from camera 0 at which camera 1 sees what lies at a pixel [m], shape [n].
-
-    Parameters
-    ----------
-    first, second
-        The cameras.
-    pixel
-        Of camera 0, (x, y) [px].
-    shape
-        Rows and columns of camera 1's picture.
-    """
+    """Distances from camera 0 at which camera 1 sees what lies at a pixel [m], shape [n]."""
     distances = np.geomspace(NEAREST, FURTHEST, DISTANCES)
     ray = np.append(first.undistort(pixel), 1.0)
     points = (distances[:, None] * ray - first.translation) @ first.rotation
@@ -108,17 +81,8 @@ def length_contradicts(length: float, seen: tuple[float, float] | None) -> bool:
 def check_length(toml: ShotToml, seen: tuple[float, float] | None) -> None:
     """Refuse a declared length that the pictures contradict.
 
-    Parameters
-    ----------
-    toml
-        The shot file.
-    seen
-        As `lengths_seen` gives it for the specimen's region.
-
-    Raises
-    ------
-    InputError
-        If `length_contradicts`.
+    ``toml``: the shot file. ``seen``: as `lengths_seen` gives it for the specimen's region. Raises InputError
+    if `length_contradicts`.
     """
     length = toml.declared.specimen.length
     if seen is not None and length_contradicts(length, seen):
@@ -181,13 +145,7 @@ class Places:
 
 
 def _places_of(pictures: PictureSet) -> Places:
-    """The regions that the shot file declares, and those that it leaves to the pictures.
-
-    Raises
-    ------
-    InputError
-        If one that is not declared is not clear in the pictures.
-    """
+    """The regions that the shot file declares, and those that it leaves to the pictures."""
     section = pictures.toml.declared.dic
     assert section is not None  # shots with pictures have it
     missing = tuple(

@@ -200,21 +200,11 @@ STEREO_RESULT = Record(
 def write_stereo_result(path: Path, result: StereoResult, *, key: str = "") -> None:
     """Write a stereo result to one HDF5 file, atomically.
 
-    Parameters
-    ----------
-    path
-        The file, replaced if it exists; its folder must exist.
-    result
-        The result; its `facts` are stored as JSON.
-    key
-        What the result was made from, e.g. a hash of inputs and settings: `stored_key` reads it alone.
-
-    Raises
-    ------
-    ValueError
-        If shapes of the result disagree with each other, or `facts` hold what JSON cannot say.
-    OSError
-        If the file cannot be written; an older file of the name is then unchanged.
+    ``path``: the file, replaced if it exists; its folder must exist. ``result``: the result; its `facts` are
+    stored as JSON. ``key``: what the result was made from, e.g. a hash of inputs and settings: `stored_key`
+    reads it alone. Raises ValueError if shapes of the result disagree with each other, or `facts` hold what
+    JSON cannot say. Raises OSError if the file cannot be written; an older file of the name is then
+    unchanged.
     """
     with writing(path, STEREO_FORMAT, key=key) as place:
         STEREO_RESULT.write(place, result)
@@ -317,30 +307,14 @@ FULL_FIELD_RESULT = Record(
 def write_full_field(path: Path, result: FullField) -> None:
     """Write a result to one HDF5 file, atomically.
 
-    Parameters
-    ----------
-    path
-        The file, replaced if it exists; its folder must exist.
-    result
-        The result.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older file of the name is then unchanged.
+    ``path``: the file, replaced if it exists; its folder must exist. ``result``: the result. Raises OSError
+    if the file cannot be written; an older file of the name is then unchanged.
     """
     with writing(path, FULL_FIELD_FORMAT) as place:
         FULL_FIELD_RESULT.write(place, result)
 
 
 def read_full_field(path: Path) -> FullField:
-    """Read a result back.
-
-    Raises
-    ------
-    InputError
-        If it is no such file, or something in it is missing, too large, of a wrong type, shape or unit. The
-        message is one line.
-    """
+    """Read a result back."""
     with reading(path, FULL_FIELD_FORMAT, cure="run `kolsky dic` again") as place:
         return FULL_FIELD_RESULT.read(place)

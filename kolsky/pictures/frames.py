@@ -36,24 +36,7 @@ STRAY_NEIGHBOURS = 6
 def stray_frames(
     time: FloatArray, displacement: FloatArray, sigma: FloatArray
 ) -> tuple[BoolArray, FloatArray]:
-    """Find displacements that their neighbours contradict.
-
-    Parameters
-    ----------
-    time
-        Times of the frames, increasing [s], shape [n].
-    displacement
-        Of the flyer [m], shape [n].
-    sigma
-        Standard deviations of the displacements [m], shape [n].
-
-    Returns
-    -------
-    BoolArray
-        Which displacements are stray, shape [n]; none if they are more than `MOST` of the frames.
-    FloatArray
-        How far each is from what the sound ones around it say [m], shape [n].
-    """
+    """Find displacements that their neighbours contradict."""
     stray, off = np.zeros(time.size, dtype=bool), np.zeros(time.size)
     if time.size <= 2 * STRAY_NEIGHBOURS or not (np.diff(time) > 0.0).all():
         return stray, off
@@ -73,23 +56,7 @@ def stray_frames(
 
 
 def _stray_at_rest(displacement: FloatArray, sigma: FloatArray, limit: float) -> BoolArray:
-    """Find displacements of static frames that the later static ones take back: a flyer does not return.
-
-    Parameters
-    ----------
-    displacement
-        Of the flyer in the static frames, in their order [m], shape [n].
-    sigma
-        Standard deviations [m], shape [n].
-    limit
-        A displacement so many of them from the median is off [-].
-
-    Returns
-    -------
-    BoolArray
-        Which displacements are stray, shape [n]; none if one of the last `LAST_AT_REST` is off, or more than
-        `MOST_AT_REST` of all are.
-    """
+    """Find displacements of static frames that the later static ones take back: a flyer does not return."""
     off = np.abs(displacement - np.median(displacement)) > limit * sigma
     if off[-LAST_AT_REST:].any() or off.sum() > MOST_AT_REST * off.size:
         return np.zeros(off.size, dtype=bool)
@@ -120,10 +87,7 @@ MOTION_SIGMAS = 6.0
 def read_frames(toml: ShotToml) -> FrameTimes:
     """[frames]: frame numbers and their times on the clock of the file.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or there are no frames but static ones.
+    Raises InputError if the file cannot be read, or there are no frames but static ones.
     """
     section = toml.declared.frames
     frames = read_frame_times(
@@ -141,10 +105,8 @@ def flyer_motion(
 ) -> tuple[FlyerMotion, str]:
     """[flyer]: the flyer's displacement at the frames, toward the specimen, and the hash of its file.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, its frames and times are not those of [frames], or the flyer rests.
+    Raises InputError if the file cannot be read, its frames and times are not those of [frames], or the flyer
+    rests.
     """
     table = read_flyer(
         folder / section.file,
@@ -297,12 +259,7 @@ def flyer_moves(
 def sound_at_rest(flyer: FlyerMotion, rest: float) -> FlyerMotion:
     """The motion with the stray ones of its static frames as uncertain as they are off, and named.
 
-    Parameters
-    ----------
-    flyer
-        Its motion, from pictures.
-    rest
-        Time of the last static frame on the shot's clock [s].
+    ``flyer``: its motion, from pictures. ``rest``: time of the last static frame on the shot's clock [s].
     """
     static = np.flatnonzero(flyer.time <= rest)
     if static.size == 0:
@@ -326,16 +283,8 @@ def sound_at_rest(flyer: FlyerMotion, rest: float) -> FlyerMotion:
 def body_moves(flyer: FlyerMotion, rest: float, source: Path, toml: ShotToml) -> None:
     """At rest in the static frames, then toward the specimen: a flyer that was followed in pictures.
 
-    Parameters
-    ----------
-    flyer
-        Its motion; frames that were lost have no row.
-    rest
-        Time of the last static frame on the shot's clock [s].
-    source
-        The file that a complaint names.
-    toml
-        The shot file.
+    ``flyer``: its motion; frames that were lost have no row. ``rest``: time of the last static frame on the
+    shot's clock [s]. ``source``: the file that a complaint names. ``toml``: the shot file.
     """
     static = flyer.time <= rest
     if not static.any():

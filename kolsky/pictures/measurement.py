@@ -50,15 +50,8 @@ class Measurement:
 def read_measurement(path: Path) -> Measurement:
     """Read a dic.toml and open its pictures.
 
-    Parameters
-    ----------
-    path
-        The file.
-
-    Raises
-    ------
-    InputError
-        If it declares anything unknown, incomplete or impossible, or a series cannot be opened.
+    ``path``: the file. Raises InputError if it declares anything unknown, incomplete or impossible, or a
+    series cannot be opened.
     """
     toml = parse_toml(path)
     dic = toml.content.get("dic")
@@ -162,7 +155,7 @@ def _measure(
         ],
         "progress": progress,
     }
-    settings = settings_of(measurement, device)
+    settings = _settings_of(measurement, device)
     with single_threaded_libraries(), infrequent_gc():
         if section.kind != "plane":
             rig, words = _rig(measurement, progress)
@@ -191,7 +184,7 @@ def _measure(
             raise toml.error("dic", f"does not fit the pictures: {error}") from error
 
 
-def settings_of(measurement: Measurement, device: str = "cpu") -> FullFieldSettings:
+def _settings_of(measurement: Measurement, device: str = "cpu") -> FullFieldSettings:
     """The settings that a measurement declares."""
     section = measurement.declared.dic
     subset = Correlation(
@@ -211,13 +204,7 @@ def settings_of(measurement: Measurement, device: str = "cpu") -> FullFieldSetti
 
 
 def mask_of(measurement: Measurement) -> NDArray[np.bool_]:
-    """Pixels that are measured: the region and the mask's white, less what is excluded, [rows, columns].
-
-    Raises
-    ------
-    InputError
-        If a region lies beside the picture, the mask cannot be read or has another size, or nothing is left.
-    """
+    """Pixels that are measured: the region and the mask's white, less what is excluded, [rows, columns]."""
     toml, section = measurement.toml, measurement.declared.dic
     shape = measurement.series[0].shape
     mask = np.ones(shape, dtype=bool)

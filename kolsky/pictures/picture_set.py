@@ -47,17 +47,7 @@ class PictureChanges:
 
 
 def picture_changes(series: Sequence[Pictures], time: FloatArray, static: int) -> PictureChanges:
-    """Compare the pictures of both cameras with their first ones.
-
-    Parameters
-    ----------
-    series
-        Pictures of each camera.
-    time
-        Frame times on the shot's clock [s], shape [n_frames].
-    static
-        Number of first frames that are declared static.
-    """
+    """Compare the pictures of both cameras with their first ones."""
     compared = np.unique(np.round(np.linspace(0, time.size - 1, min(time.size, MOST_COMPARED))).astype(int))
     change = np.full((len(series), compared.size), np.nan)
     for camera, pictures in enumerate(series):
@@ -211,10 +201,7 @@ def matching(folder: Path, pattern: str) -> list[Path]:
 def digest(files: list[Path]) -> str:
     """SHA-256 of files: of one file its own, of several that of their names and digests.
 
-    Raises
-    ------
-    InputError
-        If one cannot be read.
+    Raises InputError if one cannot be read.
     """
     digests = []
     for path in files:
@@ -287,12 +274,7 @@ class PicturePair:
 def picture_pair(toml: ShotToml, result: StereoResult) -> PicturePair | str:
     """The latest pair that still shows half of the points, or why there is none.
 
-    Parameters
-    ----------
-    toml
-        The shot's file, with [pictures].
-    result
-        What its pictures gave.
+    ``toml``: the shot's file, with [pictures]. ``result``: what its pictures gave.
     """
     from dic.images import PictureError
 

@@ -71,20 +71,7 @@ class Drawn:
 
 
 def _read_drawn(content: Any, wanted: Sequence[Drawable]) -> dict[str, list[Drawn]]:
-    """What a page sends, as regions; a key without any is left out.
-
-    Parameters
-    ----------
-    content
-        JSON: key -> list of ``{"corners": [[x, y], ...], "frame": k}``.
-    wanted
-        What can be drawn.
-
-    Raises
-    ------
-    ValueError
-        If it is not of this form; the message names the place.
-    """
+    """What a page sends, as regions; a key without any is left out."""
     if not isinstance(content, Mapping):
         raise ValueError("the regions are no mapping of names to lists")
     known = {one.key: one for one in wanted}
@@ -115,19 +102,7 @@ def problems_of(
     shape: tuple[int, int],
     n_frames: int,
 ) -> list[str]:
-    """What is wrong with drawn regions, one sentence each; empty if they can be saved.
-
-    Parameters
-    ----------
-    drawn
-        By key.
-    wanted
-        What can be drawn.
-    shape
-        Rows and columns of the pictures.
-    n_frames
-        Number of pictures.
-    """
+    """What is wrong with drawn regions, one sentence each; empty if they can be saved."""
     said = [] if drawn else ["nothing is drawn"]
     for one in wanted:
         shapes = drawn.get(one.key, ())
@@ -336,24 +311,9 @@ LEAST_SIDE = 1000
 def write_grids(folder: Path, session: Session, frames: tuple[int, ...]) -> list[Path]:
     """Write frames with a grid, and regions.toml with the lines to fill in.
 
-    Parameters
-    ----------
-    folder
-        Where to; made if absent.
-    session
-        The pictures and what can be drawn.
-    frames
-        Frames that are written.
-
-    Returns
-    -------
-    list of Path
-        The pictures, then the TOML file.
-
-    Raises
-    ------
-    InputError
-        If none of the frames can be read, or nothing can be written.
+    ``folder``: where to; made if absent. ``session``: the pictures and what can be drawn. ``frames``: frames
+    that are written. Returns: the pictures, then the TOML file. Raises InputError if none of the frames can
+    be read, or nothing can be written.
     """
     names = []
     with filling(folder) as partial:

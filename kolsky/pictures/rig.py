@@ -51,15 +51,8 @@ def calibrate(pictures: PictureSet, progress: Progress) -> Calibrated:
 def calibrate_in_background(pictures: PictureSet) -> Iterator[Callable[[Progress], Calibrated]]:
     """Begin to look for the target in other processes, if there are some, while this one works.
 
-    Yields
-    ------
-    callable
-        Gives what `calibrated` gives, and raises what that raises.
-
-    Raises
-    ------
-    InputError
-        If the target's pictures cannot be opened or do not go together, or the target is impossible.
+    Yields: gives what `calibrated` gives, and raises what that raises. Raises InputError if the target's
+    pictures cannot be opened or do not go together, or the target is impossible.
     """
     toml, section = pictures.toml, pictures.toml.declared.calibration
     assert section is not None  # shots with pictures have it
@@ -158,26 +151,11 @@ def refine_rig(
     fitted to (`dic.calibration.refine`); without either nothing is looked at. Where too few points are
     matched the cameras stay as they are, and the facts say so.
 
-    Parameters
-    ----------
-    section
-        The table.
-    rig
-        The cameras, for the pictures as cropped.
-    pictures
-        The series of both cameras.
-    frame
-        The frame whose pair is matched.
-    mask
-        Pixels of the body in camera 0's picture, shape [rows, columns].
-    settings
-        Of the match.
-    step
-        Distance of the points [px].
-    noise
-        Standard deviation of a grey value [grey]; None: 1 % of the picture's contrast.
-    device
-        Where pictures are correlated.
+    ``section``: the table. ``rig``: the cameras, for the pictures as cropped. ``pictures``: the series of
+    both cameras. ``frame``: the frame whose pair is matched. ``mask``: pixels of the body in camera 0's
+    picture, shape [rows, columns]. ``settings``: of the match. ``step``: distance of the points [px].
+    ``noise``: standard deviation of a grey value [grey]; None: 1 % of the picture's contrast. ``device``:
+    where pictures are correlated.
     """
     if section.refine is False:
         return rig, {}

@@ -27,31 +27,7 @@ PATTERN_NODES = 4.0
 def error_patterns(
     time: FloatArray, place: FloatArray, *, sigma: float, memory: float, length: float
 ) -> tuple[FloatArray, float]:
-    """Patterns of an error with covariance ``sigma^2 exp(-|dt| / memory) exp(-(dy / length)^2)``.
-
-    Parameters
-    ----------
-    time, place
-        When and where along the line each datum was taken [s], [m], shape [n].
-    sigma
-        Standard deviation of the error, in the data's unit.
-    memory
-        Time after which 1/e of it is left [s].
-    length
-        Distance at which the correlation is 1/e [m].
-
-    Returns
-    -------
-    NDArray
-        Patterns that add up to the covariance, in the data's unit, shape [n_patterns, n].
-    float
-        Standard deviation of what they leave out, mean over the data.
-
-    Raises
-    ------
-    ValueError
-        If there is no datum, or `memory` or `length` is not positive.
-    """
+    """Patterns of an error with covariance ``sigma^2 exp(-|dt| / memory) exp(-(dy / length)^2)``."""
     if not (time.size and memory > 0.0 and length > 0.0):
         raise ValueError(
             f"{time.size} data, memory {memory} s, length {length} m: there must be data, both must be > 0"
@@ -139,15 +115,8 @@ def _subset(result: StereoResult) -> float:
 
 
 def variance_of_mean(places: FloatArray, length: float) -> float:
-    """Variance of the mean over some places of an error of variance 1, `exp(-(r / length)^2)` in common [-].
-
-    Parameters
-    ----------
-    places
-        In the picture [px], shape [n, 2].
-    length
-        Distance at which the correlation is 1/e [px].
-    """
+    """Variance of the mean over some places of an error of variance 1, `exp(-(r / length)^2)` in common
+    [-]."""
     some = places[:: max(-(-len(places) // MOST_POINTS), 1)]
     return float(np.exp(-((cdist(some, some) / length) ** 2)).mean())
 
@@ -193,14 +162,8 @@ def with_departures(line: CentreLine, result: StereoResult, half_width: float) -
     A highlight moves the points of the strip alike, for as long as it lies there, and no epipolar distance
     tells it where the cameras stand along the axis (`dic.surfaces.outline`).
 
-    Parameters
-    ----------
-    line
-        The outline, point by point that of the result.
-    result
-        What its pictures gave.
-    half_width
-        Half width of the strip [m].
+    ``line``: the outline, point by point that of the result. ``result``: what its pictures gave.
+    ``half_width``: half width of the strip [m].
     """
     body = result.specimen
     found = departures(body.surface, body.points, result.centre, half_width=half_width)

@@ -76,15 +76,9 @@ def rim_at_rest(
 ) -> RimAtRest | None:
     """The rim at rest in the pictures of a shot; None where it was not found, or the flyer not seen at rest.
 
-    Parameters
-    ----------
-    result
-        What its pictures gave.
-    length, length_sigma
-        The declared length and its standard uncertainty, with which the result was made [m].
-    unseen
-        Standard uncertainty of the length in the pictures by what they do not tell [m]: the pitch of the
-        calibration target, faces that are not parallel.
+    ``result``: what its pictures gave. ``length``, ``length_sigma``: the declared length and its standard
+    uncertainty, with which the result was made [m]. ``unseen``: standard uncertainty of the length in the
+    pictures by what they do not tell [m]: the pitch of the calibration target, faces that are not parallel.
     """
     axial = result.axial_displacement
     if axial is None or axial.rim_disagreement is None:
@@ -99,17 +93,10 @@ def rim_of(
 ) -> RimAtRest:
     """The rim at rest with the uncertainty of its own place.
 
-    Parameters
-    ----------
-    disagreement
-        By it the pictures' length is larger than the declared one, and its standard deviation, with those of
-        the declared length and of the lower end [m].
-    length_sigma
-        Standard uncertainty of the declared length [m].
-    lower_variance
-        Variance of the lower end's place [m²].
-    more
-        Variance that the disagreement's own does not know of [m²].
+    ``disagreement``: by it the pictures' length is larger than the declared one, and its standard deviation,
+    with those of the declared length and of the lower end [m]. ``length_sigma``: standard uncertainty of the
+    declared length [m]. ``lower_variance``: variance of the lower end's place [m²]. ``more``: variance that
+    the disagreement's own does not know of [m²].
     """
     off, whole = disagreement
     return RimAtRest(off, float(np.sqrt(whole**2 - length_sigma**2 - lower_variance + more)))
@@ -118,13 +105,6 @@ def rim_of(
 def calibration_variance(result: StereoResult, length: float) -> float:
     """Variance of a length along the specimen's side by the calibration's covariance [m²]; 0 where a rig has
     none, as one from the files of another program.
-
-    Parameters
-    ----------
-    result
-        The rig and the test frame.
-    length
-        The length from the lower end up [m].
     """
     from dic.stereo.reconstruction import calibration_slopes  # for shots with pictures only
 
@@ -142,14 +122,8 @@ def conditioned_length(rim: RimAtRest, *, declared: float, sigma: float, y_sigma
     A length that counts as exact stays, and with it the heights; so does one from which the pictures are
     further off than `MOST_APART` standard deviations, as one of both is then wrong and not known which.
 
-    Parameters
-    ----------
-    rim
-        The rim at rest.
-    declared, sigma
-        The declared length and its standard uncertainty [m].
-    y_sigma
-        Standard uncertainty of the outline's heights, that of the lower end [m].
+    ``rim``: the rim at rest. ``declared``, ``sigma``: the declared length and its standard uncertainty [m].
+    ``y_sigma``: standard uncertainty of the outline's heights, that of the lower end [m].
     """
     from dic.bodies.axial_displacement import MOST_APART  # for shots with pictures only
 

@@ -26,7 +26,7 @@ def summary(result: StereoResult) -> dict[str, Any]:
         "points_alive_at_the_end": int(body.n_valid[result.outcome == FrameOutcome.VALID][-1])
         if body.n_valid.any()
         else 0,
-        "points_lost": lost_words(body),
+        "points_lost": _lost_words(body),
         "sigma_match_px": _median(np.fmax(*body.match_sigma)[body.surface.valid]),
         "sigma_x_y_Z_m": [_median(body.surface.sigma[..., k][body.surface.valid]) for k in range(3)],
         "epipolar_rms_px": body.epipolar_rms,
@@ -162,7 +162,7 @@ def bad_frames(result: StereoResult) -> dict[str, str]:
     }
 
 
-def lost_words(body: Body) -> dict[str, int]:
+def _lost_words(body: Body) -> dict[str, int]:
     """Number of points that ended other than VALID, over all frames, by outcome."""
     return {words(outcome): count for outcome, count in body.outcomes().items() if not outcome.ok}
 
@@ -190,16 +190,9 @@ def flyer_problem(
 ) -> tuple[str, str]:
     """What kept the flyer's displacement from being known, and the cure, each after the key of its region.
 
-    Parameters
-    ----------
-    result
-        What the pictures gave, without a displacement of the flyer.
-    length
-        Of the specimen at rest [m].
-    length_sigma
-        Its declared standard uncertainty [m].
-    subset
-        Side of the subsets [px]: where the flyer's region is narrower, one that fits is the first cure.
+    ``result``: what the pictures gave, without a displacement of the flyer. ``length``: of the specimen at
+    rest [m]. ``length_sigma``: its declared standard uncertainty [m]. ``subset``: side of the subsets [px]:
+    where the flyer's region is narrower, one that fits is the first cure.
     """
     seen = np.zeros(0, dtype=np.int64) if result.flyer is None else np.flatnonzero(result.flyer.n_valid)
     if not seen.size:

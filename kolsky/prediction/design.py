@@ -52,10 +52,7 @@ class Varied:
     def of(cls, text: str) -> "Varied":
         """From "striker.speed=4 m/s:7 m/s:5".
 
-        Raises
-        ------
-        ValueError
-            If it cannot be read.
+        Raises ValueError if it cannot be read.
         """
         match = _RANGE.fullmatch(text)
         if match is None:
@@ -115,10 +112,7 @@ class Aim:
 def varied_test(test: PlannedTest, values: Mapping[str, float | str]) -> PlannedTest:
     """The test with other values of some keys, checked as its file was.
 
-    Raises
-    ------
-    InputError
-        If a key leads nowhere, or a value is not allowed.
+    Raises InputError if a key leads nowhere, or a value is not allowed.
     """
     content = deepcopy(test.file.content)
     for key, value in values.items():

@@ -64,7 +64,7 @@ def events_table(found: Prediction) -> dict[str, Any]:
     }
 
 
-def outline_table(found: Prediction) -> dict[str, Any]:
+def _outline_table(found: Prediction) -> dict[str, Any]:
     """The specimen's outline at every recorded time; empty columns without finite elements."""
     response = found.response
     if response is None:
@@ -109,6 +109,6 @@ def write_tables(folder: Path, found: Prediction, scanned: Scan | None = None) -
     write_table(folder / "signals.csv", signals(found))
     write_table(folder / "events.csv", events_table(found))
     if found.response is not None:
-        write_table(folder / "outline.csv", outline_table(found))
+        write_table(folder / "outline.csv", _outline_table(found))
     if scanned is not None:
         write_table(folder / "scan.csv", scan_table(scanned))

@@ -40,21 +40,18 @@ class PlannedTest:
     def apparatus(self) -> Apparatus:
         """Striker, shaper, bars, joint and flyer.
 
-        Raises
-        ------
-        InputError
-            If the shaper's file holds no law.
+        Raises InputError if the shaper's file holds no law.
         """
         test = self.declared
-        striker, incident = section_of(test.striker), section_of(test.incident)
+        striker, incident = _section_of(test.striker), _section_of(test.incident)
         return Apparatus(
             striker=(striker,),
             speed=test.striker.speed,
             shaper=shaper_of(test.shaper, self.folder, striker=striker, incident=incident),
             incident=(incident,),
             joint=Joint(test.joint.strength, test.joint.opening),
-            flyer=tuple(map(section_of, test.flyer.values())),
-            transmission=tuple(map(section_of, test.transmission.values())),
+            flyer=tuple(map(_section_of, test.flyer.values())),
+            transmission=tuple(map(_section_of, test.transmission.values())),
         )
 
     def static_curve(self) -> tuple[FloatArray, FloatArray]:
@@ -143,7 +140,7 @@ class Prediction:
     """Largest change of a force from each pass of bars and specimen to the next [N], shape [n_passes]."""
 
 
-def section_of(part: PartTable) -> Section:
+def _section_of(part: PartTable) -> Section:
     """A part as the bars' model takes it."""
     return Section(part.length, 0.5 * part.diameter, part.youngs_modulus, part.density, part.poisson)
 
@@ -213,7 +210,7 @@ def numbers_of(test: PlannedTest, bars: FlightHistory, events: Events) -> Number
     largest = float(strain[:end].max())
     if isfinite(events.separation):
         apart = round(events.separation / step)
-        ringing = 2.0 * sum(section_of(part).travel_time for part in test.declared.flyer.values())
+        ringing = 2.0 * sum(_section_of(part).travel_time for part in test.declared.flyer.values())
         after = min(apart + max(round(ringing / step), 1), len(times) - 1)
         speed = float((bars.compression[after] - bars.compression[apart]) / (times[after] - times[apart]))
         reached = np.flatnonzero(strain[apart:end] >= RATE_TO * largest)

@@ -31,12 +31,7 @@ LOADED = (0.01, 0.03)
 def disc(diameter: float, height: float, shear_modulus: float) -> PulseShaper:
     """A neo-Hookean disc that slides on the steel: F = mu A (lam^-2 - lam) to a stretch of 0.2.
 
-    Parameters
-    ----------
-    diameter, height
-        Before the test [m].
-    shear_modulus
-        At the rate of the test [Pa].
+    ``diameter``, ``height``: before the test [m]. ``shear_modulus``: at the rate of the test [Pa].
     """
     stretch = np.linspace(1.0, 0.2, 161)
     force = shear_modulus * np.pi * (0.5 * diameter) ** 2 * (stretch**-2 - stretch)
@@ -54,16 +49,9 @@ def closing(
 ) -> FloatArray:
     """Compression of the shaper under a pulse [m], Eq. (PS.1), shape [n].
 
-    Parameters
-    ----------
-    time
-        Ascending, from the striker's touch [s], shape [n].
-    force
-        Compressive force on the bar's face [N], shape [n]; nothing before the first time.
-    striker, incident
-        The bars of that test.
-    speed
-        The striker's before it touched [m/s].
+    ``time``: ascending, from the striker's touch [s], shape [n]. ``force``: compressive force on the bar's
+    face [N], shape [n]; nothing before the first time. ``striker``, ``incident``: the bars of that test.
+    ``speed``: the striker's before it touched [m/s].
     """
     round_trip = 2.0 * striker.travel_time
     returned = np.zeros(len(time))
@@ -87,11 +75,6 @@ def from_pulse(
     The loading curve ends at the largest force. Where noise makes force or compression fall on the way, the
     curve keeps the larger value. Unloading is the mean slope from there to half the force, if the shaper
     springs back that far within the pulse, else the steepest of loading.
-
-    Raises
-    ------
-    ValueError
-        If the pulse does not load the shaper: no force, or no compression while it rises.
     """
     compression = closing(time, force, striker=striker, incident=incident, speed=speed)
     top = int(np.argmax(force))
@@ -114,16 +97,11 @@ def from_pulse(
     return found if springs is None else loading(grid[keep], law[keep], max(springs, found.unloading))
 
 
-def from_touch(time: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _from_touch(time: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
     """A recorded pulse from the striker's touch on: times [s] from 0 and forces [N], the first of them 0.
 
     The touch itself drowns in noise. A shaper's force rises in a straight line at first, as the faces close
     at one speed: the line through its first passages of two small forces, `LOADED`, leads back to it.
-
-    Raises
-    ------
-    ValueError
-        If the force never rises.
     """
     top = float(force.max(initial=0.0))
     passages = [np.flatnonzero(force >= share * top) for share in LOADED]
@@ -149,19 +127,8 @@ def _unloading(compression: FloatArray, force: FloatArray) -> float | None:
 def shaper_of(table: ShaperTable, folder: Path, *, striker: Section, incident: Section) -> PulseShaper | None:
     """The pulse shaper that a test declares; None for face on face.
 
-    Parameters
-    ----------
-    table
-        [shaper].
-    folder
-        Where the test's file lies.
-    striker, incident
-        The bars, which a pulse is read with.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read or holds no law.
+    ``table``: [shaper]. ``folder``: where the test's file lies. ``striker``, ``incident``: the bars, which a
+    pulse is read with. Raises InputError if a file cannot be read or holds no law.
     """
     if table.kind == "none":
         return None
@@ -181,7 +148,7 @@ def shaper_of(table: ShaperTable, folder: Path, *, striker: Section, incident: S
     assert table.speed is not None
     try:
         return from_pulse(
-            *from_touch(time, force),
+            *_from_touch(time, force),
             striker=striker,
             incident=incident,
             speed=table.speed,

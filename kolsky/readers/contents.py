@@ -158,11 +158,8 @@ def stated_clock(interval: float, start: float | None, source: str) -> Clock:
 def file_hash(path: Path, *, limit: int = BINARY_LIMIT) -> str:
     """SHA-256 of a regular file of sensible size, hex.
 
-    Raises
-    ------
-    InputError
-        If there is no such file, it is not a regular file, is empty, larger than `limit` bytes, or may not
-        be read.
+    Raises InputError if there is no such file, it is not a regular file, is empty, larger than `limit` bytes,
+    or may not be read.
     """
     try:
         status = path.stat()
@@ -198,10 +195,7 @@ def head_of(path: Path, size: int = 4096) -> bytes:
 def check_samples(path: Path, name: str, samples: int) -> None:
     """Refuse a channel with more samples than are read, or fewer than two.
 
-    Raises
-    ------
-    InputError
-        With the number found.
+    Raises InputError: with the number found.
     """
     if samples > SAMPLES_LIMIT:
         raise InputError(
@@ -252,17 +246,8 @@ def column_digits(values: FloatArray, field_of: Callable[[int], str]) -> FloatAr
     """The last digit printed of each number of a long column: of `SAMPLED` rows as they are, of the others by
     their decade.
 
-    Parameters
-    ----------
-    values
-        The numbers, shape [n].
-    field_of
-        The text of a row.
-
-    Returns
-    -------
-    NDArray
-        In the unit of `values`, shape [n].
+    ``values``: the numbers, shape [n]. ``field_of``: the text of a row. Returns: in the unit of `values`,
+    shape [n].
     """
     if values.size <= SAMPLED:
         return _printed_digits([field_of(row) for row in range(values.size)])
@@ -294,29 +279,12 @@ def column_clock(
     t_i - i dt ± d_i / 2; all of them together say more than the first alone. The middle of what all allow is
     the start, unless they leave less than a hundredth of dt: then the first time is.
 
-    Parameters
-    ----------
-    time
-        The printed times [s], shape [n].
-    digit
-        The last digit printed of each [s], shape [n].
-    name
-        The column, for messages.
-    fault
-        Makes an error about the file.
-    interval
-        The interval that the user or the header states [s]; without it the column has to show one.
-    tolerance
-        What the stated interval may be off by, being printed itself [s].
-    start
-        The start that is stated beside it [s].
-    source
-        Where the stated interval comes from, in words.
-
-    Raises
-    ------
-    InputError
-        If times fall, have gaps, are rounded too much for an interval, or contradict the stated one.
+    ``time``: the printed times [s], shape [n]. ``digit``: the last digit printed of each [s], shape [n].
+    ``name``: the column, for messages. ``fault``: makes an error about the file. ``interval``: the interval
+    that the user or the header states [s]; without it the column has to show one. ``tolerance``: what the
+    stated interval may be off by, being printed itself [s]. ``start``: the start that is stated beside it
+    [s]. ``source``: where the stated interval comes from, in words. Raises InputError if times fall, have
+    gaps, are rounded too much for an interval, or contradict the stated one.
     """
     _sorted(time, name, fault)
     digit = np.maximum(digit, SINGLE * np.abs(time))
@@ -358,10 +326,7 @@ def array_clock(
 ) -> Clock:
     """The clock of times stored as numbers, of which nobody knows the digits.
 
-    Raises
-    ------
-    InputError
-        As `column_clock`; a time may be off its uniform place by 5 % of the interval.
+    Raises InputError as `column_clock`; a time may be off its uniform place by 5 % of the interval.
     """
     _sorted(time, name, fault)
     last = time.size - 1

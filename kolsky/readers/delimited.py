@@ -51,23 +51,9 @@ def read_lines(
 ) -> Contents:
     """Channels and metadata of the lines of a text.
 
-    Parameters
-    ----------
-    path, sha256
-        The file and its hash.
-    lines
-        Its lines; a workbook's rows with tabs between their cells.
-    layout
-        What has been said of it.
-    facts
-        What has been found so far.
-    word
-        What a line is called in messages: "line" or "row".
-
-    Raises
-    ------
-    InputError
-        As `read`.
+    ``path``, ``sha256``: the file and its hash. ``lines``: its lines; a workbook's rows with tabs between
+    their cells. ``layout``: what has been said of it. ``facts``: what has been found so far. ``word``: what a
+    line is called in messages: "line" or "row". Raises InputError as `read`.
     """
     dialect = find_dialect(path, lines, delimiter=layout.delimiter, decimal=layout.decimal)
     if dialect.delimiter == " ":

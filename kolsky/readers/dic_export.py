@@ -133,10 +133,7 @@ class DicExport:
 def matching(folder: Path, pattern: str) -> tuple[Path, ...]:
     """The files of a pattern, by name.
 
-    Raises
-    ------
-    InputError
-        If there is none, or more than `FILES_LIMIT`.
+    Raises InputError if there is none, or more than `FILES_LIMIT`.
     """
     found = tuple(sorted(path for path in folder.glob(pattern) if path.is_file()))
     if not found:

@@ -54,21 +54,10 @@ def sheet_contents(
 ) -> Contents:
     """Channels and metadata of the rows of one sheet.
 
-    Parameters
-    ----------
-    path, sha256
-        The workbook and its hash.
-    form
-        Name of its format.
-    title, rows
-        The sheet: texts, numbers, truth values; at most `COLUMNS_LIMIT` columns are read.
-    layout
-        What has been said of it.
-
-    Raises
-    ------
-    InputError
-        If it is empty or a cell holds an error; and as `kolsky.readers.delimited.read_lines`.
+    ``path``, ``sha256``: the workbook and its hash. ``form``: name of its format. ``title``, ``rows``: the
+    sheet: texts, numbers, truth values; at most `COLUMNS_LIMIT` columns are read. ``layout``: what has been
+    said of it. Raises InputError if it is empty or a cell holds an error; and as
+    `kolsky.readers.delimited.read_lines`.
     """
     texts = [
         [_text(path, number, cell) for cell in row[:COLUMNS_LIMIT]]
@@ -89,10 +78,7 @@ def sheet_contents(
 def chosen_sheet(path: Path, titles: Sequence[str], filled: Sequence[str], wanted: str | None) -> str:
     """The sheet that is meant: the one named, else the only one with data.
 
-    Raises
-    ------
-    InputError
-        If there is no such sheet, or several have data and none is named.
+    Raises InputError if there is no such sheet, or several have data and none is named.
     """
     if wanted is not None and wanted not in titles:
         raise InputError(

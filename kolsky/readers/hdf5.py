@@ -52,21 +52,9 @@ def array_channels(
     The clock comes from the layout, from keys such as "dt" and "t0", or from the array of times: the stated
     one, or one that is called "t" or "time" and is as long.
 
-    Parameters
-    ----------
-    path
-        The file.
-    arrays
-        What it holds.
-    scalars
-        Single numbers of the file, by name.
-    layout
-        What has been said of it.
-
-    Raises
-    ------
-    InputError
-        If there is nothing to read, or a stated array of times is missing.
+    ``path``: the file. ``arrays``: what it holds. ``scalars``: single numbers of the file, by name.
+    ``layout``: what has been said of it. Raises InputError if there is nothing to read, or a stated array of
+    times is missing.
     """
     by_name = {array.name: array for array in arrays}
     stated = layout.time
@@ -174,7 +162,7 @@ def column_of(array: np.ndarray, column: int | None) -> FloatArray:
     ].copy()
 
 
-def unit_of_array(text: object) -> str | None:
+def _unit_of_array(text: object) -> str | None:
     """A unit that a file gives as text or bytes; None if it is none."""
     if isinstance(text, bytes):
         text = text.decode("utf-8", "replace")
@@ -218,10 +206,7 @@ def read(path: Path, layout: Layout) -> Contents:
 def inside(path: Path) -> tuple[list[NamedArray], dict[str, float], dict[str, str]]:
     """Vectors, single numbers and texts of a file.
 
-    Raises
-    ------
-    InputError
-        As `read`.
+    Raises InputError as `read`.
     """
     import h5py
 
@@ -292,7 +277,7 @@ def _dataset(
         (
             u
             for key in ("unit", "units", "Unit", "Units", "YUnits")
-            if (u := unit_of_array(item.attrs.get(key)))
+            if (u := _unit_of_array(item.attrs.get(key)))
         ),
         None,
     )

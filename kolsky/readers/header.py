@@ -68,10 +68,7 @@ def split_unit(heading: str) -> tuple[str, str | None]:
 def time_factor(path: Path, unit: str | None, what: str) -> float:
     """Seconds per unit of a time.
 
-    Raises
-    ------
-    InputError
-        If the unit is not stated or is no unit of time.
+    Raises InputError if the unit is not stated or is no unit of time.
     """
     if unit is None:
         raise InputError(path, f"{what} has no unit", cure='say it in the layout: time_unit = "s"')
@@ -143,21 +140,9 @@ def header_clock(
 ) -> HeaderClock:
     """The clock of one channel.
 
-    Parameters
-    ----------
-    path
-        The file, for messages.
-    metadata
-        Key as written -> the fields behind it.
-    channel
-        Which of the channels, counted from 0, where a key has one value for each.
-    channels
-        Number of channels.
-
-    Raises
-    ------
-    InputError
-        If an interval is not positive, or a key has neither one value nor one for each channel.
+    ``path``: the file, for messages. ``metadata``: key as written -> the fields behind it. ``channel``: which
+    of the channels, counted from 0, where a key has one value for each. ``channels``: number of channels.
+    Raises InputError if an interval is not positive, or a key has neither one value nor one for each channel.
     """
     written = time_unit(metadata)
     known = None if written is None else si_unit(written)
@@ -290,12 +275,8 @@ def add_key(metadata: dict[str, list[str]], key: str, fields: list[str]) -> None
 def heading_keys(dialect: Dialect, lines: Sequence[str]) -> dict[str, list[str]]:
     """Start and increment that stand beside the column names: as columns of their own, or as "tInc = 2e-9".
 
-    Parameters
-    ----------
-    dialect
-        How the lines are taken apart.
-    lines
-        The line of the names, and the line of the units if there is one.
+    ``dialect``: how the lines are taken apart. ``lines``: the line of the names, and the line of the units if
+    there is one.
     """
     rows = [dialect.split(line) for line in lines]
     metadata: dict[str, list[str]] = {}
@@ -341,10 +322,7 @@ def keys_beside(rows: list[list[str]]) -> dict[str, list[str]]:
 def check_width(path: Path, lines: list[str], separator: str, least: int) -> None:
     """Refuse a line with too few fields.
 
-    Raises
-    ------
-    InputError
-        With its number.
+    Raises InputError: with its number.
     """
     for number, line in enumerate(lines):
         fields = line.count(separator) + 1

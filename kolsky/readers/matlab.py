@@ -58,17 +58,9 @@ class Variable:
 def variables(data: bytes, limit: int) -> Iterator[Variable]:
     """The variables of a file.
 
-    Parameters
-    ----------
-    data
-        The whole file.
-    limit
-        Most bytes that all its elements together may unpack to.
-
-    Raises
-    ------
-    DamagedError
-        If a count leads out of the file, a type is unknown, or its elements unpack to more than `limit`.
+    ``data``: the whole file. ``limit``: most bytes that all its elements together may unpack to. Raises
+    DamagedError if a count leads out of the file, a type is unknown, or its elements unpack to more than
+    `limit`.
     """
     if len(data) < _HEADER or data[126:128] not in (b"IM", b"MI"):
         raise DamagedError("the header is no MATLAB header")

@@ -99,10 +99,8 @@ class UniaxialTable(ShotTable):
 def read_frame_times(path: Path, *, frame: Column, time: Column, layout: Layout | None = None) -> FrameTimes:
     """Frame numbers and times of the cameras.
 
-    Raises
-    ------
-    InputError
-        If the file is not such a table, a frame number is not whole, or numbers or times do not increase.
+    Raises InputError if the file is not such a table, a frame number is not whole, or numbers or times do not
+    increase.
     """
     table = read_table(path, layout=layout)
     numbers = _frames(table, frame)
@@ -128,10 +126,8 @@ def read_flyer(
 ) -> FlyerTable:
     """Frame numbers, displacements of the flyer and, if there is one, the time column.
 
-    Raises
-    ------
-    InputError
-        If the file is not such a table, a frame number is not whole, or frame numbers do not increase.
+    Raises InputError if the file is not such a table, a frame number is not whole, or frame numbers do not
+    increase.
     """
     table = read_table(path, layout=layout)
     return FlyerTable(
@@ -157,10 +153,8 @@ def read_outline(
 ) -> OutlineTable:
     """Points (y, Z) of the specimen's outline; a frame may have any number of them.
 
-    Raises
-    ------
-    InputError
-        If the file is not such a table, a frame number is not whole or falls, or a sigma is not positive.
+    Raises InputError if the file is not such a table, a frame number is not whole or falls, or a sigma is not
+    positive.
     """
     table = read_table(path, layout=layout)
     numbers = table.integers(frame)
@@ -204,21 +198,9 @@ def read_uniaxial(
 ) -> UniaxialTable:
     """Nominal strain and stress of a quasi-static test, with what is known of their uncertainty.
 
-    Parameters
-    ----------
-    path
-        The file.
-    strain, stress, sigma
-        Their columns.
-    modes
-        All columns whose names begin with this name.
-    layout
-        As in `kolsky.readers.table.read_table`.
-
-    Raises
-    ------
-    InputError
-        If the file is not such a table, or an uncertainty is negative.
+    ``path``: the file. ``strain``, ``stress``, ``sigma``: their columns. ``modes``: all columns whose names
+    begin with this name. ``layout``: as in `kolsky.readers.table.read_table`. Raises InputError if the file
+    is not such a table, or an uncertainty is negative.
     """
     table = read_table(path, layout=layout)
     return UniaxialTable(
@@ -274,27 +256,11 @@ def read_columns(
 ) -> tuple[dict[str, FloatArray], str]:
     """Read some columns of a text or workbook.
 
-    Parameters
-    ----------
-    path
-        The file.
-    wanted
-        What is wanted -> its column, by name or number counted from 1, and the SI unit of its kind.
-    units
-        Column, as in `wanted` -> its unit, where the file does not say it.
-    header_line
-        Line of the column names; found if not given.
-
-    Returns
-    -------
-    tuple
-        What is wanted -> values in SI, shape [n] each; the hash of the file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, a column is missing, named twice or not of finite numbers, or its unit is
-        unknown or of another kind.
+    ``path``: the file. ``wanted``: what is wanted -> its column, by name or number counted from 1, and the SI
+    unit of its kind. ``units``: column, as in `wanted` -> its unit, where the file does not say it.
+    ``header_line``: line of the column names; found if not given. Returns: what is wanted -> values in SI,
+    shape [n] each; the hash of the file. Raises InputError if the file cannot be read, a column is missing,
+    named twice or not of finite numbers, or its unit is unknown or of another kind.
     """
     contents = read_contents(path, layout=Layout(header_line=header_line))
     found: dict[str, FloatArray] = {}
@@ -400,22 +366,10 @@ def read_homogeneous(
 ) -> HomogeneousTable:
     """Read two columns of a table of text or a workbook.
 
-    Parameters
-    ----------
-    path
-        The file.
-    deformation, stress
-        Its columns, by name or by number counted from 1.
-    deformation_unit, stress_unit
-        Their units where the file does not say them, e.g. "%" and "kPa".
-    layout
-        What has to be said of the file; found in it if not given.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, a column is missing, not of numbers, or its unit is missing or of another
-        kind.
+    ``path``: the file. ``deformation``, ``stress``: its columns, by name or by number counted from 1.
+    ``deformation_unit``, ``stress_unit``: their units where the file does not say them, e.g. "%" and "kPa".
+    ``layout``: what has to be said of the file; found in it if not given. Raises InputError if the file
+    cannot be read, a column is missing, not of numbers, or its unit is missing or of another kind.
     """
     contents = read_contents(path, layout=layout or Layout())
     columns = [_wanted_column(contents, wanted) for wanted in (deformation, stress)]
@@ -432,11 +386,8 @@ def read_homogeneous(
 def read_ratio(path: Path, column: str, layout: Layout, *, cure: str) -> FloatArray:
     """A column of stretches or strains as pure numbers, shape [n]; one without a unit is taken as it stands.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or the column is missing, not of numbers, or has a unit of another kind;
-        `cure` is said there.
+    Raises InputError if the file cannot be read, or the column is missing, not of numbers, or has a unit of
+    another kind; `cure` is said there.
     """
     contents = read_contents(path, layout=layout)
     found = _wanted_column(contents, column)
@@ -448,10 +399,7 @@ def read_ratio(path: Path, column: str, layout: Layout, *, cure: str) -> FloatAr
 def column_names(path: Path, layout: Layout) -> list[str]:
     """Names and numbers of the columns of numbers, the first twenty, as messages show them.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
+    Raises InputError if the file cannot be read.
     """
     return _numbered(read_contents(path, layout=layout))
 

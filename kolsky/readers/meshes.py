@@ -43,11 +43,8 @@ class GmshMesh:
 def read_gmsh(path: Path) -> GmshMesh:
     """Read a mesh.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is of another format, is not flat, or has no surface elements or several
-        kinds of them.
+    Raises InputError if the file cannot be read, is of another format, is not flat, or has no surface
+    elements or several kinds of them.
     """
     raw = read_bytes(path, limit=GMSH_SIZE_LIMIT)
     blocks = blocks_of(path, decode(path, raw).splitlines())
@@ -106,14 +103,7 @@ def names_of(path: Path, blocks: dict[str, list[str]]) -> dict[tuple[int, int], 
 def _points_and_elements(
     path: Path, blocks: dict[str, list[str]]
 ) -> tuple[FloatArray, dict[int, int], list[list[int]]]:
-    """Points with their numbers, shape [n, 4], the row of each number, and the lines of the elements.
-
-    Raises
-    ------
-    InputError
-        If a block is missing, cut off, or holds what can be neither, or an element has points that are not
-        there.
-    """
+    """Points with their numbers, shape [n, 4], the row of each number, and the lines of the elements."""
     try:
         rows = np.array([line.split() for line in _counted(path, "Nodes", blocks["Nodes"])], dtype=np.float64)
         elements = [
@@ -188,10 +178,8 @@ class GmshVolume:
 def read_gmsh_volume(path: Path) -> GmshVolume:
     """Read a mesh of a body.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is of another format, or has no volume elements or several kinds of them.
+    Raises InputError if the file cannot be read, is of another format, or has no volume elements or several
+    kinds of them.
     """
     raw = read_bytes(path, limit=GMSH_SIZE_LIMIT)
     blocks = blocks_of(path, decode(path, raw).splitlines())
@@ -226,10 +214,7 @@ VTK_SIZE_LIMIT = 500_000_000
 def read_vtu(path: Path) -> tuple[Any, str]:
     """Read a file: PyVista's unstructured grid, and the SHA-256 of the file, hex.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read or holds no unstructured grid.
+    Raises InputError if it cannot be read or holds no unstructured grid.
     """
     import pyvista  # heavy
 

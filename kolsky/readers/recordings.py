@@ -75,10 +75,7 @@ LONGER_THAN_OTHERS = 4
 def check_finite(path: Path, channel: Channel, values: FloatArray) -> None:
     """Refuse NaN, infinity and what is larger than anything measured.
 
-    Raises
-    ------
-    InputError
-        With the first such sample and their number.
+    Raises InputError: with the first such sample and their number.
     """
     bad = np.flatnonzero(~(np.abs(values) <= LARGEST_SAMPLE))  # NaN compares false
     if bad.size:
@@ -92,13 +89,7 @@ def check_finite(path: Path, channel: Channel, values: FloatArray) -> None:
 
 
 def check_changing(path: Path, channel: Channel, values: FloatArray) -> None:
-    """Refuse a channel that never changes.
-
-    Raises
-    ------
-    InputError
-        With its value.
-    """
+    """Refuse a channel that never changes."""
     if np.ptp(values) == 0.0:
         raise InputError(
             path,
@@ -117,24 +108,6 @@ def check_unclipped(
     equal samples at the largest or smallest value, four times longer than any run of equal samples at another
     value, of a signal that did not begin there. (A quiet baseline can be an extreme, and coarse digits make
     short runs anywhere.)
-
-    Parameters
-    ----------
-    path
-        The file, for messages.
-    channel
-        The channel.
-    values
-        Its samples, shape [n].
-    unit
-        Their unit.
-    full_scale
-        Largest size that the recorder shows, in `unit`.
-
-    Raises
-    ------
-    InputError
-        With the first clipped sample and their number.
     """
     if full_scale is not None:
         clipped = np.flatnonzero(np.abs(values) >= full_scale)
@@ -185,26 +158,12 @@ _FOUND = Layout()
 def read_recordings(path: Path, channels: Sequence[str], *, layout: Layout = _FOUND) -> dict[str, Recording]:
     """Read channels of a recorder's file.
 
-    Parameters
-    ----------
-    path
-        The file.
-    channels
-        Names of channels as the file has them, or their numbers ("2").
-    layout
-        What is said about the file; the rest is found in it.
-
-    Returns
-    -------
-    dict
-        A recording for each name asked for: samples in the SI unit that belongs to the file's or the stated
-        unit, at ``start + i * interval``.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is cut off, or a channel is missing, holds anything but finite numbers,
-        never changes or is clipped; if its unit or its times are not known, or its time column is rounded.
+    ``path``: the file. ``channels``: names of channels as the file has them, or their numbers ("2").
+    ``layout``: what is said about the file; the rest is found in it. Returns: a recording for each name asked
+    for: samples in the SI unit that belongs to the file's or the stated unit, at ``start + i * interval``.
+    Raises InputError if the file cannot be read, is cut off, or a channel is missing, holds anything but
+    finite numbers, never changes or is clipped; if its unit or its times are not known, or its time column is
+    rounded.
     """
     contents = read_contents(path, layout=layout)
     return {name: _recording(contents, _find(contents, name), layout) for name in channels}
@@ -213,25 +172,11 @@ def read_recordings(path: Path, channels: Sequence[str], *, layout: Layout = _FO
 def read_scope(path: Path, *, time: Column, voltage: Column) -> Recording:
     """One channel of an oscilloscope's export of commas and one header line, its times as they are printed.
 
-    Parameters
-    ----------
-    path
-        Comma-separated text with one header line.
-    time
-        The time column; its factor leads to seconds.
-    voltage
-        The channel's column; its factor leads to volts.
-
-    Returns
-    -------
-    Recording
-        Time as the file gives it [s] and volts [V], shape [n_samples].
-
-    Raises
-    ------
-    InputError
-        If the file is not such a table, if times repeat or are not sorted, or if the steps between
-        them differ by more than the printed digits explain (a gap) or because of them (too few digits).
+    ``path``: comma-separated text with one header line. ``time``: the time column; its factor leads to
+    seconds. ``voltage``: the channel's column; its factor leads to volts. Returns: time as the file gives it
+    [s] and volts [V], shape [n_samples]. Raises InputError if the file is not such a table, if times repeat
+    or are not sorted, or if the steps between them differ by more than the printed digits explain (a gap) or
+    because of them (too few digits).
     """
     table = read_table(path)
     t, volts = table.values(time), table.values(voltage)
@@ -251,10 +196,7 @@ def read_scope(path: Path, *, time: Column, voltage: Column) -> Recording:
 def list_channels(path: Path, *, layout: Layout = _FOUND) -> list[ChannelInfo]:
     """The channels of a file, their samples not judged; one without a known clock says why.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
+    Raises InputError if the file cannot be read.
     """
     contents = read_contents(path, layout=layout)
     return [_info(contents, channel) for channel in contents.channels]
@@ -263,10 +205,7 @@ def list_channels(path: Path, *, layout: Layout = _FOUND) -> list[ChannelInfo]:
 def read_contents(path: Path, *, layout: Layout = _FOUND) -> Contents:
     """The channels of a file before anything is asked of them, with facts and metadata.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or is of no known format.
+    Raises InputError if the file cannot be read, or is of no known format.
     """
     _check_layout(path, layout)
     if layout.format is not None:

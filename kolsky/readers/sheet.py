@@ -61,17 +61,9 @@ class Sheet:
     def values(self, column: int, *, gaps: bool = False) -> FloatArray:
         """The numbers of a column, counted from 0, as the file gives them, shape [n].
 
-        Parameters
-        ----------
-        column
-            Which column.
-        gaps
-            Whether NaN is allowed, as in tables of points of which some were lost.
-
-        Raises
-        ------
-        InputError
-            If a line has another number of fields than the first, or a field is no finite number.
+        ``column``: which column. ``gaps``: whether NaN is allowed, as in tables of points of which some were
+        lost. Raises InputError if a line has another number of fields than the first, or a field is no finite
+        number.
         """
         self.check_fields()
         rows: Sequence[str] = self.rows
@@ -106,10 +98,7 @@ class Sheet:
     def column(self, wanted: ColumnId, what: str) -> int:
         """The index of a column, counted from 0: by its name, else by its number.
 
-        Raises
-        ------
-        InputError
-            If there is none, or several have the name.
+        Raises InputError if there is none, or several have the name.
         """
         found = [i for i, name in enumerate(self.names) if name == wanted]
         if len(found) > 1:
@@ -142,10 +131,7 @@ class Sheet:
     def check_fields(self) -> None:
         """Refuse an empty line, and one with more or fewer fields than there are columns.
 
-        Raises
-        ------
-        InputError
-            For the first such line.
+        Raises InputError for the first such line.
         """
         count = self.dialect.fields
         character = self.dialect.delimiter
@@ -190,10 +176,7 @@ class Sheet:
 def first_samples(path: Path, lines: Sequence[str], dialect: Dialect, layout: Layout) -> int:
     """Index of the first line of samples.
 
-    Raises
-    ------
-    InputError
-        If the stated line is outside the file, or no line has the form of samples.
+    Raises InputError if the stated line is outside the file, or no line has the form of samples.
     """
     if layout.first_line is not None:
         if not 1 <= layout.first_line <= len(lines):
@@ -218,10 +201,8 @@ def names_and_units(
     The header is the last line above the samples with as many fields as they have; where that line holds
     nothing but units ("(ms)", "Volt"), the names are on such a line above it.
 
-    Raises
-    ------
-    InputError
-        If a stated line does not fit, or the line above the samples is a damaged line of samples.
+    Raises InputError if a stated line does not fit, or the line above the samples is a damaged line of
+    samples.
     """
     fitting = [i for i in range(first) if _fits(dialect, lines[i])]
     for stated in (layout.header_line, layout.units_line):
@@ -316,10 +297,8 @@ class SignalTable:
     def channels(self) -> tuple[Channel, ...]:
         """The columns of numbers that are no times.
 
-        Raises
-        ------
-        InputError
-            If the header promises more samples than there are, or there are too many or too few.
+        Raises InputError if the header promises more samples than there are, or there are too many or too
+        few.
         """
         sheet = self.sheet
         self._check_count()
@@ -431,10 +410,7 @@ class SignalTable:
 def signal_table(sheet: Sheet, layout: Layout) -> SignalTable:
     """Find the time columns: the stated ones, else the columns that are called time, or hold seconds.
 
-    Raises
-    ------
-    InputError
-        If a stated time column is missing.
+    Raises InputError if a stated time column is missing.
     """
     stated = layout.time
     if isinstance(stated, Mapping):

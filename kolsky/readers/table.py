@@ -38,15 +38,7 @@ _DELIMITER_WORDS = {"tab": "tabs", "semicolon": "semicolons", "comma": "commas",
 
 
 def detect_layout(path: Path, data: bytes) -> Layout:
-    """The layout of a table; `PLAIN` if it is that, or nothing better can be told.
-
-    Parameters
-    ----------
-    path
-        The file, for messages.
-    data
-        Its bytes.
-    """
+    """The layout of a table; `PLAIN` if it is that, or nothing better can be told."""
     try:
         text, encoding = decode_text(path, data)
         lines = lines_of(path, text)
@@ -93,10 +85,7 @@ def _is_unit(cell: str, kind: str) -> bool:
 def layout_in_words(path: Path) -> str:
     """How a table is read where no layout is declared; empty if it is plain text, or no table of text.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
+    Raises InputError if the file cannot be read.
     """
     found = detect_layout(path, read_bytes(path))
     if found is PLAIN:
@@ -150,10 +139,7 @@ class Table:
     def values(self, column: Column) -> FloatArray:
         """A column in SI units, shape [n_rows].
 
-        Raises
-        ------
-        InputError
-            If the column is missing or named twice, or holds anything but finite numbers.
+        Raises InputError if the column is missing or named twice, or holds anything but finite numbers.
         """
         index = self._index(column)
         if self.sheet.dialect.decimal == ",":
@@ -164,10 +150,7 @@ class Table:
     def integers(self, column: Column) -> IntArray:
         """A column of whole numbers (frame numbers), shape [n_rows].
 
-        Raises
-        ------
-        InputError
-            As `values`, and if a number is not whole or is too large to be exact.
+        Raises InputError as `values`, and if a number is not whole or is too large to be exact.
         """
         numbers = self.values(column)
         bad = np.flatnonzero((numbers != np.floor(numbers)) | (np.abs(numbers) > 2**53))
@@ -204,10 +187,7 @@ class Table:
     def check_increasing(self, column: Column, values: FloatArray | IntArray) -> None:
         """Refuse a column that does not increase from row to row.
 
-        Raises
-        ------
-        InputError
-            With the first line that repeats a value or steps back.
+        Raises InputError: with the first line that repeats a value or steps back.
         """
         steps = np.diff(values)
         bad = np.flatnonzero(steps <= 0)
@@ -265,22 +245,12 @@ class Table:
 def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LIMIT) -> Table:
     """Read a table of text: UTF-8 with commas, points and one header line, or as is declared or found.
 
-    Parameters
-    ----------
-    path
-        The file.
-    layout
-        Encoding, delimiter, decimal sign, sign of commented header lines, header and first line, where they
-        are others; what it leaves out is UTF-8, a comma, a point, the first line and the line after it. None:
-        what is plainly another layout is found, see `kolsky.readers.table`.
-    limit
-        Largest size that is read [bytes].
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read (see `kolsky.readers.text`), has no data, or a line that is empty or has
-        another number of fields than the header; or if the layout is impossible or does not fit.
+    ``path``: the file. ``layout``: encoding, delimiter, decimal sign, sign of commented header lines, header
+    and first line, where they are others; what it leaves out is UTF-8, a comma, a point, the first line and
+    the line after it. None: what is plainly another layout is found, see `kolsky.readers.table`. ``limit``:
+    largest size that is read [bytes]. Raises InputError if the file cannot be read (see
+    `kolsky.readers.text`), has no data, or a line that is empty or has another number of fields than the
+    header; or if the layout is impossible or does not fit.
     """
     data = read_bytes(path, limit=limit)
     layout = layout or detect_layout(path, data)

@@ -40,10 +40,7 @@ def full_match(pattern: re.Pattern[str], field: str, *, longest: int = LONGEST_F
 def read_text(path: Path, layout: Layout) -> tuple[str, list[str], str]:
     """Hash, lines and encoding of a text file.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read.
+    Raises InputError if it cannot be read.
     """
     data = read_bytes(path)
     text, encoding = decode_text(path, data, layout.encoding)
@@ -53,11 +50,8 @@ def read_text(path: Path, layout: Layout) -> tuple[str, list[str], str]:
 def read_bytes(path: Path, *, limit: int = SIZE_LIMIT) -> bytes:
     """The bytes of a regular file of sensible size.
 
-    Raises
-    ------
-    InputError
-        If there is no such file, it is a folder or a device, it is empty, larger than `limit` bytes
-        (found without reading it), or may not be read.
+    Raises InputError if there is no such file, it is a folder or a device, it is empty, larger than `limit`
+    bytes (found without reading it), or may not be read.
     """
     try:
         status = path.stat()
@@ -87,10 +81,7 @@ def read_bytes(path: Path, *, limit: int = SIZE_LIMIT) -> bytes:
 def decode(path: Path, data: bytes) -> str:
     """UTF-8 text of a file, with or without a byte order mark.
 
-    Raises
-    ------
-    InputError
-        If the bytes are not UTF-8, with the offset of the first that is not.
+    Raises InputError if the bytes are not UTF-8, with the offset of the first that is not.
     """
     try:
         return data.decode("utf-8-sig")
@@ -110,19 +101,8 @@ def decode_text(path: Path, data: bytes, encoding: str | None = None) -> tuple[s
     A byte order mark decides; without one, many zero bytes mean UTF-16, and what is not valid UTF-8 is
     cp1252, the code page of Windows in western Europe and America.
 
-    Parameters
-    ----------
-    path
-        The file, for messages.
-    data
-        Its bytes.
-    encoding
-        One of `ENCODINGS`, or None to find it.
-
-    Raises
-    ------
-    InputError
-        If the encoding is unknown, or a byte is no character in it: with line and offset.
+    ``path``: the file, for messages. ``data``: its bytes. ``encoding``: one of `ENCODINGS`, or None to find
+    it. Raises InputError if the encoding is unknown, or a byte is no character in it: with line and offset.
     """
     if encoding is not None and encoding not in ENCODINGS:
         raise InputError(
@@ -176,10 +156,7 @@ def _without_mark(data: bytes) -> str:
 def lines_of(path: Path, text: str) -> list[str]:
     """The lines of a text without empty ones at its end; lines end with LF, CR LF or CR.
 
-    Raises
-    ------
-    InputError
-        If there is nothing but blanks.
+    Raises InputError if there is nothing but blanks.
     """
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     while lines and not lines[-1].strip():
@@ -354,10 +331,7 @@ def _better_delimiter(lines: Sequence[str], stated: str) -> Dialect | None:
 def declared_character(path: Path, what: Literal["delimiter", "decimal"], value: str) -> str:
     """The character that a layout names as delimiter or decimal sign.
 
-    Raises
-    ------
-    InputError
-        If it is none that is known.
+    Raises InputError if it is none that is known.
     """
     allowed = {**DELIMITERS, **{c: c for c in "\t;, "}} if what == "delimiter" else {".": ".", ",": ","}
     if value not in allowed:

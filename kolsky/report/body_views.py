@@ -197,11 +197,8 @@ def outer_faces(mesh: Mesh) -> IntArray:
 def side_view(positions: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray]:
     """Faces as seen along +y, the nearest last.
 
-    Returns
-    -------
-    tuple of array
-        Corners in x and z [m], shape [f, k, 2], and how much each face looks at the viewer, 0 to 1, of
-        shape [f].
+    Returns: corners in x and z [m], shape [f, k, 2], and how much each face looks at the viewer, 0 to 1, of
+    shape [f].
     """
     corners = positions[faces]
     order = np.argsort(-corners[..., 1].mean(axis=1), kind="stable")

@@ -143,12 +143,8 @@ def _style() -> matplotlib.RcParams:
 def build(kind: FigureKind[Any], shown: Any) -> Figure:
     """Draw one figure in its journal size.
 
-    Parameters
-    ----------
-    kind : FigureKind
-        An entry of one of the registries in `figures`.
-    shown : Identification or SurfaceView
-        Result to show; `kind.applies` must be true for it.
+    ``kind``: an entry of one of the registries in `figures`. ``shown``: result to show; `kind.applies` must
+    be true for it.
     """
     size = (kind.width / _MM_PER_INCH, kind.height(shown) / _MM_PER_INCH)
     with matplotlib.rc_context(_style()):

@@ -41,25 +41,10 @@ def write_prediction_film(
 ) -> Path:
     """Write the test as a film, a picture each 25 µs.
 
-    Parameters
-    ----------
-    path
-        File to write, mp4 or gif.
-    found
-        A prediction with finite elements.
-    every
-        Take one picture in this many.
-    rate
-        Frame rate of the film [1/s].
-    progress
-        Called with 1 after each picture.
-
-    Raises
-    ------
-    ValueError
-        If the prediction has no finite elements.
-    ImportError
-        If the package that writes films is not installed.
+    ``path``: file to write, mp4 or gif. ``found``: a prediction with finite elements. ``every``: take one
+    picture in this many. ``rate``: frame rate of the film [1/s]. ``progress``: called with 1 after each
+    picture. Raises ValueError if the prediction has no finite elements. Raises ImportError if the package
+    that writes films is not installed.
     """
     response = found.response
     if response is None:
@@ -127,10 +112,7 @@ _ACTUATOR_SIZE, _ACTUATOR_DPI = (6.4, 4.8), 100
 def write_actuator_film(path: Path, shown: Direction, *, rate: float = 4.0) -> None:
     """Write a film, mp4 or gif, a picture a step, `rate` of them a second.
 
-    Raises
-    ------
-    ImportError
-        If the package that writes films is not installed.
+    Raises ImportError if the package that writes films is not installed.
     """
     writer = writer_for(path.suffix.lstrip(".").lower())
     with replacing(path) as partial, writer(partial, rate) as film:
@@ -178,10 +160,8 @@ def largest_stretches(solution: Solution) -> FloatArray:
 def write_specimen_still(path: Path, solution: Solution) -> None:
     """Write the specimen at the last step reached, deformed, coloured by the largest stretch, as PNG.
 
-    Raises
-    ------
-    kolsky.report.scene.drawing.CannotRender
-        If PyVista is not installed, or VTK cannot render on this machine.
+    Raises kolsky.report.scene.drawing.CannotRender if PyVista is not installed, or VTK cannot render on this
+    machine.
     """
     pyvista, mesh = offscreen_pyvista(), solution.model.mesh
     moved = mesh.points + solution.displacements[solution.reached - 1]

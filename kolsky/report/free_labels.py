@@ -98,10 +98,7 @@ def _covers(legend: Legend, ax: Axes) -> bool:
 def overlaps(figure: Figure) -> list[str]:
     """Say of every legend, label and number of an axis what it lies on, in words.
 
-    Parameters
-    ----------
-    figure
-        As it will be saved.
+    ``figure``: as it will be saved.
     """
     figure.draw_without_rendering()  # the texts of ticks are known then
     found = []

@@ -128,7 +128,7 @@ WRITERS = {
 """Who writes the tables of a type of result, by the type's dotted name; subclasses have the same."""
 
 
-def writer_of(data: object) -> _Writer | None:
+def _writer_of(data: object) -> _Writer | None:
     """Return who writes the tables of a result; None if nobody does."""
     names = (f"{kind.__module__}.{kind.__qualname__}" for kind in type(data).__mro__)
     return next((WRITERS[name] for name in names if name in WRITERS), None)
@@ -137,26 +137,11 @@ def writer_of(data: object) -> _Writer | None:
 def table_of(data: object, table: str = "") -> Any:
     """Return a table of a result as pandas reads its file.
 
-    Parameters
-    ----------
-    data
-        A result of one of the types in `WRITERS`.
-    table
-        Name of the file without ".csv"; the main one if left out.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Units in the headings, SI.
-
-    Raises
-    ------
-    ValueError
-        If the result has no such table.
-    ImportError
-        If pandas is not installed.
+    ``data``: a result of one of the types in `WRITERS`. ``table``: name of the file without ".csv"; the main
+    one if left out. Returns: units in the headings, SI. Raises ValueError if the result has no such table.
+    Raises ImportError if pandas is not installed.
     """
-    writer, reader = writer_of(data), pandas()
+    writer, reader = _writer_of(data), pandas()
     assert writer is not None
     with TemporaryDirectory() as scratch:
         folder = Path(scratch)
@@ -167,16 +152,8 @@ def table_of(data: object, table: str = "") -> Any:
         return reader.read_csv(found[name])
 
 
-def dataset_of(data: object, table: str = "") -> Any:
-    """Return a table of a result as an xarray dataset over "row"; units are attributes of the variables.
-
-    Raises
-    ------
-    ValueError
-        If the result has no such table.
-    ImportError
-        If xarray or pandas is not installed.
-    """
+def _dataset_of(data: object, table: str = "") -> Any:
+    """Return a table of a result as an xarray dataset over "row"; units are attributes of the variables."""
     frame = table_of(data, table)
     variables: dict[str, Any] = {}
     for heading in frame.columns:
@@ -230,7 +207,7 @@ def to_dataframe(data: object, table: str = "") -> Any:
     ImportError
         If pandas is not installed.
     """
-    if writer_of(data) is None:
+    if _writer_of(data) is None:
         raise TypeError(_no_view(data, "pandas"))
     return table_of(data, table)
 
@@ -262,9 +239,9 @@ def to_xarray(data: object, table: str = "") -> Any:
     ImportError
         If xarray is not installed.
     """
-    if writer_of(data) is None:
+    if _writer_of(data) is None:
         raise TypeError(_no_view(data, "xarray"))
-    return dataset_of(data, table)
+    return _dataset_of(data, table)
 
 
 @html.register

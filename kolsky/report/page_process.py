@@ -66,10 +66,7 @@ def load_surface_page() -> None:
 class PageProcess:
     """The process that draws the page of an identification; what it does not deliver is drawn here.
 
-    Parameters
-    ----------
-    process
-        The process, told of a check run, of nothing or of several, and of the page.
+    ``process``: the process, told of a check run, of nothing or of several, and of the page.
     """
 
     def __init__(self, process: WorkerProcess[None]) -> None:
@@ -118,10 +115,7 @@ def page_process(processes: int) -> Iterator[PageProcess | None]:
 class SurfacePageProcess:
     """The process that draws the page of `kolsky dic`; what it does not deliver is drawn here.
 
-    Parameters
-    ----------
-    process
-        The process, told of a view without the flyer's flight, and of the page.
+    ``process``: the process, told of a view without the flyer's flight, and of the page.
     """
 
     def __init__(self, process: WorkerProcess[None]) -> None:

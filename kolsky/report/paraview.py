@@ -25,23 +25,10 @@ def write_grid(
 ) -> None:
     """Write an unstructured grid (VTU) whose cells are all of one type.
 
-    Parameters
-    ----------
-    path
-        File to write, complete or not at all.
-    points
-        Coordinates, shape [n, 3].
-    cells
-        Points of each cell in VTK's order, shape [m, k]; m may be 0.
-    kind
-        Number of the cell type in VTK.
-    fields
-        Values at the points by name, shape [n] or [n, components].
-
-    Raises
-    ------
-    ValueError
-        If a field or the points do not have one row per point, or a cell names a point that is not there.
+    ``path``: file to write, complete or not at all. ``points``: coordinates, shape [n, 3]. ``cells``: points
+    of each cell in VTK's order, shape [m, k]; m may be 0. ``kind``: number of the cell type in VTK.
+    ``fields``: values at the points by name, shape [n] or [n, components]. Raises ValueError if a field or
+    the points do not have one row per point, or a cell names a point that is not there.
     """
     _check_arrays(points, cells, fields)
     piece = {"NumberOfPoints": str(len(points)), "NumberOfCells": str(len(cells))}
@@ -52,20 +39,7 @@ def write_grid(
 def write_surface(
     path: Path, points: FloatArray, faces: np.ndarray, fields: Mapping[str, np.ndarray]
 ) -> None:
-    """Write a surface (VTP): points, each a vertex where there are no faces, and polygons of one size.
-
-    Parameters
-    ----------
-    path, points, fields
-        As of `write_grid`.
-    faces
-        Points of each polygon, shape [m, k]; m may be 0.
-
-    Raises
-    ------
-    ValueError
-        As of `write_grid`.
-    """
+    """Write a surface (VTP): points, each a vertex where there are no faces, and polygons of one size."""
     _check_arrays(points, faces, fields)
     vertices = np.zeros((0, 1), dtype=np.int64) if len(faces) else np.arange(len(points))[:, None]
     piece = {
@@ -140,30 +114,12 @@ def write_vtu(
 ) -> list[Path]:
     """Write the mesh of one simulation at its surface times.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder; created if absent. `mesh.pvd` lists the series with its times.
-    response : Response
-        A batch that kept its nodes.
-    quads : array
-        Corner nodes of each element, shape [n_elements, 4].
-    sample : int
-        Row of the batch.
-    every : int
-        Write one surface time in this many, the first included.
-
-    Returns
-    -------
-    list of Path
-        The VTU files written, then `mesh.pvd`. Points are (r, y, 0) [m] with the displacement [m] from
-        the first surface time. The series ends where the simulation ended.
-
-    Raises
-    ------
-    ValueError
-        If the response kept no nodes, `sample` or `every` is out of range, or `quads` names a node that
-        does not exist.
+    ``folder``: folder; created if absent. `mesh.pvd` lists the series with its times. ``response``: a batch
+    that kept its nodes. ``quads``: corner nodes of each element, shape [n_elements, 4]. ``sample``: row of
+    the batch. ``every``: write one surface time in this many, the first included. Returns: the VTU files
+    written, then `mesh.pvd`. Points are (r, y, 0) [m] with the displacement [m] from the first surface time.
+    The series ends where the simulation ended. Raises ValueError if the response kept no nodes, `sample` or
+    `every` is out of range, or `quads` names a node that does not exist.
     """
     if response.nodes is None:
         raise ValueError("the response kept no nodes; ask for them when the simulation is run")
@@ -202,21 +158,10 @@ def _in_space(plane: NDArray[np.float64]) -> NDArray[np.float64]:
 def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
     """Write the valid points of every frame, joined to triangles over their grid.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder; created if absent. `<name>.pvd` lists the series with its times.
-    body : Body
-        The points. A triangle with a lost corner is left out.
-    name : str
-        Beginning of the files' names.
-
-    Returns
-    -------
-    list of Path
-        The VTP files written, then the listing. Points are (x, y, Z) [m]; their data are displacement and
-        sigma [m], the epipolar distance and the standard deviation of a match [px], the correlation and the
-        point's number.
+    ``folder``: folder; created if absent. `<name>.pvd` lists the series with its times. ``body``: the points.
+    A triangle with a lost corner is left out. ``name``: beginning of the files' names. Returns: the VTP files
+    written, then the listing. Points are (x, y, Z) [m]; their data are displacement and sigma [m], the
+    epipolar distance and the standard deviation of a match [px], the correlation and the point's number.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -245,19 +190,10 @@ def write_vtp(folder: Path, body: Body, name: str = "specimen") -> list[Path]:
 def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
     """Write the valid points of every frame of a full-field result, joined to triangles over their grid.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder; created if absent. `field.pvd` lists the series with its times.
-    result : FullField
-        The result. A triangle with a lost corner is left out.
-
-    Returns
-    -------
-    list of Path
-        The VTU files written, then the listing. Points are the current places in the result's unit; their
-        data are displacement and sigma in that unit, the strains xx, yy, xy (NaN where there is none), the
-        lowest correlation and the point's number.
+    ``folder``: folder; created if absent. `field.pvd` lists the series with its times. ``result``: the
+    result. A triangle with a lost corner is left out. Returns: the VTU files written, then the listing.
+    Points are the current places in the result's unit; their data are displacement and sigma in that unit,
+    the strains xx, yy, xy (NaN where there is none), the lowest correlation and the point's number.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -285,18 +221,7 @@ def write_full_field_vtu(folder: Path, result: FullField) -> list[Path]:
 
 
 def _grid_triangles(cell: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return two triangles for every square of four neighbouring points of a grid.
-
-    Parameters
-    ----------
-    cell : array of int
-        Column and row of each point, shape [n_points, 2].
-
-    Returns
-    -------
-    array of int
-        Points of each triangle, counter-clockwise seen from the cameras, shape [n_triangles, 3].
-    """
+    """Return two triangles for every square of four neighbouring points of a grid."""
     if len(cell) == 0:
         return np.empty((0, 3), dtype=np.int64)
     low = cell.min(axis=0)

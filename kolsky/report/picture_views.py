@@ -41,7 +41,7 @@ def read_surface_view(
     flight: FlightOfSpecimen | str = "not asked for",
 ) -> SurfaceView:
     """Read the pictures of camera 0 for the figures and evaluate the speckles of both cameras."""
-    chosen, first = set(shown_frames(result)), pictures[0]
+    chosen, first = set(_shown_frames(result)), pictures[0]
     column = _picture_column(result, first.shape[1])
     kymograph = np.full((first.shape[0], first.n_frames), np.nan)
     kept = {}
@@ -63,7 +63,7 @@ def read_surface_view(
     )
 
 
-def shown_frames(result: StereoResult) -> list[int]:
+def _shown_frames(result: StereoResult) -> list[int]:
     """Return frames at equal intervals among those with points: the first, the last and two between."""
     usable = np.flatnonzero(result.specimen.n_valid > 0)
     if usable.size == 0:
@@ -101,14 +101,7 @@ class FullFieldView:
 def read_full_field_view(name: str, result: FullField, pictures: Pictures) -> FullFieldView:
     """Choose the frame to show and read its picture.
 
-    Parameters
-    ----------
-    name
-        Name of the measurement.
-    result
-        The result.
-    pictures
-        Camera 0's series.
+    ``name``: name of the measurement. ``result``: the result. ``pictures``: camera 0's series.
     """
     count = result.n_valid
     enough = np.flatnonzero(count >= max(1.0, ALIVE * count.max()))

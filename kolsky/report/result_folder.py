@@ -113,18 +113,9 @@ def write_identify_page(
 ) -> None:
     """Write the page of an identification into a folder, and its figures alone if formats are given.
 
-    Parameters
-    ----------
-    folder
-        An empty folder of `kolsky.base.files.filling`.
-    found
-        The identification.
-    recordings
-        Recordings of the shot's own files.
-    formats
-        Any of `kolsky.report.FIGURE_FORMATS`.
-    processes
-        Processes that draw; see `dic.processes.run_parallel`.
+    ``folder``: an empty folder of `kolsky.base.files.filling`. ``found``: the identification. ``recordings``:
+    recordings of the shot's own files. ``formats``: any of `kolsky.report.FIGURE_FORMATS`. ``processes``:
+    processes that draw; see `dic.processes.run_parallel`.
     """
     from kolsky.report.pages.identification import write_report
 
@@ -217,21 +208,10 @@ def write_full_field_results(
 ) -> None:
     """Write the results of `kolsky dic` for a dic.toml: dic.h5, dic.html, history.csv and figures.
 
-    Parameters
-    ----------
-    folder, formats
-        As of `write_identify_results`.
-    measurement
-        The measurement, as `kolsky.pictures.measurement.read_measurement` gives it.
-    result
-        The result.
-    csv, vtu
-        Also write every frame's points as CSV, and as VTU for ParaView.
-
-    Raises
-    ------
-    InputError
-        If the results cannot be written.
+    ``folder``, ``formats``: as of `write_identify_results`. ``measurement``: the measurement, as
+    `kolsky.pictures.measurement.read_measurement` gives it. ``result``: the result. ``csv``, ``vtu``: also
+    write every frame's points as CSV, and as VTU for ParaView. Raises InputError if the results cannot be
+    written.
     """
     from dic.output import write_full_field_frames, write_full_field_history
     from kolsky.pictures.dic_file import write_full_field

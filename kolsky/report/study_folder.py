@@ -107,20 +107,10 @@ def write_budget_results(
 ) -> None:
     """Write the results of `kolsky budget` beside its ledger: budget.csv, budget.html and figures.
 
-    Parameters
-    ----------
-    folder, formats
-        As of `kolsky.report.result_folder.write_identify_results`.
-    results
-        A budget for each free parameter; files and figures of the first are named budget, of others
-        budget and the parameter.
-    campaign
-        A planned campaign, if one was asked for.
-
-    Raises
-    ------
-    InputError
-        If the results cannot be written.
+    ``folder``, ``formats``: as of `kolsky.report.result_folder.write_identify_results`. ``results``: a budget
+    for each free parameter; files and figures of the first are named budget, of others budget and the
+    parameter. ``campaign``: a planned campaign, if one was asked for. Raises InputError if the results cannot
+    be written.
     """
     from kolsky.report.pages.budget import write_page
     from kolsky.studies.budget.records import write_budget
@@ -189,21 +179,9 @@ def write_prediction_results(
 ) -> None:
     """Write prediction.html, prediction.json, tables, and a film and figures if they are asked for.
 
-    Parameters
-    ----------
-    folder, formats
-        As of `kolsky.report.result_folder.write_identify_results`.
-    found
-        The prediction.
-    scan, aim
-        A scan that was made before, and the point found in it.
-    film
-        Format of a film, "mp4" or "gif"; empty for none.
-
-    Raises
-    ------
-    InputError
-        If the results cannot be written.
+    ``folder``, ``formats``: as of `kolsky.report.result_folder.write_identify_results`. ``found``: the
+    prediction. ``scan``, ``aim``: a scan that was made before, and the point found in it. ``film``: format of
+    a film, "mp4" or "gif"; empty for none. Raises InputError if the results cannot be written.
     """
     from kolsky.report.figures import SCANS
     from kolsky.report.pages.prediction import write_page

@@ -113,12 +113,7 @@ def _clock(lag: ClockLag) -> tuple[str, str, str]:
 def held_line(held: HeldAnswer, *, written: bool = False) -> str:
     """Return the held answer with its k = 2 uncertainty, what was held, and the misfit there and when free.
 
-    Parameters
-    ----------
-    held
-        In SI.
-    written
-        Symbols as pages write them; else as the command line does.
+    ``held``: in SI. ``written``: symbols as pages write them; else as the command line does.
     """
     value, uncertainty = numbers.measured(held.value, 2.0 * held.sigma)
     named = []
@@ -175,12 +170,7 @@ def unseen_notes(result: Identification) -> list[str]:
 def printed_sensitivities(result: Identification, symbol: dict[str, str]) -> dict[str, str]:
     """Return rows for a terminal: "per 1 % of specimen_length" -> "m +1.8 % (taken as exact)".
 
-    Parameters
-    ----------
-    result
-        The identification.
-    symbol
-        Symbol of each free parameter.
+    ``result``: the identification. ``symbol``: symbol of each free parameter.
     """
     answer = {name: e.value for name, e in result.estimates.items()}
     open_ = {part.key for part in taken_as_exact(result.systematic)}

@@ -96,15 +96,7 @@ JOINT = Record(
 
 
 def write_joint_hdf5(path: Path, found: JointResult) -> None:
-    """Write a joint identification to one HDF5 file, atomically.
-
-    Raises
-    ------
-    ValueError
-        If shapes of the result disagree with each other, or a text cannot be stored.
-    OSError
-        If the file cannot be written; an older file of the name is then unchanged.
-    """
+    """Write a joint identification to one HDF5 file, atomically."""
     with writing(path, FORMAT) as place:
         JOINT.write(place, found)
 
@@ -171,10 +163,7 @@ def to_json(found: JointResult) -> dict[str, Any]:
 def write_joint(folder: Path, found: JointResult) -> None:
     """Write joint.h5, joint.json, joint_parameters.csv, joint_shots.csv; of a free curve, joint_curve.csv.
 
-    Raises
-    ------
-    InputError
-        If a file cannot be written.
+    Raises InputError if a file cannot be written.
     """
     write_joint_hdf5(folder / f"{STEM}.h5", found)
     text = json.dumps(to_json(found), indent=1, allow_nan=False)

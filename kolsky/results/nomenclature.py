@@ -74,13 +74,8 @@ def short(parameter: str) -> str:
 def in_words(text: str, names: Iterable[str] = ()) -> str:
     """Return a sentence in which every API name of a parameter is replaced by `short`.
 
-    Parameters
-    ----------
-    text
-        The sentence.
-    names
-        Parameters to replace, beside those whose API name is no English word; "friction" may be the plain
-        word.
+    ``text``: the sentence. ``names``: parameters to replace, beside those whose API name is no English word;
+    "friction" may be the plain word.
     """
     known = {*names, *(name for name in (*PARAMETERS, *_NAMES) if "_" in name)}
     called = "|".join(sorted(map(re.escape, known), key=len, reverse=True))

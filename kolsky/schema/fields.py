@@ -423,12 +423,8 @@ class LayoutSection(TextLayoutSection):
     def as_layout(self, *, full_scale: float | None = None, **said: str | int | None) -> Layout:
         """The declaration as readers take it.
 
-        Parameters
-        ----------
-        full_scale
-            Largest size that the recorder shows, in the SI unit of the samples.
-        said
-            Fields of `Layout` that other keys of the shot file say, e.g. ``unit="V"``; None says nothing.
+        ``full_scale``: largest size that the recorder shows, in the SI unit of the samples. ``said``: fields
+        of `Layout` that other keys of the shot file say, e.g. ``unit="V"``; None says nothing.
         """
         declared = {name: getattr(self, name) for name in LayoutSection.model_fields}
         return Layout(

@@ -117,10 +117,8 @@ def _law_constant(name: str, value: object, unit: str) -> float:
 def one_baseline(curve: object, law: LawSection | None) -> None:
     """Refuse a file that says nothing of the quasi-static material, or two things and not which counts.
 
-    Raises
-    ------
-    pydantic_core.PydanticCustomError
-        If there is neither [curve] nor [law], or both and [law] does not say whether it is the baseline.
+    Raises pydantic_core.PydanticCustomError if there is neither [curve] nor [law], or both and [law] does not
+    say whether it is the baseline.
     """
     if curve is None and law is None:
         raise f.problem(

@@ -233,11 +233,8 @@ class TomlFile:
     def validated(self, model: type[SchemaModel]) -> SchemaModel:
         """Its declarations by a schema, in SI.
 
-        Raises
-        ------
-        InputError
-            If it declares anything unknown, incomplete or impossible; several problems come as one
-            `InputErrors`.
+        Raises InputError if it declares anything unknown, incomplete or impossible; several problems come as
+        one `InputErrors`.
         """
         empty = set(blanks(self.content))
         try:
@@ -275,10 +272,7 @@ Source = str | Path | TomlFile
 def parse_toml(path: Path) -> TomlFile:
     """Parse a file; what it declares is not looked at yet.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read or is no TOML.
+    Raises InputError if it cannot be read or is no TOML.
     """
     data = read_bytes(path, limit=TOML_LIMIT)
     text = decode(path, data)
@@ -319,10 +313,7 @@ def _depth(content: object) -> int:
 def parsed(source: Source) -> TomlFile:
     """The shot file of a folder, parsed; one that is parsed already is returned as it is.
 
-    Raises
-    ------
-    InputError
-        If there is none, or as `parse_toml`.
+    Raises InputError if there is none, or as `parse_toml`.
     """
     return source if isinstance(source, TomlFile) else parse_toml(find_shot_file(Path(source)))
 

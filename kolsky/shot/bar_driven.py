@@ -56,26 +56,6 @@ def driven_by_waves(
     """The shot whose front face moves with ``c0 (eps_i - eps_r)`` instead of with a flyer that cameras saw.
 
     Everything is on the shot's clock, also where the transmitted force is a transducer's (`base.force`).
-
-    Parameters
-    ----------
-    base
-        The test apart from its motion. Its support should be the bar: the back face moves as well.
-    reduction, waves
-        The reduced record, and the waves that it was made from.
-    sigma_zero
-        Standard uncertainty of the zero of the face's velocity [m/s].
-    centre_line
-        The specimen's outline, where there is one; without it the force alone identifies.
-    end
-        Last time that is simulated and compared, on the shot's clock [s], e.g. where the waves begin to
-        overlap; the end of the reduction if left out.
-
-    Raises
-    ------
-    ValueError
-        If the end is outside the reduction, the face's velocity cannot be used, or the face moves away from
-        the specimen or through it.
     """
     motion = front_velocity(reduction, waves, sigma_zero=sigma_zero)
     path = front_path(motion)
@@ -131,20 +111,9 @@ class BarDrivenShotFile(Section):
 def load_bar_driven(source: Source) -> Shot:
     """Reduce the gauges of a shot and make it ready for `identify`.
 
-    Parameters
-    ----------
-    source
-        The shot's folder with its shot.toml, the path of such a file, or the file parsed.
-
-    Returns
-    -------
-    Shot
-        Without a centre line: the force alone identifies.
-
-    Raises
-    ------
-    InputError
-        If a file is missing or damaged, a declaration is impossible, or the signals hold no such test.
+    ``source``: the shot's folder with its shot.toml, the path of such a file, or the file parsed. Returns:
+    without a centre line: the force alone identifies. Raises InputError if a file is missing or damaged, a
+    declaration is impossible, or the signals hold no such test.
     """
     file = parsed(source)
     declared = file.validated(BarDrivenShotFile)

@@ -91,16 +91,10 @@ def _shot_file_table(key: str) -> str:
     return "gauges." + key.replace(" ", "_")
 
 
-def gauge_station(
+def _gauge_station(
     gauge: GaugeSection, recordings: tuple[Recording, ...], bar: Bar, declared: BarsShotFile
 ) -> StationInput:
-    """A station as the reduction takes it; channels of two recorders are brought to one clock.
-
-    Raises
-    ------
-    ValueError
-        If its bridge is impossible, or contradicts the shunt's step.
-    """
+    """A station as the reduction takes it; channels of two recorders are brought to one clock."""
     offsets = [declared.recorders[name].clock_offset for name in gauge.recorders]
     if len(set(gauge.recorders)) > 1:
         recordings = on_one_clock(recordings, offsets)
@@ -143,15 +137,8 @@ NOTHING = Specimen(diameter=0.0, length=0.0, density=0.0)
 def load_waves(source: Source) -> WavesInput:
     """Load and check what `kolsky waves` needs of a shot.
 
-    Parameters
-    ----------
-    source
-        The shot's folder with its shot.toml, the path of such a file, or the file parsed.
-
-    Raises
-    ------
-    InputError
-        If a file is missing or damaged, or a declaration is unknown, incomplete or impossible.
+    ``source``: the shot's folder with its shot.toml, the path of such a file, or the file parsed. Raises
+    InputError if a file is missing or damaged, or a declaration is unknown, incomplete or impossible.
     """
     file = parsed(source)
     declared = file.validated(WavesShotFile)
@@ -215,10 +202,7 @@ def load_bars(source: Source) -> WavesInput:
 
     The specimen of the result has no length and must not be used.
 
-    Raises
-    ------
-    InputError
-        As `load_waves`.
+    Raises InputError as `load_waves`.
     """
     file = parsed(source)
     declared = file.validated(BarsShotFile)
@@ -249,7 +233,7 @@ def _record(
     stations = {}
     for key, gauge in gauges.items():
         try:
-            stations[key] = gauge_station(gauge, recordings[key], bars[key.removesuffix(" far")], declared)
+            stations[key] = _gauge_station(gauge, recordings[key], bars[key.removesuffix(" far")], declared)
         except ValueError as error:
             raise file.error(f"{_shot_file_table(key)}.bridge", str(error)) from error
     return bars, stations, hashes, _recording_notes(declared, recordings)

@@ -26,15 +26,8 @@ SMALLEST_CURVE = 5
 def read_curve(folder: Path, section: CurveSection | LawSection) -> tuple[MaterialCurve, dict[str, str]]:
     """The quasi-static curve from rest outward, with the conditioned one if it is declared; or a law's own.
 
-    Returns
-    -------
-    tuple
-        The curve, and the hash of every file that was read.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read or holds no such curve.
+    Returns: the curve, and the hash of every file that was read. Raises InputError if a file cannot be read
+    or holds no such curve.
     """
     if isinstance(section, LawSection):
         return section.curve(), {}
@@ -50,10 +43,7 @@ def read_curve(folder: Path, section: CurveSection | LawSection) -> tuple[Materi
 def with_pull(shot: AnyShot, pull: Literal["first", "conditioned"]) -> AnyShot:
     """The shot with the curve that its stiffness factor is to refer to.
 
-    Raises
-    ------
-    ValueError
-        If the conditioned curve is asked for and the shot has none.
+    Raises ValueError if the conditioned curve is asked for and the shot has none.
     """
     if pull == "first":
         return shot
@@ -103,24 +93,7 @@ def _read(path: Path, section: CurveSection) -> tuple[MaterialCurve, str]:
 
 
 def check_curve(strain: FloatArray, stress: FloatArray, table: UniaxialTable, section: CurveSection) -> None:
-    """One branch, one sign, from rest outward.
-
-    Parameters
-    ----------
-    strain
-        Nominal strain, tension-positive by the declared convention, rows as in the file [-], shape [n].
-    stress
-        Nominal stress, likewise [Pa], shape [n].
-    table
-        The file they came from.
-    section
-        What the shot file says of it.
-
-    Raises
-    ------
-    InputError
-        For the first row that cannot belong to such a curve.
-    """
+    """One branch, one sign, from rest outward."""
     branch = 1.0 if section.branch == "tension" else -1.0
     other = "tension" if section.branch == "compression" else "compression"
     _rows(

@@ -13,14 +13,8 @@ from kolsky.shot.optical_data import Surfaces
 def write_tables(folder: Path, found: Surfaces, number: np.ndarray) -> None:
     """Write outline and flyer as the exports that a shot can declare, the flight and the reporting table.
 
-    Parameters
-    ----------
-    folder
-        Where to; it exists.
-    found
-        What the pictures gave.
-    number
-        Number of each frame as the shot counts them, shape [n_frames].
+    ``folder``: where to; it exists. ``found``: what the pictures gave. ``number``: number of each frame as
+    the shot counts them, shape [n_frames].
     """
     result = found.result
     line = result.centre

@@ -201,10 +201,8 @@ def analyse_flyer(
 ) -> FlyerResult:
     """Forces, strain, stress, events and the window in which they are a curve of the material.
 
-    Raises
-    ------
-    ValueError
-        If the shot has no flyer motion, or the signals hold no such test: see the parts in `kolsky.bars`.
+    Raises ValueError if the shot has no flyer motion, or the signals hold no such test: see the parts in
+    `kolsky.bars`.
     """
     shot, motion = given.shot, given.shot.flyer
     if not isinstance(motion, FlyerMotion) or not isinstance(shot.force, ForceChannel):

@@ -24,11 +24,8 @@ SMALLEST_BASELINE = 20
 def force_channel(folder: Path, rest: float, toml: ShotToml) -> ForceChannel:
     """[force]: the recorder's channel with its transducer; `rest` is the last frame before the test [s].
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or the channel is clipped or a clock, or its baseline does not lie before
-        the test.
+    Raises InputError if the file cannot be read, or the channel is clipped or a clock, or its baseline does
+    not lie before the test.
     """
     section = toml.declared.force
     recording = _force_recording(folder / section.file, section)
@@ -59,11 +56,6 @@ def _force_recording(path: Path, section: ForceSection) -> Recording:
 
     Without a layout a file is a table as `kolsky.readers.table` reads it, and its time column is taken as it
     is.
-
-    Raises
-    ------
-    InputError
-        As the reader; also if the layout's file is not in a unit of volts.
     """
     if section.layout is None:
         assert section.time is not None  # the section has one of the two
@@ -83,20 +75,7 @@ def _force_recording(path: Path, section: ForceSection) -> Recording:
 
 
 def check_range(scope: Recording, section: ForceSection, key: str = "force") -> None:
-    """No sample at or beyond the recorder's full scale (with `bits`: at its first or last code).
-
-    Parameters
-    ----------
-    scope, section
-        What was recorded, and what its section of the shot file declares.
-    key
-        The section's name.
-
-    Raises
-    ------
-    InputError
-        If there is one.
-    """
+    """No sample at or beyond the recorder's full scale (with `bits`: at its first or last code)."""
     limit = section.full_scale
     if section.bits is not None:
         # Codes run from -2^(b-1) to 2^(b-1) - 1; half a code less, since the volts are printed rounded.
@@ -114,13 +93,7 @@ def check_range(scope: Recording, section: ForceSection, key: str = "force") -> 
 
 
 def check_signal(scope: Recording, toml: ShotToml) -> None:
-    """A recording that rises from every sample to the next is a clock: a signal has noise.
-
-    Raises
-    ------
-    InputError
-        If it does.
-    """
+    """A recording that rises from every sample to the next is a clock: a signal has noise."""
     if scope.value.size > SMALLEST_BASELINE and (np.diff(scope.value) > 0.0).all():
         raise toml.error(
             "force.voltage",
@@ -131,17 +104,7 @@ def check_signal(scope: Recording, toml: ShotToml) -> None:
 
 
 def check_baseline(volts: FloatArray, rest: float, toml: ShotToml) -> None:
-    """Enough samples before the flyer moves, with visible noise.
-
-    Parameters
-    ----------
-    volts
-        Samples in the baseline window [V], shape [n].
-    rest
-        Time of the last static frame on the shot's clock [s].
-    toml
-        The shot file.
-    """
+    """Enough samples before the flyer moves, with visible noise."""
     if toml.declared.force.baseline[1] > rest:
         raise toml.error(
             "force.baseline",
@@ -169,18 +132,9 @@ def check_sign(
 ) -> None:
     """A flyer that went far into the specimen has pushed it, not pulled.
 
-    Parameters
-    ----------
-    force
-        Compression-positive force at the scope samples [N], shape [n].
-    scope_time
-        Their times on the shot's clock [s], shape [n].
-    span
-        The window [s].
-    flyer
-        The flyer's motion.
-    toml
-        The shot file.
+    ``force``: compression-positive force at the scope samples [N], shape [n]. ``scope_time``: their times on
+    the shot's clock [s], shape [n]. ``span``: the window [s]. ``flyer``: the flyer's motion. ``toml``: the
+    shot file.
     """
     # A bonded face pulls in the first waves; only a good part of the compression decides the sign.
     inside = flyer.time <= span[1]
@@ -198,10 +152,7 @@ def check_sign(
 def incident_channel(toml: ShotToml) -> ForceChannel | None:
     """The channel that a shot file declares; None if it declares none.
 
-    Raises
-    ------
-    InputError
-        If its file cannot be read, it is clipped, or its baseline holds too few samples.
+    Raises InputError if its file cannot be read, it is clipped, or its baseline holds too few samples.
     """
     declared = toml.declared.incident_force
     if declared is None:
@@ -226,17 +177,8 @@ def incident_to_compare(toml: ShotToml, span: tuple[float, float]) -> dict[str, 
     What acts on the flyer before the window, the pulse that sets it in motion, ends before it flies: the
     window begins at rest, so that such a shot's incident force is that of the specimen from its start on.
 
-    Parameters
-    ----------
-    toml
-        The shot file.
-    span
-        The window [s].
-
-    Raises
-    ------
-    InputError
-        As `incident_channel`; if the recording does not cover the window, or has another clock than [force].
+    ``toml``: the shot file. ``span``: the window [s]. Raises InputError as `incident_channel`; if the
+    recording does not cover the window, or has another clock than [force].
     """
     declared = toml.declared.incident_force
     if declared is None or not declared.compared:

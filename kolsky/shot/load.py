@@ -350,13 +350,7 @@ def _elastic(declared: ShotFile, bar: Bar | None) -> dict[str, Any]:
 
 
 def _all_there(toml: ShotToml, folder: Path) -> None:
-    """See that every declared file is there.
-
-    Raises
-    ------
-    InputError
-        If any is missing; all of them are named.
-    """
+    """See that every declared file is there."""
     missing = {key: name for key, name in toml.declared.data_files().items() if not (folder / name).exists()}
     refuse(
         [

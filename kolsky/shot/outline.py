@@ -30,10 +30,7 @@ def read_outline(
 ) -> tuple[CentreLine, OutlineTable]:
     """[centre_line]: the specimen's outline at the frames, and the table it was read from.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or its frames and times are not those of [frames].
+    Raises InputError if the file cannot be read, or its frames and times are not those of [frames].
     """
     table = measured_tables.read_outline(
         folder / section.file,
@@ -67,25 +64,11 @@ def check_outline(
 ) -> None:
     """Points before the axis, between the platens, at the specimen's radius while it rests.
 
-    Parameters
-    ----------
-    line
-        The outline in the shot's coordinates, rows as in the file.
-    path
-        The file it came from.
-    rest
-        Time of the last static frame on the shot's clock [s].
-    span
-        The window [s].
-    toml
-        The shot file.
-    line_of
-        Line of the file on which a row stands, where the file is a table.
-
-    Raises
-    ------
-    InputError
-        For the first point that cannot be one of this specimen's outline, or if no point is in the window.
+    ``line``: the outline in the shot's coordinates, rows as in the file. ``path``: the file it came from.
+    ``rest``: time of the last static frame on the shot's clock [s]. ``span``: the window [s]. ``toml``: the
+    shot file. ``line_of``: line of the file on which a row stands, where the file is a table. Raises
+    InputError for the first point that cannot be one of this specimen's outline, or if no point is in the
+    window.
     """
     length, radius = toml.declared.specimen.length, 0.5 * toml.declared.specimen.diameter
     low, high = -0.1 * length, 1.1 * length

@@ -44,16 +44,8 @@ class PictureFilm:
     """The pictures, all of one size."""
 
 
-def picture_film(toml: ShotToml, result: StereoResult) -> PictureFilm | None:
-    """Pictures at equal intervals of time, as far as frames have points; None if none can be read.
-
-    Parameters
-    ----------
-    toml
-        The shot's file, with [pictures].
-    result
-        What its pictures gave.
-    """
+def _picture_film(toml: ShotToml, result: StereoResult) -> PictureFilm | None:
+    """Pictures at equal intervals of time, as far as frames have points; None if none can be read."""
     from dic.images import PictureError  # for shots with pictures only
 
     valid = np.flatnonzero(result.outcome == FrameOutcome.VALID)
@@ -81,15 +73,7 @@ def picture_film(toml: ShotToml, result: StereoResult) -> PictureFilm | None:
 
 
 def part_of_picture(pixels: NDArray[np.float64], shape: tuple[int, int]) -> tuple[slice, slice]:
-    """Rows and columns around all places of the points, `BESIDE` of their extent more on each side.
-
-    Parameters
-    ----------
-    pixels
-        Places (column, row) [px], shape [..., 2]; NaN where a point has none.
-    shape
-        Rows and columns of the picture.
-    """
+    """Rows and columns around all places of the points, `BESIDE` of their extent more on each side."""
     cuts = []
     for axis, size in ((1, shape[0]), (0, shape[1])):
         low, high = np.nanmin(pixels[..., axis]), np.nanmax(pixels[..., axis])
@@ -165,19 +149,8 @@ class ShotRecordings:
 def shot_recordings(shot: Shot, folder: Path) -> ShotRecordings:
     """The recordings of a shot as its report shows them.
 
-    Parameters
-    ----------
-    shot
-        The shot.
-    folder
-        Where its results are.
-
-    Raises
-    ------
-    InputError
-        If its pictures were correlated but the file with the result cannot be read.
-    ValueError
-        If the flyer's record cannot be used.
+    ``shot``: the shot. ``folder``: where its results are. Raises InputError if its pictures were correlated
+    but the file with the result cannot be read. Raises ValueError if the flyer's record cannot be used.
     """
     channel = shot.force
     if isinstance(channel, BarForce):
@@ -273,5 +246,5 @@ def surface_of(source: Source, folder: Path) -> dict[str, Any]:
         "surface_page": page,
         "numbers": numbers(result),
         "pair": picture_pair(toml, result),
-        "film": picture_film(toml, result),
+        "film": _picture_film(toml, result),
     }

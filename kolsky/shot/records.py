@@ -24,20 +24,7 @@ FEWEST_MOVING_FRAMES = 24
 
 
 def fit_front_path(motion: FlyerMotion | FrontVelocity, *, start: float) -> FlyerPath:
-    """The smooth path of a motion, its scale taken as exact.
-
-    Parameters
-    ----------
-    motion
-        Displacements at the frames, or velocities of the bar's face.
-    start
-        Last time at rest, from which a path of displacements begins [s].
-
-    Raises
-    ------
-    ValueError
-        If the record cannot be used.
-    """
+    """The smooth path of a motion, its scale taken as exact."""
     if isinstance(motion, FlyerMotion):
         return fit_flyer(
             motion,
@@ -114,10 +101,7 @@ class ForceChannel:
     def history(self) -> ForceHistory:
         """The force with its noise; see `kolsky.bars.signals.transducers.force_history`.
 
-        Raises
-        ------
-        ValueError
-            If the recording, the baseline or the transducer cannot be used.
+        Raises ValueError if the recording, the baseline or the transducer cannot be used.
         """
         return force_history(
             self.recording, self.transducer, baseline=self.baseline, clock_offset=self.clock_offset

@@ -42,22 +42,7 @@ class Placement:
 
 
 def declared_placement(*, y: str, Z: str, origin: tuple[float, float, float]) -> Placement:
-    """Axes of the test along axes of the export.
-
-    Parameters
-    ----------
-    y
-        Which of the export's axes points along the specimen's axis toward the flyer, e.g. "+Y".
-    Z
-        Which points toward the cameras.
-    origin
-        The point of the specimen's axis on the transmission platen's face [m].
-
-    Raises
-    ------
-    ValueError
-        If both are the same axis, or one is none of ±X, ±Y, ±Z.
-    """
+    """Axes of the test along axes of the export."""
     along, toward = _unit(y), _unit(Z)
     if abs(along @ toward) > 0.5:
         raise ValueError(f"y and Z must be different axes, got {y} and {Z}")
@@ -67,26 +52,7 @@ def declared_placement(*, y: str, Z: str, origin: tuple[float, float, float]) ->
 def cylinder_placement(
     export: DicExport, *, y: str, Z: str, on_platen: tuple[float, float, float], radius: float, sigma: float
 ) -> Placement:
-    """The test frame on the cylinder that fits the reference positions best.
-
-    Parameters
-    ----------
-    export
-        Points on the specimen's surface.
-    y, Z
-        As in `declared_placement`, within `WIDEST_ANGLE`.
-    on_platen
-        Any point of the transmission platen's face [m].
-    radius
-        Radius of the undeformed specimen [m].
-    sigma
-        Standard deviation of a position [m].
-
-    Raises
-    ------
-    ValueError
-        If no cylinder fits, or its axis lies elsewhere than declared.
-    """
+    """The test frame on the cylinder that fits the reference positions best."""
     covariance = np.broadcast_to(sigma**2 * np.eye(3), (len(export.X), 3, 3))
     cylinder = fit_cylinder(export.X, covariance, radius=radius)
     declared = _unit(y)
@@ -109,21 +75,9 @@ def surface_history(
 ) -> SurfaceHistory:
     """The points of an export in the test frame.
 
-    Parameters
-    ----------
-    export
-        The points.
-    placement
-        Where the test frame lies.
-    time
-        Times of the frames on the shot's clock [s], shape [n_frames].
-    sigma
-        Standard deviation of each component of a position [m].
-
-    Raises
-    ------
-    ValueError
-        As `dic.surfaces.surface_history.SurfaceHistory`.
+    ``export``: the points. ``placement``: where the test frame lies. ``time``: times of the frames on the
+    shot's clock [s], shape [n_frames]. ``sigma``: standard deviation of each component of a position [m].
+    Raises ValueError as `dic.surfaces.surface_history.SurfaceHistory`.
     """
     outcome = np.full(export.state.shape, int(PointOutcome.VALID))
     for state, meaning in OUTCOMES.items():
@@ -153,21 +107,9 @@ def flyer_motion(export: DicExport, placement: Placement, time: FloatArray, *, s
 
     Points that come and go would turn a tilt of the flyer into a step, so they are left out.
 
-    Parameters
-    ----------
-    export
-        Points on the flyer.
-    placement
-        Where the test frame lies; the flyer goes toward -y.
-    time
-        Times of the frames on the shot's clock [s], shape [n_frames].
-    sigma
-        Standard deviation of one displacement of the mean [m].
-
-    Raises
-    ------
-    ValueError
-        If no point is valid in every frame.
+    ``export``: points on the flyer. ``placement``: where the test frame lies; the flyer goes toward -y.
+    ``time``: times of the frames on the shot's clock [s], shape [n_frames]. ``sigma``: standard deviation of
+    one displacement of the mean [m]. Raises ValueError if no point is valid in every frame.
     """
     kept = np.all(export.state == PointState.VALID, axis=0)
     if not kept.any():
@@ -189,11 +131,8 @@ def measured_surface(
 ) -> tuple[CentreLine, FlyerMotion | None, dict[str, str]]:
     """The outline, the flyer's motion if its area was exported, and the hashes of the files by pattern.
 
-    Raises
-    ------
-    InputError
-        If an export cannot be read, has a frame that the frames' file does not know, or does not fit the
-        declared axes.
+    Raises InputError if an export cannot be read, has a frame that the frames' file does not know, or does
+    not fit the declared axes.
     """
     folder, specimen = toml.path.parent, toml.declared.specimen
     export, time = _export(folder, section.pattern, section, frames, toml)

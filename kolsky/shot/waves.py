@@ -28,21 +28,7 @@ __all__ = ["waves"]
 
 
 def _load_flyer_test(source: Source, shot: Shot) -> FlyerInput:
-    """Load a flyer test for `kolsky waves`.
-
-    Parameters
-    ----------
-    source
-        The shot's folder with its shot.toml, the path of such a file, or the file parsed.
-    shot
-        The same shot, loaded.
-
-    Raises
-    ------
-    InputError
-        If [incident_force] names a file that cannot be read, a channel that is clipped, or a baseline
-        without samples.
-    """
+    """Load a flyer test for `kolsky waves`."""
     toml = shot_toml(source)
     declared = toml.declared
     section = declared.incident_force
@@ -200,15 +186,8 @@ def repeats(
 def wave_speed_of(shot: str | Path) -> tuple[str, BarsTogether, tuple[str, ...]]:
     """Name, wave speed and relative gain of a shot with the bars together, and notes on its files.
 
-    Parameters
-    ----------
-    shot
-        A shot's folder, or its shot.toml with the tables bars, recorders and gauges.
-
-    Raises
-    ------
-    InputError
-        If the shot or its files cannot be used.
+    ``shot``: a shot's folder, or its shot.toml with the tables bars, recorders and gauges. Raises InputError
+    if the shot or its files cannot be used.
     """
     given = load_bars(Path(shot))
     try:
@@ -224,18 +203,6 @@ def wave_speed_of(shot: str | Path) -> tuple[str, BarsTogether, tuple[str, ...]]
 def _fit_first_pulse(incident: BarSignal, transmission: BarSignal, *, tension: bool) -> BarsTogether:
     """Fit wave speed and gain over the pulse up to its first echo; once more where the speed found moves
     that echo.
-
-    Parameters
-    ----------
-    incident, transmission
-        Strain of the two gauges.
-    tension
-        Whether the first pulse pulls.
-
-    Raises
-    ------
-    ValueError
-        If no pulse is found, or the signals do not hold it.
     """
     speed = incident.bar.wave_speed
     for _ in range(2):

@@ -91,29 +91,10 @@ class Observables:
         return np.column_stack([columns[name] for name in self.outputs])
 
 
-def runs_at(
+def _runs_at(
     prepared: PreparedShot, points: FloatArray, box: Box, held: Mapping[str, float], numerics: Numerics
 ) -> Prediction:
-    """Simulate points of a box, some at a time.
-
-    Parameters
-    ----------
-    prepared
-        The shot.
-    points
-        In parameter units, shape [n, d].
-    box
-        Names the parameters.
-    held
-        Parameters held at another value than the shot's.
-    numerics
-        Mesh, precision, device.
-
-    Raises
-    ------
-    ValueError
-        If a run does not complete, or a parameter is unknown or outside its range.
-    """
+    """Simulate points of a box, some at a time."""
     parts = []
     for start in range(0, len(points), CHUNK):
         some = points[start : start + CHUNK]
@@ -166,17 +147,8 @@ class GlobalSensitivity:
     def outline_by_frame(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Generalised indices of the outline of every frame: its points' own, weighted by their variances.
 
-        Returns
-        -------
-        times
-            Frames [s], shape [M].
-        first, total
-            Indices [-], shape [d, M]; NaN where the outline hardly varies.
-
-        Raises
-        ------
-        ValueError
-            If there are no indices of the outline.
+        Returns: frames [s], shape [M]. Returns: indices [-], shape [d, M]; NaN where the outline hardly
+        varies. Raises ValueError if there are no indices of the outline.
         """
         if self.outline is None:
             raise ValueError("there are no indices of the outline")
@@ -227,7 +199,7 @@ def solver_sensitivity(
     sample = SaltelliSample.draw(box.dimension, n, rng)
     sets = [sample.A, sample.B, *(sample.mixed(i) for i in range(box.dimension))]
     points = box.scale(np.concatenate(sets))
-    seen = runs_at(prepared, points, box, held or {}, numerics or Numerics())
+    seen = _runs_at(prepared, points, box, held or {}, numerics or Numerics())
     observables = Observables(prepared.observations, np.asarray(seen.inside.all(axis=0)))
     vectors = observables.vectors(seen)
     row = {point.tobytes(): i for i, point in enumerate(points)}
@@ -272,7 +244,7 @@ def global_sensitivity(
     design = latin_hypercube(box, runs, rng=rng, optimise=True)
     others = latin_hypercube(box, unseen, rng=rng + 1)
     points = np.concatenate([design.points, others.points])
-    seen = runs_at(prepared, points, box, held or {}, numerics or Numerics())
+    seen = _runs_at(prepared, points, box, held or {}, numerics or Numerics())
     observables = Observables(prepared.observations, np.asarray(seen.inside.all(axis=0)))
     vectors = observables.vectors(seen)
     surrogate = ResponseSurrogate.fit(box, design.points, vectors[:runs], scale=observables.noise)
@@ -392,6 +364,6 @@ def screening(
     """
     prepared = prepare_shot(shot)
     walks = morris(box, trajectories, rng=rng)
-    seen = runs_at(prepared, walks.design.points, box, held or {}, numerics or Numerics())
+    seen = _runs_at(prepared, walks.design.points, box, held or {}, numerics or Numerics())
     observables = Observables(prepared.observations, np.asarray(seen.inside.all(axis=0)))
     return observables.outputs, walks.effects(observables.scalars(observables.vectors(seen)))

@@ -76,10 +76,7 @@ def friction_constrained(fit: CostSurrogate, delta: float) -> bool:
 def surface_of(runs: sweeping.Sweep) -> Surface:
     """Radial basis functions through the costs of completed runs, and where a simplex finds their least.
 
-    Raises
-    ------
-    ValueError
-        If fewer than four runs completed.
+    Raises ValueError if fewer than four runs completed.
     """
     table = runs.table
     box = Box.of({n: (a, b) for n, a, b in zip(table.names, table.lower, table.upper, strict=True)})
@@ -126,20 +123,6 @@ def cost_interval(x: FloatArray, cost: FloatArray, delta: float) -> CostInterval
 
     A cost with several valleys has one interval over all of them that are as deep: none is told from the
     deepest.
-
-    Parameters
-    ----------
-    x
-        Values of the parameter, ascending, shape [n].
-    cost
-        Phi, Eq. (M.5), least over all other parameters, shape [n]; linear between the values.
-    delta
-        Uncertainty of Phi, Eq. (M.8), >= 0.
-
-    Raises
-    ------
-    ValueError
-        If a value is not finite, or `delta` is negative or not known.
     """
     if not (np.isfinite(cost).all() and np.isfinite(delta) and delta >= 0.0):
         raise ValueError(f"the interval needs finite costs and an uncertainty >= 0, got {delta}")
@@ -454,10 +437,7 @@ def to_json(answer: PaperAnswer) -> dict[str, Any]:
 def write_paper_method(folder: Path, answer: PaperAnswer) -> None:
     """Write paper_method.json and paper_method.csv, a row a run of the designs.
 
-    Raises
-    ------
-    InputError
-        If they cannot be written.
+    Raises InputError if they cannot be written.
     """
     tables = [surface.runs.table for surface in answer.surfaces]
     meshes = [answer.meshes[0]] * (len(tables) - 1) + [answer.meshes[1]]

@@ -68,19 +68,9 @@ def analyse_rate_dependence(
 ) -> SlowDynamics:
     """Place all tests on one axis of time and fit a Prony series to the slow ones.
 
-    Parameters
-    ----------
-    slow
-        The slow tests.
-    shots
-        Identified shots of the same material; they are placed on the axis and take no part in the fit.
-    at_most
-        Most branches that are tried.
-
-    Raises
-    ------
-    ValueError
-        If no test is left, or there are fewer values than a series has constants.
+    ``slow``: the slow tests. ``shots``: identified shots of the same material; they are placed on the axis
+    and take no part in the fit. ``at_most``: most branches that are tried. Raises ValueError if no test is
+    left, or there are fewer values than a series has constants.
     """
     remarks = [said for name, sweep in slow.sweeps.items() for said in _sweep_remarks(name, sweep)]
     if not slow.tests:
@@ -112,13 +102,7 @@ def analyse_rate_dependence(
 
 
 def shot_modulus(shot: RatedShot) -> ApparentModuli:
-    """The point of an identified shot, Eq. (M.1): m times the mean E_a of its curve over its strains.
-
-    Raises
-    ------
-    ValueError
-        If its strain history or its curve is empty.
-    """
+    """The point of an identified shot, Eq. (M.1): m times the mean E_a of its curve over its strains."""
     largest, curve = shot.history.largest, shot.quasi_static.curve
     strain = curve.stretch - 1.0
     compression = bool(strain[np.argmax(np.abs(strain))] < 0.0)

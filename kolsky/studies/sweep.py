@@ -286,11 +286,8 @@ def read_design(path: Path) -> Design:
 
     A name without a unit is in SI. The design's box spans the values of each column.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, a name or unit is unknown or stands twice, a value is not a number or
-        outside its allowed range, a column holds one value only, or there are too many points.
+    Raises InputError if the file cannot be read, a name or unit is unknown or stands twice, a value is not a
+    number or outside its allowed range, a column holds one value only, or there are too many points.
     """
     text = decode(path, read_bytes(path))
     rows = csv.reader(StringIO(text, newline=""), strict=True)

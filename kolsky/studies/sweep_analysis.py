@@ -100,17 +100,8 @@ class SweepAnalysis:
     def map(self, output: str, first: str, second: str) -> tuple[FloatArray, FloatArray, FloatArray]:
         """An output in the plane of two parameters, the others where the best run has them.
 
-        Returns
-        -------
-        x, y
-            Values of the two parameters [SI], shape [LEVELS].
-        values
-            The output, shape [LEVELS, LEVELS], rows along y.
-
-        Raises
-        ------
-        ValueError
-            If the output has no interpolant.
+        Returns: values of the two parameters [SI], shape [LEVELS]. Returns: the output, shape [LEVELS,
+        LEVELS], rows along y. Raises ValueError if the output has no interpolant.
         """
         surrogate = self.outputs[output].surrogate
         if surrogate is None or self.best is None:

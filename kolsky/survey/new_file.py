@@ -41,18 +41,8 @@ _LINE = re.compile(rf"(?P<off># )?(?P<key>\w+) = {_VALUE}(?P<rest>\s*(?:#.*)?)")
 def fill_in(text: str, values: Mapping[str, str | None]) -> str:
     """A shot file with other values, its remarks kept.
 
-    Parameters
-    ----------
-    text
-        The shot file.
-    values
-        Dotted key -> value as TOML writes it; None turns the line into a remark. A line that is a remark is
-        taken out of it.
-
-    Raises
-    ------
-    KeyError
-        If a key has no line.
+    ``text``: the shot file. ``values``: dotted key -> value as TOML writes it; None turns the line into a
+    remark. A line that is a remark is taken out of it. Raises KeyError if a key has no line.
     """
     table, lines, left = "", [], dict(values)
     for line in text.split("\n"):
@@ -160,14 +150,7 @@ def next_of_series(text: str, folder: Path, found: Survey) -> str:
     The apparatus stays; what each shot has of its own is blank, and a file that is not in the folder is
     replaced by the one that was found for its part, with its columns, or is blank.
 
-    Parameters
-    ----------
-    text
-        The last shot's file.
-    folder
-        The next shot's folder.
-    found
-        What is in it.
+    ``text``: the last shot's file. ``folder``: the next shot's folder. ``found``: what is in it.
     """
     declared = dict(_declared_value(text))
     changed: dict[str, str | None] = {key: BLANK for key in PER_SHOT if key in declared}
@@ -215,12 +198,7 @@ def with_recordings(text: str, found: Survey) -> str:
 
     A channel is written where its name says its bar, else it stays blank and the channels are listed.
 
-    Parameters
-    ----------
-    text
-        The blank file.
-    found
-        What is in the folder.
+    ``text``: the blank file. ``found``: what is in the folder.
     """
     recorders = _recorders(found.recordings)
     if not recorders:

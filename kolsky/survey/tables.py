@@ -159,11 +159,11 @@ def survey(folder: Path) -> Survey:
     files = sorted(p for p in folder.iterdir() if p.is_file() and p.suffix.lower() in SUFFIXES)
     for path in files:
         try:
-            table = read_table_entry(path)
+            table = _read_table_entry(path)
         except InputError as error:
             doubtful[path.name] = error.message
             continue
-        if is_recording(table):
+        if _is_recording(table):
             recordings.append(table)
         part = _part_of(table)
         if part is None:
@@ -178,7 +178,7 @@ def survey(folder: Path) -> Survey:
     return Survey(found, doubtful, tuple(recordings))
 
 
-def is_recording(table: TableEntry) -> bool:
+def _is_recording(table: TableEntry) -> bool:
     """True for a file with a clock, many samples and a signal that is no length and no frame number."""
     if table.clock is not None:
         return table.clock[2] >= _SCOPE_ROWS
@@ -237,14 +237,8 @@ def displacement_of(table: TableEntry) -> ColumnEntry | None:
     return lengths[0] if len(lengths) == 1 else None
 
 
-def read_table_entry(path: Path) -> TableEntry:
-    """Read a file with the layout that is found in it.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read.
-    """
+def _read_table_entry(path: Path) -> TableEntry:
+    """Read a file with the layout that is found in it."""
     contents = read_contents(path)
     if contents.facts.get("format") != "delimited":
         return _recorder(path, contents)

@@ -89,7 +89,7 @@ def variations(
     others: list[tuple[str, float, Callable[[], Data]]] = [
         *((WINDOW_END, end, partial(shorter_window, *data, end)) for end in ends),
         (FORCE_BINS, 2.0 * width, partial(wider_bins, *data)),
-        (FORCE_BINS, 0.5 * width, partial(narrower_bins, stages, answer, found, check)),
+        (FORCE_BINS, 0.5 * width, partial(_narrower_bins, stages, answer, found, check)),
     ]
     told = []
     for key, value, make in others:
@@ -105,13 +105,7 @@ def variations(
 
 
 def shorter_window(objective: Objective, model: Model, end: float) -> Data:
-    """The data inside a window that ends earlier, and their model.
-
-    Raises
-    ------
-    ValueError
-        If it leaves too little.
-    """
+    """The data inside a window that ends earlier, and their model."""
     seen = objective.observations
     line = seen.centre_line
     inside = seen.of_forces(lambda bins, _: bins.edges[1:]) <= end + SAME_TIME
@@ -144,13 +138,7 @@ def _first_bins(bins: ForceBins, end: float) -> ForceBins:
 
 
 def wider_bins(objective: Objective, model: Model) -> Data:
-    """The data with every two bins of the transmitted force as one; an odd last one stays.
-
-    Raises
-    ------
-    ValueError
-        If too few bins would be left.
-    """
+    """The data with every two bins of the transmitted force as one; an odd last one stays."""
     bins = objective.observations.bins
     own = len(bins.mean)
     starts = np.arange(0, own, 2)
@@ -183,16 +171,10 @@ def wider_bins(objective: Objective, model: Model) -> Data:
     return replace(objective, observations=seen), lambda points: both(model(points))
 
 
-def narrower_bins(
+def _narrower_bins(
     stages: StagedRuns, answer: LinearisedOptimum, found: ParameterProfiles, check: Prediction
 ) -> Data:
-    """The data with every bin of the transmitted force as two, and a surrogate of the same runs for them.
-
-    Raises
-    ------
-    ValueError
-        If a bin holds no sample between its edges.
-    """
+    """The data with every bin of the transmitted force as two, and a surrogate of the same runs for them."""
     seen = answer.objective.observations
     edge = np.searchsorted(seen.force.time, seen.bins.edges - SAME_TIME)
     middle = (edge[1:] + edge[:-1]) // 2
@@ -375,7 +357,7 @@ def analyse(
     sampled = None
     if bayes and found is not None:
         started = time.perf_counter()
-        sampled = posterior_of(found, stages.settings.seed)
+        sampled = _posterior_of(found, stages.settings.seed)
         stages.seconds["posterior"] = time.perf_counter() - started
     profiles = () if found is None else found.profiles
     cautions = caution(systematic, dict(zip(directions.names, answer.x.tolist(), strict=True)))
@@ -392,7 +374,7 @@ def analyse(
     )
 
 
-def posterior_of(found: ParameterProfiles, seed: int) -> PosteriorSummary:
+def _posterior_of(found: ParameterProfiles, seed: int) -> PosteriorSummary:
     """The posterior; imported when it is asked for."""
     from kolsky.uncertainty.profiles import posterior
 

@@ -41,18 +41,6 @@ def scale_uncertainty(change: FloatArray, gains: Sequence[FloatArray]) -> FloatA
 
     A scale is one number, which nothing averages; of several slopes that may be right the one with the
     largest move counts.
-
-    Parameters
-    ----------
-    change
-        Change of the data vector by one standard uncertainty of the scale, shape [k].
-    gains
-        Linear maps from a change of the data vector to the move of the optimum, shape [d, k] each.
-
-    Returns
-    -------
-    ndarray
-        In the parameters' units, shape [d].
     """
     return np.asarray(np.max([np.abs(gain @ change) for gain in gains], axis=0))
 
@@ -72,12 +60,8 @@ class InputChanges:
     def parts(self, gain: FloatArray, gains: Sequence[FloatArray] | None = None) -> dict[str, FloatArray]:
         """Standard uncertainties by source, shape [d] each.
 
-        Parameters
-        ----------
-        gain
-            Linear map from a change of the data vector to the move of the optimum, shape [d, k].
-        gains
-            As of `scale_uncertainty`; `gain` alone if left out.
+        ``gain``: linear map from a change of the data vector to the move of the optimum, shape [d, k].
+        ``gains``: as of `scale_uncertainty`; `gain` alone if left out.
         """
         found = {key: scale_uncertainty(change, gains or [gain]) for key, change in self.scales.items()}
         for key, changes in self.replicates.items():
@@ -152,12 +136,8 @@ class Sources:
     ) -> dict[str, FloatArray]:
         """Standard uncertainties by source, shape [d] each.
 
-        Parameters
-        ----------
-        residual
-            Covariance from the residuals, shape [d, d].
-        gain, gains
-            As of `InputChanges.parts`.
+        ``residual``: covariance from the residuals, shape [d, d]. ``gain``, ``gains``: as of
+        `InputChanges.parts`.
         """
         found = {
             RESIDUALS: np.sqrt(np.diag(residual)),
@@ -233,17 +213,8 @@ def _contributions(names: Sequence[str], parts: dict[str, FloatArray]) -> tuple[
 def declared_parts(problem: JointProblem, found: Optimum, gain: FloatArray) -> dict[str, FloatArray]:
     """Standard uncertainties of the unknowns by declared source, shape [d] each.
 
-    Parameters
-    ----------
-    problem, found
-        The problem and its optimum.
-    gain
-        Linear map from a change of the data to the move of the optimum, shape [d, k].
-
-    Raises
-    ------
-    ValueError
-        If a run with a moved input does not complete.
+    ``problem``, ``found``: the problem and its optimum. ``gain``: linear map from a change of the data to the
+    move of the optimum, shape [d, k]. Raises ValueError if a run with a moved input does not complete.
     """
     parts: dict[str, FloatArray] = {}
     base = problem.predict("inputs", found.x[None], problem.mesh)[0]
@@ -316,17 +287,7 @@ def outlines_with_diameter(
     ends: Sequence[int],
     sigmas: FloatArray,
 ) -> FloatArray:
-    """Change of prediction minus data by larger diameters: outlines move whose axis was placed by theirs.
-
-    Parameters
-    ----------
-    change
-        Change of the predictions, shape [k].
-    shots, data, ends
-        The shots, their data, and where each ends in the vector.
-    sigmas
-        By how much each diameter is larger, relative to it, shape [n_shots].
-    """
+    """Change of prediction minus data by larger diameters: outlines move whose axis was placed by theirs."""
     found, start = change.copy(), 0
     for shot, one, end, sigma in zip(shots, data, ends, sigmas.tolist(), strict=True):
         if shot.axis_by_radius:

@@ -106,12 +106,8 @@ def amount_text(part: Declaration) -> str:
 def relative_moves(part: Declaration, answer: Mapping[str, float]) -> dict[str, float]:
     """By what share each free parameter moves if the input is larger by its plain amount [-].
 
-    Parameters
-    ----------
-    part
-        The input.
-    answer
-        Parameter -> value, in the unit of `part.moves`; one that is zero has no share.
+    ``part``: the input. ``answer``: parameter -> value, in the unit of `part.moves`; one that is zero has no
+    share.
     """
     return {name: move / answer[name] for name, move in part.moves.items() if answer.get(name)}
 

@@ -138,7 +138,7 @@ class MovedInputs:
     def outline_rate(self) -> FloatArray:
         """Time derivative of the radius at each counted point's height [m/s], shape [n_counted]."""
         time = self.observations.centre_line.time
-        before, after = times_around(time, self.reference)
+        before, after = _times_around(time, self.reference)
         up, down = self._seen(time=after), self._seen(time=before)
         return np.asarray((up - down)[self.objective.n_force :] / (after - before)[self.objective.counted])
 
@@ -150,7 +150,7 @@ class MovedInputs:
         return np.asarray(self.objective.vectors(predict(self.reference, seen))[0])
 
 
-def times_around(time: FloatArray, response: Response) -> tuple[FloatArray, FloatArray]:
+def _times_around(time: FloatArray, response: Response) -> tuple[FloatArray, FloatArray]:
     """Times `CLOCK` before and after; at the ends of what was simulated the time itself [s]."""
     first, last = response.surface_times[0], response.surface_times[-1]
     return np.maximum(time - CLOCK, first), np.minimum(time + CLOCK, last)
@@ -260,7 +260,7 @@ class MovedRuns:
         if "curve_scale" in self.steps:
             curve, step = forward.shot.curve, self.steps["curve_scale"]
             forward = replace(
-                forward, laws=(forward.laws[0], *(scaled_law(curve, 1.0 + s * step) for s in (1.0, -1.0)))
+                forward, laws=(forward.laws[0], *(_scaled_law(curve, 1.0 + s * step) for s in (1.0, -1.0)))
             )
         return Launch(forward, columns, self.stages.settings.numerics, material=material)
 
@@ -289,10 +289,7 @@ class MovedRuns:
     def change(self, key: str, step: float) -> FloatArray:
         """Change of the predicted data vector, up and down where both are possible, shape [k].
 
-        Raises
-        ------
-        RunLost
-            If a run with the moved input did not complete.
+        Raises RunLost if a run with the moved input did not complete.
         """
         up, down = self.moved(key, 1, step), self.moved(key, -1, step)
         if up is not None and down is not None:
@@ -340,7 +337,7 @@ class MovedRuns:
         return np.asarray(self.objective.vectors(prediction)[0])
 
 
-def scaled_law(curve: MaterialCurve, factor: float) -> MaterialLaw:
+def _scaled_law(curve: MaterialCurve, factor: float) -> MaterialLaw:
     """The law of a curve whose stresses are all multiplied."""
     if curve.law is not None:
         return curve.law.scaled(factor)
@@ -389,10 +386,7 @@ class InputDirections:
     def __getitem__(self, key: str) -> InputDirection:
         """The direction of an input.
 
-        Raises
-        ------
-        KeyError
-            If it has none; the message says why.
+        Raises KeyError if it has none; the message says why.
         """
         for one in self.directions:
             if one.key == key:
@@ -491,14 +485,14 @@ def input_directions(
                 change = outline_follows(change, step, shot.specimen.diameter, objective.n_force)
             if key == "specimen_length":
                 change = change + moved.heights_with_length(shot, step)
-        found.append(InputDirection(key, step, np.nan_to_num(change), declared_value(key, shot, held)))
+        found.append(InputDirection(key, step, np.nan_to_num(change), _declared_value(key, shot, held)))
         stages.progress("inputs", done + 1, len(wanted))
     stages.progress("inputs", len(wanted), len(wanted))
     vector = objective.vectors(predict(reference, objective.observations))[0]
     return InputDirections(box.names, x, objective, vector, jacobian, tuple(found), absent)
 
 
-def declared_value(key: str, shot: Shot, held: Mapping[str, float]) -> float:
+def _declared_value(key: str, shot: Shot, held: Mapping[str, float]) -> float:
     """The value in SI that a shot declares for an input, or that it is held at; NaN if no number does."""
     if key in PARAMETERS:
         return held.get(key, PARAMETERS[key].held(shot))

@@ -206,12 +206,7 @@ def plain_amount(key: str, value: float) -> float:
     """A plain amount of an input, in its unit or relative: 1 %, 1 us, 10 um; of the other constants the power
     of ten that is not above a hundredth of its distance from 1/2 (Poisson's ratio) or 0.01.
 
-    Parameters
-    ----------
-    key
-        The input.
-    value
-        Its value in SI; only Poisson's ratio needs it.
+    ``key``: the input. ``value``: its value in SI; only Poisson's ratio needs it.
     """
     one = INPUTS[key]
     if one.relative:

@@ -159,13 +159,7 @@ class MeshChange:
 
 
 def windows_of(times: FloatArray) -> IntArray:
-    """Which of `WINDOWS` equal parts of a test each entry is in, shape [k].
-
-    Parameters
-    ----------
-    times
-        Time of each entry [s], shape [k].
-    """
+    """Which of `WINDOWS` equal parts of a test each entry is in, shape [k]."""
     if not len(times):
         return np.zeros(0, int)
     start, end = times.min(), times.max()
@@ -277,20 +271,7 @@ def mesh_error_runs(stages: StagedRuns, point: FloatArray, numerics: Sequence[Nu
 
 
 def change_by_runs(stages: StagedRuns, fine: RefinedOptimum, runs: Sequence[MeshRun]) -> MeshChange:
-    """What the runs say of the mesh.
-
-    Parameters
-    ----------
-    stages, fine
-        The identification's simulations, and the answer.
-    runs
-        Those of `wanted`, in its order.
-
-    Raises
-    ------
-    ValueError
-        If the first of them did not complete.
-    """
+    """What the runs say of the mesh."""
     numerics, x = stages.settings.numerics, fine.x
     vectors = [None if run.prediction is None else fine.objective.vectors(run.prediction)[0] for run in runs]
     coarse, element = vectors[:2]
@@ -337,10 +318,7 @@ cured since, they have 0.94, 1.17 and 0.69 in fifty of seed 90731, which it was 
 def joint_mesh_change(problem: JointProblem, found: Optimum) -> MeshChange:
     """The data at an optimum on the search's mesh, with both elements, beside those on the refined mesh.
 
-    Raises
-    ------
-    ValueError
-        If the run with the element of the search does not complete there.
+    Raises ValueError if the run with the element of the search does not complete there.
     """
     numerics = problem.mesh
     coarse = problem.predict("check", found.x[None], numerics)[0]

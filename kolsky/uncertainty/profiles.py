@@ -40,14 +40,8 @@ class ReducedResiduals:
         return s @ self.triangle[:, :-1].T + self.triangle[:, -1]
 
 
-def reduce_residuals(model: CorrectedSurrogate, objective: Objective) -> ReducedResiduals:
-    """Reduce a corrected surrogate and an objective with fixed discrepancies.
-
-    Raises
-    ------
-    TypeError
-        If the surrogate is not one by principal components.
-    """
+def _reduce_residuals(model: CorrectedSurrogate, objective: Objective) -> ReducedResiduals:
+    """Reduce a corrected surrogate and an objective with fixed discrepancies."""
     surrogate = model.surrogate
     if not isinstance(surrogate, ComponentSurrogate):
         raise TypeError(f"a surrogate by principal components is needed, got {type(surrogate).__name__}")
@@ -67,7 +61,7 @@ def reduce_residuals(model: CorrectedSurrogate, objective: Objective) -> Reduced
 
 def reduced_likelihood(model: CorrectedSurrogate, objective: Objective, box: Box) -> Likelihood:
     """The likelihood with the objective's weights, its noise and discrepancies, fixed."""
-    short, prior = reduce_residuals(model, objective), objective.prior
+    short, prior = _reduce_residuals(model, objective), objective.prior
     p = len(short.triangle)
     if prior is None:
         return Likelihood(box, short.residuals, np.zeros(p), [Channel("force and shape", np.ones(p))])
@@ -82,15 +76,7 @@ def reduced_likelihood(model: CorrectedSurrogate, objective: Objective, box: Box
 def full_likelihood(
     model: CorrectedSurrogate, objective: Objective, box: Box, *, taus: tuple[float, float] | None = None
 ) -> Likelihood:
-    """The likelihood of the whole data vector, a channel for the force and one for the outline.
-
-    Parameters
-    ----------
-    model, objective, box
-        As of `reduced_likelihood`.
-    taus
-        Discrepancies of force [N] and outline [m] instead of the objective's.
-    """
+    """The likelihood of the whole data vector, a channel for the force and one for the outline."""
     force, shape = taus or (objective.force_discrepancy, objective.shape_discrepancy)
     n = objective.n_force
     channels = [Channel("force", objective.noise[:n], discrepancy=force)]
@@ -279,19 +265,9 @@ def surrogate_of(
     Near the answer it agrees with value and slope there. The whole box is too wide for a slope that two
     neighbouring runs gave; there it agrees in value.
 
-    Parameters
-    ----------
-    runs
-        Points and predictions on the surrogate's mesh.
-    answer
-        Where the identification ended.
-    box, whole
-        Where the surrogate shall hold, and the whole range of the design.
-
-    Returns
-    -------
-    model, objective
-        The surrogate, and the objective over the points that all its runs reach.
+    ``runs``: points and predictions on the surrogate's mesh. ``answer``: where the identification ended.
+    ``box``, ``whole``: where the surrogate shall hold, and the whole range of the design. Returns: the
+    surrogate, and the objective over the points that all its runs reach.
     """
     points, prediction = runs
     use = box.contains(points)

@@ -21,7 +21,7 @@ WHITE = 3.0
 """Noise is not white when its lag-1 correlation is beyond this many times 1 / sqrt(samples)."""
 
 
-def conditioned_curve_warning(checks: Mapping[str, float]) -> Iterator[str]:
+def _conditioned_curve_warning(checks: Mapping[str, float]) -> Iterator[str]:
     """Say how m against the conditioned curve would differ from m against the first pull."""
     if "conditioned_ratio" in checks:
         ratio = checks["conditioned_ratio"]
@@ -81,7 +81,7 @@ def force_noise_warnings(checks: Mapping[str, float]) -> Iterator[str]:
         )
 
 
-def outline_noise_warnings(result: Identification) -> Iterator[str]:
+def _outline_noise_warnings(result: Identification) -> Iterator[str]:
     """Residuals above the noise are the model's and are weighted so; below it only sigma can be wrong."""
     t = result.terms
     if t.n_shape and isfinite(t.chi2_shape) and t.chi2_shape / t.n_shape < SIGMA_RATIO**-2:
@@ -133,14 +133,9 @@ ARTIFICIAL = 0.01
 def past_curve_warning(share: float, reached: float, checks: Mapping[str, float]) -> Iterator[str]:
     """Say that the material was strained beyond what the quasi-static test covers.
 
-    Parameters
-    ----------
-    share : float
-        Largest share of the specimen's volume past the curve [-].
-    reached : float
-        Largest s = sqrt(I1 - 3) [-].
-    checks
-        "curve_last_s" and "curve_last_strain" of `kolsky.inverse.problem.PreparedShot.checks`.
+    ``share``: largest share of the specimen's volume past the curve [-]. ``reached``: largest s = sqrt(I1 -
+    3) [-]. ``checks``: "curve_last_s" and "curve_last_strain" of
+    `kolsky.inverse.problem.PreparedShot.checks`.
     """
     if share > PAST_CURVE:
         last, strain = checks["curve_last_s"], checks["curve_last_strain"]
@@ -204,12 +199,7 @@ def folded_warning(
 def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
     """Count the runs that did not complete, by stage and `explicit.Outcome`, and tell the first of each kind.
 
-    Parameters
-    ----------
-    table
-        Every run.
-    rest : str
-        What the others are for, said behind the count.
+    ``table``: every run. ``rest``: what the others are for, said behind the count.
     """
     kinds: dict[str, list[int]] = {}
     for run in table.lost:
@@ -226,10 +216,7 @@ def lost_runs(table: DesignTable, rest: str = "") -> Iterator[str]:
 def rerun_advice(damaged: Sequence[str]) -> Iterator[str]:
     """Name the runs that a ledger held damaged and that were therefore made anew.
 
-    Parameters
-    ----------
-    damaged
-        Beginnings of their keys.
+    ``damaged``: beginnings of their keys.
     """
     if damaged:
         said = ", ".join(damaged[:5]) + (", ..." if len(damaged) > 5 else "")
@@ -271,7 +258,7 @@ def _unit(e: Estimate) -> str:
     return "" if e.unit == "1" else f" {e.unit}"
 
 
-def route_disagreement(result: Identification) -> Iterator[str]:
+def _route_disagreement(result: Identification) -> Iterator[str]:
     """Say that the check run does not confirm the surrogate, and how many more runs would."""
     if any(e.outcome is Verdict.DISAGREEING for e in result.estimates.values()):
         shift = result.surrogate.get("check_shift_sigmas")
@@ -294,7 +281,7 @@ def route_disagreement(result: Identification) -> Iterator[str]:
         )
 
 
-def force_only_warning(result: Identification) -> Iterator[str]:
+def _force_only_warning(result: Identification) -> Iterator[str]:
     """Without an outline nothing contradicts a wrong model."""
     if np.isfinite(result.terms.chi2_force) and not result.terms.has_shape:
         yield (
@@ -329,7 +316,7 @@ def route_warnings(result: Identification) -> Iterator[str]:
             )
 
 
-def method_warnings(result: Identification) -> Iterator[str]:
+def _method_warnings(result: Identification) -> Iterator[str]:
     """Searches of one misfit must end at one point, or it has more than one valley, or is rough."""
     for method, name, distance in disagreements(result.methods):
         if isfinite(distance):
@@ -355,14 +342,14 @@ def bound_warnings(result: Identification) -> Iterator[str]:
             )
 
 
-def energy_warning(result: Identification) -> Iterator[str]:
+def _energy_warning(result: Identification) -> Iterator[str]:
     """Say that energy is missing from the simulation's ledger."""
     imbalance = worst_imbalance(result.response)
     if imbalance > IMBALANCE:
         yield f"{100.0 * imbalance:.2g} % of the simulation's external work is not accounted for"
 
 
-def lost_run_warnings(result: Identification, lost_replicates: int) -> Iterator[str]:
+def _lost_run_warnings(result: Identification, lost_replicates: int) -> Iterator[str]:
     """Say which runs of the design and how many replicates of the noise did not complete."""
     yield from lost_runs(result.design, "; the surrogate rests on the others")
     if lost_replicates:
@@ -372,7 +359,7 @@ def lost_run_warnings(result: Identification, lost_replicates: int) -> Iterator[
         )
 
 
-def outside_warnings(result: Identification) -> Iterator[str]:
+def _outside_warnings(result: Identification) -> Iterator[str]:
     """Say that outline points were not counted, at the optimum or in the search."""
     t = result.terms
     if t.n_outside:
@@ -410,7 +397,7 @@ def mesh_warnings(result: Identification) -> Iterator[str]:
             )
 
 
-def left_out_warnings(result: Identification) -> Iterator[str]:
+def _left_out_warnings(result: Identification) -> Iterator[str]:
     """Say that the interval leaves out the noise of an input."""
     for source in ("flyer motion", "material curve"):
         if not any(source in e.noise_parts for e in result.estimates.values()) and result.estimates:
@@ -451,25 +438,25 @@ def collect_warnings(
     named = [*result.estimates, *_held_values(result)]
     return tuple(
         [
-            *route_disagreement(result),
-            *force_only_warning(result),
+            *_route_disagreement(result),
+            *_force_only_warning(result),
             *route_warnings(result),
-            *method_warnings(result),
+            *_method_warnings(result),
             *bound_warnings(result),
             *_past_curve_of(result, checks),
-            *conditioned_curve_warning(checks),
-            *energy_warning(result),
+            *_conditioned_curve_warning(checks),
+            *_energy_warning(result),
             *hourglass_warning(result.response),
             *([] if mesh is None else folded_warning(result.response, mesh, interface, named)),
-            *lost_run_warnings(result, lost_replicates),
-            *outside_warnings(result),
+            *_lost_run_warnings(result, lost_replicates),
+            *_outside_warnings(result),
             *symmetry_warning(checks),
             *flyer_warnings(checks),
             *force_noise_warnings(checks),
-            *outline_noise_warnings(result),
+            *_outline_noise_warnings(result),
             *lost_mesh_runs(lost_meshes, result.mesh),
             *mesh_warnings(result),
-            *left_out_warnings(result),
+            *_left_out_warnings(result),
             *sliding_warning(interface, named),
         ]
     )

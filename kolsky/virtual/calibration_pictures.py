@@ -140,19 +140,8 @@ def target_of(q: Specification) -> Any:
 def poses_of(q: Specification, rig: Rig, corners: FloatArray, *, shot: int) -> list[Pose]:
     """Poses R, t of the board from its own frame to the specimen's that both cameras see whole.
 
-    Parameters
-    ----------
-    q, rig
-        The specification and its cameras.
-    corners
-        Of the board, in its frame [m], shape [4, 2].
-    shot
-        Number of the shot.
-
-    Raises
-    ------
-    ValueError
-        If the board does not fit in both views.
+    ``q``, ``rig``: the specification and its cameras. ``corners``: of the board, in its frame [m], shape [4,
+    2]. ``shot``: number of the shot. Raises ValueError if the board does not fit in both views.
     """
     rng = stream(q.seed, shot, "calibration")
     flat = np.concatenate([corners, np.zeros((4, 1))], axis=1)

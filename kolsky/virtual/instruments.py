@@ -22,32 +22,12 @@ from kolsky.virtual.specification import stream
 
 
 def with_inertia(force: FloatArray, mass: float, acceleration: FloatArray) -> FloatArray:
-    """Force on the sensing plane [N]: that on the specimen and what moves the platen between, Eq. (E.5).
-
-    Parameters
-    ----------
-    force
-        Force between platen and specimen, compression-positive [N], shape [n].
-    mass
-        Of the platen [kg].
-    acceleration
-        Of the platen, toward the specimen [m/s^2], shape [n].
-    """
+    """Force on the sensing plane [N]: that on the specimen and what moves the platen between, Eq. (E.5)."""
     return np.asarray(force + mass * acceleration)
 
 
 def low_pass(signal: FloatArray, step: float, frequency: float) -> FloatArray:
-    """The signal after a first-order low-pass, Eq. (E.6).
-
-    Parameters
-    ----------
-    signal
-        Uniform samples, shape [n]; the filter is at rest with the first one.
-    step
-        Time from sample to sample [s].
-    frequency
-        Where the filter has -3 dB [Hz].
-    """
+    """The signal after a first-order low-pass, Eq. (E.6)."""
     x = 2.0 * np.pi * frequency * step
     decay = np.exp(-x)
     # Exact for a straight line between samples: y_1 = d y_0 + (g - d) u_0 + (1 - g) u_1, g = (1 - d) / x.
@@ -163,10 +143,7 @@ class Outline:
 def record_forces(quantities: Specification, truth: Truth, *, shot: int) -> Scope:
     """Both forces as the recorder keeps them.
 
-    Raises
-    ------
-    ValueError
-        If the recorder starts after the frames, so that there is no baseline.
+    Raises ValueError if the recorder starts after the frames, so that there is no baseline.
     """
     scope, wrong = quantities.scope, quantities.imperfections
     last = truth.surface.time[-1] + max(wrong.trigger, 0.0) + _RECORD_AFTER

@@ -124,14 +124,8 @@ def _hash(shot: ShotSpecification) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def holds_shot(shot: ShotSpecification, folder: Path) -> bool:
-    """Whether the folder holds this very shot.
-
-    Raises
-    ------
-    InputError
-        If it holds something else.
-    """
+def _holds_shot(shot: ShotSpecification, folder: Path) -> bool:
+    """Whether the folder holds this very shot."""
     if not folder.exists() or not any(folder.iterdir()):
         return False
     answer = folder / TRUTH
@@ -231,21 +225,12 @@ def make_places(
 ) -> list[Made]:
     """Make shots of any specifications, each in a folder of its own.
 
-    Parameters
-    ----------
-    places
-        The shots and their folders.
-    device, threads, workers, progress
-        As in `make`.
-
-    Raises
-    ------
-    InputError
-        As `make`.
+    ``places``: the shots and their folders. ``device``, ``threads``, ``workers``, ``progress``: as in `make`.
+    Raises InputError as `make`.
     """
     done, todo, refused = [], [], []
     for shot, folder in places:
-        if holds_shot(shot, folder):
+        if _holds_shot(shot, folder):
             done.append(Made(shot.name, folder, fresh=False))
             if progress is not None:
                 progress(done[-1])
@@ -308,15 +293,6 @@ def gpu_batches(todo: Sequence[Place], jobs: Sequence[Job], count: int) -> list[
 
     Equally many batches for every GPU, and the shots dealt out by the time that they simulate: a GPU is
     busy as long as the longest of its shots, however many stand beside it.
-
-    Parameters
-    ----------
-    todo
-        The shots and their folders.
-    jobs
-        Their simulations.
-    count
-        GPUs that share them.
     """
     rounds = -(-len(todo) // (count * TRUTHS_PER_GPU))
     order = sorted(range(len(todo)), key=lambda k: -jobs[k].last)

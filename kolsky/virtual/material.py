@@ -15,10 +15,7 @@ from kolsky.base.arrays import FloatArray
 def law_of(name: str, parameters: Mapping[str, float], shear_modulus: float) -> AnyLaw:
     """The quasi-static law: the constants as given, scaled to the shear modulus [Pa].
 
-    Raises
-    ------
-    ValueError
-        If the law is unknown, or its constants are not those given or cannot be.
+    Raises ValueError if the law is unknown, or its constants are not those given or cannot be.
     """
     kind = law_class(name)
     names = [spec.name for spec in kind.PARAMETERS]
@@ -31,10 +28,7 @@ def law_of(name: str, parameters: Mapping[str, float], shear_modulus: float) -> 
 def relaxation_of(strengths: Sequence[float], times: Sequence[float]) -> tuple[PronySeries, ...]:
     """What relaxes beside the law; empty if nothing does.
 
-    Raises
-    ------
-    ValueError
-        If strengths and times do not belong together.
+    Raises ValueError if strengths and times do not belong together.
     """
     series = PronySeries(tuple(strengths), tuple(times))
     return (series,) if len(series) else ()

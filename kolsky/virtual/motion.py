@@ -43,21 +43,7 @@ def flyer_samples(
     specimen: tuple[float, float, float],
     duration: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Time since the flyer's start [s] and its displacement toward the specimen [m], shape [n] each.
-
-    Parameters
-    ----------
-    speed
-        Of the striker [m/s].
-    striker_length
-        [m]
-    flyer
-        Mass [kg], diameter [m] and length [m] of platen and transducer together.
-    specimen
-        Diameter [m], length [m] and dynamic shear modulus [Pa].
-    duration
-        Time after the start [s].
-    """
+    """Time since the flyer's start [s] and its displacement toward the specimen [m], shape [n] each."""
     mass, diameter, length = flyer
     area = np.pi * diameter**2 / 4.0
     body = Section(length, 0.5 * diameter, YOUNG, mass / (area * length))
@@ -188,19 +174,8 @@ class Sampled:
 def path_of(quantities: Specification, folder: Path) -> tuple[Path1D, float]:
     """The flyer's motion, and the time from its start to the end of the record [s].
 
-    Parameters
-    ----------
-    quantities
-        The specification.
-    folder
-        Where the specification lies.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be used.
-    ValueError
-        As `ramp_of`.
+    ``quantities``: the specification. ``folder``: where the specification lies. Raises InputError if a file
+    cannot be used. Raises ValueError as `ramp_of`.
     """
     motion, length = quantities.motion, quantities.specimen.length
     if motion.kind == "ramp":
@@ -227,13 +202,7 @@ def path_of(quantities: Specification, folder: Path) -> tuple[Path1D, float]:
 
 
 def _read_samples(path: Path) -> tuple[FloatArray, FloatArray]:
-    """Times [s] and displacements [m] of a sampled motion.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or holds fewer than four samples or times that do not ascend.
-    """
+    """Times [s] and displacements [m] of a sampled motion."""
     table = read_table(path)
     time, displacement = table.values(Column("time (s)")), table.values(Column("displacement (m)"))
     if len(time) < 4 or (np.diff(time) <= 0.0).any():
@@ -251,11 +220,6 @@ def ramp_of(motion: MotionTable, length: float) -> tuple[Ramp, float]:
 
     The end is where the nominal compression is reached: with T after the ramp, Eq. (E.2),
     speed (rise / 2 + T (1 - slowdown / 3)) = compression x length.
-
-    Raises
-    ------
-    ValueError
-        If the compression is reached before the ramp ends, or the record would be longer than `LONGEST`.
     """
     after = (motion.compression * length / motion.speed - 0.5 * motion.rise) / (1.0 - motion.slowdown / 3.0)
     if not 0.0 < after < LONGEST:

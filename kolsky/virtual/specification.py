@@ -126,21 +126,9 @@ class Population(Section):
 def drawn(content: Mapping[str, Any], population: Population, *, seed: int, shot: int) -> dict[str, Any]:
     """The specification of one shot as it would be written, without [population] and [budget].
 
-    Parameters
-    ----------
-    content
-        The specification as written.
-    population
-        Its [population].
-    seed
-        Its seed.
-    shot
-        Number of the shot, from 1. Each key of each shot has a stream of its own.
-
-    Raises
-    ------
-    ValueError
-        If a drawn key leads through something that is no table.
+    ``content``: the specification as written. ``population``: its [population]. ``seed``: its seed. ``shot``:
+    number of the shot, from 1. Each key of each shot has a stream of its own. Raises ValueError if a drawn
+    key leads through something that is no table.
     """
     made = deepcopy({key: value for key, value in content.items() if key not in {"population", "budget"}})
     for key, draw in population.draw.items():
@@ -204,10 +192,7 @@ class Series:
     def shot(self, number: int) -> ShotSpecification:
         """One shot's specification.
 
-        Raises
-        ------
-        InputError
-            If there is no such shot, or what was drawn for it cannot be.
+        Raises InputError if there is no such shot, or what was drawn for it cannot be.
         """
         declared, population = self.declared, self.declared.population
         if number not in self.numbers:

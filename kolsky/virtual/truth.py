@@ -45,10 +45,7 @@ class Job:
     def of(cls, quantities: Specification, folder: Path = Path()) -> "Job":
         """The simulation that a specification asks for; files that it names are in `folder`.
 
-        Raises
-        ------
-        ValueError
-            If its motion cannot be.
+        Raises ValueError if its motion cannot be.
         """
         path, end = path_of(quantities, folder)
         frames = quantities.frames
@@ -136,17 +133,8 @@ def simulate_truths(
 ) -> list[Truth]:
     """Simulate what several shots truly did; all of them must reach their end.
 
-    Parameters
-    ----------
-    specifications, folder, device, threads
-        As in `try_truths`.
-
-    Raises
-    ------
-    TruthError
-        If a simulation did not reach its end.
-    ValueError
-        If a specification cannot be simulated.
+    ``specifications``, ``folder``, ``device``, ``threads``: as in `try_truths`. Raises TruthError if a
+    simulation did not reach its end. Raises ValueError if a specification cannot be simulated.
     """
     truths = []
     for found in try_truths(specifications, folder=folder, device=device, threads=threads):
@@ -168,19 +156,8 @@ def try_truths(
     Shots with one mesh and one kind of material are one launch. On a GPU the launches run side by side, so
     that shots of forty geometries take little longer than one; each is the same bits as alone.
 
-    Parameters
-    ----------
-    specifications
-        One a shot.
-    folder
-        Where files are that they name.
-    device, threads
-        As in `explicit.run`.
-
-    Raises
-    ------
-    ValueError
-        If a specification cannot be simulated.
+    ``specifications``: one a shot. ``folder``: where files are that they name. ``device``, ``threads``: as in
+    `explicit.run`. Raises ValueError if a specification cannot be simulated.
     """
     elements = [_elements_of(quantities) for quantities in specifications]
     each = iter(_try_each([one for both in elements for one in both], folder, device, threads))

@@ -87,10 +87,7 @@ def positive(**lengths: float) -> None:
 def counts(least: int, **numbers: int) -> None:
     """Refuse numbers of columns or rows outside `least` to 1000.
 
-    Raises
-    ------
-    ValueError
-        Naming the number.
+    Raises ValueError: naming the number.
     """
     for name, value in numbers.items():
         if not (isinstance(value, int) and least <= value <= 1000):
@@ -112,19 +109,9 @@ def grow(
     corrected by what was found, so that perspective, lens distortion and a curved board are followed.
     The places nearest to their expectation are taken first, each point once.
 
-    Parameters
-    ----------
-    points
-        Dots in the picture [px], shape [n, 2].
-    seeds
-        Point number -> its place (column, row).
-    steps
-        From a seed to its neighbour in the next column and in the next row [px], shape [2, 2].
-
-    Returns
-    -------
-    dict
-        Place -> point number.
+    ``points``: dots in the picture [px], shape [n, 2]. ``seeds``: point number -> its place (column, row).
+    ``steps``: from a seed to its neighbour in the next column and in the next row [px], shape [2, 2].
+    Returns: place -> point number.
     """
     tree = cKDTree(points)
     places = {place: number for number, place in seeds.items()}
@@ -160,14 +147,8 @@ def grow(
 def homography_outliers(index: FloatArray, points: FloatArray, limit: float) -> NDArray[np.bool_]:
     """Points off a plane lattice seen in perspective by more than `limit` steps, shape [n].
 
-    Parameters
-    ----------
-    index
-        Lattice places, shape [n, 2].
-    points
-        Dots in the picture [px], shape [n, 2].
-    limit
-        Allowed distance from the fitted homography, in steps of the lattice.
+    ``index``: lattice places, shape [n, 2]. ``points``: dots in the picture [px], shape [n, 2]. ``limit``:
+    allowed distance from the fitted homography, in steps of the lattice.
     """
     from dic.basics import cv2
 

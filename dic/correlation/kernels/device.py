@@ -242,13 +242,9 @@ def gradient_noise(prefilter: float) -> float:
 def between_pixels(prefilter: float) -> tuple[float, FloatArray, FloatArray]:
     """Variance of interpolated noise along an axis between two pixels, over a pixel's.
 
-    Returns
-    -------
-    mean : float
-        Mean of the variance over both axes.
-    spread, slope
-        Coefficients of the variance, even in the distance u from the middle of two pixels, and of half its
-        derivative, odd in u: ``Σ spread u^2k`` and ``Σ slope u^(2k+1)``, shape [4].
+    Returns: mean of the variance over both axes. Returns: coefficients of the variance, even in the distance
+    u from the middle of two pixels, and of half its derivative, odd in u: ``Σ spread u^2k`` and ``Σ slope
+    u^(2k+1)``, shape [4].
     """
     v, spline, power = _spectra(prefilter)
     per_pixel = round(1.0 / (v[1] - v[0]))
@@ -365,15 +361,6 @@ def _side(prefilter: float, device: str) -> Any:
 def on_device(greys: Sequence[NDArray[np.float32]], prefilter: float, device: Any) -> Any:
     """`on_host` of several pictures by two launches on a device, shape [n, rows + 2 PAD, columns + 2 PAD and
     more].
-
-    Parameters
-    ----------
-    greys
-        Grey values, each of shape [rows, columns].
-    prefilter
-        Standard deviation of a Gaussian before [px].
-    device
-        A device of Warp.
     """
     levels = np.array([grey.mean(dtype=np.float64) for grey in greys], dtype=np.float32)
     side = _side(prefilter, device.alias)
@@ -397,10 +384,7 @@ NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 def select_device(name: str) -> Any:
     """Start Warp quietly and return a device: "cpu", "cuda:1", or by "cuda" this process's own (`own_gpu`).
 
-    Raises
-    ------
-    ValueError
-        If the machine has no such device; the message lists those it has.
+    Raises ValueError if the machine has no such device; the message lists those it has.
     """
     _start()
     known = {"cpu"} | {device.alias for device in wp.get_cuda_devices()}

@@ -33,14 +33,8 @@ Launch = Callable[["Lane", int], None]
 def fill(given: FloatArray, columns: Sequence[NDArray[Any]], rows: slice) -> int:
     """Write rows of columns one column after the other; the count of numbers written.
 
-    Parameters
-    ----------
-    given
-        Where to, shape [numbers].
-    columns
-        Each of shape [n] or [n, k].
-    rows
-        Which of the n rows.
+    ``given``: where to, shape [numbers]. ``columns``: each of shape [n] or [n, k]. ``rows``: which of the n
+    rows.
     """
     begin = 0
     for column in columns:
@@ -127,21 +121,7 @@ _lane_pool = _LanePool()
 def in_parts(
     columns: Sequence[NDArray[Any]], n: int, device: Any, launch: Launch, *, most: int = PART
 ) -> Match:
-    """Search points in parts, each on a lane of its own.
-
-    Parameters
-    ----------
-    columns
-        What the search is given of each point, each of shape [n] or [n, k].
-    n
-        Points.
-    device
-        The device, one of Warp's.
-    launch
-        Launches the search of a part.
-    most
-        Points of a part.
-    """
+    """Search points in parts, each on a lane of its own."""
     match = Match(
         warp=np.empty((n, 12)),
         covariance=np.empty((n, 2, 2)),

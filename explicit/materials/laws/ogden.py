@@ -58,13 +58,8 @@ class _Ogden(StretchLaw):
 
     @classmethod
     def from_classical(cls, mu: ArrayLike, alpha: ArrayLike) -> Self:
-        """The law sum_p mu_p / alpha_p (sum_i lam_i^alpha_p - 3) with Ogden's own constants, shape [n_terms].
-
-        Raises
-        ------
-        ValueError
-            If their number is not that of the law's terms, or the law cannot have them.
-        """
+        """The law sum_p mu_p / alpha_p (sum_i lam_i^alpha_p - 3) with Ogden's own constants, shape
+        [n_terms]."""
         moduli, exponents = np.atleast_1d(np.asarray(mu, float)), np.atleast_1d(np.asarray(alpha, float))
         if len(moduli) != cls.TERMS or len(exponents) != cls.TERMS:
             raise ValueError(

@@ -49,30 +49,7 @@ def find_kink(
     begins: bool,
     bends: bool = False,
 ) -> Kink:
-    """Fit a polynomial plus ``|t - t_k|^power`` on one side of the kink by weighted least squares.
-
-    Parameters
-    ----------
-    time
-        Times of the data [s], shape [n].
-    value, sigma
-        Data and their standard deviations, shape [n].
-    span
-        Where the kink may be [s].
-    degree
-        Of the polynomial.
-    power
-        1 for a jump of the slope, 2 for one of the curvature.
-    begins
-        Whether the part acts after the kink; before it otherwise.
-    bends
-        Whether a part of the next higher power acts there too.
-
-    Raises
-    ------
-    ValueError
-        If there are not three data more than unknowns at least, or the span is empty.
-    """
+    """Fit a polynomial plus ``|t - t_k|^power`` on one side of the kink by weighted least squares."""
     if time.size < degree + 6:
         raise ValueError(f"a kink needs at least {degree + 6} data, got {time.size}")
     if not span[0] < span[1]:
@@ -141,22 +118,7 @@ class Event:
 
 
 def end_of_dip(signal: Signal, after: float, before: float, ringing: float) -> Event | None:
-    """The kink at the end of the tensile dip of a flyer's transducer.
-
-    Parameters
-    ----------
-    signal
-        Force at the transducer, compression positive [N].
-    after, before
-        Times between which the joint may let go [s].
-    ringing
-        Span over which the signal is averaged [s].
-
-    Returns
-    -------
-    Event or None
-        Without a name; None if there is no dip below five sigmas and 5 % of the drive, or no kink behind it.
-    """
+    """The kink at the end of the tensile dip of a flyer's transducer."""
     t, force, sigma = moving_average(signal, ringing)
     near = np.flatnonzero((t >= after - ringing) & (t <= before))
     driven = force[(t >= signal.start) & (t <= after)]
@@ -186,24 +148,7 @@ def end_of_dip(signal: Signal, after: float, before: float, ringing: float) -> E
 
 
 def first_jump(signal: Signal, after: float, rest: float, ringing: float) -> Event | None:
-    """First jump of a signal against its own past average, far beyond those of the flight.
-
-    Parameters
-    ----------
-    signal
-        Force at the transducer [N].
-    after
-        When the flyer turned back [s]; the last four tenths of its way there tell what it does in flight.
-    rest
-        A time before it moved [s].
-    ringing
-        Span of the past average [s].
-
-    Returns
-    -------
-    Event or None
-        Without a name; None if nothing jumps.
-    """
+    """First jump of a signal against its own past average, far beyond those of the flight."""
     n = max(2, round(ringing / signal.interval))
     total = np.cumsum(np.concatenate([[0.0], signal.value]))
     past = (total[n:-1] - total[: -n - 1]) / n  # the mean of the n samples before each
@@ -227,17 +172,7 @@ def first_jump(signal: Signal, after: float, rest: float, ringing: float) -> Eve
 
 
 def find_push_back(arrest: Event, impact: Event, transmitted: Signal | None, ringing: float) -> Event:
-    """The transmitted force falls to half its peak after the arrest.
-
-    Parameters
-    ----------
-    arrest, impact
-        The events on either side, found or not.
-    transmitted
-        Transmitted force, compression positive [N].
-    ringing
-        Span over which it is averaged [s].
-    """
+    """The transmitted force falls to half its peak after the arrest."""
     name = "push-back"
     if arrest.time is None:
         return Event(name, None, None, "no arrest of the flyer was found")
@@ -261,24 +196,7 @@ def find_push_back(arrest: Event, impact: Event, transmitted: Signal | None, rin
 
 
 def _back_face_velocity(time: FloatArray, force: Signal, bar: Bar, ringing: float) -> FloatArray:
-    """Velocity of the bar's face under a force: what it sends, and twice what comes back from a free end.
-
-    Parameters
-    ----------
-    time
-        Times [s], shape [n].
-    force
-        Force on the face, compression positive [N]; nothing before its record.
-    bar
-        The bar.
-    ringing
-        Span over which the force is averaged [s].
-
-    Returns
-    -------
-    NDArray
-        Into the bar [m/s], shape [n].
-    """
+    """Velocity of the bar's face under a force: what it sends, and twice what comes back from a free end."""
     at, F, _ = moving_average(force, ringing)
     returns = range(1, int((time[-1] - at[0]) / bar.round_trip) + 1)
     echoes = [np.interp(time - k * bar.round_trip, at, F, left=0.0) for k in returns]
@@ -288,13 +206,7 @@ def _back_face_velocity(time: FloatArray, force: Signal, bar: Bar, ringing: floa
 
 
 def moving_average(signal: Signal, span: float) -> tuple[FloatArray, FloatArray, float]:
-    """Times and centred moving averages of a signal over a span, and the noise of one.
-
-    Raises
-    ------
-    ValueError
-        If the signal is shorter than the span.
-    """
+    """Times and centred moving averages of a signal over a span, and the noise of one."""
     n = 2 * round(0.5 * span / signal.interval) + 1
     if n >= signal.value.size:
         raise ValueError(
@@ -422,12 +334,7 @@ def flyer_events(
 def second_impact(motion: FlyerMotion, *, rest: float) -> Event:
     """The flyer runs into the bar that it came from: a jump of its velocity after it turned back.
 
-    Parameters
-    ----------
-    motion
-        Its displacement at the frames.
-    rest
-        A time in the static frames [s].
+    ``motion``: its displacement at the frames. ``rest``: a time in the static frames [s].
     """
     return _second_impact(motion, _turning(motion), None, rest, RINGING)
 

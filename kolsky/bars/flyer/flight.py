@@ -79,17 +79,8 @@ class Flight:
 def flyer_motion(body: BodyMotion, t: ArrayLike) -> FlyerMotion:
     """The flyer's displacement toward the specimen, against y, in its VALID frames.
 
-    Parameters
-    ----------
-    body
-        Motion of the flyer in the test frame.
-    t
-        Frame times on the shot's clock [s], shape [n_frames].
-
-    Raises
-    ------
-    ValueError
-        If there are not as many times as frames.
+    ``body``: motion of the flyer in the test frame. ``t``: frame times on the shot's clock [s], shape
+    [n_frames]. Raises ValueError if there are not as many times as frames.
     """
     time, ok = _times(body, t)
     return FlyerMotion(time[ok], -body.displacement[ok, 1], body.displacement_sigma[ok, 1])
@@ -100,22 +91,6 @@ def fit_flight(body: BodyMotion, t: ArrayLike, *, start: float, toward: FlyerMot
 
     A flyer whose poses are known in fewer than three frames at rest is taken to have rested where its first
     ones are, within `UNSEEN` and `UNTURNED`.
-
-    Parameters
-    ----------
-    body
-        Motion of the flyer in the test frame.
-    t
-        Frame times on the shot's clock [s], shape [n_frames].
-    start
-        A time in the static frames [s].
-    toward
-        Its displacement toward the specimen, if that is known better or in more frames than `body` has it.
-
-    Raises
-    ------
-    ValueError
-        As `kolsky.bars.flyer.path.fit_flyer`, and if there are not as many times as frames.
     """
     time, ok = _times(body, t)
     u, r = body.displacement, body.rotation
@@ -332,12 +307,7 @@ def flight_of(result: StereoResult, length: float) -> FlightOfSpecimen | str:
 def frames_in(span: float, time: FloatArray) -> int:
     """Successive frames that cover a span, at least `FEWEST_IN_ROW`.
 
-    Parameters
-    ----------
-    span
-        Time to be covered [s].
-    time
-        Frame times [s], shape [n].
+    ``span``: time to be covered [s]. ``time``: frame times [s], shape [n].
     """
     return max(FEWEST_IN_ROW, 1 + int(np.ceil(span / float(np.median(np.diff(time))) - 1e-9)))
 
@@ -376,10 +346,7 @@ def columns(found: FlightOfSpecimen) -> dict[str, FloatArray]:
 def add_to(path: Path, found: FlightOfSpecimen) -> None:
     """Add the flight to the HDF5 file of a stereo result, as its group "flight".
 
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
+    Raises OSError if the file cannot be written.
     """
     with adding_to(path) as entry:
         group = data(entry, "flight", "velocity toward the specimen", "time")

@@ -29,14 +29,9 @@ FEWEST_SAMPLES = 20
 def front_velocity(reduction: Reduction, waves: FaceWaves, *, sigma_zero: float = 0.0) -> FrontVelocity:
     """The face's velocity on the shot's clock, with its uncertainty split into noise and scale.
 
-    Parameters
-    ----------
-    reduction
-        Its `front_velocity` has noise and systematic parts in one sigma.
-    waves
-        The waves it was made from: their noise is that of the samples.
-    sigma_zero
-        Standard uncertainty of the velocity's zero [m/s].
+    ``reduction``: its `front_velocity` has noise and systematic parts in one sigma. ``waves``: the waves it
+    was made from: their noise is that of the samples. ``sigma_zero``: standard uncertainty of the velocity's
+    zero [m/s].
     """
     speed, v = waves.incident_bar.wave_speed, reduction.front_velocity
     own, slow = (speed * float(np.hypot(s["incident"], s["reflected"])) for s in _sigmas(waves))

@@ -29,15 +29,8 @@ CHANGE_PER_OCTAVE = 2.0
 def hat_functions(frames: FloatArray) -> FloatArray:
     """Linear hat functions in log(1 + frames) with control points at 0, 3, 6, 12, ... frames.
 
-    Parameters
-    ----------
-    frames
-        Middles of the spans, in frames since the start, increasing, shape [n_spans].
-
-    Returns
-    -------
-    NDArray
-        One column a control point, rows adding up to 1 [-], shape [n_spans, n_controls].
+    ``frames``: middles of the spans, in frames since the start, increasing, shape [n_spans]. Returns: one
+    column a control point, rows adding up to 1 [-], shape [n_spans, n_controls].
     """
     control = [0.0, 3.0]
     while control[-1] < frames[-1]:
@@ -86,15 +79,8 @@ def noise_parts(weight: FloatArray) -> FloatArray:
     """Parts of each frame's variance over its declared one: that one, scaled, and one that is the same in all
     frames.
 
-    Parameters
-    ----------
-    weight
-        Typical sigma over sigma [-], shape [n_frames]; 0 where a frame has no displacement.
-
-    Returns
-    -------
-    NDArray
-        Shape [n_frames, 2], or [n_frames, 1] where the sigmas are alike and the two are one.
+    ``weight``: typical sigma over sigma [-], shape [n_frames]; 0 where a frame has no displacement. Returns:
+    shape [n_frames, 2], or [n_frames, 1] where the sigmas are alike and the two are one.
     """
     known = weight[weight > 0.0]
     if np.ptp(known) <= EQUAL_SIGMAS * known.max():
@@ -112,21 +98,9 @@ def maximum_likelihood(
 ) -> tuple[FloatArray, FloatArray]:
     """Log noise scales and log tau at the control points, of largest marginal likelihood.
 
-    Parameters
-    ----------
-    y, weight, spans, hats, parts, shared
-        As for `evidence`.
-
-    Returns
-    -------
-    tuple of NDArray
-        Log of noise over declared sigma, at least 0, and of what each further part adds, shape [n_parts];
-        log tau at the control points, shape [n_controls].
-
-    Raises
-    ------
-    ValueError
-        If the search for the maximum fails.
+    ``y``, ``weight``, ``spans``, ``hats``, ``parts``, ``shared``: as for `evidence`. Returns: log of noise
+    over declared sigma, at least 0, and of what each further part adds, shape [n_parts]; log tau at the
+    control points, shape [n_controls]. Raises ValueError if the search for the maximum fails.
     """
     # Highest tau: the whole travel within a frame; lowest: no effect on the last frame.
     highest, lowest = np.log(max(np.ptp(y), 10.0)), np.log(0.06 / hats.shape[0] ** 3)
@@ -171,18 +145,6 @@ def _state_space(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """The motion from frame to frame as a filter takes it: state (zero, x, v, a), and an error that frames
     share.
-
-    Parameters
-    ----------
-    weight, spans, shared
-        As for `evidence`.
-
-    Returns
-    -------
-    tuple of NDArray
-        What a frame shows of the state [n_frames, m], the state's change from the frame before [n_frames, m,
-        m], what a jerk of 1 since then adds to it [n_frames, m], and its covariance before the first frame
-        [m, m]; m is 4, or 5 with a shared error.
     """
     n, moving = weight.size, slice(weight.size - spans.size, weight.size)
     m = 4 if shared is None else 5

@@ -92,10 +92,7 @@ class FlyerPath:
     def position(self, time: ArrayLike) -> FloatArray:
         """Displacement toward the specimen [m], shape of `time`.
 
-        Raises
-        ------
-        ValueError
-            If a time is outside [start, end]; likewise in the methods below.
+        Raises ValueError if a time is outside [start, end]; likewise in the methods below.
         """
         return np.asarray(self._spline(self._inside(time)))
 
@@ -143,12 +140,7 @@ class FlyerPath:
     def replicates(self, n: int, rng: np.random.Generator) -> list["FlyerPath"]:
         """Paths drawn from the posterior, to carry the flyer's noise through a calculation.
 
-        Parameters
-        ----------
-        n : int
-            How many.
-        rng : numpy.random.Generator
-            Source of the draws; the same state gives the same paths.
+        ``n``: how many. ``rng``: source of the draws; the same state gives the same paths.
         """
         # Eigenvectors rather than Cholesky: the covariance spans many decades and may be semidefinite.
         scale = np.sqrt(np.diag(self.covariance))
@@ -163,10 +155,7 @@ class FlyerPath:
     def faster(self, factor: float) -> "FlyerPath":
         """The same path run through `factor` times as fast, from the same start; its covariance follows.
 
-        Raises
-        ------
-        ValueError
-            If the factor is not finite and > 0.
+        Raises ValueError if the factor is not finite and > 0.
         """
         if not 0.0 < factor < np.inf:
             raise ValueError(f"factor must be finite and > 0, got {factor}")
@@ -203,19 +192,8 @@ class FlyerPath:
 def responses(time: FloatArray, knots: FloatArray, order: int) -> FloatArray:
     """Position (order 0), velocity (1) or acceleration (2) at each time from a unit jerk in each span.
 
-    Parameters
-    ----------
-    time
-        Times [s], shape [n_times].
-    knots
-        Ends of the spans [s], shape [n_spans + 1].
-    order
-        0, 1 or 2.
-
-    Returns
-    -------
-    NDArray
-        In [s^3], [s^2] or [s], shape [n_times, n_spans].
+    ``time``: times [s], shape [n_times]. ``knots``: ends of the spans [s], shape [n_spans + 1]. ``order``: 0,
+    1 or 2. Returns: in [s^3], [s^2] or [s], shape [n_times, n_spans].
     """
     since = np.maximum(time[:, None] - knots, 0.0)
     power, factor = ((3, 6.0), (2, 2.0), (1, 1.0))[order]
@@ -225,24 +203,9 @@ def responses(time: FloatArray, knots: FloatArray, order: int) -> FloatArray:
 def path_strain(path: FlyerPath, time: ArrayLike, *, length: float) -> tuple[History, History, History]:
     """Nominal compression, its rate and its second derivative under a moving face; the other one rests.
 
-    Parameters
-    ----------
-    path
-        The moving face, toward the specimen; before its start it rests.
-    time
-        Times, not after the path's end [s], shape [n].
-    length
-        Length of the specimen before the test [m].
-
-    Returns
-    -------
-    tuple of History
-        In [-], [1/s] and [1/s^2].
-
-    Raises
-    ------
-    ValueError
-        If the length is not positive or a time is after the path's end.
+    ``path``: the moving face, toward the specimen; before its start it rests. ``time``: times, not after the
+    path's end [s], shape [n]. ``length``: length of the specimen before the test [m]. Returns: in [-], [1/s]
+    and [1/s^2]. Raises ValueError if the length is not positive or a time is after the path's end.
     """
     if not length > 0.0:
         raise ValueError(f"length is {length:g} m, must be > 0 m")
@@ -292,17 +255,7 @@ Solution = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 def controls_in_gaps(hats: FloatArray, t: FloatArray, seen: BoolArray, knots: FloatArray) -> BoolArray:
-    """Control points of log tau that act on a span with an end that no frame shows, shape [n_controls].
-
-    Parameters
-    ----------
-    hats
-        `kolsky.bars.flyer.jerks.hat_functions` at the spans, shape [n_spans, n_controls].
-    t, seen
-        Times [s], and which of them are data, shape [n].
-    knots
-        Ends of the spans [s], shape [n_spans + 1].
-    """
+    """Control points of log tau that act on a span with an end that no frame shows, shape [n_controls]."""
     hidden = np.isin(knots, t[~seen])
     return np.asarray((hats[hidden[:-1] | hidden[1:]] > 0.0).any(axis=0))
 
@@ -313,20 +266,6 @@ def importance_draws(
     """Draws about the likeliest values of some unknowns, and their weights, which add up to one.
 
     Pairs of draws lie opposite to each other; the same call gives the same draws.
-
-    Parameters
-    ----------
-    theta
-        The likeliest values, shape [n].
-    free
-        Those that are drawn; the others stay, shape [n].
-    deviances
-        -2 ln L of rows of values of all, shape [n_rows, n].
-
-    Returns
-    -------
-    tuple of NDArray
-        Values [n_draws, n], weights [n_draws].
     """
     rows = np.flatnonzero(free)
     steps = STEP * np.eye(theta.size)[rows]
@@ -346,17 +285,7 @@ def importance_draws(
 def mixed_covariance(
     drawn: FloatArray, weights: FloatArray, jerk: FloatArray, solution: Solution
 ) -> FloatArray:
-    """Covariance of the jerks about those of the path, over draws of their smoothness, shape [n, n].
-
-    Parameters
-    ----------
-    drawn, weights
-        As of `weighted_draws`.
-    jerk
-        Of the path, shape [n].
-    solution
-        Jerks and their covariance for one draw.
-    """
+    """Covariance of the jerks about those of the path, over draws of their smoothness, shape [n, n]."""
     total = np.zeros((jerk.size, jerk.size))
     kept = weights > LEAST_WEIGHT * weights.max()
     for one, weight in zip(drawn[kept], weights[kept] / weights[kept].sum(), strict=True):
@@ -481,15 +410,7 @@ def _smoothness(frames: FloatArray, restart: float | None, start: float, frame: 
 def _shared_noise(
     motion: FlyerMotion, t: FloatArray, sigma: FloatArray, seen: BoolArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """`evidence`'s `shared`: size over sigma and what is left from frame to frame; None if there is none.
-
-    Parameters
-    ----------
-    motion
-        The displacements.
-    t, sigma, seen
-        Times [s], standard deviations [m], and which are data, with frames put in gaps, shape [n].
-    """
+    """`evidence`'s `shared`: size over sigma and what is left from frame to frame; None if there is none."""
     if motion.shared_sigma is None or not motion.shared_sigma.any():
         return None
     size = np.zeros(t.size)

@@ -156,28 +156,7 @@ def synchronise_velocity(
     sigma_trigger: float = 0.0,
     reach: float = REACH,
 ) -> Synchronisation:
-    """Lag between the cameras and the velocity of the face that they saw, from the bar's waves.
-
-    Parameters
-    ----------
-    motion
-        The face's displacement at the frames, on the declared clock; its zero is arbitrary.
-    velocity
-        Velocity of the face toward the specimen [m/s], on the specimen's clock.
-    rest
-        A time before the wave arrives [s].
-    travel
-        Displacement up to which frames are used [m]; a flyer must not have left the bar.
-    sigma_zero
-        Standard uncertainty of the velocity's zero [m/s].
-    sigma_trigger, reach
-        As for `synchronise`.
-
-    Raises
-    ------
-    ValueError
-        As `synchronise`.
-    """
+    """Lag between the cameras and the velocity of the face that they saw, from the bar's waves."""
     t, v = _from(velocity, rest)
     curves = np.stack([cumulative_trapezoid(v, t, initial=0.0), t - t[0]])
     return _Fit(motion, t, curves, np.array([np.inf, sigma_zero]), travel, reach).solve(sigma_trigger)

@@ -99,18 +99,6 @@ def dispersion_table(poisson: float, largest: float = FIRST_TABLE) -> CubicHermi
 
     Knots lie on the frequency equation, with exact slopes. Intervals are halved until the cubic between the
     knots is within `TABLE_ERROR` of the root in their middle.
-
-    Parameters
-    ----------
-    poisson : float
-        Poisson's ratio, in [0, 0.5).
-    largest : float
-        omega a / c0 up to which the table must reach [-].
-
-    Raises
-    ------
-    ValueError
-        If Poisson's ratio is outside its range.
     """
     _check_poisson(poisson)
     doublings = max(0, int(np.ceil(np.log2(max(largest, FIRST_TABLE) / FIRST_TABLE))))
@@ -234,22 +222,10 @@ def wavenumber(frequency: ArrayLike, poisson: float) -> Array:
     Complex frequencies are those of waves under an exponential window, or of a viscoelastic bar by the
     correspondence principle; the table then only starts a Newton iteration on the frequency equation.
 
-    Parameters
-    ----------
-    frequency : array_like
-        omega a / c0 [-], real or complex with a real part that outweighs the imaginary one, any sign.
-    poisson : float
-        Poisson's ratio, in [0, 0.5).
-
-    Returns
-    -------
-    NDArray
-        k a [-], same shape; odd in the frequency. Relative error below `dispersion_table.TABLE_ERROR`.
-
-    Raises
-    ------
-    ValueError
-        If Poisson's ratio is outside its range or a frequency is not finite.
+    ``frequency``: omega a / c0 [-], real or complex with a real part that outweighs the imaginary one, any
+    sign. ``poisson``: poisson's ratio, in [0, 0.5). Returns: k a [-], same shape; odd in the frequency.
+    Relative error below `dispersion_table.TABLE_ERROR`. Raises ValueError if Poisson's ratio is outside its
+    range or a frequency is not finite.
     """
     w = np.asarray(frequency)
     if not np.isfinite(w).all():
@@ -270,17 +246,8 @@ def wavenumber(frequency: ArrayLike, poisson: float) -> Array:
 def phase_velocity(ratio: ArrayLike, poisson: float) -> FloatArray:
     """Phase velocity of the first mode over c0 [-], against radius over wavelength.
 
-    Parameters
-    ----------
-    ratio : array_like
-        a / Lambda [-], >= 0.
-    poisson : float
-        Poisson's ratio, in [0, 0.5).
-
-    Raises
-    ------
-    ValueError
-        If an argument is outside its range.
+    ``ratio``: a / Lambda [-], >= 0. ``poisson``: poisson's ratio, in [0, 0.5). Raises ValueError if an
+    argument is outside its range.
     """
     k = 2.0 * np.pi * np.asarray(ratio, dtype=float)
     if not (np.isfinite(k).all() and (k >= 0.0).all()):
@@ -293,22 +260,9 @@ def phase_velocity(ratio: ArrayLike, poisson: float) -> FloatArray:
 def frequency(wavenumber: ArrayLike, poisson: float) -> Array:
     """Frequency of the first mode, the inverse of `wavenumber`.
 
-    Parameters
-    ----------
-    wavenumber : array_like
-        k a [-], real or complex with a real part that outweighs the imaginary one, any sign.
-    poisson : float
-        Poisson's ratio, in [0, 0.5).
-
-    Returns
-    -------
-    NDArray
-        omega a / c0 [-], same shape.
-
-    Raises
-    ------
-    ValueError
-        If Poisson's ratio is outside its range or a wavenumber is not finite.
+    ``wavenumber``: k a [-], real or complex with a real part that outweighs the imaginary one, any sign.
+    ``poisson``: poisson's ratio, in [0, 0.5). Returns: omega a / c0 [-], same shape. Raises ValueError if
+    Poisson's ratio is outside its range or a wavenumber is not finite.
     """
     k = np.asarray(wavenumber)
     if not np.isfinite(k).all():
@@ -341,12 +295,7 @@ def mean_over_surface(frequency: ArrayLike, poisson: float) -> Array:
     This is the factor M1 of Tyas and Watson (2001). Their M2, the mean stress over E times the mean strain,
     is (c / c0)^2: a free surface leaves the axial momentum no other way.
 
-    Parameters
-    ----------
-    frequency : array_like
-        omega a / c0 [-], real or complex.
-    poisson : float
-        Poisson's ratio, in [0, 0.5).
+    ``frequency``: omega a / c0 [-], real or complex. ``poisson``: poisson's ratio, in [0, 0.5).
     """
     if not poisson > 0.0:
         raise ValueError("without Poisson's ratio the mean strain is that of the surface")

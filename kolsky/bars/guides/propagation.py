@@ -22,19 +22,9 @@ _ROLL_OFF = 0.2
 def windowed(signal: Signal, window: tuple[float, float], *, taper: float | None = None) -> Signal:
     """The signal within a window, faded to zero by half-cosines outside.
 
-    Parameters
-    ----------
-    signal : Signal
-        The signal; samples inside the window stay what they are.
-    window : tuple of float
-        First and last time on the shot's clock [s].
-    taper : float, optional
-        Length of each fade [s]; without it a fiftieth of the window.
-
-    Raises
-    ------
-    ValueError
-        If the window is empty or outside the signal.
+    ``signal``: the signal; samples inside the window stay what they are. ``window``: first and last time on
+    the shot's clock [s]. ``taper``: length of each fade [s]; without it a fiftieth of the window. Raises
+    ValueError if the window is empty or outside the signal.
     """
     first, last = window
     if not (signal.start - signal.interval <= first < last <= signal.end + signal.interval):
@@ -158,36 +148,16 @@ def propagation(
     what they are, and their times are exact. Beyond its ends the signal fades out over padding that is longer
     than the slowest component's delay, so that nothing wraps around.
 
-    Parameters
-    ----------
-    signal : Signal
-        One wave's signal (strain, force, velocity), free of other waves within `window` at least.
-    waveguide : Waveguide
-        The bar.
-    distance : float
-        Way along the wave's direction [m]; negative goes back to where the wave came from.
-    window : tuple of float, optional
-        First and last time that belong to the wave, on the shot's clock [s]; outside, the signal fades to
-        zero within a fiftieth of the window.
-    band : float, optional
-        Frequency at which a half-cosine edge, `spectra.ROLL_OFF` of it wide, ends the spectrum [Hz].
-    start : float, optional
-        Time of the result's first sample [s], if it shall lie on a clock of its own; interpolated within the
-        band of the sampling.
-    samples : int, optional
-        Length of the result; without it, that of the signal.
-    largest_gain : float
-        Amplification at which the band of a lossy bar ends when going back [-], > 1.
-
-    Returns
-    -------
-    Propagation
-        With the band that was kept and the amplification of the noise.
-
-    Raises
-    ------
-    ValueError
-        If an argument is outside its range, a sample is not finite, or the band leaves nothing.
+    ``signal``: one wave's signal (strain, force, velocity), free of other waves within `window` at least.
+    ``waveguide``: the bar. ``distance``: way along the wave's direction [m]; negative goes back to where the
+    wave came from. ``window``: first and last time that belong to the wave, on the shot's clock [s]; outside,
+    the signal fades to zero within a fiftieth of the window. ``band``: frequency at which a half-cosine edge,
+    `spectra.ROLL_OFF` of it wide, ends the spectrum [Hz]. ``start``: time of the result's first sample [s],
+    if it shall lie on a clock of its own; interpolated within the band of the sampling. ``samples``: length
+    of the result; without it, that of the signal. ``largest_gain``: amplification at which the band of a
+    lossy bar ends when going back [-], > 1. Returns: with the band that was kept and the amplification of the
+    noise. Raises ValueError if an argument is outside its range, a sample is not finite, or the band leaves
+    nothing.
     """
     _check(signal, distance, window, band, largest_gain)
     value = signal.value if window is None else windowed(signal, window).value

@@ -71,11 +71,8 @@ class PropagationCoefficient:
     def modulus(self, *, geometric: bool = True) -> ComplexArray:
         """Complex modulus E* [Pa], Eq. (B.17), shape [n].
 
-        Parameters
-        ----------
-        geometric : bool
-            Whether the dispersion by the bar's radius is taken out, by the first mode at a complex frequency;
-            without, E* = rho (omega / k)^2.
+        ``geometric``: whether the dispersion by the bar's radius is taken out, by the first mode at a complex
+        frequency; without, E* = rho (omega / k)^2.
         """
         omega = 2.0 * pi * self.frequency
         if not geometric:
@@ -87,10 +84,7 @@ class PropagationCoefficient:
     def waveguide(self) -> TabulatedWaveguide:
         """The bar as it was measured, up to the last frequency.
 
-        Raises
-        ------
-        ValueError
-            If noise made an attenuation negative; `fit_modulus` smooths it.
+        Raises ValueError if noise made an attenuation negative; `fit_modulus` smooths it.
         """
         return TabulatedWaveguide(self.bar, self.frequency, self.phase_velocity, self.attenuation)
 
@@ -102,20 +96,6 @@ def propagation_coefficient(
 
     Logarithms of the spectra lie on a straight line over the way, component by component, which is fitted
     with each passage weighted by its ratio of signal to noise. Two passages give Bacon's quotient.
-
-    Parameters
-    ----------
-    gauge : BarSignal
-        The strain at the station; its sigma decides on the band.
-    passes : sequence of Pass
-        The passages, the first with `way` 0.
-    above_noise : float
-        Ratio of a spectral component to its noise below which it is not used [-], >= 1.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two passages, a way is not ascending, or no frequency is above the noise.
     """
     check_bar(gauge.bar)
     ways = np.array([item.way for item in passes])
@@ -183,18 +163,6 @@ def fit_modulus(coefficient: PropagationCoefficient, times: Sequence[float]) -> 
 
     Each component has the weight of its relative sigma. A series is causal and extends beyond the band, which
     a table does not.
-
-    Parameters
-    ----------
-    coefficient : PropagationCoefficient
-        The measured coefficient.
-    times : sequence of float
-        Relaxation times [s], > 0, e.g. one per decade over the inverse angular frequencies of the band.
-
-    Raises
-    ------
-    ValueError
-        If a time is not positive or the modulus at rest comes out as zero.
     """
     tau = np.asarray(times, dtype=float)
     if tau.size == 0 or not (np.isfinite(tau).all() and (tau > 0.0).all()):

@@ -117,10 +117,7 @@ def area(bar: Bar) -> float:
 def check_bar(bar: Bar) -> None:
     """Refuse a bar whose waves cannot be computed.
 
-    Raises
-    ------
-    ValueError
-        With the name, the value and the allowed range.
+    Raises ValueError: with the name, the value and the allowed range.
     """
     for name in ("diameter", "length", "youngs_modulus", "density"):
         value = getattr(bar, name)

@@ -42,42 +42,21 @@ def face_waves(
     fractions of a sample are then interpolated as for a band-limited signal, which changes neither its
     energy nor its noise.
 
-    Parameters
-    ----------
-    incident, transmission
-        The strains at the two stations, on one clock, with equal sampling intervals.
-    windows
-        Where the waves lie at the gauges. The shortest decides how long the result is.
-    guides
-        The incident and the transmission bar as waveguides; None leaves dispersion out.
-    band
-        Frequency up to which the guides carry waves [Hz], inf for all. Without it the lower `BAND` of the
-        bars: above, a gauge sees several modes at once, and noise would be carried as if it were a wave of
-        the first.
-    arrival
-        When the incident wave arrives at its gauge [s]; carried to the face this is time 0 of the result.
-        The beginning of the incident window if it is left out.
-    follow_windows
-        Whether the windows' beginnings are the same instant at the specimen, instead of what distances and
-        wave speeds say: for windows aligned by hand.
-    transit
-        Time by which the transmitted wave is moved forward [s]: the specimen's transit, to compare waves
-        that belong together instead of forces of the same instant.
-    delays
-        Times by which the reflected and the transmitted wave are later at their gauges than travel times say
-        [s]: for waves that are aligned by their arrivals.
-    apart
-        The incident, reflected and transmitted wave each by itself at its gauge, where they were told apart;
-        the windows then only say which stretch is wanted.
-
-    Returns
-    -------
-    FaceWaves
-
-    Raises
-    ------
-    ValueError
-        If the sampling intervals differ, or a window is too short or leaves its record.
+    ``incident``, ``transmission``: the strains at the two stations, on one clock, with equal sampling
+    intervals. ``windows``: where the waves lie at the gauges. The shortest decides how long the result is.
+    ``guides``: the incident and the transmission bar as waveguides; None leaves dispersion out. ``band``:
+    frequency up to which the guides carry waves [Hz], inf for all. Without it the lower `BAND` of the bars:
+    above, a gauge sees several modes at once, and noise would be carried as if it were a wave of the first.
+    ``arrival``: when the incident wave arrives at its gauge [s]; carried to the face this is time 0 of the
+    result. The beginning of the incident window if it is left out. ``follow_windows``: whether the windows'
+    beginnings are the same instant at the specimen, instead of what distances and wave speeds say: for
+    windows aligned by hand. ``transit``: time by which the transmitted wave is moved forward [s]: the
+    specimen's transit, to compare waves that belong together instead of forces of the same instant.
+    ``delays``: times by which the reflected and the transmitted wave are later at their gauges than travel
+    times say [s]: for waves that are aligned by their arrivals. ``apart``: the incident, reflected and
+    transmitted wave each by itself at its gauge, where they were told apart; the windows then only say which
+    stretch is wanted. Raises ValueError if the sampling intervals differ, or a window is too short or leaves
+    its record.
     """
     interval = incident.strain.interval
     if abs(transmission.strain.interval / interval - 1.0) > 1e-9:
@@ -174,25 +153,10 @@ def _at_face(
 def sampled_from(signal: Signal, start: float, count: int) -> FloatArray:
     """A signal's values at ``start + k * interval``, band-limited between its samples.
 
-    Parameters
-    ----------
-    signal
-        The signal.
-    start
-        Time of the first value [s]; a fraction of a sample is a turn of phase in the Fourier transform of the
-        samples and `GUARD` more on either side, less the line through their ends.
-    count
-        Number of values.
-
-    Returns
-    -------
-    ndarray
-        Values in the signal's unit, shape [count].
-
-    Raises
-    ------
-    ValueError
-        If a value lies outside the signal.
+    ``signal``: the signal. ``start``: time of the first value [s]; a fraction of a sample is a turn of phase
+    in the Fourier transform of the samples and `GUARD` more on either side, less the line through their ends.
+    ``count``: number of values. Returns: values in the signal's unit, shape [count]. Raises ValueError if a
+    value lies outside the signal.
     """
     place = (start - signal.start) / signal.interval
     whole = round(place)

@@ -29,20 +29,6 @@ def radial_pressure(
 
     H. Kolsky, Proc. Phys. Soc. B 62 (1949) 676 has the small-strain term, S. K. Samanta, J. Mech. Phys.
     Solids 19 (1971) 117 and T. L. Warren, M. J. Forrestal, Exp. Mech. 50 (2010) 1253 the finite strain.
-
-    Parameters
-    ----------
-    strain, rate, second
-        Nominal compression [-] and its first and second derivative [1/s], [1/s^2], shape [n].
-    density
-        Density of the specimen [kg/m^3].
-    radius
-        Its radius before the test [m].
-
-    Raises
-    ------
-    ValueError
-        If a strain is 1 or more.
     """
     e, e1, e2 = (np.asarray(x, dtype=np.float64) for x in (strain, rate, second))
     if e.size and not e.max() < 1.0:
@@ -68,21 +54,9 @@ def correct_radial_inertia(
     The force of the pressure is ``p A0 / (1 - e)``, as the face has grown; its nominal stress is
     ``p / (1 - e)``. The uncertainties of strain, rate and second derivative are taken as independent.
 
-    Parameters
-    ----------
-    stress
-        Nominal stress [Pa], compression positive.
-    strain, rate, second
-        Nominal compression [-], [1/s], [1/s^2].
-    specimen
-        The specimen before the test.
-    apply
-        False leaves the stress as it is.
-
-    Raises
-    ------
-    ValueError
-        As `radial_pressure`, and if shapes differ.
+    ``stress``: nominal stress [Pa], compression positive. ``strain``, ``rate``, ``second``: nominal
+    compression [-], [1/s], [1/s^2]. ``specimen``: the specimen before the test. ``apply``: False leaves the
+    stress as it is. Raises ValueError as `radial_pressure`, and if shapes differ.
     """
     _one_shape(stress.value, (strain, rate, second))
     rho, a0 = specimen.density, specimen.radius
@@ -117,17 +91,6 @@ def axial_stress(
     ``rho L (a_b / 2 + L e'' / 6)``; at the front face it is ``rho L (a_b + L e'' / 2)`` above. With the
     first-order radial term this is the correction of E. D. H. Davies, S. C. Hunter, J. Mech. Phys. Solids 11
     (1963) 155; D. A. Gorham, J. Phys. D 22 (1989) 1888 has the convective ones.
-
-    Parameters
-    ----------
-    second
-        Second derivative of the nominal compression [1/s^2], shape [n].
-    density
-        Density of the specimen [kg/m^3].
-    length
-        Its length before the test [m].
-    back_acceleration
-        Of the back face in the direction of the incident wave [m/s^2], shape [n] or scalar.
     """
     e2, a = np.asarray(second, dtype=np.float64), np.asarray(back_acceleration, dtype=np.float64)
     return np.asarray(density * length * (a / 2.0 + length * e2 / 6.0))
@@ -140,14 +103,9 @@ def axial_by_analysis(second: ArrayLike, specimen: Specimen, back: ArrayLike) ->
     `axial_stress` s and the front stress ``rho L (a_b + L e'' / 2)`` above the back one, they lack s,
     s less that, and s less half of it: ``-rho L^2 e'' / 12`` for three waves.
 
-    Parameters
-    ----------
-    second
-        Second derivative of the nominal compression [1/s^2], shape [n].
-    specimen
-        The specimen before the test.
-    back
-        Acceleration of the back face in the direction of the incident wave [m/s^2], shape [n] or scalar.
+    ``second``: second derivative of the nominal compression [1/s^2], shape [n]. ``specimen``: the specimen
+    before the test. ``back``: acceleration of the back face in the direction of the incident wave [m/s^2],
+    shape [n] or scalar.
     """
     rho, length = specimen.density, specimen.length
     mean = axial_stress(second, density=rho, length=length, back_acceleration=back)
@@ -165,23 +123,10 @@ def correct_axial_inertia(
 ) -> tuple[History, Correction]:
     """Mean nominal stress along the specimen from that at its back face, see `axial_stress`.
 
-    Parameters
-    ----------
-    back_stress
-        Nominal stress at the transmission side (one wave) [Pa].
-    second
-        Second derivative of the nominal compression [1/s^2].
-    specimen
-        The specimen before the test.
-    back_acceleration
-        Of the back face [m/s^2]; a face at rest if left out.
-    apply
-        False leaves the stress as it is.
-
-    Raises
-    ------
-    ValueError
-        If shapes differ.
+    ``back_stress``: nominal stress at the transmission side (one wave) [Pa]. ``second``: second derivative of
+    the nominal compression [1/s^2]. ``specimen``: the specimen before the test. ``back_acceleration``: of the
+    back face [m/s^2]; a face at rest if left out. ``apply``: False leaves the stress as it is. Raises
+    ValueError if shapes differ.
     """
     rest = History(np.zeros_like(second.value), np.zeros_like(second.value), "m/s^2")
     a = rest if back_acceleration is None else back_acceleration
@@ -215,13 +160,7 @@ def audited(name: str, key: str, change: FloatArray, unit: str, apply: bool, rea
 
 
 def _one_shape(like: FloatArray, histories: Sequence[History]) -> None:
-    """Refuse histories that have not one value at each of the times of an array.
-
-    Raises
-    ------
-    ValueError
-        Naming the count and the unit.
-    """
+    """Refuse histories that have not one value at each of the times of an array."""
     for history in histories:
         if history.value.shape != like.shape or history.sigma.shape != like.shape:
             raise ValueError(
@@ -255,15 +194,7 @@ def _averaged_samples(reduction: Reduction, bars: Mapping[str, Bar]) -> int:
 
 
 def specimen_motion(reduction: Reduction, bars: Mapping[str, Bar]) -> SpecimenMotion:
-    """Averaged rate, its derivative, and the back face's acceleration.
-
-    Parameters
-    ----------
-    reduction
-        The reduction.
-    bars
-        The bars by side.
-    """
+    """Averaged rate, its derivative, and the back face's acceleration."""
     step = float(reduction.time[1] - reduction.time[0])
     width = _averaged_samples(reduction, bars)
 
@@ -304,23 +235,10 @@ def corrections_that_act(
 ) -> dict[str, str]:
     """Which of `KEYS` are applied: key -> why. What is not stated is on for a soft specimen.
 
-    Parameters
-    ----------
-    reduction
-        The reduction before these corrections.
-    specimen
-        The specimen before the test.
-    bars
-        The bars by side.
-    switches
-        What the shot states.
-    share
-        Share of the stress from which on inertia counts [-]; a specimen that reaches it is soft.
-
-    Returns
-    -------
-    dict
-        An entry for each key of `KEYS`; the reason begins with "on" or "off".
+    ``reduction``: the reduction before these corrections. ``specimen``: the specimen before the test.
+    ``bars``: the bars by side. ``switches``: what the shot states. ``share``: share of the stress from which
+    on inertia counts [-]; a specimen that reaches it is soft. Returns: an entry for each key of `KEYS`; the
+    reason begins with "on" or "off".
     """
     part = inertial_share(reduction, specimen, bars)
     size = f"inertia reaches {100.0 * part:.2g} % of the largest stress, the limit is {100.0 * share:g} %"
@@ -387,18 +305,9 @@ def valid_span(
 ) -> Validity:
     """The span in which imbalance and inertia, before its correction, stay within a share of the stress.
 
-    Parameters
-    ----------
-    reduction
-        The reduction before corrections of inertia, compression positive.
-    specimen
-        The specimen before the test.
-    bars
-        The bars by side.
-    share
-        The share [-].
-    tension
-        Whether the specimen is pulled.
+    ``reduction``: the reduction before corrections of inertia, compression positive. ``specimen``: the
+    specimen before the test. ``bars``: the bars by side. ``share``: the share [-]. ``tension``: whether the
+    specimen is pulled.
     """
     sign = -1.0 if tension else 1.0
     added = sign * inertial_stress(reduction, specimen, specimen_motion(reduction, bars))
@@ -420,23 +329,10 @@ SIDES = ("incident", "transmission")
 def path_acceleration(path: FlyerPath, time: ArrayLike) -> History:
     """Acceleration of a face whose path is known, by image correlation or from bar waves.
 
-    Parameters
-    ----------
-    path
-        Smooth path from rest: `kolsky.bars.flyer.path.fit_flyer`, or
-        `kolsky.bars.flyer.front_path.front_path` for the interface velocity of bar waves.
-    time
-        Times, not after the path's end; before its start the face rests [s], shape [n].
-
-    Returns
-    -------
-    History
-        Acceleration and its standard uncertainty [m/s^2].
-
-    Raises
-    ------
-    ValueError
-        If a time is after the path's end.
+    ``path``: smooth path from rest: `kolsky.bars.flyer.path.fit_flyer`, or
+    `kolsky.bars.flyer.front_path.front_path` for the interface velocity of bar waves. ``time``: times, not
+    after the path's end; before its start the face rests [s], shape [n]. Returns: acceleration and its
+    standard uncertainty [m/s^2]. Raises ValueError if a time is after the path's end.
     """
     t = np.asarray(time, dtype=np.float64)
     moving = t >= path.start
@@ -453,22 +349,6 @@ def gradient_acceleration(
     Newton's second law for the piece of bar between them: ``rho A d dv/dt = E A (eps_up - eps_down)``, so
     ``a = c0^2 (eps_up - eps_down) / d``, upstream minus downstream. The difference stands for the gradient
     up to ``(omega d / c0)^2 / 24`` of it.
-
-    Parameters
-    ----------
-    near, far
-        Strains at two stations of one bar, `near` closer to the specimen.
-    time
-        Times that both signals cover [s], shape [n].
-    sigma_gain
-        Standard uncertainty of the ratio of the two gauges' gains [-].
-    sigma_distance
-        Standard uncertainty of the distance between the stations [m].
-
-    Raises
-    ------
-    ValueError
-        If the stations are not on one bar with `near` nearer, a time is not covered, or a sigma is negative.
     """
     t = np.asarray(time, dtype=np.float64)
     d = far.position - near.position

@@ -30,10 +30,7 @@ WAYS = {"one wave": "one_wave", "two waves": "two_waves", "three waves": "three_
 def write_hdf5(path: Path, result: ReducedTest) -> None:
     """Write everything to one HDF5 file, atomically.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    Raises OSError if the file cannot be written; an older one is then unchanged.
     """
     with writing(path, FORMAT) as place:
         entry = group(place.file, place.path, "NXentry", default="reduction")

@@ -60,16 +60,9 @@ class Repeats:
     def combined(self, shared: FloatArray | float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Standard uncertainty of the mean with what all tests share, and its degrees of freedom.
 
-        Parameters
-        ----------
-        shared
-            Standard uncertainty from what does not differ between the tests: moduli, gauge factors, ...,
-            shape [n]. It is not reduced by repeating and its degrees of freedom count as infinite.
-
-        Returns
-        -------
-        tuple
-            Eq. (U.16) and the effective degrees of freedom by Welch and Satterthwaite, shape [n] both.
+        ``shared``: standard uncertainty from what does not differ between the tests: moduli, gauge factors,
+        ..., shape [n]. It is not reduced by repeating and its degrees of freedom count as infinite. Returns:
+        eq. (U.16) and the effective degrees of freedom by Welch and Satterthwaite, shape [n] both.
         """
         u = np.hypot(self.sigma, shared)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -81,10 +74,7 @@ class Repeats:
     ) -> tuple[FloatArray, FloatArray]:
         """Confidence band of the mean, pointwise: mean -+ t u, shape [n] both ends.
 
-        Raises
-        ------
-        ValueError
-            If the probability is not inside (0, 1).
+        Raises ValueError if the probability is not inside (0, 1).
         """
         if not 0.0 < probability < 1.0:
             raise ValueError(f"a confidence must be inside (0, 1), got {probability}")
@@ -266,10 +256,7 @@ def repeated_tests(
 def rising(value: FloatArray) -> slice:
     """The longest stretch of samples in which each is larger than the one before; of equals the first.
 
-    Raises
-    ------
-    ValueError
-        If no sample is larger than the one before.
+    Raises ValueError if no sample is larger than the one before.
     """
     up = np.concatenate([[False], np.diff(value) > 0.0, [False]])
     starts = np.flatnonzero(~up[:-1] & up[1:])

@@ -72,26 +72,10 @@ def separate(
     singular, and the window is taken off in the end. For two gauges the result is that of the iteration in
     time (each wave from what the other was one travel time before) and depends on no constant.
 
-    Parameters
-    ----------
-    gauges : sequence of BarSignal
-        Stations of one bar with the same sampling; their records may start at different times.
-    waveguide : Waveguide
-        The bar.
-    band : float, optional
-        Frequency at which the waves end [Hz], by a half-cosine edge.
-    end : float, optional
-        Last time at the face that is wanted [s].
-
-    Returns
-    -------
-    SeparatedWaves
-        With sigmas that grow in time.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two stations, two share a place, records differ in sampling or do not overlap.
+    ``gauges``: stations of one bar with the same sampling; their records may start at different times.
+    ``waveguide``: the bar. ``band``: frequency at which the waves end [Hz], by a half-cosine edge. ``end``:
+    last time at the face that is wanted [s]. Returns: with sigmas that grow in time. Raises ValueError if
+    there are fewer than two stations, two share a place, records differ in sampling or do not overlap.
     """
     interval, begin, values, sigma, memory = _common(gauges)
     position = np.array([gauge.position for gauge in gauges])
@@ -248,19 +232,10 @@ def overlapping_windows(
     They last until the reflected wave returns from the far end of the incident bar, the transmitted one from
     that of its bar, or a record ends.
 
-    Parameters
-    ----------
-    incident, far
-        The two stations of the incident bar, the first one nearer to the specimen.
-    transmission
-        The station of the transmission bar.
-    tension
-        Whether the incident pulse is one of tension.
-
-    Raises
-    ------
-    ValueError
-        If `far` is not farther from the specimen, there is no pulse, or nothing of the records is left.
+    ``incident``, ``far``: the two stations of the incident bar, the first one nearer to the specimen.
+    ``transmission``: the station of the transmission bar. ``tension``: whether the incident pulse is one of
+    tension. Raises ValueError if `far` is not farther from the specimen, there is no pulse, or nothing of the
+    records is left.
     """
     if far.position <= incident.position:
         raise ValueError(
@@ -292,21 +267,9 @@ def separated(
 ) -> FaceWaves:
     """The incident and the reflected wave by both stations instead of by windows.
 
-    Parameters
-    ----------
-    faces
-        The waves by windows, which overlap: gives the clock and the transmitted wave.
-    incident, far
-        The two stations of the incident bar.
-    guide
-        The bar.
-    log
-        Takes what changes.
-
-    Raises
-    ------
-    ValueError
-        As `kolsky.bars.reduction.separation.separate`.
+    ``faces``: the waves by windows, which overlap: gives the clock and the transmitted wave. ``incident``,
+    ``far``: the two stations of the incident bar. ``guide``: the bar. ``log``: takes what changes. Raises
+    ValueError as `kolsky.bars.reduction.separation.separate`.
     """
     start = faces.origin + float(faces.time[0])
     interval, count = incident.strain.interval, faces.time.size
@@ -355,14 +318,8 @@ class FreeEnds:
     ) -> tuple[BarSignal, BarSignal, BarSignal]:
         """The incident, the reflected and the transmitted wave, each by itself at its gauge.
 
-        Parameters
-        ----------
-        incident, transmission
-            The stations.
-        guides
-            Their bars.
-        band
-            Frequency up to which the guides carry waves [Hz].
+        ``incident``, ``transmission``: the stations. ``guides``: their bars. ``band``: frequency up to which
+        the guides carry waves [Hz].
         """
         later = self._later(incident)
         toward = replace(
@@ -380,33 +337,13 @@ class FreeEnds:
 def free_ends(incident: BarSignal, arrival: float) -> FreeEnds:
     """Both far ends free; the incident pulse is over when the reflected one comes.
 
-    Parameters
-    ----------
-    incident
-        The station of the incident bar.
-    arrival
-        Arrival of the incident pulse there [s].
+    ``incident``: the station of the incident bar. ``arrival``: arrival of the incident pulse there [s].
     """
     return FreeEnds(arrival + 2.0 * travel_time(incident) - 2.0 * averaging_time(incident))
 
 
 def without_echo(station: BarSignal, guide: Waveguide, band: float) -> BarSignal:
-    """The wave that goes to the free end, from the strain at a station that sees its echoes too.
-
-    Parameters
-    ----------
-    station
-        The station; the strain holds nothing but this wave and its echoes.
-    guide
-        The bar.
-    band
-        Frequency up to which it carries waves [Hz].
-
-    Returns
-    -------
-    BarSignal
-        The wave at the station; its noise is that of every pass of the echo together.
-    """
+    """The wave that goes to the free end, from the strain at a station that sees its echoes too."""
     strain, way = station.strain, 2.0 * (station.bar.length - station.position)
     passes = ceil((strain.end - strain.start) * guide.wave_speed / way)
     out = strain
@@ -433,10 +370,7 @@ def free_end_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit
 def check_length(windows: Windows, limits: tuple[Limit, Limit]) -> None:
     """Refuse windows that last until an echo is back at the specimen.
 
-    Raises
-    ------
-    ValueError
-        With the wave and the time.
+    Raises ValueError: with the wave and the time.
     """
     length = max(last - first for first, last in (windows.incident, windows.reflected, windows.transmitted))
     end = min(limits, key=lambda limit: limit.time)

@@ -33,12 +33,8 @@ Weights = tuple[Factor, Factor, Factor]
 class BarWaves:
     """The three waves and what the bars make of a strain: force and velocity.
 
-    Parameters
-    ----------
-    faces
-        The waves at the faces.
-    guides
-        The incident and the transmission bar as waveguides; None takes constants, E A and rho c0 A.
+    ``faces``: the waves at the faces. ``guides``: the incident and the transmission bar as waveguides; None
+    takes constants, E A and rho c0 A.
     """
 
     stiffness_1: Factor
@@ -208,20 +204,9 @@ def reduce(
 def integrated(history: History, step: float, *, sigma: float | None = None) -> History:
     """Trapezoidal sum from the first sample on, and the sigma of it for white noise, Eq. (R.12).
 
-    Parameters
-    ----------
-    history
-        A rate.
-    step
-        Sampling interval [s].
-    sigma
-        Standard deviation of white noise as strong as the rate's at low frequencies, where it differs from
-        the rate's own.
-
-    Returns
-    -------
-    History
-        Starts at 0; sigma_k = step sigma sqrt(k - 1/2) after k steps.
+    ``history``: a rate. ``step``: sampling interval [s]. ``sigma``: standard deviation of white noise as
+    strong as the rate's at low frequencies, where it differs from the rate's own. Returns: starts at 0;
+    sigma_k = step sigma sqrt(k - 1/2) after k steps.
     """
     value = history.value
     total = np.concatenate([[0.0], np.cumsum(0.5 * step * (value[1:] + value[:-1]))])
@@ -234,11 +219,6 @@ def hencky_strain(strain: History) -> History:
     """Logarithmic strain, compression positive: -ln(1 - e), Eq. (R.13).
 
     In tension e < 0, the stretch 1 - e exceeds 1 and the result is negative, as all tension is here.
-
-    Raises
-    ------
-    ValueError
-        If a nominal strain reaches 1: nothing would be left of the specimen.
     """
     left = _stretch(strain)
     return History(-np.log(left), strain.sigma / left, "1")
@@ -249,21 +229,6 @@ def cauchy_stress(stress: History, strain: History) -> History:
 
     A compressed specimen is wider, so that its true stress is smaller than the nominal one; a stretched one
     is thinner. Barrelling and necking are not seen. The sigma takes the two noises as independent.
-
-    Parameters
-    ----------
-    stress, strain
-        Nominal stress [Pa] and strain [-] at the same times.
-
-    Returns
-    -------
-    History
-        True stress [Pa].
-
-    Raises
-    ------
-    ValueError
-        If a nominal strain reaches 1.
     """
     left = _stretch(strain)
     sigma = np.sqrt((left * stress.sigma) ** 2 + (stress.value * strain.sigma) ** 2)
@@ -277,22 +242,8 @@ TRUE = {"true strain": "1", "true stress": "Pa"}
 def true_curve(reduction: Reduction, analysis: str) -> dict[str, History]:
     """True strain and true stress of one analysis, for a specimen that keeps its volume, Eqs. (R.13), (R.14).
 
-    Parameters
-    ----------
-    reduction
-        The reduction, compression positive.
-    analysis
-        "one wave", "two waves" or "three waves".
-
-    Returns
-    -------
-    dict
-        The histories of `TRUE`, shape [n] each.
-
-    Raises
-    ------
-    ValueError
-        If a nominal strain reaches 1.
+    ``reduction``: the reduction, compression positive. ``analysis``: "one wave", "two waves" or "three
+    waves". Returns: the histories of `TRUE`, shape [n] each. Raises ValueError if a nominal strain reaches 1.
     """
     strain, stress = reduction.strain[analysis], reduction.stress[analysis]
     return dict(zip(TRUE, (hencky_strain(strain), cauchy_stress(stress, strain)), strict=True))
@@ -339,18 +290,6 @@ def punching_compliance(bar: Bar, radius: float) -> float:
     Eq. (R.15): (16 / (3 pi^2)) (1 - nu^2) / (E a) times the share f(a/b) that the bar's finite radius b
     leaves; f(0) = 1 and f(1) = 0. The pressure is even over the circle of radius a, as under a specimen much
     softer than the bar; under a rigid one the mean is 8 % smaller.
-
-    Parameters
-    ----------
-    bar
-        The bar; its Poisson's ratio is used in 1 - nu^2.
-    radius
-        Radius of the specimen [m], in (0, bar radius].
-
-    Raises
-    ------
-    ValueError
-        If the radius is outside its range.
     """
     ratio = radius / (0.5 * bar.diameter)
     if not 0.0 < ratio <= 1.0 + 1e-9:
@@ -376,21 +315,9 @@ def correct_punching(
     wave needs to cross the bar's diameter; below that time the sinking is no quasi-static one. Velocities of
     the faces stay what one-dimensional theory says.
 
-    Parameters
-    ----------
-    reduction
-        The reduction.
-    specimen
-        The specimen before the test.
-    incident_bar, transmission_bar
-        The bars.
-    apply
-        False returns the reduction as it is, with the correction it would have had.
-
-    Returns
-    -------
-    tuple of Reduction and Correction
-        The correction's sizes are changes of the nominal strain by three waves.
+    ``reduction``: the reduction. ``specimen``: the specimen before the test. ``incident_bar``,
+    ``transmission_bar``: the bars. ``apply``: False returns the reduction as it is, with the correction it
+    would have had. Returns: the correction's sizes are changes of the nominal strain by three waves.
     """
     C1 = punching_compliance(incident_bar, specimen.radius)
     C2 = punching_compliance(transmission_bar, specimen.radius)

@@ -141,26 +141,7 @@ def summarise(
 def mean_over(
     history: History, time: FloatArray, span: tuple[float, float], name: str, *, alike: float = 1.0
 ) -> Quantity:
-    """Mean of a history over a time span, with the sigma of the mean.
-
-    Parameters
-    ----------
-    history
-        The history; its noise is independent from one sample to the next, or from `alike` to the next.
-    time
-        Its times [s], shape [n].
-    span
-        First and last time [s].
-    name
-        Name of the result.
-    alike
-        Samples for each independent one [-], >= 1.
-
-    Raises
-    ------
-    ValueError
-        If no sample lies in the span.
-    """
+    """Mean of a history over a time span, with the sigma of the mean."""
     inside = (time >= span[0]) & (time <= span[1])
     n = int(inside.sum())
     if n == 0:

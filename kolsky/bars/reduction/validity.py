@@ -113,23 +113,6 @@ def elastic_transits(impedance_ratio: float, *, allowance: float = ALLOWANCE) ->
     the faces after m transits are 1 - r^m and 1 - r^(m + 1) of the last, and
     R = 2 r^m (1 - r) / (2 - r^m (1 + r)). A slower rise takes fewer transits from its end, more from its
     beginning.
-
-    Parameters
-    ----------
-    impedance_ratio
-        Impedance rho c A of the specimen over that of the bars, beta, in (0, 1].
-    allowance
-        Largest |R| [-], > 0.
-
-    Returns
-    -------
-    int
-        The smallest m.
-
-    Raises
-    ------
-    ValueError
-        If an argument is outside its range.
     """
     if not 0.0 < impedance_ratio <= 1.0:
         raise ValueError(f"the impedance ratio of specimen and bars = {impedance_ratio} must be in (0, 1]")
@@ -151,25 +134,11 @@ def report_equilibrium(
 ) -> Equilibrium:
     """Force equilibrium of a reduction.
 
-    Parameters
-    ----------
-    reduction
-        The reduction, with its R and its span; its time 0 is the arrival of the incident wave.
-    specimen_length
-        Length of the specimen [m].
-    allowance
-        The allowance the span was found with [-].
-    specimen_wave_speed
-        Wave speed in the specimen [m/s], where it is known.
-
-    Returns
-    -------
-    Equilibrium
-
-    Notes
-    -----
-    Davies and Hunter (1963) ask for pi transits before a plastic specimen is taken as uniform; an elastic
-    one takes longer the softer it is against the bars, Eq. (R.11).
+    ``reduction``: the reduction, with its R and its span; its time 0 is the arrival of the incident wave.
+    ``specimen_length``: length of the specimen [m]. ``allowance``: the allowance the span was found with [-].
+    ``specimen_wave_speed``: wave speed in the specimen [m/s], where it is known. Davies and Hunter (1963) ask
+    for pi transits before a plastic specimen is taken as uniform; an elastic one takes longer the softer it
+    is against the bars, Eq. (R.11).
     """
     if reduction.balanced is None:
         finite = np.abs(reduction.imbalance[np.isfinite(reduction.imbalance)])
@@ -370,17 +339,7 @@ def judge_plateau(
 
 
 def flatness(value: FloatArray, time: FloatArray, span: Span) -> Flatness:
-    """Change and scatter of a history by the weighted least-squares line along a span.
-
-    Parameters
-    ----------
-    value
-        The history, shape [n].
-    time
-        Its times [s], shape [n].
-    span
-        The span with the samples' weights.
-    """
+    """Change and scatter of a history by the weighted least-squares line along a span."""
     w = span.weight / span.weight.sum()
     mean, middle = float(w @ value), float(w @ time)
     centred = time - middle
@@ -395,14 +354,8 @@ def flatness(value: FloatArray, time: FloatArray, span: Span) -> Flatness:
 def weighted_mean(history: History, span: Span, *, alike: float = 1.0) -> tuple[float, float]:
     """Weighted mean of a history and the sigma of its noise, sqrt(alike sum (w s)^2) / sum w.
 
-    Parameters
-    ----------
-    history
-        The history; its noise is independent from one of `alike` samples to the next.
-    span
-        The samples' weights.
-    alike
-        Samples for each independent one [-], >= 1.
+    ``history``: the history; its noise is independent from one of `alike` samples to the next. ``span``: the
+    samples' weights. ``alike``: samples for each independent one [-], >= 1.
     """
     w, total = span.weight, float(span.weight.sum())
     sigma = float(np.sqrt(alike * ((w * history.sigma) ** 2).sum())) / total

@@ -29,16 +29,6 @@ def bar_quantities(bar: Bar, side: str, uncertainty: Mapping[str, float]) -> lis
     """Quantities of a bar: modulus or measured wave speed, density, diameter, Poisson's ratio.
 
     With an uncertainty of the wave speed, that is the quantity; the modulus follows from it and the density.
-
-    Parameters
-    ----------
-    bar
-        The bar.
-    side
-        "incident" or "transmission".
-    uncertainty
-        Standard uncertainties by key: "bar_modulus" or "bar_wave_speed", "bar_density", "bar_diameter"
-        relative, "bar_poisson" absolute; 0 if absent.
     """
 
     def relative(words: str, value: float, key: str, unit: str) -> Quantity:
@@ -59,17 +49,7 @@ def bar_quantities(bar: Bar, side: str, uncertainty: Mapping[str, float]) -> lis
 def length_quantities(
     specimen: Specimen, positions: Mapping[str, float], uncertainty: Mapping[str, float]
 ) -> list[Quantity]:
-    """The specimen's sizes and the gauges' distances.
-
-    Parameters
-    ----------
-    specimen
-        The specimen.
-    positions
-        Distance of each gauge by side [m].
-    uncertainty
-        "specimen_diameter" and "specimen_length" relative, "gauge_distance" in metres.
-    """
+    """The specimen's sizes and the gauges' distances."""
     d, L = specimen.diameter, specimen.length
     return [
         Quantity("specimen, diameter", d, d * uncertainty.get("specimen_diameter", 0.0), "m", "B"),
@@ -119,22 +99,9 @@ def station_of(
 ) -> Station:
     """The strain at one station.
 
-    Parameters
-    ----------
-    given
-        The test.
-    key
-        A key of its stations.
-    values
-        Other values of its quantities, by name; None: all as declared.
-    windows
-        Where the waves lie: until the last of them drift is an input of the budget; None: until the record
-        ends.
-
-    Raises
-    ------
-    ValueError
-        As `kolsky.bars.signals.stations.bar_signal`.
+    ``given``: the test. ``key``: a key of its stations. ``values``: other values of its quantities, by name;
+    None: all as declared. ``windows``: where the waves lie: until the last of them drift is an input of the
+    budget; None: until the record ends. Raises ValueError as `kolsky.bars.signals.stations.bar_signal`.
     """
     values = values or {}
     station, side = given.stations[key], key.removesuffix(" far")
@@ -162,12 +129,7 @@ def station_of(
 def budget_quantities(given: WavesInput, stations: Mapping[str, Station]) -> list[Quantity]:
     """Inputs of a test's budget: calibrations and zeros of the gauges, bars, specimen, gauge distances.
 
-    Parameters
-    ----------
-    given
-        The test.
-    stations
-        Strain at the stations of the two sides, with their quantities.
+    ``given``: the test. ``stations``: strain at the stations of the two sides, with their quantities.
     """
     quantities: list[Quantity] = []
     for side in SIDES:

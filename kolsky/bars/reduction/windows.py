@@ -33,10 +33,7 @@ class Limit:
 def incident_arrival(incident: BarSignal, *, tension: bool = False) -> Arrival:
     """Arrival of the incident pulse at its gauge.
 
-    Raises
-    ------
-    ValueError
-        If there is none of the declared sign, or one of the other sign comes first.
+    Raises ValueError if there is none of the declared sign, or one of the other sign comes first.
     """
     sign, average = -1 if tension else 1, averaging_time(incident)
     arrival = find_arrival(incident.strain, sign=sign, average=average)
@@ -79,32 +76,14 @@ def find_windows(
     All windows are equally long: from two diameters' travel before the arrival until `tail` times the
     incident pulse's duration after its end, or until the first `usable_limits` of any of them.
 
-    Parameters
-    ----------
-    incident, transmission
-        The strains at the two stations, on one clock.
-    tension
-        Whether the incident pulse is one of tension, as the shot declares it.
-    transit
-        Time a wave needs through the specimen [s], >= 0. With 0 the transmitted window starts where a wave
-        would arrive without a specimen, which is never too late.
-    tail
-        Share of the pulse's duration by which the windows outlast it, >= 0.
-    manual
-        Windows given by hand: they are checked against the records and returned.
-    ends
-        Ends of the windows in place of `usable_limits`, where echoes are taken off.
-
-    Returns
-    -------
-    Windows
-        With the source "travel times", or "shot file" for `manual`.
-
-    Raises
-    ------
-    ValueError
-        If there is no incident pulse of the declared sign, if it overlaps with the reflected one at the
-        gauge, or if a window leaves its record.
+    ``incident``, ``transmission``: the strains at the two stations, on one clock. ``tension``: whether the
+    incident pulse is one of tension, as the shot declares it. ``transit``: time a wave needs through the
+    specimen [s], >= 0. With 0 the transmitted window starts where a wave would arrive without a specimen,
+    which is never too late. ``tail``: share of the pulse's duration by which the windows outlast it, >= 0.
+    ``manual``: windows given by hand: they are checked against the records and returned. ``ends``: ends of
+    the windows in place of `usable_limits`, where echoes are taken off. Returns: with the source "travel
+    times", or "shot file" for `manual`. Raises ValueError if there is no incident pulse of the declared sign,
+    if it overlaps with the reflected one at the gauge, or if a window leaves its record.
     """
     if manual is not None:
         return _checked(manual, incident, transmission)
@@ -158,12 +137,9 @@ def travel_time(signal: BarSignal) -> float:
 def usable_limits(incident: BarSignal, transmission: BarSignal) -> tuple[Limit, Limit, Limit]:
     """Times at which another wave reaches a gauge, from the arrival of its pulse there.
 
-    Returns
-    -------
-    tuple of Limit
-        The reflected wave at the incident gauge, the reflected wave's return from the far end of the
-        incident bar, and the transmitted wave's return from the far end of the transmission bar, Eq. (R.3).
-        Each is early by one diameter's travel, for what runs ahead of a dispersed pulse's foot.
+    Returns: the reflected wave at the incident gauge, the reflected wave's return from the far end of the
+    incident bar, and the transmitted wave's return from the far end of the transmission bar, Eq. (R.3). Each
+    is early by one diameter's travel, for what runs ahead of a dispersed pulse's foot.
     """
     margin = max(averaging_time(incident), averaging_time(transmission))
 
@@ -182,10 +158,7 @@ def check_baselines(
 ) -> None:
     """Refuse baselines that end after their gauge's first pulse has begun.
 
-    Raises
-    ------
-    ValueError
-        With the baseline's end and the arrival of the pulse.
+    Raises ValueError: with the baseline's end and the arrival of the pulse.
     """
     average, sign = averaging_time(incident), -1 if tension else 1
     rise = first_rise(incident.strain, sign=sign, average=average)
@@ -444,14 +417,8 @@ def delays(
     An aligned wave stays where it was observed: a longer way or a slower bar changes what is predicted, not
     what was seen.
 
-    Parameters
-    ----------
-    aligned
-        The alignments that act, by wave.
-    incident, transmission
-        The stations, with the varied distances and wave speeds.
-    values
-        Values of the budget's quantities, by name.
+    ``aligned``: the alignments that act, by wave. ``incident``, ``transmission``: the stations, with the
+    varied distances and wave speeds. ``values``: values of the budget's quantities, by name.
     """
     ways = {
         "reflected": 2.0 * travel_time(incident),

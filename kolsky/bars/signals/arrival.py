@@ -229,14 +229,8 @@ class FirstRise:
 def low_level(signal: Signal, top: float, average: float) -> float:
     """Level of a first rise: `LOW` of the pulse's, or `THRESHOLD` standard deviations of averaged noise.
 
-    Parameters
-    ----------
-    signal
-        The signal, with the noise of its samples.
-    top
-        Level of the pulse, >= 0.
-    average
-        Time over which is averaged [s].
+    ``signal``: the signal, with the noise of its samples. ``top``: level of the pulse, >= 0. ``average``:
+    time over which is averaged [s].
     """
     width = max(1, round(average / signal.interval))
     return max(LOW * top, THRESHOLD * signal.sigma * sqrt(min(signal.memory / width, 1.0)))
@@ -258,25 +252,11 @@ def first_rise(
     is followed down to the level. A foot of another slope, such as the elastic rise of a specimen that then
     flows, is followed as it is: nothing is extrapolated.
 
-    Parameters
-    ----------
-    signal
-        The signal, its baseline removed.
-    sign
-        +1 for a pulse of positive values, -1 for negative ones.
-    average
-        Time over which is averaged [s], > 0.
-    after, before
-        The pulse is looked for between these times [s].
-    level
-        The level, > 0; without it `low_level` of the largest value found.
-    smallest
-        A pulse's largest value must exceed this, in the signal's unit.
-
-    Returns
-    -------
-    FirstRise or None
-        None if nothing rises beyond the level there.
+    ``signal``: the signal, its baseline removed. ``sign``: +1 for a pulse of positive values, -1 for negative
+    ones. ``average``: time over which is averaged [s], > 0. ``after``, ``before``: the pulse is looked for
+    between these times [s]. ``level``: the level, > 0; without it `low_level` of the largest value found.
+    ``smallest``: a pulse's largest value must exceed this, in the signal's unit. Returns: None if nothing
+    rises beyond the level there.
     """
     width = max(1, round(average / signal.interval))
     smooth = sign * moving_mean(signal.value, width)

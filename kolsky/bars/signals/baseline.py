@@ -76,17 +76,8 @@ def estimate_noise(value: FloatArray, *, freedom_lost: int = 1) -> Noise:
     window over four times the reach at which its sum settles (Sokal 1997: five correlation times), at most
     half of the record.
 
-    Parameters
-    ----------
-    value
-        Residuals at rest, shape [n], n >= 8.
-    freedom_lost
-        Parameters that were fitted to get the residuals.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than 8 samples or all are zero.
+    ``value``: residuals at rest, shape [n], n >= 8. ``freedom_lost``: parameters that were fitted to get the
+    residuals. Raises ValueError if there are fewer than 8 samples or all are zero.
     """
     n = value.size
     if n < 8:
@@ -232,21 +223,9 @@ def check_rest(value: FloatArray, width: int, *, name: str, times: tuple[float, 
     more than `REST` times their median deviation are no rest. Noise, hum and a steady drift are: the median
     deviation has them in it.
 
-    Parameters
-    ----------
-    value
-        Samples of the baseline, shape [n].
-    width
-        Samples that are averaged, the fastest rise of a pulse, >= 1.
-    name
-        Whose baseline it is, for messages.
-    times
-        First and last time of the baseline [s], for messages.
-
-    Raises
-    ------
-    ValueError
-        With the time at which the rest ends.
+    ``value``: samples of the baseline, shape [n]. ``width``: samples that are averaged, the fastest rise of a
+    pulse, >= 1. ``name``: whose baseline it is, for messages. ``times``: first and last time of the baseline
+    [s], for messages. Raises ValueError: with the time at which the rest ends.
     """
     count = value.size // width
     if count < _FEWEST_BLOCKS:
@@ -288,21 +267,9 @@ def check_clipping(value: FloatArray, baseline: SignalZero, *, name: str, full_s
     largest or smallest value for at least 8 samples in a row and three times as long as any value of the
     baseline: noise does not stop on top of a pulse.
 
-    Parameters
-    ----------
-    value
-        Recorded samples, offset included, shape [n].
-    baseline
-        Of the same samples.
-    name
-        Whose they are, for messages.
-    full_scale
-        Largest magnitude the recorder can show, in the unit of `value`; None if it is not known.
-
-    Raises
-    ------
-    ValueError
-        With the first such sample.
+    ``value``: recorded samples, offset included, shape [n]. ``baseline``: of the same samples. ``name``:
+    whose they are, for messages. ``full_scale``: largest magnitude the recorder can show, in the unit of
+    `value`; None if it is not known. Raises ValueError: with the first such sample.
     """
     if full_scale is not None:
         if not full_scale > 0.0:
@@ -355,16 +322,8 @@ def diffusion(value: FloatArray, interval: float, *, sigma: float, memory: float
     D0 = `WEAKEST` s^2 pi^2 / T. It changes steadily with the samples: no test decides whether there is
     one.
 
-    Parameters
-    ----------
-    value
-        Samples of the baseline, shape [n].
-    interval
-        Sampling interval [s].
-    sigma
-        Standard deviation of a sample's noise, > 0.
-    memory
-        Samples that carry the information of one [-], >= 1.
+    ``value``: samples of the baseline, shape [n]. ``interval``: sampling interval [s]. ``sigma``: standard
+    deviation of a sample's noise, > 0. ``memory``: samples that carry the information of one [-], >= 1.
     """
     n = value.size
     T = n * interval
@@ -412,16 +371,8 @@ def drift_quantities(gauge: str, strength: float, length: float, unit: str = "1"
 def drift_at(time: FloatArray, end: float, length: float, amplitudes: FloatArray) -> FloatArray:
     """Drift after the baseline's end for amplitudes of its modes, zero before; shape [n].
 
-    Parameters
-    ----------
-    time
-        Times [s], shape [n].
-    end
-        The baseline's last time [s].
-    length
-        As for `drift_quantities`.
-    amplitudes
-        One for each mode, shape [MODES].
+    ``time``: times [s], shape [n]. ``end``: the baseline's last time [s]. ``length``: as for
+    `drift_quantities`. ``amplitudes``: one for each mode, shape [MODES].
     """
     t = np.clip((time - end) / length, 0.0, 1.0)
     k = np.arange(1, amplitudes.size + 1)

@@ -33,10 +33,8 @@ bending out; the others see it. Gauges in series in one arm count as one that se
 class Bridge:
     """A strain-gauge bridge of four equal resistances, its supply and its amplifier.
 
-    Raises
-    ------
-    ValueError
-        If the kind is unknown, a value is impossible, or Poisson's ratio is missing or without effect.
+    Raises ValueError if the kind is unknown, a value is impossible, or Poisson's ratio is missing or without
+    effect.
     """
 
     kind: str
@@ -102,15 +100,8 @@ class Bridge:
     def strain(self, volts: ArrayLike) -> FloatArray:
         """Strain of the bar, tension positive, from recorded volts that rise in tension, Eq. (U.2).
 
-        Parameters
-        ----------
-        volts
-            Recorded volts above rest [V], any shape.
-
-        Raises
-        ------
-        ValueError
-            If no strain gives such an output.
+        ``volts``: recorded volts above rest [V], any shape. Raises ValueError if no strain gives such an
+        output.
         """
         V = np.asarray(volts, dtype=float)
         e = V / (self.gain * self.excitation)
@@ -150,19 +141,10 @@ class Bridge:
     ) -> list[Quantity]:
         """Inputs of the strain, for a budget.
 
-        Parameters
-        ----------
-        gauge
-            Whose values they are, e.g. "incident gauge"; begins the names.
-        uncertainty
-            Standard uncertainties (k = 1, SI) by field; a field without one is listed with 0.
-        bar
-            Whose Poisson's ratio it is; begins its name.
-
-        Raises
-        ------
-        ValueError
-            If an uncertainty belongs to no field that matters here.
+        ``gauge``: whose values they are, e.g. "incident gauge"; begins the names. ``uncertainty``: standard
+        uncertainties (k = 1, SI) by field; a field without one is listed with 0. ``bar``: whose Poisson's
+        ratio it is; begins its name. Raises ValueError if an uncertainty belongs to no field that matters
+        here.
         """
         used = self._fields()
         check_fields(uncertainty, used, f"a bridge '{self.kind}'")
@@ -194,10 +176,7 @@ class Bridge:
 class Linear:
     """A stated factor from recorded values to strain, e.g. from a calibration of the whole chain.
 
-    Raises
-    ------
-    ValueError
-        If the factor is not finite and positive.
+    Raises ValueError if the factor is not finite and positive.
     """
 
     factor: float
@@ -225,10 +204,7 @@ class Linear:
     ) -> list[Quantity]:
         """The factor, for a budget; see `Bridge.quantities`.
 
-        Raises
-        ------
-        ValueError
-            If an uncertainty belongs to another field.
+        Raises ValueError if an uncertainty belongs to another field.
         """
         check_fields(uncertainty, ["factor"], "a calibration factor")
         unit = "1/V" if self.unit == "V" else "1"
@@ -245,10 +221,7 @@ Calibration = Bridge | Linear
 def check_fields(uncertainty: Mapping[str, float], used: list[str], owner: str) -> None:
     """Refuse uncertainties of fields that have no effect, and impossible ones.
 
-    Raises
-    ------
-    ValueError
-        Naming the field and those that matter.
+    Raises ValueError: naming the field and those that matter.
     """
     for field, sigma in uncertainty.items():
         if field not in used:
@@ -265,10 +238,7 @@ def _listed(names: Mapping[str, object] | list[str]) -> str:
 class Shunt:
     """A resistance laid across one arm of a bridge, and the step that was recorded.
 
-    Raises
-    ------
-    ValueError
-        If a value is impossible.
+    Raises ValueError if a value is impossible.
     """
 
     resistance: float
@@ -317,11 +287,6 @@ def check_shunt(bridge: Bridge, shunt: Shunt) -> ShuntCheck:
     """Gain and sign of a measuring chain from the step of a shunt, Eq. (U.5).
 
     The step's size depends on resistances only, not on the gauge factor, and is computed exactly.
-
-    Raises
-    ------
-    ValueError
-        If the shunt lies at a gauge that the arm does not have.
     """
     R, lead = bridge.gauge_resistance, bridge.lead_resistance
     if shunt.at_gauge and KINDS[bridge.kind][shunt.arm - 1] == REST:
@@ -347,19 +312,9 @@ def check_shunt(bridge: Bridge, shunt: Shunt) -> ShuntCheck:
 def with_shunt(bridge: Bridge, shunt: Shunt, *, allowance: float = 0.02) -> tuple[Bridge, ShuntCheck]:
     """The bridge with the gain that a shunt measured.
 
-    Parameters
-    ----------
-    bridge
-        As stated.
-    shunt
-        What was measured.
-    allowance
-        Largest relative difference of measured and stated gain [-]. Beyond it one of them is a mistake.
-
-    Raises
-    ------
-    ValueError
-        If they disagree by more, or as `check_shunt`.
+    ``bridge``: as stated. ``shunt``: what was measured. ``allowance``: largest relative difference of
+    measured and stated gain [-]. Beyond it one of them is a mistake. Raises ValueError if they disagree by
+    more, or as `check_shunt`.
     """
     found = check_shunt(bridge, shunt)
     if abs(found.ratio - 1.0) > allowance:

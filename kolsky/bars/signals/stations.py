@@ -35,22 +35,6 @@ def check_elastic(strain: FloatArray, bar: Bar, interval: float, gauge: str) -> 
 
     Means over the time a wave needs across the bar's diameter must stay below the yield strength over the
     modulus or, where none is declared, below `LARGEST_STRAIN`.
-
-    Parameters
-    ----------
-    strain
-        Strain of the bar after the baseline [-], shape [n].
-    bar
-        The bar.
-    interval
-        Sampling interval [s].
-    gauge
-        Whose strain it is, for the message.
-
-    Raises
-    ------
-    ValueError
-        With the largest strain, its stress and the limit.
     """
     kind = "polymer" if bar.youngs_modulus < POLYMER else "metal"
     limit = LARGEST_STRAIN[kind]
@@ -103,43 +87,19 @@ def bar_signal(
 ) -> Station:
     """Strain of a bar at a gauge station, compression positive, on the shot's clock.
 
-    Parameters
-    ----------
-    recordings
-        One channel, or one for each of two opposed gauges.
-    calibration
-        One for all channels, whose errors they then share, or one each.
-    bar
-        The bar the gauges sit on.
-    position
-        Their distance from the bar's specimen end [m].
-    side
-        "incident" or "transmission".
-    baseline
-        First and last time of the rest on the shot's clock [s].
-    clock_offset
-        Shot's clock minus recorder's clock [s].
-    compression
-        +1 if compression gives positive values, -1 otherwise; one for all channels, or one each.
-    full_scale
-        Largest magnitude the recorder can show, in the unit of the recordings; None if it is not known.
-    switches
-        Which corrections are applied: "bridge nonlinearity", "bending", "baseline drift".
-    uncertainty
-        Standard uncertainties of the calibration's fields, by their names.
-    values
-        Values to take instead of the estimates of `quantities`, by name, as
-        `kolsky.bars.budget.propagate` hands them out.
-    drift_until
-        Last time that is used of the signal, up to which its drift is an input of the budget, on the shot's
-        clock [s]; the record's last time if it is left out.
-
-    Raises
-    ------
-    ValueError
-        If a recording has the wrong unit, is not finite, not uniform, constant or clipped, strains more than
-        the bar bears, the baseline is too short or not at rest, opposed gauges differ in their times or in
-        sign, or an option is impossible.
+    ``recordings``: one channel, or one for each of two opposed gauges. ``calibration``: one for all channels,
+    whose errors they then share, or one each. ``bar``: the bar the gauges sit on. ``position``: their
+    distance from the bar's specimen end [m]. ``side``: "incident" or "transmission". ``baseline``: first and
+    last time of the rest on the shot's clock [s]. ``clock_offset``: shot's clock minus recorder's clock [s].
+    ``compression``: +1 if compression gives positive values, -1 otherwise; one for all channels, or one each.
+    ``full_scale``: largest magnitude the recorder can show, in the unit of the recordings; None if it is not
+    known. ``switches``: which corrections are applied: "bridge nonlinearity", "bending", "baseline drift".
+    ``uncertainty``: standard uncertainties of the calibration's fields, by their names. ``values``: values to
+    take instead of the estimates of `quantities`, by name, as `kolsky.bars.budget.propagate` hands them out.
+    ``drift_until``: last time that is used of the signal, up to which its drift is an input of the budget, on
+    the shot's clock [s]; the record's last time if it is left out. Raises ValueError if a recording has the
+    wrong unit, is not finite, not uniform, constant or clipped, strains more than the bar bears, the baseline
+    is too short or not at rest, opposed gauges differ in their times or in sign, or an option is impossible.
     """
     if side not in SIDES:
         raise ValueError(f"side must be 'incident' or 'transmission', got {side!r}")

@@ -28,24 +28,7 @@ _FEWEST_TAIL = 50
 def compensate_droop(
     time: FloatArray, value: FloatArray, time_constant: float, *, start: float
 ) -> FloatArray:
-    """Signal of a transducer without droop, v + (1/tau) int v dt, Eq. (U.6).
-
-    Parameters
-    ----------
-    time
-        Increasing sample times [s], shape [n].
-    value
-        Samples above zero, in any unit, shape [n].
-    time_constant
-        Time in which the output of a constant force falls to 1/e [s], > 0.
-    start
-        Time from which on is integrated, the end of the rest [s], so that the baseline's noise is kept out.
-
-    Raises
-    ------
-    ValueError
-        If the time constant is not finite and positive.
-    """
+    """Signal of a transducer without droop, v + (1/tau) int v dt, Eq. (U.6)."""
     _check_time_constant(time_constant)
     first = int(np.searchsorted(time, start))
     lost = np.zeros(time.size)
@@ -57,13 +40,8 @@ def compensate_droop(
 
 
 def droop_sigma(time: FloatArray, sigma: float, time_constant: float, *, start: float) -> FloatArray:
-    """Standard deviation of compensated samples from white noise in the recorded ones, Eq. (U.7), shape [n].
-
-    Raises
-    ------
-    ValueError
-        If the time constant is not finite and positive.
-    """
+    """Standard deviation of compensated samples from white noise in the recorded ones, Eq. (U.7), shape
+    [n]."""
     _check_time_constant(time_constant)
     first = int(np.searchsorted(time, start))
     factor = np.ones(time.size)
@@ -78,29 +56,7 @@ def droop_sigma(time: FloatArray, sigma: float, time_constant: float, *, start: 
 def fit_time_constant(
     time: FloatArray, value: FloatArray, span: tuple[float, float], *, name: str
 ) -> Quantity:
-    """Time constant of a transducer from the tail after a force that stays, v = A exp(-t / tau).
-
-    Parameters
-    ----------
-    time
-        Sample times [s], shape [n].
-    value
-        Samples above the zero of the rest, shape [n].
-    span
-        First and last time of a stretch with constant force [s].
-    name
-        Of the quantity, e.g. "transmission force, time constant".
-
-    Returns
-    -------
-    Quantity
-        Time constant [s] and its standard uncertainty from the residuals, their memory included.
-
-    Raises
-    ------
-    ValueError
-        If the tail has fewer than 50 samples, does not decay, or decays by too little to be told from noise.
-    """
+    """Time constant of a transducer from the tail after a force that stays, v = A exp(-t / tau)."""
     inside = (time >= span[0]) & (time <= span[1])
     t, v = time[inside], value[inside]
     place = f"the tail {span[0]:.9g} to {span[1]:.9g} s"
@@ -139,13 +95,7 @@ def fit_time_constant(
 
 
 def _check_time_constant(time_constant: float) -> None:
-    """Check that a time constant is finite and positive.
-
-    Raises
-    ------
-    ValueError
-        If it is not finite and positive.
-    """
+    """Check that a time constant is finite and positive."""
     if not (np.isfinite(time_constant) and time_constant > 0.0):
         raise ValueError(f"the time constant of a droop must be finite and > 0 s, got {time_constant}")
 
@@ -239,10 +189,7 @@ def noise_correlation(force: ForceHistory, baseline: tuple[float, float]) -> flo
     For white noise it lies within about +-2 / sqrt(n) of zero, n the number of baseline samples. Where it
     does not, the sigma of a bin mean is wrong by about sqrt((1 + c) / (1 - c)).
 
-    Raises
-    ------
-    ValueError
-        If the baseline holds fewer than 20 samples.
+    Raises ValueError if the baseline holds fewer than 20 samples.
     """
     rest = force.force[_within(force.time, baseline, "baseline")]
     _enough(rest.size, baseline)
@@ -258,20 +205,10 @@ def bin_force(force: ForceHistory, *, window: tuple[float, float], width: float 
     sigma follows exactly from theirs. Neighbours share the sample on their edge: with n intervals a bin
     their noise has the correlation 1 / (4 n - 2), which is neglected (1.6 % at 16).
 
-    Parameters
-    ----------
-    force : ForceHistory
-        The samples; their noise is taken as independent.
-    window : tuple of float
-        First and last time [s].
-    width : float
-        Wanted width of a bin [s]; the division into a whole number of bins comes nearest to it.
-
-    Raises
-    ------
-    ValueError
-        If the window holds fewer than 2 samples, or the width is not positive, below the sample
-        interval, or beyond the window.
+    ``force``: the samples; their noise is taken as independent. ``window``: first and last time [s].
+    ``width``: wanted width of a bin [s]; the division into a whole number of bins comes nearest to it. Raises
+    ValueError if the window holds fewer than 2 samples, or the width is not positive, below the sample
+    interval, or beyond the window.
     """
     inside = _within(force.time, window, "window")
     t, F, sigma = force.time[inside], force.force[inside], force.sigma[inside]
@@ -296,12 +233,8 @@ def bin_force(force: ForceHistory, *, window: tuple[float, float], width: float 
 def force_between(force: ForceHistory, edge: NDArray[np.intp]) -> ForceBins:
     """Means of a force between samples of it, see `bin_force`.
 
-    Parameters
-    ----------
-    force : ForceHistory
-        The samples.
-    edge : ndarray
-        Increasing numbers of the samples at the bins' edges, shape [n_bins + 1].
+    ``force``: the samples. ``edge``: increasing numbers of the samples at the bins' edges, shape [n_bins +
+    1].
     """
     t, F, sigma = force.time, force.force, force.sigma
     h = np.diff(t)
@@ -395,30 +328,13 @@ def force_signal(
     """Force of a transducer on uniform samples; `kolsky.bars.signals.transducers.force_history` with its
     audit.
 
-    Parameters
-    ----------
-    recording
-        The channel, in volts, on the recorder's clock.
-    transducer
-        Sensitivity, sign, full scale and time constant.
-    name
-        Whose force it is, e.g. "transmission force".
-    baseline
-        First and last time of the rest on the shot's clock [s].
-    clock_offset
-        Shot's clock minus recorder's clock [s].
-    switches
-        Which corrections are applied: "droop".
-    uncertainty
-        Standard uncertainties (k = 1, SI) of "sensitivity" and "time_constant".
-    values
-        Values to take instead of the estimates of `quantities`, by name.
-
-    Raises
-    ------
-    ValueError
-        As `kolsky.bars.signals.transducers.force_history`, and if the times are not uniform or an
-        uncertainty belongs to no field that matters.
+    ``recording``: the channel, in volts, on the recorder's clock. ``transducer``: sensitivity, sign, full
+    scale and time constant. ``name``: whose force it is, e.g. "transmission force". ``baseline``: first and
+    last time of the rest on the shot's clock [s]. ``clock_offset``: shot's clock minus recorder's clock [s].
+    ``switches``: which corrections are applied: "droop". ``uncertainty``: standard uncertainties (k = 1, SI)
+    of "sensitivity" and "time_constant". ``values``: values to take instead of the estimates of `quantities`,
+    by name. Raises ValueError as `kolsky.bars.signals.transducers.force_history`, and if the times are not
+    uniform or an uncertainty belongs to no field that matters.
     """
     given, stated = values or {}, uncertainty or {}
     droops = np.isfinite(transducer.time_constant)

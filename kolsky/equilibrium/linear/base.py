@@ -34,10 +34,7 @@ class LinearSolver(Protocol):
     def factors(self, elements: FloatArray, *, symmetric: bool) -> Factors:
         """Factorise the sum of element matrices [N/m] of shape [m, k d, k d].
 
-        Raises
-        ------
-        SingularError
-            If it is singular.
+        Raises SingularError if it is singular.
         """
         ...
 

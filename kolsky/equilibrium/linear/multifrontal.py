@@ -350,10 +350,7 @@ class Multifrontal:
     ) -> None:
         """Factorise the sum of element matrices of shape [m, k d, k d], in their precision.
 
-        Raises
-        ------
-        SingularError
-            If it is singular.
+        Raises SingularError if it is singular.
         """
         self.fronts, self.count, self.positive = fronts, count, symmetric
         self._order = np.concatenate([front.unknowns[: front.eliminated] for front in fronts])

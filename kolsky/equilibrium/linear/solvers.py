@@ -238,10 +238,7 @@ class _Pardiso:
 def linear_solver(name: str, pattern: Pattern, points: FloatArray, cells: IntArray) -> LinearSolver:
     """Look a solver up by name, "auto" for the usual choice.
 
-    Raises
-    ------
-    ValueError
-        If there is no such solver.
+    Raises ValueError if there is no such solver.
     """
     if name in ("auto", "multifrontal"):
         direct = MultifrontalSolver(pattern, points[cells].mean(axis=1))

@@ -234,14 +234,7 @@ class Platen:
 class Equations:
     """Stiffness of body, contact and drag on the free displacements.
 
-    Parameters
-    ----------
-    mesh
-        The body.
-    platen
-        What it touches.
-    free
-        Free displacements, shape [n].
+    ``mesh``: the body. ``platen``: what it touches. ``free``: free displacements, shape [n].
     """
 
     def __init__(self, mesh: HalfCylinder, platen: Platen, free: NDArray[np.int64]) -> None:
@@ -269,14 +262,8 @@ class Equations:
     def factor(self, stiffness: FloatArray, contact: ContactForces, drag: float) -> Any:
         """Factors of the matrix, which `solve` right-hand sides.
 
-        Parameters
-        ----------
-        stiffness
-            Of the elements [N/m], shape [n_elements, 18, 18].
-        contact
-            Contact forces with their derivatives.
-        drag
-            Viscous drag in units of `drag_unit` [-].
+        ``stiffness``: of the elements [N/m], shape [n_elements, 18, 18]. ``contact``: contact forces with
+        their derivatives. ``drag``: viscous drag in units of `drag_unit` [-].
         """
         c = -contact.stiffness[:, :, :, None] * self.paired[:, None, None, :]
         touch = (c[:, i, j].ravel() for i, j in ((0, 0), (0, 1), (1, 1)))

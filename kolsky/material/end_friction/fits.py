@@ -79,13 +79,7 @@ class FitFailedError(ValueError):
 
 
 def fit_model(test: MeasuredSpecimen, model: CurveModel, start: FloatArray) -> ModelOptimum:
-    """Least squares of a model, with derivatives of the simulated test.
-
-    Raises
-    ------
-    FitFailedError
-        If the start has no equilibrium, or the search ends without one.
-    """
+    """Least squares of a model, with derivatives of the simulated test."""
     runs: dict[bytes, Compression | None] = {}
     why = ""
 
@@ -140,10 +134,7 @@ def fit_nodes(
 ) -> list[ModelOptimum]:
     """Curves of nodes, as many as the residual needs to be noise, with every continuation.
 
-    Raises
-    ------
-    FitFailedError
-        If none can be fitted.
+    Raises FitFailedError if none can be fitted.
     """
     last = float(measure(test.strain[-1]))
     quotient = np.log(test.stress / gaussian_strain(test.strain, compression=True)) - np.log(1.2)
@@ -173,10 +164,7 @@ def fit_nodes(
 def fit_candidate(test: MeasuredSpecimen, candidate: Candidate, near: ModelOptimum) -> ModelOptimum:
     """A law of the library, begun at its fit to the curve of another one.
 
-    Raises
-    ------
-    FitFailedError
-        If it cannot be fitted.
+    Raises FitFailedError if it cannot be fitted.
     """
     stress = near.model.stress(test.own(near.theta), test.strain)
     homogeneous = HomogeneousTest("the curve of nodes", Mode.UNIAXIAL, 1.0 - test.strain, -stress)

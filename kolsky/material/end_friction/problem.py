@@ -415,10 +415,7 @@ class MeasuredSpecimen:
     ) -> Compression:
         """The test with a law. Derivatives by its unknowns and, under Coulomb's law, by the coefficient.
 
-        Raises
-        ------
-        ValueError
-            If the unknowns make no law, or there is no equilibrium.
+        Raises ValueError if the unknowns make no law, or there is no equilibrium.
         """
         x, n = self.own(theta), self.numerics
         law = model.law(x)
@@ -441,10 +438,7 @@ class MeasuredSpecimen:
     def mesh_error(self, model: CurveModel, theta: FloatArray, made: Compression) -> "MeshError":
         """What the refined mesh changes of a test that the coarse one simulated.
 
-        Raises
-        ------
-        ValueError
-            If there is no equilibrium on the refined mesh.
+        Raises ValueError if there is no equilibrium on the refined mesh.
         """
         fine = self.simulate(model, theta, refined=True, derivatives=False)
         return MeshError(np.log(fine.stress / made.stress), fine.bulge - made.bulge, fine.past, fine.snaps)

@@ -90,11 +90,6 @@ def least_compressible_stiffness(
 def least_stiffness(law: Stretches, mode: Mode, deformation: FloatArray) -> FloatArray:
     """Least eigenvalue of d tau / d eps in the plane that keeps the volume [Pa], shape [...]; NaN where the
     law is not defined.
-
-    Raises
-    ------
-    ValueError
-        If a stretch is not > 0.
     """
     lam = np.stack(np.broadcast_arrays(*mode.principal_stretches(deformation)), axis=-1)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -116,24 +111,7 @@ def least_stiffness(law: Stretches, mode: Mode, deformation: FloatArray) -> Floa
 def drucker(
     law: Stretches, *, most: float = 10.0, volume: VolumetricLaw | None = None
 ) -> tuple[PathStability, ...]:
-    """The strain at which a law stops being stable, in every mode.
-
-    Parameters
-    ----------
-    law
-        The strain energy.
-    most
-        Principal stretch at which a path ends, > 1 [-]; likewise 1 / most. So equibiaxial paths end at its
-        root, and simple shear at most - 1 / most.
-    volume
-        The volumetric law of a compressible solid, whose sides are without stress along its paths and whose
-        steps may change the volume; incompressible if not given.
-
-    Raises
-    ------
-    ValueError
-        If `most` is not > 1.
-    """
+    """The strain at which a law stops being stable, in every mode."""
     if not 1.0 < most < float("inf"):
         raise ValueError(f"most must be > 1 and finite, got {most}")
     log = np.linspace(0.0, np.log(most), POINTS)
@@ -150,11 +128,6 @@ def stable_over(
 ) -> tuple[PathStability, ...]:
     """Stability of a law from rest to the ends of tests; a path for each test and direction. With a
     volumetric law the paths are those of the compressible solid.
-
-    Raises
-    ------
-    ValueError
-        If a test has a stretch that is not > 0.
     """
     paths = []
     for test in tests:

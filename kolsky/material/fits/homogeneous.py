@@ -63,10 +63,7 @@ class Mode(Enum):
         Direction 1 is that of the load (in simple shear the one stretched by a positive gamma), direction 3
         the free one (in simple shear the one that is shortened).
 
-        Raises
-        ------
-        ValueError
-            If a stretch is not > 0 or a number is not finite.
+        Raises ValueError if a stretch is not > 0 or a number is not finite.
         """
         d = np.asarray(deformation, dtype=float)
         check_deformation(self, d)
@@ -84,10 +81,7 @@ class Mode(Enum):
 def mode_named(text: str) -> Mode:
     """The mode of a name, with blanks or hyphens.
 
-    Raises
-    ------
-    ValueError
-        If there is none of that name.
+    Raises ValueError if there is none of that name.
     """
     for mode in Mode:
         if text.strip().lower().replace("-", " ") == mode.value:
@@ -98,10 +92,7 @@ def mode_named(text: str) -> Mode:
 def check_deformation(mode: Mode, deformation: FloatArray) -> None:
     """Refuse a number that is no deformation.
 
-    Raises
-    ------
-    ValueError
-        If a stretch is not > 0 or a number is not finite.
+    Raises ValueError if a stretch is not > 0 or a number is not finite.
     """
     bad = ~np.isfinite(deformation)
     if mode is not Mode.SIMPLE_SHEAR:
@@ -114,13 +105,7 @@ def check_deformation(mode: Mode, deformation: FloatArray) -> None:
 
 
 def stretch_of_nominal(strain: ArrayLike) -> FloatArray:
-    """Stretch 1 + e of a nominal strain e > -1 [-], shape [...].
-
-    Raises
-    ------
-    ValueError
-        If a strain is not > -1.
-    """
+    """Stretch 1 + e of a nominal strain e > -1 [-], shape [...]."""
     return _checked(1.0 + np.asarray(strain, dtype=float))
 
 
@@ -130,13 +115,7 @@ def stretch_of_logarithmic(strain: ArrayLike) -> FloatArray:
 
 
 def logarithmic_strain(stretch: ArrayLike) -> FloatArray:
-    """Logarithmic ("true") strain ln(stretch) [-], shape [...].
-
-    Raises
-    ------
-    ValueError
-        If a stretch is not > 0.
-    """
+    """Logarithmic ("true") strain ln(stretch) [-], shape [...]."""
     return np.asarray(np.log(_checked(np.asarray(stretch, dtype=float))))
 
 
@@ -145,11 +124,6 @@ def side_stretch(stretch: ArrayLike, *, poisson: float = 0.5) -> FloatArray:
 
     That ratio is 0.5 for an incompressible solid at any stretch. The linear rule 1 - nu e holds for small
     strains only: at e = 1.28 and nu = 0.44 it takes away 56 % of the volume, this one adds 10 %.
-
-    Raises
-    ------
-    ValueError
-        If a stretch is not > 0 or `poisson` is outside [0, 0.5].
     """
     if not 0.0 <= poisson <= 0.5:
         raise ValueError(f"poisson must be in [0, 0.5], got {poisson}")
@@ -157,22 +131,7 @@ def side_stretch(stretch: ArrayLike, *, poisson: float = 0.5) -> FloatArray:
 
 
 def true_of_nominal(nominal: ArrayLike, stretch: ArrayLike, *, side: ArrayLike | None = None) -> FloatArray:
-    """True (Cauchy) stress T / lam_t^2 of a nominal stress T [Pa], shape [...], Eq. (Q.5).
-
-    Parameters
-    ----------
-    nominal
-        Force over the undeformed section, tension-positive [Pa].
-    stretch
-        Stretch along the load [-].
-    side
-        Stretch across it [-]; that of an incompressible solid, lam^-1/2, if not given.
-
-    Raises
-    ------
-    ValueError
-        If a stretch is not > 0.
-    """
+    """True (Cauchy) stress T / lam_t^2 of a nominal stress T [Pa], shape [...], Eq. (Q.5)."""
     return np.asarray(np.asarray(nominal, dtype=float) / _section(stretch, side))
 
 
@@ -197,24 +156,9 @@ def _checked(stretch: FloatArray) -> FloatArray:
 def incompressible_stress(law: Stretches, mode: Mode, deformation: ArrayLike) -> FloatArray:
     """Nominal stress of an incompressible solid, Eqs. (Q.2) and (Q.3).
 
-    Parameters
-    ----------
-    law
-        The strain energy.
-    mode
-        The test.
-    deformation
-        Stretch along the load, or amount of shear [-], shape [...].
-
-    Returns
-    -------
-    array, shape [...]
-        Nominal stress, tension-positive [Pa].
-
-    Raises
-    ------
-    ValueError
-        If a stretch is not > 0.
+    ``law``: the strain energy. ``mode``: the test. ``deformation``: stretch along the load, or amount of
+    shear [-], shape [...]. Returns: nominal stress, tension-positive [Pa]. Raises ValueError if a stretch is
+    not > 0.
     """
     lam = mode.principal_stretches(deformation)
     slopes = law.principal(*lam)
@@ -229,26 +173,10 @@ def compressible_stress(
 ) -> FloatArray:
     """Nominal stress of a compressible solid with stress-free free faces, Eq. (Q.4).
 
-    Parameters
-    ----------
-    law
-        The isochoric strain energy.
-    volume
-        The volumetric energy.
-    mode
-        The test.
-    deformation
-        Stretch along the load, or amount of shear [-], shape [...].
-
-    Returns
-    -------
-    array, shape [...]
-        Nominal stress, tension-positive [Pa].
-
-    Raises
-    ------
-    ValueError
-        If a stretch is not > 0, or no stretch leaves the free faces without stress.
+    ``law``: the isochoric strain energy. ``volume``: the volumetric energy. ``mode``: the test.
+    ``deformation``: stretch along the load, or amount of shear [-], shape [...]. Returns: nominal stress,
+    tension-positive [Pa]. Raises ValueError if a stretch is not > 0, or no stretch leaves the free faces
+    without stress.
     """
     if mode is Mode.SIMPLE_SHEAR:
         return incompressible_stress(law, mode, deformation)

@@ -86,28 +86,7 @@ class HomogeneousTest:
 
 
 def mean_test(tests: Sequence[HomogeneousTest], *, points: int = 200, name: str = "mean") -> HomogeneousTest:
-    """The mean of repeats of one test at equally spaced strains from rest to the end they all reach.
-
-    Parameters
-    ----------
-    tests
-        Repeats: one mode, one direction of load, the strain increasing in size.
-    points
-        Strains of the mean.
-    name
-        Its name.
-
-    Returns
-    -------
-    HomogeneousTest
-        Its `sigma` is that of the mean by the scatter between the tests; None of a single test, and where
-        the tests agree to the last digit at a point.
-
-    Raises
-    ------
-    ValueError
-        If the modes differ, a test has both tension and compression, or its strain goes back.
-    """
+    """The mean of repeats of one test at equally spaced strains from rest to the end they all reach."""
     if not tests:
         raise ValueError("no tests to average")
     modes = {test.mode for test in tests}
@@ -236,10 +215,7 @@ def read_homogeneous_test(
 def with_table_headings(path: Path, columns: Columns) -> Columns:
     """The columns of a table of this package, where none was said.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
+    Raises InputError if the file cannot be read.
     """
     if columns.stretch or columns.strain or columns.stress or columns.force or columns.displacement:
         return columns
@@ -310,17 +286,8 @@ def with_unique_names(tests: Sequence[HomogeneousTest]) -> tuple[HomogeneousTest
 def means_by_mode(tests: Sequence[HomogeneousTest], points: int) -> list[HomogeneousTest]:
     """Mean tests of the repeats of each mode, tension and compression apart.
 
-    Parameters
-    ----------
-    tests
-        Single tests.
-    points
-        Strains at which they are averaged.
-
-    Raises
-    ------
-    ValueError
-        If repeats have too few strains in common.
+    ``tests``: single tests. ``points``: strains at which they are averaged. Raises ValueError if repeats have
+    too few strains in common.
     """
     groups: dict[tuple[Mode, bool], list[HomogeneousTest]] = {}
     for test in tests:

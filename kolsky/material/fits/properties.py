@@ -85,10 +85,8 @@ def youngs_modulus(strain: FloatArray, stress: FloatArray, *, upto: float = _INI
 def poissons_ratio(stretch: FloatArray, lateral: FloatArray) -> Measured | None:
     """Slope of -ln(lateral stretch) over ln(stretch) through rest.
 
-    Returns
-    -------
-    Measured or None
-        Ratio [-] with the regression's standard error; None with fewer than `FEWEST` points away from rest.
+    Returns: ratio [-] with the regression's standard error; None with fewer than `FEWEST` points away from
+    rest.
     """
     x, y = np.log(stretch), -np.log(lateral)
     away = x != 0.0
@@ -124,11 +122,6 @@ def recovery(undamaged: Sequence[float], healed: Sequence[float]) -> Recovery:
     """Healing efficiency of a property, with the standard uncertainty of the quotient to first order.
 
     The uncertainty is NaN where a group is one specimen, which does not tell its scatter.
-
-    Raises
-    ------
-    ValueError
-        If a group is empty, or the undamaged mean is not > 0.
     """
     if not undamaged or not healed:
         raise ValueError("a healing efficiency needs undamaged and healed specimens")

@@ -109,10 +109,7 @@ class Residuals:
     def build(self, unknowns: FloatArray) -> AnyLaw:
         """The law of the unknowns.
 
-        Raises
-        ------
-        ValueError
-            If they make no law.
+        Raises ValueError if they make no law.
         """
         values = dict(self.held)
         values.update({spec.name: float(x) for spec, x in zip(self.free, unknowns * self.units, strict=True)})
@@ -126,10 +123,7 @@ class Residuals:
     def stress(self, law: AnyLaw, poisson: float | None) -> tuple[FloatArray, ...]:
         """Nominal stress of a law at the points of each test [Pa]; incompressible without a ratio.
 
-        Raises
-        ------
-        ValueError
-            If the compressible solution does not exist somewhere.
+        Raises ValueError if the compressible solution does not exist somewhere.
         """
         if poisson is None:
             return tuple(incompressible_stress(law, test.mode, test.deformation) for test in self.tests)
@@ -181,11 +175,9 @@ def residuals_of(
 ) -> Residuals:
     """The residuals of a law, with what is asked of it checked.
 
-    Raises
-    ------
-    ValueError
-        If there are no tests, a held constant is not the law's, none is free, there are not more points than
-        free constants, the tests lack the sigma that weights them, or a stress of zero would be divided by.
+    Raises ValueError if there are no tests, a held constant is not the law's, none is free, there are not
+    more points than free constants, the tests lack the sigma that weights them, or a stress of zero would be
+    divided by.
     """
     if not tests:
         raise ValueError("a fit needs at least one test")

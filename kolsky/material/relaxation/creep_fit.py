@@ -57,26 +57,7 @@ def fit_bergstrom_boyce(
     first_creep: float = 0.05,
     max_evaluations: int = 60,
 ) -> CreepFit:
-    """Fit factor, ratio, resistance and exponent to all tests at once.
-
-    Parameters
-    ----------
-    law
-        Network A: an `explicit.materials.MaterialLaw`.
-    tests : sequence of HistoryTest
-        Histories that differ in rate, or have holds.
-    start : BergstromBoyce, optional
-        Where the search begins; default s = 0.5, tau_hat = half the shear modulus, m = 4.
-    chain_exponent, first_creep : float
-        C and xi, held [-].
-    max_evaluations : int
-        Evaluations of the least squares.
-
-    Raises
-    ------
-    ValueError
-        If there are no tests or not more values than parameters.
-    """
+    """Fit factor, ratio, resistance and exponent to all tests at once."""
     known = [np.isfinite(test.sigma) for test in tests]
     n_data = sum(int(k.sum()) for k in known)
     if n_data <= len(NAMES):

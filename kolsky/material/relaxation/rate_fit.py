@@ -177,10 +177,7 @@ class PronyProblem:
     def jacobian(self, x: FloatArray) -> FloatArray:
         """Central differences, all of them in one batch, shape [n_data, n_parameters].
 
-        Raises
-        ------
-        ValueError
-            If a simulation beside `x` did not complete.
+        Raises ValueError if a simulation beside `x` did not complete.
         """
         shifts = DIFFERENCE * np.eye(len(x))
         both = self.of_many(np.concatenate([x + shifts, x - shifts]))
@@ -280,32 +277,7 @@ def fit_prony(
     start: RateModel | None = None,
     max_evaluations: int = 60,
 ) -> RateFit:
-    """Fit a factor and `n_branches` branches to all the evidence at once.
-
-    Parameters
-    ----------
-    law
-        The long-term law: an `explicit.materials.MaterialLaw`.
-    evidence : sequence of Evidence
-        What was measured.
-    n_branches : int
-        Branches; 0 fits the factor alone.
-    start : RateModel, optional
-        A model with as many branches, or fewer, to begin at; further branches come from the grid. By default
-        the fit with one branch fewer.
-    max_evaluations : int
-        Evaluations of the least squares.
-
-    Returns
-    -------
-    RateFit
-        The best of the searches.
-
-    Raises
-    ------
-    ValueError
-        If there is no evidence, fewer values than parameters, or more branches in `start` than asked for.
-    """
+    """Fit a factor and `n_branches` branches to all the evidence at once."""
     if not evidence:
         raise ValueError("a fit needs evidence, got none")
     if n_branches < 0:
@@ -394,11 +366,8 @@ def apparent_moduli(test: HistoryTest | DynamicTest) -> ApparentModuli:
 
     Samples without a measured stress, and those strained by less than `LEAST_STRAIN`, show none.
 
-    Raises
-    ------
-    ValueError
-        If a history turns back by more than `SETBACK`, after which its strain has no age, or no sample is
-        strained enough.
+    Raises ValueError if a history turns back by more than `SETBACK`, after which its strain has no age, or no
+    sample is strained enough.
     """
     if isinstance(test, DynamicTest):
         return ApparentModuli(
@@ -446,23 +415,10 @@ def dynamic_modulus(
 ) -> ApparentModuli:
     """The point of a shot: E_a,dyn = m E_a,qs, Eq. (M.1).
 
-    Parameters
-    ----------
-    factor, sigma_factor : float
-        The identified m and its standard uncertainty [-].
-    young : float
-        E_a,qs of the curve that m multiplies [Pa].
-    strain : float
-        Largest nominal strain in the window, tension-positive [-].
-    duration : float
-        Length of the window [s]; the strain's age is half of it.
-    label : str
-        Name of the shot.
-
-    Raises
-    ------
-    ValueError
-        If the duration, the modulus or the factor is not positive.
+    ``factor``, ``sigma_factor``: the identified m and its standard uncertainty [-]. ``young``: e_a,qs of the
+    curve that m multiplies [Pa]. ``strain``: largest nominal strain in the window, tension-positive [-].
+    ``duration``: length of the window [s]; the strain's age is half of it. ``label``: name of the shot.
+    Raises ValueError if the duration, the modulus or the factor is not positive.
     """
     for name, value in (("duration", duration), ("young", young), ("factor", factor)):
         if not 0.0 < value < np.inf:

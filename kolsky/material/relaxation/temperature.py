@@ -125,10 +125,7 @@ class Superposition:
     def reduced(self) -> DynamicTest:
         """The oscillations at the reference temperature, at the frequencies a_T omega.
 
-        Raises
-        ------
-        ValueError
-            If a shift is not determined.
+        Raises ValueError if a shift is not determined.
         """
         if not self.determined:
             worst = int(np.argmax(self.sigma))

@@ -47,7 +47,7 @@ def draw_shape(ax: Axes, run: Bending, step: int) -> None:
     ax.autoscale_view()
 
 
-def draw_shapes(view: ActuatorView, panels: Panels) -> None:
+def _draw_shapes(view: ActuatorView, panels: Panels) -> None:
     """Draw every direction at the declared pressures."""
     for number, one in enumerate(view.directions[:MOST_DIRECTIONS]):
         for k, step in enumerate(one.asked[-3:]):
@@ -61,12 +61,12 @@ def draw_shapes(view: ActuatorView, panels: Panels) -> None:
                 label_panel(ax, "abc"[number])
 
 
-def caption_shapes(view: ActuatorView) -> str:
+def _caption_shapes(view: ActuatorView) -> str:
     """Return the caption."""
     return "The actuator at the largest declared pressures, seen from the side, in the deformed state."
 
 
-def draw_bend(view: ActuatorView, panels: Panels) -> None:
+def _draw_bend(view: ActuatorView, panels: Panels) -> None:
     """Draw the bend over pressure, and the healed one."""
     ax = panels["bend"]
     for colour, one in zip(COLOURS, view.directions, strict=False):
@@ -91,7 +91,7 @@ def draw_bend(view: ActuatorView, panels: Panels) -> None:
     ax.legend(frameon=False, fontsize="small")
 
 
-def caption_bend(view: ActuatorView) -> str:
+def _caption_bend(view: ActuatorView) -> str:
     """Return the caption."""
     healed = any(one.healed is not None for one in view.directions)
     said = "Bending angle over pressure in every direction of gravity; dots are the declared pressures."
@@ -123,12 +123,12 @@ def draw_markers(view: ActuatorView, panels: Panels) -> None:
         ax.set_ylabel("$z$ (mm)")
 
 
-def caption_markers(view: ActuatorView) -> str:
+def _caption_markers(view: ActuatorView) -> str:
     """Return the caption."""
     return "Markers: measured centroids (crosses) and the simulated positions of the same points (dashed)."
 
 
-def draw_motion(view: ActuatorView, panels: Panels) -> None:
+def _draw_motion(view: ActuatorView, panels: Panels) -> None:
     """Draw the bend over time."""
     ax = panels["motion"]
     for colour, one in zip(COLOURS, view.motions, strict=False):
@@ -138,7 +138,7 @@ def draw_motion(view: ActuatorView, panels: Panels) -> None:
     ax.legend(frameon=False, fontsize="small")
 
 
-def caption_motion(view: ActuatorView) -> str:
+def _caption_motion(view: ActuatorView) -> str:
     """Return the caption."""
     one = view.motions[0]
     return (
@@ -147,7 +147,7 @@ def caption_motion(view: ActuatorView) -> str:
     )
 
 
-def draw_loop(view: ActuatorView, panels: Panels) -> None:
+def _draw_loop(view: ActuatorView, panels: Panels) -> None:
     """Draw the loop: angles, pressure, wall times."""
     above, middle, below = panels["angle"], panels["pressure"], panels["wall"]
     for colour, (name, run) in zip(COLOURS, view.closed.items(), strict=False):
@@ -168,7 +168,7 @@ def draw_loop(view: ActuatorView, panels: Panels) -> None:
         label_panel(ax, letter)
 
 
-def caption_loop(view: ActuatorView) -> str:
+def _caption_loop(view: ActuatorView) -> str:
     """Return the caption."""
     run = next(iter(view.closed.values()))
     return (
@@ -184,37 +184,37 @@ FIGURES = (
         name="shapes",
         width=PAGE,
         height=lambda view: 60.0 * min(len(view.directions), MOST_DIRECTIONS),
-        caption=caption_shapes,
+        caption=_caption_shapes,
         panels=lambda view: [
             [f"{one.name} {k}" for k in range(len(one.asked[-3:]))]
             for one in view.directions[:MOST_DIRECTIONS]
         ],
-        draw=draw_shapes,
+        draw=_draw_shapes,
         applies=lambda view: bool(view.directions),
     ),
     FigureKind(
         name="bend",
         width=PAGE,
         height=lambda view: 75.0,
-        caption=caption_bend,
+        caption=_caption_bend,
         panels=lambda view: [["bend"]],
-        draw=draw_bend,
+        draw=_draw_bend,
         applies=lambda view: bool(view.directions),
     ),
     FigureKind(
         name="motion",
         width=PAGE,
         height=lambda view: 70.0,
-        caption=caption_motion,
+        caption=_caption_motion,
         panels=lambda view: [["motion"]],
-        draw=draw_motion,
+        draw=_draw_motion,
         applies=lambda view: bool(view.motions),
     ),
     FigureKind(
         name="markers",
         width=PAGE,
         height=lambda view: 80.0,
-        caption=caption_markers,
+        caption=_caption_markers,
         panels=lambda view: [list(dict.fromkeys(one.gravity for one in view.markers))[:MOST_DIRECTIONS]],
         draw=draw_markers,
         applies=lambda view: bool(view.markers),
@@ -223,9 +223,9 @@ FIGURES = (
         name="loop",
         width=PAGE,
         height=lambda view: 130.0,
-        caption=caption_loop,
+        caption=_caption_loop,
         panels=lambda view: [["angle"], ["pressure"], ["wall"]],
-        draw=draw_loop,
+        draw=_draw_loop,
         applies=lambda view: bool(view.closed),
     ),
 )

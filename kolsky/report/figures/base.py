@@ -83,12 +83,7 @@ def note_empty(ax: Axes, text: str) -> None:
 def few_ticks(ax: Axes, most: int) -> None:
     """Limit the ticks of the x axis; values that differ in their last digits only have long labels.
 
-    Parameters
-    ----------
-    ax
-        Axes whose limits are set.
-    most
-        Most intervals between ticks where the labels are short.
+    ``ax``: axes whose limits are set. ``most``: most intervals between ticks where the labels are short.
     """
     low, high = ax.get_xlim()
     span = abs(high - low)

@@ -82,7 +82,7 @@ NAMED = 30
 """Up to this many pairs each has its name on the axis."""
 
 
-def caption_pairs(found: Calibration) -> str:
+def _caption_pairs(found: Calibration) -> str:
     """Return the caption."""
     bad = [pair.name for pair in found.rejected if np.isfinite(pair.rms)]
     crossed = f" Crosses: pairs left out ({', '.join(bad)})." if bad else ""
@@ -92,7 +92,7 @@ def caption_pairs(found: Calibration) -> str:
     )
 
 
-def draw_pairs(found: Calibration, panels: Panels) -> None:
+def _draw_pairs(found: Calibration, panels: Panels) -> None:
     """Draw both panels."""
     ax = panels["pairs"]
     values = []
@@ -171,9 +171,9 @@ FIGURES: tuple[FigureKind[Calibration], ...] = (
         name="calibration-pairs",
         width=PAGE,
         height=lambda found: 60.0,
-        caption=caption_pairs,
+        caption=_caption_pairs,
         panels=lambda found: [["pairs", "distribution"]],
-        draw=draw_pairs,
+        draw=_draw_pairs,
         mosaic={"width_ratios": [1.6, 1.0]},
     ),
 )

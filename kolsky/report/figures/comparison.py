@@ -33,7 +33,7 @@ from kolsky.report.scene.stills import draw_still, scene_of_stills
 from kolsky.results.numbers import percent
 
 
-def caption_force(result: ShowsCheckRun) -> str:
+def _caption_force(result: ShowsCheckRun) -> str:
     """Return the caption."""
     return (
         "Force on the transmission platen: every recorded sample, means over bins and the simulation at the "
@@ -67,7 +67,7 @@ def draw_force(result: ShowsCheckRun, panels: Panels) -> None:
     low.margins(y=0.25)
 
 
-def caption_outline_residual(result: ShowsCheckRun) -> str:
+def _caption_outline_residual(result: ShowsCheckRun) -> str:
     """Return the caption."""
     outside = int((~result.comparison.inside).sum())
     counted = f"{outside} point{'' if outside == 1 else 's'} outside the model’s range"
@@ -97,7 +97,7 @@ def cells(time: NDArray[np.float64], frame: NDArray[np.int64], y: NDArray[np.flo
     return corners
 
 
-def draw_outline_residual(result: ShowsCheckRun, panels: Panels) -> None:
+def _draw_outline_residual(result: ShowsCheckRun, panels: Panels) -> None:
     """Draw the map with its colour bar."""
     c, line, response, ax = result.comparison, result.comparison.centre_line, result.response, panels["map"]
     ax.set_xlabel("Time $t$ (ms)")
@@ -136,7 +136,7 @@ def chosen_frames(result: ShowsCheckRun) -> NDArray[np.int64]:
     return frames[np.round(np.arange(1, OUTLINES + 1) * (frames.size - 1) / OUTLINES).astype(int)]
 
 
-def caption_outlines(result: ShowsCheckRun) -> str:
+def _caption_outlines(result: ShowsCheckRun) -> str:
     """Return the caption."""
     return (
         "Outline of the specimen on the camera side at six times: measured points with ±2σ and the simulated "
@@ -145,7 +145,7 @@ def caption_outlines(result: ShowsCheckRun) -> str:
     )
 
 
-def draw_outlines(result: ShowsCheckRun, panels: Panels) -> None:
+def _draw_outlines(result: ShowsCheckRun, panels: Panels) -> None:
     """Draw the overlay above the residual, one column per time."""
     c, line, response = result.comparison, result.comparison.centre_line, result.response
     frames = chosen_frames(result)
@@ -187,7 +187,7 @@ def draw_outlines(result: ShowsCheckRun, panels: Panels) -> None:
     panels[f"outline {max(frames.size, 1) - 1}"].legend(loc="upper right", bbox_to_anchor=(1.0, 0.9))
 
 
-def caption_force_residual(result: ShowsCheckRun) -> str:
+def _caption_force_residual(result: ShowsCheckRun) -> str:
     """Return the caption."""
     return (
         "Residual of the force over the standard deviation of each bin, with the band of k = 2 (left), and "
@@ -196,7 +196,7 @@ def caption_force_residual(result: ShowsCheckRun) -> str:
     )
 
 
-def draw_force_residual(result: ShowsCheckRun, panels: Panels) -> None:
+def _draw_force_residual(result: ShowsCheckRun, panels: Panels) -> None:
     """Draw history and histogram."""
     c = result.comparison
     weighted = (c.force_model - c.force_measured) / c.force_sigma
@@ -230,7 +230,7 @@ COMPARISON: tuple[FigureKind[ShowsCheckRun], ...] = (
         name="force",
         width=COLUMN,
         height=lambda result: 80.0,
-        caption=caption_force,
+        caption=_caption_force,
         panels=lambda result: [["force"], ["residual"]],
         draw=draw_force,
         applies=lambda result: result.comparison.force_time.size > 0,
@@ -240,20 +240,20 @@ COMPARISON: tuple[FigureKind[ShowsCheckRun], ...] = (
         name="shape-residual",
         width=COLUMN,
         height=lambda result: 62.0,
-        caption=caption_outline_residual,
+        caption=_caption_outline_residual,
         panels=lambda result: [["map"]],
-        draw=draw_outline_residual,
+        draw=_draw_outline_residual,
         applies=lambda result: result.comparison.centre_line.time.size > 0,
     ),
     FigureKind(
         name="profiles",
         width=PAGE,
         height=lambda result: 105.0,
-        caption=caption_outlines,
+        caption=_caption_outlines,
         panels=lambda result: [
             [f"{row} {column}" for column in range(OUTLINES)] for row in ("outline", "residual")
         ],
-        draw=draw_outlines,
+        draw=_draw_outlines,
         mosaic={"sharey": True, "height_ratios": [1.25, 1.0]},
         applies=lambda result: result.comparison.centre_line.time.size > 0,
     ),
@@ -261,9 +261,9 @@ COMPARISON: tuple[FigureKind[ShowsCheckRun], ...] = (
         name="force-residual",
         width=COLUMN,
         height=lambda result: 50.0,
-        caption=caption_force_residual,
+        caption=_caption_force_residual,
         panels=lambda result: [["history", "share"]],
-        draw=draw_force_residual,
+        draw=_draw_force_residual,
         applies=lambda result: result.comparison.force_time.size > 0,
         mosaic={"sharey": True, "width_ratios": [3.2, 1.0]},
     ),
@@ -282,7 +282,7 @@ PARTS = {
 }
 
 
-def caption_energy(result: ShowsCheckRun) -> str:
+def _caption_energy(result: ShowsCheckRun) -> str:
     """Return the caption."""
     worst = percent(worst_imbalance(result.response))
     return (
@@ -292,7 +292,7 @@ def caption_energy(result: ShowsCheckRun) -> str:
     )
 
 
-def draw_energy(result: ShowsCheckRun, panels: Panels) -> None:
+def _draw_energy(result: ShowsCheckRun, panels: Panels) -> None:
     """Draw the stacked ledger above its residual."""
     ledger, time = result.response.energy, MS * result.response.surface_times
     top, low = panels["ledger"], panels["residual"]
@@ -329,7 +329,7 @@ LINES = 16
 """Lines of the mesh drawn in each direction, about; more would print as a grey area."""
 
 
-def caption_meshes(result: ShowsCheckRun) -> str:
+def _caption_meshes(result: ShowsCheckRun) -> str:
     """Return the caption."""
     size = f"{result.refined_mesh[0]} × {result.refined_mesh[1]} elements"
     thinned = "" if max(result.refined_mesh) < 2 * LINES else ", some of its lines"
@@ -339,7 +339,7 @@ def caption_meshes(result: ShowsCheckRun) -> str:
     )
 
 
-def kept_nodes(result: ShowsCheckRun) -> bool:
+def _kept_nodes(result: ShowsCheckRun) -> bool:
     """Return True if the result holds the nodes of the simulation at the optimum."""
     nodes = result.response.nodes
     return nodes is not None and bool(np.isfinite(nodes).any())
@@ -363,14 +363,9 @@ def _thinned(elements: int) -> list[int]:
     return sorted({*range(0, elements + 1, max(1, elements // LINES)), elements})
 
 
-def draw_meshes(result: ShowsCheckRun, panels: Panels) -> None:
-    """Draw the lines of the mesh; nodes run along the radius first, as `explicit.mesh.cylinder` numbers them.
-
-    Raises
-    ------
-    ValueError
-        If the outermost nodes of such a mesh are not the response's side surface.
-    """
+def _draw_meshes(result: ShowsCheckRun, panels: Panels) -> None:
+    """Draw the lines of the mesh; nodes run along the radius first, as `explicit.mesh.cylinder` numbers
+    them."""
     response, line = result.response, result.comparison.centre_line
     assert response.nodes is not None  # checked by `applies`
     n_radial, n_axial = result.refined_mesh
@@ -405,7 +400,7 @@ def draw_meshes(result: ShowsCheckRun, panels: Panels) -> None:
             ax.tick_params(labelleft=False)
 
 
-def caption_scene(result: ShowsCheckRun) -> str:
+def _caption_scene(result: ShowsCheckRun) -> str:
     """Return the caption."""
     return (
         "The check run, its half behind a cut along the axis, between the platens (cut too), coloured by the "
@@ -414,12 +409,12 @@ def caption_scene(result: ShowsCheckRun) -> str:
     )
 
 
-def can_show_stills(result: ShowsCheckRun) -> bool:
+def _can_show_stills(result: ShowsCheckRun) -> bool:
     """Return True if the result holds the scene."""
     return has_scene(result)
 
 
-def draw_scene(result: ShowsCheckRun, panels: Panels) -> None:
+def _draw_scene(result: ShowsCheckRun, panels: Panels) -> None:
     """Set the pictures side by side."""
     stage = scene_of_stills(result)
     axes = [panels[f"scene {column}"] for column in range(STILLS)]
@@ -441,28 +436,28 @@ SIMULATION: tuple[FigureKind[ShowsCheckRun], ...] = (
         name="energy",
         width=COLUMN,
         height=lambda result: 78.0,
-        caption=caption_energy,
+        caption=_caption_energy,
         panels=lambda result: [["ledger"], ["residual"]],
-        draw=draw_energy,
+        draw=_draw_energy,
         mosaic={"sharex": True, "height_ratios": [2.8, 1.0]},
     ),
     FigureKind(
         name="meshes",
         width=PAGE,
         height=_meshes_height,
-        caption=caption_meshes,
+        caption=_caption_meshes,
         panels=lambda result: [[f"mesh {column}" for column in range(MESHES)]],
-        draw=draw_meshes,
+        draw=_draw_meshes,
         mosaic={"sharey": True},
-        applies=kept_nodes,
+        applies=_kept_nodes,
     ),
     FigureKind(
         name="scene",
         width=PAGE,
         height=lambda result: 45.0,
-        caption=caption_scene,
+        caption=_caption_scene,
         panels=lambda result: [[f"scene {column}" for column in range(STILLS)]],
-        draw=draw_scene,
-        applies=can_show_stills,
+        draw=_draw_scene,
+        applies=_can_show_stills,
     ),
 )

@@ -9,7 +9,7 @@ from kolsky.report.figures.base import BAND, COLUMN, GREY, MEASURED, MODEL, Figu
 KPA = 1e-3
 
 
-def caption_shots(found: JointResult) -> str:
+def _caption_shots(found: JointResult) -> str:
     """Return the caption."""
     scatter = 0.0 if found.scatter is None else found.scatter.value
     return (
@@ -19,7 +19,7 @@ def caption_shots(found: JointResult) -> str:
     )
 
 
-def draw_shots(found: JointResult, panels: Panels) -> None:
+def _draw_shots(found: JointResult, panels: Panels) -> None:
     """Draw the shots over their number."""
     ax, e = panels["shots"], found.estimates[MOVED]
     half = found.expanded[MOVED]
@@ -41,7 +41,7 @@ def draw_shots(found: JointResult, panels: Panels) -> None:
     ax.margins(y=0.2)
 
 
-def caption_curve(found: JointResult) -> str:
+def _caption_curve(found: JointResult) -> str:
     """Return the caption."""
     return (
         "Nominal stress that the impacts ask for, with its k = 2 band, and the slow curve (dashed). Dots: "
@@ -49,7 +49,7 @@ def caption_curve(found: JointResult) -> str:
     )
 
 
-def draw_curve(found: JointResult, panels: Panels) -> None:
+def _draw_curve(found: JointResult, panels: Panels) -> None:
     """Draw the curve over the nominal strain, compression to the right."""
     ax, c = panels["curve"], found.curve
     assert c is not None  # the figure applies to no other
@@ -76,18 +76,18 @@ FIGURES: tuple[FigureKind[JointResult], ...] = (
         name="joint-shots",
         width=COLUMN,
         height=lambda found: 62.0,
-        caption=caption_shots,
+        caption=_caption_shots,
         panels=lambda found: [["shots"]],
-        draw=draw_shots,
+        draw=_draw_shots,
         applies=lambda found: MOVED in found.estimates,
     ),
     FigureKind(
         name="joint-curve",
         width=COLUMN,
         height=lambda found: 62.0,
-        caption=caption_curve,
+        caption=_caption_curve,
         panels=lambda found: [["curve"]],
-        draw=draw_curve,
+        draw=_draw_curve,
         applies=lambda found: found.curve is not None,
     ),
 )

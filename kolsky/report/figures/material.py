@@ -31,7 +31,7 @@ LAW_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
 MODE_MARKERS = ("o", "s", "^", "D", "v")
 
 
-def shown_laws(comparison: Comparison) -> list[Row]:
+def _shown_laws(comparison: Comparison) -> list[Row]:
     """Return the laws to draw: least AIC first, only one of those with the same curve."""
     chosen: list[Row] = []
     for row in comparison.rows:
@@ -48,17 +48,17 @@ def modes(comparison: Comparison) -> list[Mode]:
     return [mode for mode in Mode if any(test.mode is mode for test in comparison.tests)]
 
 
-def caption_fits(comparison: Comparison) -> str:
+def _caption_fits(comparison: Comparison) -> str:
     """Return the caption."""
     count = sum(row.fit is not None for row in comparison.rows)
     return (
         f"Nominal stress of {len(comparison.tests)} tests (black) and of the "
-        f"{len(shown_laws(comparison))} laws "
+        f"{len(_shown_laws(comparison))} laws "
         f"of least AIC among {count}, fitted to all tests at once."
     )
 
 
-def draw_fits(comparison: Comparison, panels: Panels) -> None:
+def _draw_fits(comparison: Comparison, panels: Panels) -> None:
     """Draw every test and the best laws."""
     for number, (mode, ax) in enumerate(zip(modes(comparison), panels.values(), strict=True)):
         if len(panels) > 1:
@@ -81,7 +81,7 @@ def draw_fits(comparison: Comparison, panels: Panels) -> None:
                 markevery=max(1, len(test.stress) // 40),
                 label="measured" if place == 0 else "",
             )
-        for row, colour, dashes in zip(shown_laws(comparison), LAW_COLOURS, LAW_DASHES, strict=False):
+        for row, colour, dashes in zip(_shown_laws(comparison), LAW_COLOURS, LAW_DASHES, strict=False):
             assert row.fit is not None
             for place, k in enumerate(tests):
                 part = row.fit.parts[k]
@@ -120,7 +120,7 @@ def caption_residuals(comparison: Comparison) -> str:
 
 def draw_residuals(comparison: Comparison, panels: Panels) -> None:
     """Draw the residuals of every test over its strain."""
-    rows = shown_laws(comparison)
+    rows = _shown_laws(comparison)
     largest = max((p.residual for r in rows if r.fit for p in r.fit.parts), key=lambda x: abs(x).max())
     factor, unit = stress_scale(largest)
     several = len(comparison.tests) > 1
@@ -152,7 +152,7 @@ def draw_residuals(comparison: Comparison, panels: Panels) -> None:
 
 
 def _mosaic_residuals(comparison: Comparison) -> list[list[str]]:
-    names = [row.candidate.name for row in shown_laws(comparison)]
+    names = [row.candidate.name for row in _shown_laws(comparison)]
     columns = min(RESIDUAL_COLUMNS, len(names))
     names += ["."] * (-len(names) % columns)
     return [names[k : k + columns] for k in range(0, len(names), columns)]
@@ -167,7 +167,7 @@ STABILITY_PATHS = (
 """Equibiaxial tension is uniaxial compression with another stretch; both are drawn, each in its own."""
 
 
-def caption_stability(comparison: Comparison) -> str:
+def _caption_stability(comparison: Comparison) -> str:
     """Return the caption."""
     return (
         "Stretch to which each law meets Drucker's criterion. A bar that ends in a cross: unstable from "
@@ -176,7 +176,7 @@ def caption_stability(comparison: Comparison) -> str:
     )
 
 
-def draw_stability(comparison: Comparison, panels: Panels) -> None:
+def _draw_stability(comparison: Comparison, panels: Panels) -> None:
     """Draw a bar for each law and path."""
     rows = [row for row in comparison.rows if row.fit is not None]
     places = np.arange(len(rows), 0, -1)
@@ -214,7 +214,7 @@ KPA = 1e-3
 """Factor from Pa to kPa."""
 
 
-def caption_reference_curve(made: ReferenceCurve) -> str:
+def _caption_reference_curve(made: ReferenceCurve) -> str:
     """Return the caption."""
     corrected = "" if made.friction is None else ", their mean (dashed) and the curve without end friction"
     return (
@@ -223,7 +223,7 @@ def caption_reference_curve(made: ReferenceCurve) -> str:
     )
 
 
-def draw_reference_curve(made: ReferenceCurve, panels: Panels) -> None:
+def _draw_reference_curve(made: ReferenceCurve, panels: Panels) -> None:
     """Draw the tests, the mean, the material's curve and its modulus."""
     left, right = panels["curve"], panels["modulus"]
     for number, one in enumerate(made.tests):
@@ -258,9 +258,9 @@ FITTED_LAWS: tuple[FigureKind[Comparison], ...] = (
         name="material-fits",
         width=PAGE,
         height=lambda comparison: 65.0 if len(modes(comparison)) < 4 else 120.0,
-        caption=caption_fits,
+        caption=_caption_fits,
         panels=lambda comparison: _mosaic_fits([mode.value for mode in modes(comparison)]),
-        draw=draw_fits,
+        draw=_draw_fits,
     ),
     FigureKind(
         name="material-residuals",
@@ -275,25 +275,25 @@ FITTED_LAWS: tuple[FigureKind[Comparison], ...] = (
         name="material-stability",
         width=PAGE,
         height=lambda comparison: 18.0 + 4.5 * sum(row.fit is not None for row in comparison.rows),
-        caption=caption_stability,
+        caption=_caption_stability,
         panels=lambda comparison: [[title for _, _, title in STABILITY_PATHS]],
-        draw=draw_stability,
+        draw=_draw_stability,
     ),
 )
 REFERENCE_CURVE = FigureKind(
     name="baseline",
     width=PAGE,
     height=lambda made: 70.0,
-    caption=caption_reference_curve,
+    caption=_caption_reference_curve,
     panels=lambda made: [["curve", "modulus"]],
-    draw=draw_reference_curve,
+    draw=_draw_reference_curve,
 )
 
 
 KELVIN = 273.15
 
 
-def shown_moduli(found: SlowDynamics) -> TimeScales:
+def _shown_moduli(found: SlowDynamics) -> TimeScales:
     """Return the moduli as their figure takes them."""
     return TimeScales(found.moduli, found.fitted)
 
@@ -308,12 +308,12 @@ def oscillations(found: SlowDynamics) -> list[DynamicTest]:
     return [test for test in found.tests if isinstance(test, DynamicTest)]
 
 
-def caption_holds(found: SlowDynamics) -> str:
+def _caption_holds(found: SlowDynamics) -> str:
     """Return the caption."""
     return "Nominal stress of the histories of strain (points, bars ±2u) and of the Prony series (lines)."
 
 
-def draw_holds(found: SlowDynamics, panels: Panels) -> None:
+def _draw_holds(found: SlowDynamics, panels: Panels) -> None:
     """Draw stress over time, measured and by the series."""
     ax = panels["stress"]
     for k, test in enumerate(holds(found)):
@@ -331,13 +331,13 @@ def draw_holds(found: SlowDynamics, panels: Panels) -> None:
     ax.legend(loc="best")
 
 
-def caption_oscillation(found: SlowDynamics) -> str:
+def _caption_oscillation(found: SlowDynamics) -> str:
     """Return the caption."""
     reduced = " Sweeps are brought to their reference temperature." if found.sweeps else ""
     return f"Storage (a) and loss modulus (b) in tension, bars ±2u, and those of the series (lines).{reduced}"
 
 
-def draw_oscillation(found: SlowDynamics, panels: Panels) -> None:
+def _draw_oscillation(found: SlowDynamics, panels: Panels) -> None:
     """Draw storage and loss over the reduced frequency."""
     tests = oscillations(found)
     all_omega = np.concatenate([test.angular_frequency for test in tests])
@@ -363,14 +363,14 @@ def draw_oscillation(found: SlowDynamics, panels: Panels) -> None:
     panels["storage"].legend(loc="best")
 
 
-def caption_shifts(found: SlowDynamics) -> str:
+def _caption_shifts(found: SlowDynamics) -> str:
     """Return the caption."""
     return (
         "Shift factors, free at each temperature (points, bars ±2u) and by Eq. (V.5) where it holds (lines)."
     )
 
 
-def draw_shifts(found: SlowDynamics, panels: Panels) -> None:
+def _draw_shifts(found: SlowDynamics, panels: Panels) -> None:
     """Draw the shift factors over temperature."""
     ax = panels["shifts"]
     for k, (name, one) in enumerate(found.sweeps.items()):
@@ -396,36 +396,36 @@ SLOW_TESTS: tuple[FigureKind[SlowDynamics], ...] = (
         name="relaxation-moduli",
         width=COLUMN,
         height=lambda found: 66.0,
-        caption=lambda found: MODULI.caption(shown_moduli(found)),
+        caption=lambda found: MODULI.caption(_shown_moduli(found)),
         panels=lambda found: [["moduli"]],
-        draw=lambda found, panels: MODULI.draw(shown_moduli(found), panels),
+        draw=lambda found, panels: MODULI.draw(_shown_moduli(found), panels),
         applies=lambda found: len(found.moduli) > 0,
     ),
     FigureKind(
         name="relaxation-holds",
         width=COLUMN,
         height=lambda found: 60.0,
-        caption=caption_holds,
+        caption=_caption_holds,
         panels=lambda found: [["stress"]],
-        draw=draw_holds,
+        draw=_draw_holds,
         applies=lambda found: len(holds(found)) > 0,
     ),
     FigureKind(
         name="relaxation-oscillation",
         width=PAGE,
         height=lambda found: 60.0,
-        caption=caption_oscillation,
+        caption=_caption_oscillation,
         panels=lambda found: [["storage", "loss"]],
-        draw=draw_oscillation,
+        draw=_draw_oscillation,
         applies=lambda found: len(oscillations(found)) > 0,
     ),
     FigureKind(
         name="relaxation-shifts",
         width=COLUMN,
         height=lambda found: 56.0,
-        caption=caption_shifts,
+        caption=_caption_shifts,
         panels=lambda found: [["shifts"]],
-        draw=draw_shifts,
+        draw=_draw_shifts,
         applies=lambda found: any(one.determined for one in found.sweeps.values()),
     ),
 )

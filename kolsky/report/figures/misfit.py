@@ -42,7 +42,7 @@ MISFIT_PARTS = ("chi2", "phi", "routes")
 RUN_MARKERS = {"design": "o", "refinement": "s", "check": "D"}
 
 
-def caption_misfit(result: Identification) -> str:
+def _caption_misfit(result: Identification) -> str:
     """Return the caption."""
     others = "" if len(result.curves) < 2 else " (curves: the others at their optimum; pale: all runs)"
     return (
@@ -57,7 +57,7 @@ def caption_misfit(result: Identification) -> str:
     )
 
 
-def draw_misfit(result: Identification, panels: Panels) -> None:
+def _draw_misfit(result: Identification, panels: Panels) -> None:
     """Draw three panels per parameter."""
     letters = iter("abcdefghijklmnopqrstuvwx")
     for name, estimate in result.estimates.items():
@@ -165,7 +165,7 @@ def _draw_routes(ax: Axes, parameter: str, estimate: Estimate, result: Identific
     ax.margins(x=0.2)
 
 
-def caption_contour(result: Identification) -> str:
+def _caption_contour(result: Identification) -> str:
     """Return the caption."""
     return (
         "Joint χ² of the runs on the surrogate’s mesh (circles) over the smallest of them, with the weights "
@@ -176,12 +176,12 @@ def caption_contour(result: Identification) -> str:
     )
 
 
-def two_free(result: Identification) -> bool:
+def _two_free(result: Identification) -> bool:
     """Return True if exactly two parameters are free."""
     return len(result.design.names) == 2
 
 
-def draw_contour(result: Identification, panels: Panels) -> None:
+def _draw_contour(result: Identification, panels: Panels) -> None:
     """Draw filled contours of log10 chi-square, the runs and the optima."""
     design = result.design
     curves = {curve.parameter: curve for curve in result.curves}
@@ -259,18 +259,18 @@ MISFIT: tuple[FigureKind[Identification], ...] = (
         name="misfit",
         width=PAGE,
         height=lambda result: 58.0 * max(1, len(result.estimates)),
-        caption=caption_misfit,
+        caption=_caption_misfit,
         panels=lambda result: [[f"{name} {part}" for part in MISFIT_PARTS] for name in result.estimates],
-        draw=draw_misfit,
+        draw=_draw_misfit,
     ),
     FigureKind(
         name="contour",
         width=PAGE,
         height=lambda result: 78.0,
-        caption=caption_contour,
+        caption=_caption_contour,
         panels=lambda result: [["whole", "near"]],
-        draw=draw_contour,
-        applies=two_free,
+        draw=_draw_contour,
+        applies=_two_free,
     ),
 )
 
@@ -278,7 +278,7 @@ MISFIT: tuple[FigureKind[Identification], ...] = (
 LIKELIHOOD_THRESHOLD = 3.84
 
 
-def caption_likelihood(result: Identification) -> str:
+def _caption_likelihood(result: Identification) -> str:
     """Return the caption."""
     others = ", the other parameters re-optimised at every point" if len(result.profiles) > 1 else ""
     return (
@@ -289,7 +289,7 @@ def caption_likelihood(result: Identification) -> str:
     )
 
 
-def draw_likelihood(result: Identification, panels: Panels) -> None:
+def _draw_likelihood(result: Identification, panels: Panels) -> None:
     """Draw one panel per parameter."""
     for number, profile in enumerate(result.profiles):
         ax = panels[profile.name]
@@ -322,7 +322,7 @@ MOST_SAMPLES = 5.0
 """Largest square root of the rise over the correlation that has a colour of its own."""
 
 
-def caption_ridge(result: Identification) -> str:
+def _caption_ridge(result: Identification) -> str:
     """Return the caption."""
     assert result.ridge is not None
     first, second = (name_of(name).symbol for name in result.ridge.names)
@@ -335,7 +335,7 @@ def caption_ridge(result: Identification) -> str:
     )
 
 
-def draw_ridge(result: Identification, panels: Panels) -> None:
+def _draw_ridge(result: Identification, panels: Panels) -> None:
     """Draw filled contours and both paths."""
     ax, ridge = panels["plane"], result.ridge
     assert ridge is not None
@@ -373,7 +373,7 @@ DOTS = 800
 """Most samples drawn as dots of a pair."""
 
 
-def caption_corner(result: Identification) -> str:
+def _caption_corner(result: Identification) -> str:
     """Return the caption."""
     assert result.posterior is not None
     chains = result.posterior
@@ -386,7 +386,7 @@ def caption_corner(result: Identification) -> str:
     )
 
 
-def draw_corner(result: Identification, panels: Panels) -> None:
+def _draw_corner(result: Identification, panels: Panels) -> None:
     """Draw histograms on the diagonal, pairs below it."""
     chains = result.posterior
     assert chains is not None
@@ -425,7 +425,7 @@ def _corner_label(name: str) -> str:
     return f"${shown.tex}$ ({'–' if shown.unit == '1' else shown.unit})"
 
 
-def corner_panels(result: Identification) -> list[list[str]]:
+def _corner_panels(result: Identification) -> list[list[str]]:
     """The lower triangle."""
     assert result.posterior is not None
     names = result.posterior.names
@@ -440,27 +440,27 @@ UNCERTAINTY: tuple[FigureKind[Identification], ...] = (
         name="likelihood",
         width=COLUMN,
         height=lambda result: 46.0 * len(result.profiles),
-        caption=caption_likelihood,
+        caption=_caption_likelihood,
         panels=lambda result: [[profile.name] for profile in result.profiles],
-        draw=draw_likelihood,
+        draw=_draw_likelihood,
         applies=lambda result: bool(result.profiles),
     ),
     FigureKind(
         name="ridge",
         width=COLUMN,
         height=lambda result: 72.0,
-        caption=caption_ridge,
+        caption=_caption_ridge,
         panels=lambda result: [["plane"]],
-        draw=draw_ridge,
+        draw=_draw_ridge,
         applies=lambda result: result.ridge is not None,
     ),
     FigureKind(
         name="corner",
         width=PAGE,
         height=lambda result: 20.0 + 36.0 * len(result.posterior.names if result.posterior else ()),
-        caption=caption_corner,
-        panels=corner_panels,
-        draw=draw_corner,
+        caption=_caption_corner,
+        panels=_corner_panels,
+        draw=_draw_corner,
         applies=lambda result: result.posterior is not None,
     ),
 )

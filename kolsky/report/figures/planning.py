@@ -39,18 +39,9 @@ def draw_map(
 ) -> None:
     """Draw values of shape [n_frames, n_heights], NaN where there is none.
 
-    Parameters
-    ----------
-    ax
-        Axes.
-    grid
-        Times and heights.
-    values
-        Values in the unit of the label.
-    label
-        Label of the colour bar.
-    bottom
-        Smallest value of a one-sided scale; without it the scale is symmetric about zero.
+    ``ax``: axes. ``grid``: times and heights. ``values``: values in the unit of the label. ``label``: label
+    of the colour bar. ``bottom``: smallest value of a one-sided scale; without it the scale is symmetric
+    about zero.
     """
     top = largest(values)
     shown = np.ma.masked_invalid(values.T)
@@ -77,7 +68,7 @@ PER_MM_MS, PER_MS = 1e-6, 1e-3
 LETTERS = "abcdefghijklmnop"
 
 
-def caption_information(plan: Plan) -> str:
+def _caption_information(plan: Plan) -> str:
     """Return the caption."""
     several = len(plan.names) > 1
     together = " when all parameters are estimated together" if several else ""
@@ -101,7 +92,7 @@ def caption_information(plan: Plan) -> str:
     )
 
 
-def draw_information(plan: Plan, panels: Panels) -> None:
+def _draw_information(plan: Plan, panels: Panels) -> None:
     """Draw a map over a line for each parameter."""
     found = plan.information
     grid = found.sensitivity.grid
@@ -136,7 +127,7 @@ SLOPE_CHANGE = 0.01
 """Change of a parameter that is drawn, over its scale."""
 
 
-def caption_slopes(plan: Plan) -> str:
+def _caption_slopes(plan: Plan) -> str:
     """Return the caption."""
     changes = ", ".join(_design_words(plan, j) for j in range(len(plan.names)))
     reach = 100.0 * plan.information.sensitivity.reach
@@ -154,7 +145,7 @@ def _design_words(plan: Plan, j: int) -> str:
     return f"Δ{name.symbol} = {SLOPE_CHANGE * slopes.scale[j] * name.factor:.3g}{unit}"
 
 
-def draw_slopes(plan: Plan, panels: Panels) -> None:
+def _draw_slopes(plan: Plan, panels: Panels) -> None:
     """Draw a line over a map for each parameter."""
     slopes = plan.information.sensitivity
     letters = iter(LETTERS)
@@ -182,7 +173,7 @@ DESIGN_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 DESIGN_MARKERS = "osDv^"
 
 
-def caption_choices(plan: Plan) -> str:
+def _caption_choices(plan: Plan) -> str:
     """Return the caption."""
     return (
         "Expected standard deviations of the parameters over their scale, all estimated together from force "
@@ -192,7 +183,7 @@ def caption_choices(plan: Plan) -> str:
     )
 
 
-def draw_choices(plan: Plan, panels: Panels) -> None:
+def _draw_choices(plan: Plan, panels: Panels) -> None:
     """Draw three panels."""
     scale = plan.information.sensitivity.scale
     by_end = np.array([e.deviations for e in plan.by_end]) / scale
@@ -248,27 +239,27 @@ PLANNED: tuple[FigureKind[Plan], ...] = (
         name="plan-information",
         width=PAGE,
         height=lambda plan: 92.0,
-        caption=caption_information,
+        caption=_caption_information,
         panels=lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("outline", "force")],
-        draw=draw_information,
+        draw=_draw_information,
         mosaic={"height_ratios": [1.35, 1.0]},
     ),
     FigureKind(
         name="plan-slopes",
         width=PAGE,
         height=lambda plan: 92.0,
-        caption=caption_slopes,
+        caption=_caption_slopes,
         panels=lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("force", "outline")],
-        draw=draw_slopes,
+        draw=_draw_slopes,
         mosaic={"height_ratios": [1.0, 1.35]},
     ),
     FigureKind(
         name="plan-choices",
         width=PAGE,
         height=lambda plan: 58.0,
-        caption=caption_choices,
+        caption=_caption_choices,
         panels=lambda plan: [["end", "rate", "correlation"]],
-        draw=draw_choices,
+        draw=_draw_choices,
     ),
 )
 
@@ -293,7 +284,7 @@ SCAN_LABELS = {
 }
 
 
-def caption_prediction(found: Prediction) -> str:
+def _caption_prediction(found: Prediction) -> str:
     """Return the caption."""
     stand_in = "" if found.response is not None else "; the specimen's static curve stands in for it"
     return (
@@ -305,7 +296,7 @@ def caption_prediction(found: Prediction) -> str:
     )
 
 
-def draw_prediction(found: Prediction, panels: Panels) -> None:
+def _draw_prediction(found: Prediction, panels: Panels) -> None:
     """Draw the five panels over one time axis."""
     bars, test = found.bars, found.test.declared
     step = float(bars.times[1])
@@ -392,14 +383,14 @@ PREDICTED = (
         name="signals",
         width=PAGE,
         height=lambda found: 170.0,
-        caption=caption_prediction,
+        caption=_caption_prediction,
         panels=lambda found: [[name] for name in PREDICTION_PANELS],
-        draw=draw_prediction,
+        draw=_draw_prediction,
     ),
 )
 
 
-def caption_scan(shown: tuple[Scan, Aim | None]) -> str:
+def _caption_scan(shown: tuple[Scan, Aim | None]) -> str:
     """Return the caption."""
     scan, aim = shown
     varied = " and ".join(one.key for one in scan.varied)
@@ -407,7 +398,7 @@ def caption_scan(shown: tuple[Scan, Aim | None]) -> str:
     return f"What {varied} do to the test, by the specimen's static curve{aimed}."
 
 
-def draw_scan(shown: tuple[Scan, Aim | None], panels: Panels) -> None:
+def _draw_scan(shown: tuple[Scan, Aim | None], panels: Panels) -> None:
     """Draw one number a panel over the first quantity, a line for each value of the second."""
     scan, aim = shown
     first, *rest = scan.varied
@@ -437,8 +428,8 @@ SCANNED = (
         name="scan",
         width=PAGE,
         height=lambda shown: 62.0,
-        caption=caption_scan,
+        caption=_caption_scan,
         panels=lambda shown: [list(PREDICTION_SHOWN)],
-        draw=draw_scan,
+        draw=_draw_scan,
     ),
 )

@@ -33,7 +33,7 @@ from kolsky.studies.rates.scatter import SlopeVerdict
 LINE_POINTS = 101
 
 
-def caption_slope(group: GroupRates) -> str:
+def _caption_slope(group: GroupRates) -> str:
     """Return the caption."""
     line = group.slope
     claimed = line is not None and line.verdict is not SlopeVerdict.REFUSED
@@ -52,7 +52,7 @@ def caption_slope(group: GroupRates) -> str:
     )
 
 
-def draw_slope(group: GroupRates, panels: Panels) -> None:
+def _draw_slope(group: GroupRates, panels: Panels) -> None:
     """Draw both panels."""
     wide, near = panels["wide"], panels["near"]
     for ax, mark in ((wide, "a"), (near, "b")):
@@ -146,7 +146,7 @@ SHOT_HEIGHT = 0.22
 """Distance of the routes of one shot, in rows."""
 
 
-def caption_forest(group: GroupRates) -> str:
+def _caption_forest(group: GroupRates) -> str:
     """Return the caption."""
     without = " Right: the mean and its 95 % interval without each shot in turn." if _left_out(group) else ""
     return (
@@ -162,7 +162,7 @@ def _left_out(group: GroupRates) -> bool:
     return group.pooled is not None and any(fit is not None for fit in group.pooled.leave_one_out)
 
 
-def draw_forest(group: GroupRates, panels: Panels) -> None:
+def _draw_forest(group: GroupRates, panels: Panels) -> None:
     """Draw the forest and the leave-one-out."""
     left, right = panels["shots"], panels.get("without")
     if right is not None:
@@ -218,18 +218,18 @@ SLOPES: tuple[FigureKind[GroupRates], ...] = (
         name="rate-slope",
         width=PAGE,
         height=lambda group: 68.0,
-        caption=caption_slope,
+        caption=_caption_slope,
         panels=lambda group: [["wide", "near"]],
-        draw=draw_slope,
+        draw=_draw_slope,
         mosaic={"width_ratios": [1.25, 1.0]},
     ),
     FigureKind(
         name="rate-forest",
         width=PAGE,
         height=lambda group: 32.0 + 7.5 * len(group.shots),
-        caption=caption_forest,
+        caption=_caption_forest,
         panels=lambda group: [["shots", "shots", "without", "without"]] if _left_out(group) else [["shots"]],
-        draw=draw_forest,
+        draw=_draw_forest,
         applies=lambda group: any(np.isfinite(shot.m) for shot in group.shots),
     ),
 )
@@ -304,7 +304,7 @@ def _slow(group: GroupRates) -> float | None:
     return rates.pop() if len(rates) == 1 else None
 
 
-def caption_equal_strain(group: GroupRates) -> str:
+def _caption_equal_strain(group: GroupRates) -> str:
     """Return the caption."""
     assert group.equal_strain is not None  # checked by `applies`
     strains = ", ".join(f"{e:g}" for e in group.equal_strain.strains)
@@ -318,7 +318,7 @@ def caption_equal_strain(group: GroupRates) -> str:
     )
 
 
-def draw_equal_strain(group: GroupRates, panels: Panels) -> None:
+def _draw_equal_strain(group: GroupRates, panels: Panels) -> None:
     """Draw force and outline."""
     e = group.equal_strain
     assert e is not None  # checked by `applies`
@@ -381,7 +381,7 @@ class TimeScales:
     `kolsky.material.relaxation.rate_fit.fitted_modulus`."""
 
 
-def caption_moduli(shown: TimeScales) -> str:
+def _caption_moduli(shown: TimeScales) -> str:
     """Return the caption."""
     fitted = "" if shown.fitted is None else " Line and band: the fitted model with ±2u."
     return (
@@ -391,7 +391,7 @@ def caption_moduli(shown: TimeScales) -> str:
     )
 
 
-def draw_moduli(shown: TimeScales, panels: Panels) -> None:
+def _draw_moduli(shown: TimeScales, panels: Panels) -> None:
     """Draw points with bars, and the model behind them."""
     ax = panels["moduli"]
     if shown.fitted is not None:
@@ -425,9 +425,9 @@ EQUAL_STRAIN: tuple[FigureKind[GroupRates], ...] = (
         name="rate-equal-strain",
         width=PAGE,
         height=lambda group: 72.0,
-        caption=caption_equal_strain,
+        caption=_caption_equal_strain,
         panels=lambda group: [["force", "shape"]],
-        draw=draw_equal_strain,
+        draw=_draw_equal_strain,
         applies=lambda group: group.equal_strain is not None,
     ),
 )
@@ -435,8 +435,8 @@ MODULI = FigureKind(
     name="rate-moduli",
     width=COLUMN,
     height=lambda shown: 66.0,
-    caption=caption_moduli,
+    caption=_caption_moduli,
     panels=lambda shown: [["moduli"]],
-    draw=draw_moduli,
+    draw=_draw_moduli,
     applies=lambda shown: len(shown.tests) > 0,
 )

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from dic.result import Body
 
 
-def caption_raw_signals(shown: ShotRecordings) -> str:
+def _caption_raw_signals(shown: ShotRecordings) -> str:
     """Return the caption."""
     if shown.baseline is None:
         return (
@@ -52,7 +52,7 @@ def caption_raw_signals(shown: ShotRecordings) -> str:
     )
 
 
-def draw_raw_signals(shown: ShotRecordings, panels: Panels) -> None:
+def _draw_raw_signals(shown: ShotRecordings, panels: Panels) -> None:
     """Draw samples, zero and windows."""
     ax = panels["signal"]
     first, last = (MS * end for end in shown.window)
@@ -70,7 +70,7 @@ def draw_raw_signals(shown: ShotRecordings, panels: Panels) -> None:
     ax.legend(loc="upper left")
 
 
-def caption_flyer_path(shown: ShotRecordings) -> str:
+def _caption_flyer_path(shown: ShotRecordings) -> str:
     """Return the caption."""
     if shown.motion.is_velocity:
         return (
@@ -83,7 +83,7 @@ def caption_flyer_path(shown: ShotRecordings) -> str:
     )
 
 
-def draw_flyer_path(shown: ShotRecordings, panels: Panels) -> None:
+def _draw_flyer_path(shown: ShotRecordings, panels: Panels) -> None:
     """Draw displacement, velocity and residual."""
     motion = shown.motion
     first, last = (MS * end for end in shown.window)
@@ -129,7 +129,7 @@ CAMERAS = ("left", "right")
 LOST = "#CC79A7"
 
 
-def caption_picture_pair(seen: ShotRecordings) -> str:
+def _caption_picture_pair(seen: ShotRecordings) -> str:
     """Return the caption."""
     pair = _has_pair(seen)
     body, frame = pair.result.specimen, pair.frame
@@ -145,7 +145,7 @@ def caption_picture_pair(seen: ShotRecordings) -> str:
     )
 
 
-def draw_picture_pair(seen: ShotRecordings, panels: Panels) -> None:
+def _draw_picture_pair(seen: ShotRecordings, panels: Panels) -> None:
     """Draw the pair with its points, and the histories."""
     pair = _has_pair(seen)
     body, frame = pair.result.specimen, pair.frame
@@ -240,18 +240,18 @@ RECORDED: tuple[FigureKind[ShotRecordings], ...] = (
         name="raw-signals",
         width=COLUMN,
         height=lambda shown: 60.0,
-        caption=caption_raw_signals,
+        caption=_caption_raw_signals,
         panels=lambda shown: [["signal"]],
-        draw=draw_raw_signals,
+        draw=_draw_raw_signals,
         applies=lambda shown: shown.time.size > 0,
     ),
     FigureKind(
         name="flyer-path",
         width=COLUMN,
         height=lambda shown: 105.0,
-        caption=caption_flyer_path,
+        caption=_caption_flyer_path,
         panels=lambda shown: [["displacement"], ["velocity"], ["residual"]],
-        draw=draw_flyer_path,
+        draw=_draw_flyer_path,
         mosaic={"sharex": True, "height_ratios": [1.3, 1.2, 0.8]},
         applies=lambda shown: shown.motion.measured_time.size > 1,
     ),
@@ -259,9 +259,9 @@ RECORDED: tuple[FigureKind[ShotRecordings], ...] = (
         name="picture-pair",
         width=PAGE,
         height=_pair_height,
-        caption=caption_picture_pair,
+        caption=_caption_picture_pair,
         panels=lambda seen: [list(CAMERAS), ["quality", "lost"]],
-        draw=draw_picture_pair,
+        draw=_draw_picture_pair,
         mosaic={"height_ratios": [1.7, 1.0]},
         applies=lambda seen: isinstance(seen.pair, PicturePair),
     ),
@@ -288,7 +288,7 @@ def three_frames(shot: Shot) -> list[int]:
     return list(dict.fromkeys(int(frames[i]) for i in chosen))
 
 
-def caption_of_force(shot: Shot | PicturedShot) -> str:
+def _caption_of_force(shot: Shot | PicturedShot) -> str:
     """Return what the caption says of the force."""
     said = "(a) Force at every sample, compression positive"
     return said + (
@@ -296,9 +296,9 @@ def caption_of_force(shot: Shot | PicturedShot) -> str:
     )
 
 
-def caption_one_clock(shot: Shot) -> str:
+def _caption_one_clock(shot: Shot) -> str:
     """Return the caption."""
-    said = caption_of_force(shot)
+    said = _caption_of_force(shot)
     moves = (
         "displacement of the flyer" if isinstance(shot.flyer, FlyerMotion) else "velocity of the front face"
     )
@@ -333,7 +333,7 @@ def on_one_clock(panels: Panels, *times: FloatArray) -> None:
         panel.set_xlim(both.min(), both.max())
 
 
-def draw_one_clock(shot: Shot, panels: Panels) -> None:
+def _draw_one_clock(shot: Shot, panels: Panels) -> None:
     """Draw the signals on one clock and the outline."""
     draw_force(shot, panels)
     ax, low = panels["force"], panels["motion"]
@@ -369,17 +369,18 @@ def _draw_outline(shot: Shot, panels: Panels) -> None:
     ax.legend(loc="center left")
 
 
-def caption_of_pictures(shot: PicturedShot) -> str:
+def _caption_of_pictures(shot: PicturedShot) -> str:
     """Return the caption."""
     return (
-        f"{caption_of_force(shot)}. (b) Mean difference of each picture from the first of its camera, in per "
+        f"{_caption_of_force(shot)}. (b) Mean difference of each picture from the first of its camera, in "
+        "per "
         "cent of white, on the same clock; grey: the frames that are declared static, in which it is level. "
         "It must rise before the force does, or with it. (c), (d), (e) Camera 0 in the first frame, in the "
         "last static one, which must look alike, and in the last. Flyer and outline are not measured."
     )
 
 
-def draw_pictures(shot: PicturedShot, panels: Panels) -> None:
+def _draw_pictures(shot: PicturedShot, panels: Panels) -> None:
     """Draw force and change of the pictures on one clock, and three pictures."""
     draw_force(shot, panels)
     low, found = panels["motion"], shot.pictures.changes
@@ -407,9 +408,9 @@ CHECKED: tuple[FigureKind[Shot], ...] = (
         name="checked-shot",
         width=PAGE,
         height=lambda shot: 85.0,
-        caption=caption_one_clock,
+        caption=_caption_one_clock,
         panels=lambda shot: [["force", "outline"], ["motion", "outline"]],
-        draw=draw_one_clock,
+        draw=_draw_one_clock,
         mosaic={"width_ratios": [1.35, 1.0]},
     ),
 )
@@ -419,9 +420,9 @@ CHECKED_PICTURES: tuple[FigureKind[PicturedShot], ...] = (
         name="checked-pictures",
         width=PAGE,
         height=lambda shot: 145.0,
-        caption=caption_of_pictures,
+        caption=_caption_of_pictures,
         panels=lambda shot: [["force"] * 3, ["motion"] * 3, list(FORCE_PLACES)],
-        draw=draw_pictures,
+        draw=_draw_pictures,
         mosaic={"height_ratios": [1.0, 1.0, 1.5]},
     ),
 )

@@ -38,7 +38,7 @@ def _panels(view: SpecimenView) -> list[list[str]]:
     return [names, [f"{name} residual" for name in names]]
 
 
-def draw_forces(view: SpecimenView, panels: Panels) -> None:
+def _draw_forces(view: SpecimenView, panels: Panels) -> None:
     """Draw measured and simulated forces of each test, and what is left."""
     for number, name in enumerate(list(view.tests)[:MOST_TESTS]):
         above, below = panels[name], panels[f"{name} residual"]
@@ -78,7 +78,7 @@ def draw_forces(view: SpecimenView, panels: Panels) -> None:
         below.set_ylabel("fit less data (N)")
 
 
-def caption_forces(view: SpecimenView) -> str:
+def _caption_forces(view: SpecimenView) -> str:
     """Return the caption."""
     return (
         "Force over displacement, measured and simulated with the constants of each fit (bands: 95 % "
@@ -87,7 +87,7 @@ def caption_forces(view: SpecimenView) -> str:
     )
 
 
-def draw_correlations(view: SpecimenView, panels: Panels) -> None:
+def _draw_correlations(view: SpecimenView, panels: Panels) -> None:
     """Draw the correlations of the constants of each fit."""
     for number, found in enumerate(view.fits[:3]):
         ax = panels[found.name]
@@ -110,7 +110,7 @@ def draw_correlations(view: SpecimenView, panels: Panels) -> None:
             smooth_bar(ax.figure.colorbar(image, ax=ax, label="correlation"))
 
 
-def caption_correlations(view: SpecimenView) -> str:
+def _caption_correlations(view: SpecimenView) -> str:
     """Return the caption."""
     return (
         "Correlations of the fitted constants. Near ± 1 a test knows a combination of two constants and "
@@ -119,7 +119,7 @@ def caption_correlations(view: SpecimenView) -> str:
     )
 
 
-def draw_strains(view: SpecimenView, panels: Panels) -> None:
+def _draw_strains(view: SpecimenView, panels: Panels) -> None:
     """Draw the distribution of strains by volume."""
     for number, share in enumerate(view.shares[:MOST_TESTS]):
         for name, values, letter in (("whole", share.whole, 0), ("middle", share.middle, 1)):
@@ -142,7 +142,7 @@ def draw_strains(view: SpecimenView, panels: Panels) -> None:
             ax.legend(frameon=False, fontsize="small", title="along")
 
 
-def caption_strains(view: SpecimenView) -> str:
+def _caption_strains(view: SpecimenView) -> str:
     """Return the caption."""
     return (
         "Strains along the axes at the last sample, by volume: left the whole specimen with its ends, "
@@ -151,7 +151,7 @@ def caption_strains(view: SpecimenView) -> str:
     )
 
 
-def draw_mesh(view: SpecimenView, panels: Panels) -> None:
+def _draw_mesh(view: SpecimenView, panels: Panels) -> None:
     """Draw the largest stretch on the upper face of the simulated part, deformed."""
     for name, solution in view.solutions.items():
         if name not in panels:
@@ -176,7 +176,7 @@ def draw_mesh(view: SpecimenView, panels: Panels) -> None:
         smooth_bar(ax.figure.colorbar(faces, ax=ax, label="largest stretch in the face", fraction=0.04))
 
 
-def caption_mesh(view: SpecimenView) -> str:
+def _caption_mesh(view: SpecimenView) -> str:
     """Return the caption."""
     return (
         "Largest stretch of the element faces on the bonded surface at the last sample, in the deformed "
@@ -190,36 +190,36 @@ SPECIMEN = (
         name="forces",
         width=PAGE,
         height=lambda view: 105.0,
-        caption=caption_forces,
+        caption=_caption_forces,
         panels=_panels,
-        draw=draw_forces,
+        draw=_draw_forces,
         mosaic={"height_ratios": [2.0, 1.0]},
     ),
     FigureKind(
         name="correlations",
         width=PAGE,
         height=lambda view: 55.0,
-        caption=caption_correlations,
+        caption=_caption_correlations,
         panels=lambda view: [[found.name for found in view.fits[:3]]],
-        draw=draw_correlations,
+        draw=_draw_correlations,
         applies=lambda view: len(view.fits[0].constants.free) > 1,
     ),
     FigureKind(
         name="strains",
         width=PAGE,
         height=lambda view: 55.0 * len(view.shares[:MOST_TESTS]),
-        caption=caption_strains,
+        caption=_caption_strains,
         panels=lambda view: [[f"{s.name} whole", f"{s.name} middle"] for s in view.shares[:MOST_TESTS]],
-        draw=draw_strains,
+        draw=_draw_strains,
         applies=lambda view: bool(view.shares),
     ),
     FigureKind(
         name="mesh",
         width=PAGE,
         height=lambda view: 70.0,
-        caption=caption_mesh,
+        caption=_caption_mesh,
         panels=lambda view: [list(view.solutions)[:3]],
-        draw=draw_mesh,
+        draw=_draw_mesh,
         applies=lambda view: bool(view.solutions),
     ),
 )
@@ -259,7 +259,7 @@ def caption_histories(view: SheetView) -> str:
     )
 
 
-def draw_steps(view: SheetView, panels: Panels) -> None:
+def _draw_steps(view: SheetView, panels: Panels) -> None:
     """Draw the constants of every step fitted alone, and their sensitivities to noise."""
     found, free = view.fit, view.fit.constants.free
     pad = MM * np.abs(found.problem.data.pad)
@@ -294,7 +294,7 @@ def _draw_noise(ax: Axes, pad: FloatArray, by_u: FloatArray, by_f: FloatArray, n
     ax.legend(frameon=False, title="noise of")
 
 
-def caption_steps(view: SheetView) -> str:
+def _caption_steps(view: SheetView) -> str:
     """Return the caption."""
     return (
         "Upper row: constants fitted to each step alone and to all together; a drift shows that the law "
@@ -402,7 +402,7 @@ def draw_map(view: SheetView, panels: Panels) -> None:
     smooth_bar(ax.figure.colorbar(image, ax=ax, label="stiffness over the fitted one", fraction=0.03))
 
 
-def caption_map(view: SheetView) -> str:
+def _caption_map(view: SheetView) -> str:
     """Return the caption."""
     assert view.stiffness is not None
     words = "explains" if view.stiffness.explained else "does not explain"
@@ -417,7 +417,7 @@ SHEET = (
         name="sheet-map",
         width=PAGE,
         height=lambda view: 70.0,
-        caption=caption_map,
+        caption=_caption_map,
         panels=lambda view: [["map"]],
         draw=draw_map,
         applies=lambda view: view.stiffness is not None,
@@ -434,12 +434,12 @@ SHEET = (
         name="sheet-steps",
         width=PAGE,
         height=lambda view: 110.0,
-        caption=caption_steps,
+        caption=_caption_steps,
         panels=lambda view: [
             list(view.fit.constants.free),
             [f"{name} noise" for name in view.fit.constants.free],
         ],
-        draw=draw_steps,
+        draw=_draw_steps,
     ),
     FigureKind(
         name="sheet-fields",

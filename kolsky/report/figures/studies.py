@@ -45,7 +45,7 @@ MOST_PAIRS = 3
 COLUMN_HEIGHT = 56.0
 
 
-def caption_maps(result: SweepAnalysis) -> str:
+def _caption_maps(result: SweepAnalysis) -> str:
     """Return the caption."""
     names = ", ".join(
         f"{SYMBOLS[key]} ({100.0 * output.error:.2g} %)" for key, output in _interpolated(result).items()
@@ -66,7 +66,7 @@ def _pairs(result: SweepAnalysis) -> list[tuple[str, str]]:
     return list(combinations(result.box.names, 2))[:MOST_PAIRS]
 
 
-def draw_maps(result: SweepAnalysis, panels: Panels) -> None:
+def _draw_maps(result: SweepAnalysis, panels: Panels) -> None:
     """Draw a map of each misfit (columns) over each pair of parameters (rows)."""
     for row, pair in enumerate(_pairs(result)):
         for name in _interpolated(result):
@@ -101,7 +101,7 @@ def _map(ax: Axes, result: SweepAnalysis, name: str, first: str, second: str) ->
     ax.set_ylabel(axis_label(second))
 
 
-def caption_effects(result: SweepAnalysis) -> str:
+def _caption_effects(result: SweepAnalysis) -> str:
     """Return the caption."""
     return (
         "Main effects: mean of a misfit over all other parameters (line) and where 80 % of it lie (band), "
@@ -109,7 +109,7 @@ def caption_effects(result: SweepAnalysis) -> str:
     )
 
 
-def draw_effects(result: SweepAnalysis, panels: Panels) -> None:
+def _draw_effects(result: SweepAnalysis, panels: Panels) -> None:
     """Draw one row per misfit and one column per parameter."""
     shown = _interpolated(result)
     for name, output in shown.items():
@@ -134,7 +134,7 @@ def draw_effects(result: SweepAnalysis, panels: Panels) -> None:
 INDEX_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
 
 
-def caption_indices(result: SweepAnalysis) -> str:
+def _caption_indices(result: SweepAnalysis) -> str:
     """Return the caption."""
     return (
         "Share of each misfit’s variance over the box that a parameter causes, by itself or with others "
@@ -142,7 +142,7 @@ def caption_indices(result: SweepAnalysis) -> str:
     )
 
 
-def draw_indices(result: SweepAnalysis, panels: Panels) -> None:
+def _draw_indices(result: SweepAnalysis, panels: Panels) -> None:
     """Draw groups of bars."""
     found, ax = result.indices, panels["indices"]
     assert found is not None  # `applies` says so
@@ -173,11 +173,11 @@ SWEEP: tuple[FigureKind[SweepAnalysis], ...] = (
         name="sweep-maps",
         width=PAGE,
         height=lambda result: COLUMN_HEIGHT * len(_pairs(result)),
-        caption=caption_maps,
+        caption=_caption_maps,
         panels=lambda result: [
             [f"{name} {row}" for name in _interpolated(result)] for row in range(len(_pairs(result)))
         ],
-        draw=draw_maps,
+        draw=_draw_maps,
         applies=lambda result: (
             bool(_interpolated(result)) and result.box.dimension > 1 and result.best is not None
         ),
@@ -186,11 +186,11 @@ SWEEP: tuple[FigureKind[SweepAnalysis], ...] = (
         name="sweep-effects",
         width=PAGE,
         height=lambda result: 12.0 + 36.0 * len(_interpolated(result)),
-        caption=caption_effects,
+        caption=_caption_effects,
         panels=lambda result: [
             [f"{name} {i}" for i in range(result.box.dimension)] for name in _interpolated(result)
         ],
-        draw=draw_effects,
+        draw=_draw_effects,
         mosaic={"sharey": False},
         applies=lambda result: bool(_interpolated(result)),
     ),
@@ -198,9 +198,9 @@ SWEEP: tuple[FigureKind[SweepAnalysis], ...] = (
         name="sweep-indices",
         width=COLUMN,
         height=lambda result: 62.0,
-        caption=caption_indices,
+        caption=_caption_indices,
         panels=lambda result: [["indices"]],
-        draw=draw_indices,
+        draw=_draw_indices,
         applies=lambda result: result.indices is not None,
     ),
 )
@@ -210,7 +210,7 @@ SOBOL_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 WORDS = {"Phi_F": r"$\Phi_F$", "Phi_S": r"$\Phi_S$", "Phi": r"$\Phi$", "peak force": "peak force"}
 
 
-def caption_sobol(result: GlobalSensitivity) -> str:
+def _caption_sobol(result: GlobalSensitivity) -> str:
     """Return the caption."""
     ranges = ", ".join(
         f"{name_of(n).symbol} = {a * name_of(n).factor:.4g} to {b * name_of(n).factor:.4g}"
@@ -226,7 +226,7 @@ def caption_sobol(result: GlobalSensitivity) -> str:
     )
 
 
-def draw_sobol(result: GlobalSensitivity, panels: Panels) -> None:
+def _draw_sobol(result: GlobalSensitivity, panels: Panels) -> None:
     """Draw bars and two histories."""
     _bars(panels["scalars"], result)
     if result.force is not None:
@@ -286,15 +286,15 @@ SOBOL_INDICES: tuple[FigureKind[GlobalSensitivity], ...] = (
         name="sensitivity",
         width=PAGE,
         height=lambda result: 58.0,
-        caption=caption_sobol,
+        caption=_caption_sobol,
         panels=_panels,
-        draw=draw_sobol,
+        draw=_draw_sobol,
         applies=lambda result: result.scalars is not None,
     ),
 )
 
 
-def caption_poisson(result: Trends) -> str:
+def _caption_poisson(result: Trends) -> str:
     """Return the caption."""
     return (
         "Shape misfit Φ_S, Eq. (M.3), and time steps of a run, over those at ν = 0.49, against Poisson’s "
@@ -303,7 +303,7 @@ def caption_poisson(result: Trends) -> str:
     )
 
 
-def draw_poisson(result: Trends, panels: Panels) -> None:
+def _draw_poisson(result: Trends, panels: Panels) -> None:
     """Draw two lines over one axis."""
     ax, runs = panels["all"], result.poisson
     distance = 0.5 - runs.x
@@ -326,7 +326,7 @@ def draw_poisson(result: Trends, panels: Panels) -> None:
 DAMPING_COLOURS = ("#56B4E9", "#0072B2", "#E69F00", "#D55E00", "#CC79A7")
 
 
-def caption_damping(result: Trends) -> str:
+def _caption_damping(result: Trends) -> str:
     """Return the caption."""
     return (
         f"Effect of the damping β on the simulated transmitted force at m = {result.stiffness:g}, beside the "
@@ -334,7 +334,7 @@ def caption_damping(result: Trends) -> str:
     )
 
 
-def draw_damping(result: Trends, panels: Panels) -> None:
+def _draw_damping(result: Trends, panels: Panels) -> None:
     """Draw all forces, and their beginning."""
     forces = result.damping
     time = MS * forces.time
@@ -353,7 +353,7 @@ def draw_damping(result: Trends, panels: Panels) -> None:
     panels["begin"].set_ylim(low - 0.3 * (high - low), high + 0.5 * (high - low))
 
 
-def caption_friction(result: Trends) -> str:
+def _caption_friction(result: Trends) -> str:
     """Return the caption."""
     return (
         "Effect of friction and stiffness on (a) Φ_F, Eq. (M.4), and (b) Φ_S, Eq. (M.3): radial basis "
@@ -363,7 +363,7 @@ def caption_friction(result: Trends) -> str:
     )
 
 
-def draw_friction(result: Trends, panels: Panels) -> None:
+def _draw_friction(result: Trends, panels: Panels) -> None:
     """Draw both misfits."""
     plane = result.plane
     _surface(panels["force"], plane, plane.surface_force, plane.phi_force, r"Force misfit $\Phi_F$ (N)")
@@ -419,25 +419,25 @@ TREND_FIGURES: tuple[FigureKind[Trends], ...] = (
         name="trend-poisson",
         width=COLUMN,
         height=lambda result: 62.0,
-        caption=caption_poisson,
+        caption=_caption_poisson,
         panels=lambda result: [["all"]],
-        draw=draw_poisson,
+        draw=_draw_poisson,
     ),
     FigureKind(
         name="trend-damping",
         width=PAGE,
         height=lambda result: 68.0,
-        caption=caption_damping,
+        caption=_caption_damping,
         panels=lambda result: [["whole", "begin"]],
-        draw=draw_damping,
+        draw=_draw_damping,
     ),
     FigureKind(
         name="trend-friction",
         width=PAGE,
         height=lambda result: 68.0,
-        caption=caption_friction,
+        caption=_caption_friction,
         panels=lambda result: [["force", "shape"]],
-        draw=draw_friction,
+        draw=_draw_friction,
     ),
     FigureKind(
         name="trend-stiffness",
@@ -456,13 +456,13 @@ SOURCE_HEIGHT = 5.2
 """Height of a source [mm]."""
 
 
-def ordered_sources(result: Budget) -> list[Source]:
+def _ordered_sources(result: Budget) -> list[Source]:
     """Return the sources whose uncertainty is known, the largest first."""
     known = [source for source in result.sources if np.isfinite(source.u)]
     return sorted(known, key=lambda source: -source.u)[:MOST_SOURCES]
 
 
-def caption_budget(result: Budget) -> str:
+def _caption_budget(result: Budget) -> str:
     """Return the caption."""
     low, _ = result.u_together_interval
     drawn = (
@@ -477,9 +477,9 @@ def caption_budget(result: Budget) -> str:
     )
 
 
-def draw_budget(result: Budget, panels: Panels) -> None:
+def _draw_budget(result: Budget, panels: Panels) -> None:
     """Draw a bar a source."""
-    ax, sources, factor = panels["bars"], ordered_sources(result), 2.0 * name_of(result.parameter).factor
+    ax, sources, factor = panels["bars"], _ordered_sources(result), 2.0 * name_of(result.parameter).factor
     place = np.arange(len(sources))[::-1]
     widths = [factor * source.u for source in sources]
     colours = [GREY if source.factor.shared else SHAPE for source in sources]
@@ -517,10 +517,10 @@ BUDGET: tuple[FigureKind[Budget], ...] = (
     FigureKind(
         name="budget",
         width=PAGE,
-        height=lambda result: 18.0 + SOURCE_HEIGHT * max(3, len(ordered_sources(result))),
-        caption=caption_budget,
+        height=lambda result: 18.0 + SOURCE_HEIGHT * max(3, len(_ordered_sources(result))),
+        caption=_caption_budget,
         panels=lambda result: [["bars"]],
-        draw=draw_budget,
-        applies=lambda result: bool(ordered_sources(result)),
+        draw=_draw_budget,
+        applies=lambda result: bool(_ordered_sources(result)),
     ),
 )

@@ -23,7 +23,7 @@ from kolsky.report.figures.base import (
 from kolsky.report.picture_views import SurfaceView
 
 
-def caption_kymograph(view: SurfaceView) -> str:
+def _caption_kymograph(view: SurfaceView) -> str:
     """Return the caption."""
     return (
         "Kymograph of the outline (x = 0). (a) Its column in the pictures of camera 0 through time, and the "
@@ -32,7 +32,7 @@ def caption_kymograph(view: SurfaceView) -> str:
     )
 
 
-def draw_kymograph(view: SurfaceView, panels: Panels) -> None:
+def _draw_kymograph(view: SurfaceView, panels: Panels) -> None:
     """Draw the column of all pictures, and the radius over height and time."""
     result, body = view.result, view.result.specimen
     time = MS * result.t
@@ -90,7 +90,7 @@ def draw_kymograph(view: SurfaceView, panels: Panels) -> None:
     label_panel(ax, "b")
 
 
-def caption_flyer(view: SurfaceView) -> str:
+def _caption_flyer(view: SurfaceView) -> str:
     """Return the caption."""
     return (
         "Flyer. (a) Displacement toward the specimen, and (b) its difference quotients from frame to "
@@ -98,7 +98,7 @@ def caption_flyer(view: SurfaceView) -> str:
     )
 
 
-def draw_flyer(view: SurfaceView, panels: Panels) -> None:
+def _draw_flyer(view: SurfaceView, panels: Panels) -> None:
     """Draw displacement, difference quotients and sigma."""
     result, travel = view.result, view.result.axial_displacement
     assert travel is not None  # `applies`
@@ -151,7 +151,7 @@ COVERAGE = 2.0
 """Half width of the bands in standard uncertainties."""
 
 
-def caption_flight(shown: FlightOfSpecimen) -> str:
+def _caption_flight(shown: FlightOfSpecimen) -> str:
     """Return the caption."""
     text = (
         "(a) Nominal strain of the specimen and its rate, from the flyer's path. (b) Angle between the "
@@ -161,7 +161,7 @@ def caption_flight(shown: FlightOfSpecimen) -> str:
     return text if shown.end is None else f"{text} Dotted: symmetry ends."
 
 
-def draw_flight(shown: FlightOfSpecimen, panels: Panels) -> None:
+def _draw_flight(shown: FlightOfSpecimen, panels: Panels) -> None:
     """Draw strain and rate, the angle, the tilt."""
     t, path = shown.time, shown.flight.toward
     ms = MS * t
@@ -224,27 +224,27 @@ FLIGHT: FigureKind[FlightOfSpecimen] = FigureKind(
     name="flight",
     width=COLUMN,
     height=lambda shown: 130.0,
-    caption=caption_flight,
+    caption=_caption_flight,
     panels=lambda shown: [["motion"], ["angle"], ["tilt"]],
-    draw=draw_flight,
+    draw=_draw_flight,
 )
 FIGURES: tuple[FigureKind[SurfaceView], ...] = (
     FigureKind(
         name="kymograph",
         width=PAGE,
         height=lambda view: 68.0,
-        caption=caption_kymograph,
+        caption=_caption_kymograph,
         panels=lambda view: [["picture", "radius"]],
-        draw=draw_kymograph,
+        draw=_draw_kymograph,
         applies=lambda view: view.result.centre.Z.size > 0 and view.kymograph.size > 0,
     ),
     FigureKind(
         name="flyer",
         width=COLUMN,
         height=lambda view: 105.0,
-        caption=caption_flyer,
+        caption=_caption_flyer,
         panels=lambda view: [["displacement"], ["velocity"], ["sigma"]],
-        draw=draw_flyer,
+        draw=_draw_flyer,
         mosaic={"sharex": True, "height_ratios": [1.2, 1.2, 0.7]},
         applies=lambda view: (
             view.result.axial_displacement is not None and view.result.axial_displacement.t.size > 2

@@ -36,12 +36,12 @@ from kolsky.report.picture_views import FullFieldView, SurfaceView
 LOST_COLOUR = "#CC79A7"
 
 
-def panels_of(view: SurfaceView) -> list[list[str]]:
+def _panels_of(view: SurfaceView) -> list[list[str]]:
     """Return one panel per picture."""
     return [[f"frame {k}" for k in range(max(len(view.pictures), 1))]]
 
 
-def height_of(view: SurfaceView) -> float:
+def _height_of(view: SurfaceView) -> float:
     """Return the height of a row of pictures with the legend below it [mm]."""
     if not view.pictures:
         return 30.0
@@ -80,7 +80,7 @@ def marker(view: SurfaceView) -> float:
     return float(np.clip(0.72 * step * width / columns, 0.5, 4.0))
 
 
-def last_places(view: SurfaceView, frame: int) -> FloatArray:
+def _last_places(view: SurfaceView, frame: int) -> FloatArray:
     """Return the last places in camera 0 of the points that are lost in a frame [px], shape [n, 2]."""
     body = view.result.specimen
     lost = np.flatnonzero(~body.surface.valid[frame])
@@ -89,7 +89,7 @@ def last_places(view: SurfaceView, frame: int) -> FloatArray:
     return np.asarray(body.pixels[0][last, lost][seen.any(axis=0)])
 
 
-def caption_sigma(view: SurfaceView) -> str:
+def _caption_sigma(view: SurfaceView) -> str:
     """Return the caption."""
     return (
         "Camera 0 at some times, with the valid points of the specimen coloured by the larger of both "
@@ -98,7 +98,7 @@ def caption_sigma(view: SurfaceView) -> str:
     )
 
 
-def draw_sigma(view: SurfaceView, panels: Panels) -> None:
+def _draw_sigma(view: SurfaceView, panels: Panels) -> None:
     """Draw the pictures, the points and one colour bar."""
     body = view.result.specimen
     drawn = frames_in(view, panels)
@@ -122,7 +122,7 @@ def draw_sigma(view: SurfaceView, panels: Panels) -> None:
             cmap="plasma",
             lw=0.0,
         )
-        lost = last_places(view, frame)
+        lost = _last_places(view, frame)
         ax.plot(*lost.T, "x", color=LOST_COLOUR, ms=size, mew=0.5, clip_on=True)
     figure = drawn[0][1].figure
     bar = figure.colorbar(  # type: ignore[union-attr]
@@ -140,7 +140,7 @@ EPIPOLAR_COLOURS = (SHAPE, FORCE, MODEL)
 """Colours below, between and above the steps."""
 
 
-def caption_epipolar(view: SurfaceView) -> str:
+def _caption_epipolar(view: SurfaceView) -> str:
     """Return the caption."""
     body = view.result.specimen
     size = np.abs(body.epipolar[body.surface.valid])
@@ -154,7 +154,7 @@ def caption_epipolar(view: SurfaceView) -> str:
     )
 
 
-def draw_epipolar(view: SurfaceView, panels: Panels) -> None:
+def _draw_epipolar(view: SurfaceView, panels: Panels) -> None:
     """Draw the pictures, the points and one legend."""
     body, size = view.result.specimen, marker(view)
     drawn = frames_in(view, panels)
@@ -164,7 +164,7 @@ def draw_epipolar(view: SurfaceView, panels: Panels) -> None:
         places = body.pixels[0][frame, valid]
         for number, colour in enumerate(EPIPOLAR_COLOURS):
             ax.plot(*places[kind == number].T, "o", color=colour, ms=size, mew=0.0)
-        ax.plot(*last_places(view, frame).T, "x", color=LOST_COLOUR, ms=size, mew=0.5)
+        ax.plot(*_last_places(view, frame).T, "x", color=LOST_COLOUR, ms=size, mew=0.5)
     names = (
         f"below {EPIPOLAR_STEPS[0]:g} px",
         f"{EPIPOLAR_STEPS[0]:g} to {EPIPOLAR_STEPS[1]:g} px",
@@ -195,12 +195,12 @@ OUTCOME_COLOURS = {
 }
 
 
-def outcome_words(outcome: PointOutcome | FrameOutcome) -> str:
+def _outcome_words(outcome: PointOutcome | FrameOutcome) -> str:
     """Return an outcome in words, e.g. "low correlation"."""
     return outcome.name.lower().replace("_", " ")
 
 
-def caption_lost(view: SurfaceView) -> str:
+def _caption_lost(view: SurfaceView) -> str:
     """Return the caption."""
     return (
         "(a) Share of the frames in which each point of the specimen was found, at its place in the first "
@@ -209,7 +209,7 @@ def caption_lost(view: SurfaceView) -> str:
     )
 
 
-def draw_lost(view: SurfaceView, panels: Panels) -> None:
+def _draw_lost(view: SurfaceView, panels: Panels) -> None:
     """Draw the map and the history."""
     body, result = view.result.specimen, view.result
     ax = panels["map"]
@@ -251,7 +251,7 @@ def draw_lost(view: SurfaceView, panels: Panels) -> None:
             baseline=bottom,
             fill=True,
             color=colour,
-            label=outcome_words(outcome),
+            label=_outcome_words(outcome),
             lw=0.0,
         )
         bottom += count
@@ -272,28 +272,28 @@ SURFACE_POINTS: tuple[FigureKind[SurfaceView], ...] = (
     FigureKind(
         name="overlay-sigma",
         width=PAGE,
-        height=height_of,
-        caption=caption_sigma,
-        panels=panels_of,
-        draw=draw_sigma,
+        height=_height_of,
+        caption=_caption_sigma,
+        panels=_panels_of,
+        draw=_draw_sigma,
         applies=lambda view: bool(view.pictures),
     ),
     FigureKind(
         name="overlay-epipolar",
         width=PAGE,
-        height=height_of,
-        caption=caption_epipolar,
-        panels=panels_of,
-        draw=draw_epipolar,
+        height=_height_of,
+        caption=_caption_epipolar,
+        panels=_panels_of,
+        draw=_draw_epipolar,
         applies=lambda view: bool(view.pictures),
     ),
     FigureKind(
         name="lost-points",
         width=PAGE,
         height=lambda view: 62.0,
-        caption=caption_lost,
+        caption=_caption_lost,
         panels=lambda view: [["map", "history"]],
-        draw=draw_lost,
+        draw=_draw_lost,
         mosaic={"width_ratios": [1.0, 1.35]},
     ),
 )
@@ -308,7 +308,7 @@ def _cameras(view: SurfaceView) -> list[tuple[int, Speckles]]:
     return [(camera, found) for camera, found in enumerate(view.speckles) if found is not None]
 
 
-def caption_overlay(view: SurfaceView) -> str:
+def _caption_overlay(view: SurfaceView) -> str:
     """Return the caption."""
     quality = _cameras(view)[0][1].quality
     small = any(found.quality.too_small.any() for _, found in _cameras(view))
@@ -324,13 +324,13 @@ def caption_overlay(view: SurfaceView) -> str:
     )
 
 
-def height_of_overlay(view: SurfaceView) -> float:
+def _height_of_overlay(view: SurfaceView) -> float:
     """Height of two pictures with the colour bar below [mm]."""
     rows, columns = _cameras(view)[0][1].picture.shape
     return float(np.clip(0.36 * PAGE * rows / columns + 22.0, 40.0, 200.0))
 
 
-def draw_overlay(view: SurfaceView, panels: Panels) -> None:
+def _draw_overlay(view: SurfaceView, panels: Panels) -> None:
     """Draw the picture of each camera with its map."""
     shown, drawn = _cameras(view), None
     worst = [
@@ -362,7 +362,7 @@ def draw_overlay(view: SurfaceView, panels: Panels) -> None:
         smooth_bar(bar)
 
 
-def caption_floor(shown: Speckles) -> str:
+def _caption_floor(shown: Speckles) -> str:
     """Return the caption."""
     quality = shown.quality
     text = (
@@ -373,13 +373,13 @@ def caption_floor(shown: Speckles) -> str:
     return text if quality.wanted is None else f"{text} Dotted: the floor asked for."
 
 
-def height_of_floor(shown: Speckles) -> float:
+def _height_of_floor(shown: Speckles) -> float:
     """Height of a row of three panels with the colour bar below [mm]."""
     rows, columns = shown.picture.shape
     return float(np.clip(0.30 * PAGE * rows / columns + 17.0, 40.0, 200.0))
 
 
-def draw_floor(shown: Speckles, panels: Panels) -> None:
+def _draw_floor(shown: Speckles, panels: Panels) -> None:
     """Draw the picture, the map and the distribution."""
     quality, (picture, floor, share) = shown.quality, (panels[name] for name in ("picture", "floor", "share"))
     low, high = np.percentile(shown.picture, [0.5, 99.5])
@@ -419,20 +419,20 @@ SPECKLE_OVERLAY: tuple[FigureKind[SurfaceView], ...] = (
     FigureKind(
         name="speckles",
         width=PAGE,
-        height=height_of_overlay,
-        caption=caption_overlay,
+        height=_height_of_overlay,
+        caption=_caption_overlay,
         panels=lambda view: [[f"camera {camera}" for camera, _ in _cameras(view)]],
-        draw=draw_overlay,
+        draw=_draw_overlay,
         applies=lambda view: bool(_cameras(view)),
     ),
 )
 SPECKLE_FLOOR = FigureKind(
     name="speckle-floor",
     width=PAGE,
-    height=height_of_floor,
-    caption=caption_floor,
+    height=_height_of_floor,
+    caption=_caption_floor,
     panels=lambda shown: [["picture", "floor", "share"]],
-    draw=draw_floor,
+    draw=_draw_floor,
 )
 
 

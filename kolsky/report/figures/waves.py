@@ -50,7 +50,7 @@ def stress_scale(values: np.ndarray) -> tuple[float, str]:
     return scale(values, ((1e-6, "MPa"), (1e-3, "kPa"), (1.0, "Pa")))
 
 
-def caption_waves(result: WavesResult) -> str:
+def _caption_waves(result: WavesResult) -> str:
     """Return the caption."""
     balanced = result.reduction.balanced
     held = (
@@ -67,7 +67,7 @@ def caption_waves(result: WavesResult) -> str:
     )
 
 
-def draw_waves(result: WavesResult, panels: Panels) -> None:
+def _draw_waves(result: WavesResult, panels: Panels) -> None:
     """Draw the four panels."""
     _signals(panels["signals"], result)
     _forces(panels["forces"], panels["imbalance"], result)
@@ -77,7 +77,7 @@ def draw_waves(result: WavesResult, panels: Panels) -> None:
         label_panel(panels[ax], text)
 
 
-def caption_checked(shot: CheckedBars) -> str:
+def _caption_checked(shot: CheckedBars) -> str:
     """Return the caption."""
     return (
         f"Strain at the gauges on the shot’s clock, {shot.load} positive, with the windows of the pulses (by "
@@ -87,7 +87,7 @@ def caption_checked(shot: CheckedBars) -> str:
     )
 
 
-def draw_checked(shot: CheckedBars, panels: Panels) -> None:
+def _draw_checked(shot: CheckedBars, panels: Panels) -> None:
     """Draw the signals with windows, baselines and predicted arrivals."""
     ax = panels["signals"]
     _signals(ax, shot)
@@ -205,7 +205,7 @@ def _curve(ax: Axes, result: WavesResult) -> None:
     ax.legend(loc="best")
 
 
-def caption_bars_together(found: BarsTogether) -> str:
+def _caption_bars_together(found: BarsTogether) -> str:
     """Return the caption."""
     return (
         "Bars together. Top: strain at the transmission gauge, and that of the incident gauge propagated "
@@ -216,7 +216,7 @@ def caption_bars_together(found: BarsTogether) -> str:
     )
 
 
-def draw_bars_together(found: BarsTogether, panels: Panels) -> None:
+def _draw_bars_together(found: BarsTogether, panels: Panels) -> None:
     """Draw both pulses and the residual."""
     top, low = panels["pulse"], panels["residual"]
     time = US * found.time
@@ -230,7 +230,7 @@ def draw_bars_together(found: BarsTogether, panels: Panels) -> None:
     low.set(xlabel="Time (µs)", ylabel="Difference (µm/m)")
 
 
-def caption_repeats(mean: RepeatedTests) -> str:
+def _caption_repeats(mean: RepeatedTests) -> str:
     """Return the caption."""
     return (
         f"Nominal stress against nominal strain of {mean.repeats.count} tests (grey), their mean and its 95 "
@@ -238,7 +238,7 @@ def caption_repeats(mean: RepeatedTests) -> str:
     )
 
 
-def draw_repeats(mean: RepeatedTests, panels: Panels) -> None:
+def _draw_repeats(mean: RepeatedTests, panels: Panels) -> None:
     """Draw the tests, the mean and the band."""
     ax, together = panels["curve"], mean.repeats
     factor, unit = stress_scale(together.mean)
@@ -256,14 +256,14 @@ REDUCTION: tuple[FigureKind[WavesResult], ...] = (
         name="waves",
         width=PAGE,
         height=lambda result: 130.0,
-        caption=caption_waves,
+        caption=_caption_waves,
         panels=lambda result: [
             ["signals", "forces"],
             ["signals", "imbalance"],
             ["strain", "curve"],
             ["rate", "curve"],
         ],
-        draw=draw_waves,
+        draw=_draw_waves,
         mosaic={"height_ratios": [1.5, 1.0, 1.25, 1.25]},
     ),
 )
@@ -271,30 +271,30 @@ BARS_TOGETHER = FigureKind(
     name="bars-together",
     width=COLUMN,
     height=lambda found: 80.0,
-    caption=caption_bars_together,
+    caption=_caption_bars_together,
     panels=lambda found: [["pulse"], ["residual"]],
-    draw=draw_bars_together,
+    draw=_draw_bars_together,
     mosaic={"sharex": True, "height_ratios": [2.0, 1.0]},
 )
 CHECKED_BARS = FigureKind(
     name="checked-bars",
     width=PAGE,
     height=lambda shot: 75.0,
-    caption=caption_checked,
+    caption=_caption_checked,
     panels=lambda shot: [["signals"]],
-    draw=draw_checked,
+    draw=_draw_checked,
 )
 REPEATED_TESTS = FigureKind(
     name="repeats",
     width=COLUMN,
     height=lambda mean: 70.0,
-    caption=caption_repeats,
+    caption=_caption_repeats,
     panels=lambda mean: [["curve"]],
-    draw=draw_repeats,
+    draw=_draw_repeats,
 )
 
 
-def caption_flyer_test(result: FlyerResult) -> str:
+def _caption_flyer_test(result: FlyerResult) -> str:
     """Return the caption."""
     valid = "no time span is known to be valid for a classical curve"
     if result.valid is not None:
@@ -309,7 +309,7 @@ def caption_flyer_test(result: FlyerResult) -> str:
     )
 
 
-def draw_flyer_test(result: FlyerResult, panels: Panels) -> None:
+def _draw_flyer_test(result: FlyerResult, panels: Panels) -> None:
     """Draw the four panels."""
     _flyer_signals(panels["signals"], result)
     _flyer_forces(panels["forces"], panels["shares"], result)
@@ -401,14 +401,14 @@ FLYER_TEST: tuple[FigureKind[FlyerResult], ...] = (
         name="flyer-test",
         width=PAGE,
         height=lambda result: 130.0,
-        caption=caption_flyer_test,
+        caption=_caption_flyer_test,
         panels=lambda result: [
             ["signals", "forces"],
             ["signals", "shares"],
             ["strain", "curve"],
             ["rate", "curve"],
         ],
-        draw=draw_flyer_test,
+        draw=_draw_flyer_test,
         mosaic={"height_ratios": [1.5, 1.0, 1.25, 1.25]},
     ),
 )

@@ -40,7 +40,7 @@ def _degrees(value: float) -> str:
 
 def tables(view: ActuatorView) -> list[dict[str, Any]]:
     """Tables of the page: of each the caption, the heads and the rows."""
-    return [bends(view), contacts(view), marker_rows(view), stiffness(view), inversions(view), loops(view)]
+    return [bends(view), contacts(view), _marker_rows(view), stiffness(view), inversions(view), loops(view)]
 
 
 def bends(view: ActuatorView) -> dict[str, Any]:
@@ -90,7 +90,7 @@ def contacts(view: ActuatorView) -> dict[str, Any]:
     return {"caption": "Contact of neighbouring chambers", "head": heads, "rows": rows}
 
 
-def marker_rows(view: ActuatorView) -> dict[str, Any]:
+def _marker_rows(view: ActuatorView) -> dict[str, Any]:
     """Root mean square distance of the markers, as Table 4 of the paper."""
     rows = [
         _row(

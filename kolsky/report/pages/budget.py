@@ -16,10 +16,7 @@ from kolsky.studies.budget.records import Budget, Campaign
 def write_page(path: Path, results: Sequence[Budget], campaign: Campaign | None) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    Raises OSError if the file cannot be written; an older one is then unchanged.
     """
     write_html(path, render(results, campaign))
 

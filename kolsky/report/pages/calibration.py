@@ -13,19 +13,9 @@ from kolsky.results import numbers as plain_text
 def write_page(path: Path, name: str, found: Calibration) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
-    Parameters
-    ----------
-    path : Path
-        The file, replaced atomically if it exists; its folder must exist.
-    name : str
-        Name of the calibration.
-    found : Calibration
-        The result.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    ``path``: the file, replaced atomically if it exists; its folder must exist. ``name``: name of the
+    calibration. ``found``: the result. Raises OSError if the file cannot be written; an older one is then
+    unchanged.
     """
     write_html(path, render(name, found))
 

@@ -16,17 +16,8 @@ PAGE = "check.html"
 def write_page(path: Path, shot: ShotBase | CheckedBars) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
-    Parameters
-    ----------
-    path
-        The file, replaced atomically if it exists; its folder must exist.
-    shot
-        The shot as it was loaded.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    ``path``: the file, replaced atomically if it exists; its folder must exist. ``shot``: the shot as it was
+    loaded. Raises OSError if the file cannot be written; an older one is then unchanged.
     """
     write_html(path, render(shot))
 

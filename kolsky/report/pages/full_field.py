@@ -29,14 +29,8 @@ KINDS = {
 def write_page(path: Path, shown: FullFieldView, inputs: Mapping[str, str]) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
-    Parameters
-    ----------
-    path : Path
-        The file, replaced atomically if it exists; its folder must exist.
-    shown : FullFieldView
-        The result with a picture.
-    inputs : mapping
-        SHA-256 of every file that was read, by name.
+    ``path``: the file, replaced atomically if it exists; its folder must exist. ``shown``: the result with a
+    picture. ``inputs``: SHA-256 of every file that was read, by name.
     """
     write_html(path, render(shown, inputs))
 

@@ -256,13 +256,7 @@ _MOST_CAUSES = 5
 
 
 def cause_table(result: Identification) -> dict[str, Any]:
-    """Rows of the likely causes and of the next ones, and what no table can show.
-
-    Parameters
-    ----------
-    result
-        In SI: a cause has units of its own.
-    """
+    """Rows of the likely causes and of the next ones, and what no table can show."""
     named = [c for c in result.causes if c.named]
     others = [c for c in result.causes if not c.named and c.value == c.value]
     return {
@@ -316,12 +310,8 @@ _DIGITS = {"time": 5, "length": 4, "residual": 1, "force": 4}
 def instrument(result: Identification, recordings: ShotRecordings | None) -> Markup:
     """The numbers as JSON that may stand inside a page.
 
-    Parameters
-    ----------
-    result
-        The identification, in SI.
-    recordings
-        Recordings of the shot; their pictures are shown if there are any.
+    ``result``: the identification, in SI. ``recordings``: recordings of the shot; their pictures are shown if
+    there are any.
     """
     text = json.dumps(instrument_numbers(result, recordings), allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026"))  # no end of a script inside it

@@ -15,10 +15,7 @@ from kolsky.results.nomenclature import name_of
 def write_page(path: Path, found: JointResult) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    Raises OSError if the file cannot be written; an older one is then unchanged.
     """
     write_html(path, render(found))
 

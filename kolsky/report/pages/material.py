@@ -14,10 +14,7 @@ from kolsky.results import numbers
 def write_page(path: Path, comparison: Comparison, hashes: dict[str, str], remarks: list[str]) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    Raises OSError if the file cannot be written; an older one is then unchanged.
     """
     write_html(path, render(comparison, hashes, remarks))
 

@@ -25,10 +25,7 @@ WORDS = {
 def write_page(path: Path, found: Prediction, scan: Scan | None = None, aim: Aim | None = None) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    Raises OSError if the file cannot be written; an older one is then unchanged.
     """
     write_html(path, render(found, scan, aim))
 

@@ -17,15 +17,7 @@ from kolsky.studies.rates.scatter import Criterion, Slope, SlopeVerdict
 
 
 def _group_tables(group: GroupRates, *, several: bool) -> dict[str, Any]:
-    """Return all tables of a group as the template takes them.
-
-    Parameters
-    ----------
-    group
-        Shots with their pooled mean and slope.
-    several
-        Write the group's name into the captions, because the page has more than one.
-    """
+    """Return all tables of a group as the template takes them."""
     leverage: dict[str, float] = {}
     if group.slope is not None and group.slope.fit is not None:
         pairs = zip(group.counted, group.slope.fit.leverage.tolist(), strict=True)
@@ -255,10 +247,7 @@ def _scatter(group: GroupRates) -> list[dict[str, str]]:
 def write_page(path: Path, report: RateReport) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    Raises OSError if the file cannot be written; an older one is then unchanged.
     """
     write_html(path, render(report))
 

@@ -13,10 +13,7 @@ from kolsky.studies.rate_dependence import SlowDynamics
 def write_page(path: Path, found: SlowDynamics, hashes: dict[str, str]) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    Raises OSError if the file cannot be written; an older one is then unchanged.
     """
     write_html(path, render(found, hashes))
 

@@ -86,12 +86,8 @@ def draw_figures(
 ) -> list[dict[str, Any]]:
     """Draw the figures of one group, see `draw_groups`.
 
-    Parameters
-    ----------
-    kinds, shown, captioned
-        As of `FigureGroup`.
-    first, processes, mark
-        As of `draw_groups`.
+    ``kinds``, ``shown``, ``captioned``: as of `FigureGroup`. ``first``, ``processes``, ``mark``: as of
+    `draw_groups`.
     """
     group = FigureGroup(kinds, shown, captioned)
     return draw_groups([group], first=first, processes=processes, mark=mark)
@@ -110,18 +106,10 @@ def draw_groups(
     The last is begun first: pages end with pictures of the mesh, which take longest, and processes that draw
     side by side end together if what they do last is short.
 
-    Parameters
-    ----------
-    groups
-        Groups of figures in the order of the page.
-    first
-        Number of the first figure.
-    processes
-        Processes that draw; see `dic.processes.run_parallel`.
-    mark
-        Beside the names of the figures in their ids, where a page has a figure of one name several times.
-    ahead
-        Gives the pictures, by the figures' names, that `inline_svg` draws elsewhere.
+    ``groups``: groups of figures in the order of the page. ``first``: number of the first figure.
+    ``processes``: processes that draw; see `dic.processes.run_parallel`. ``mark``: beside the names of the
+    figures in their ids, where a page has a figure of one name several times. ``ahead``: gives the pictures,
+    by the figures' names, that `inline_svg` draws elsewhere.
     """
     ahead = ahead or {}
     figures = [(kind, group) for group in groups for kind in group.kinds if kind.applies(group.about)]
@@ -159,20 +147,10 @@ def render_page(
 ) -> str:
     """Return a page as HTML text.
 
-    Parameters
-    ----------
-    template
-        A file of this folder that extends `base.html`.
-    kind
-        Line above the heading: the sort of page.
-    heading
-        Heading, mostly the name of a shot; a long one is shortened.
-    subject
-        Text after the heading in the title of the window.
-    using
-        Templates with filters of their own; those of `environment` if left out.
-    context
-        All other variables of the template.
+    ``template``: a file of this folder that extends `base.html`. ``kind``: line above the heading: the sort
+    of page. ``heading``: heading, mostly the name of a shot; a long one is shortened. ``subject``: text after
+    the heading in the title of the window. ``using``: templates with filters of their own; those of
+    `environment` if left out. ``context``: all other variables of the template.
     """
     css = Markup((_HERE / "page.css").read_text(encoding="utf-8"))
     found = (using or environment()).get_template(template)
@@ -198,10 +176,7 @@ def digest(text: str) -> Markup:
 def write_html(path: Path, html: str) -> None:
     """Write a page as a single file; an older one is replaced when the new one is complete.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    Raises OSError if the file cannot be written; an older one is then unchanged.
     """
     with replacing(Path(path)) as partial:
         # Names of files can contain bytes that are no text; they are written as escapes.

@@ -47,7 +47,7 @@ def render(shown: SpecimenView | SheetView, inputs: Mapping[str, str]) -> str:
     )
 
 
-def shown_value(spec: ConstantSpec, value: float | None) -> str:
+def _shown_value(spec: ConstantSpec, value: float | None) -> str:
     """A constant as text, moduli in kPa."""
     if value is None or not np.isfinite(value):
         return numbers.NOTHING
@@ -59,12 +59,12 @@ def constant_rows(view: SpecimenView) -> list[dict[str, Any]]:
     rows = []
     for found in view.fits:
         for spec, one in zip(found.constants.free_specs, found.intervals.estimates, strict=True):
-            ends = f"{shown_value(spec, one.low)} to {shown_value(spec, one.high)}"
+            ends = f"{_shown_value(spec, one.low)} to {_shown_value(spec, one.high)}"
             rows.append(
                 {
                     "fit": found.name,
                     "name": one.name,
-                    "value": shown_value(spec, one.value),
+                    "value": _shown_value(spec, one.value),
                     "interval": ends if one.sigma is not None else numbers.NOTHING,
                     "verdict": one.verdict.value,
                     "ok": one.verdict is ConstantVerdict.IDENTIFIED,
@@ -81,11 +81,11 @@ def sheet_rows(view: SheetView) -> list[dict[str, Any]]:
         {
             "fit": "all steps",
             "name": spec.name,
-            "value": shown_value(spec, float(value)),
+            "value": _shown_value(spec, float(value)),
             "interval": numbers.NOTHING
             if held
-            else f"{shown_value(spec, float(value - 1.96 * sigma))} to "
-            f"{shown_value(spec, float(value + 1.96 * sigma))}",
+            else f"{_shown_value(spec, float(value - 1.96 * sigma))} to "
+            f"{_shown_value(spec, float(value + 1.96 * sigma))}",
             "verdict": "at its bound" if held else words,
             "ok": found.adequate and not held,
         }

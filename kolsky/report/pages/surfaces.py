@@ -48,23 +48,11 @@ def write_page(
 ) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
-    Parameters
-    ----------
-    path : Path
-        The file, replaced atomically if it exists; its folder must exist.
-    shown : SurfaceView
-        The result with some pictures.
-    inputs : mapping
-        SHA-256 of every file that was read, by name.
-    processes : int
-        Processes that draw; see `dic.processes.run_parallel`.
-    ahead : mapping
-        Figures drawn elsewhere, as of `kolsky.report.pages.rendering.draw_groups`.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    ``path``: the file, replaced atomically if it exists; its folder must exist. ``shown``: the result with
+    some pictures. ``inputs``: SHA-256 of every file that was read, by name. ``processes``: processes that
+    draw; see `dic.processes.run_parallel`. ``ahead``: figures drawn elsewhere, as of
+    `kolsky.report.pages.rendering.draw_groups`. Raises OSError if the file cannot be written; an older one is
+    then unchanged.
     """
     write_html(path, render(shown, inputs, processes=processes, ahead=ahead))
 

@@ -23,10 +23,7 @@ WORDS = {"Phi_F": "Φ_F", "Phi_S": "Φ_S", "Phi": "Φ"}
 def write_page(path: Path, result: SweepAnalysis, *, warnings: Sequence[str] = ()) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    Raises OSError if the file cannot be written; an older one is then unchanged.
     """
     write_html(path, render(result, warnings))
 

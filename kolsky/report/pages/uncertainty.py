@@ -115,10 +115,7 @@ def changes(result: Identification) -> list[str]:
 
     Each sentence is a part of the result, scaled; nothing else is advised.
 
-    Parameters
-    ----------
-    result
-        In display units, see `kolsky.results.display`.
+    ``result``: in display units, see `kolsky.results.display`.
     """
     said = [line for estimate in result.estimates.values() for line in _halved(result, estimate)]
     return [*said, *_others_known(result), *_curve(result), *_undeclared(result)]

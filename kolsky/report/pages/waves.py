@@ -16,10 +16,7 @@ SHOWN = {"Pa": (1e-6, "MPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/V": (1e6, 
 def write_page(path: Path, result: ReducedTest) -> None:
     """Write the page as a single HTML file without scripts or outside resources.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    Raises OSError if the file cannot be written; an older one is then unchanged.
     """
     write_html(path, render(result))
 

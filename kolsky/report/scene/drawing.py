@@ -85,26 +85,20 @@ class CannotRender(RuntimeError):
 def offscreen_pyvista() -> Any:
     """Return PyVista, checked to render into memory.
 
-    Raises
-    ------
-    CannotRender
-        If PyVista is not installed, or VTK finds neither a display nor EGL nor OSMesa.
+    Raises CannotRender if PyVista is not installed, or VTK finds neither a display nor EGL nor OSMesa.
     """
     require_pyvista()
     if not renders():
         raise CannotRender(
             "VTK finds neither a display nor EGL nor OSMesa to draw with; install one (Debian: libegl1)"
         )
-    return silent_pyvista()
+    return _silent_pyvista()
 
 
 def require_pyvista() -> None:
     """Refuse if PyVista is not installed.
 
-    Raises
-    ------
-    CannotRender
-        If it is not; the message says how to get it.
+    Raises CannotRender if it is not; the message says how to get it.
     """
     try:
         import pyvista  # noqa: F401
@@ -112,7 +106,7 @@ def require_pyvista() -> None:
         raise CannotRender("pictures of the scene need PyVista: pip install 'kolsky[scene]'") from None
 
 
-def silent_pyvista() -> Any:
+def _silent_pyvista() -> Any:
     """Return PyVista with the messages of VTK about displays switched off."""
     import pyvista
     from vtkmodules.vtkCommonCore import vtkLogger

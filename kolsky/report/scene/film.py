@@ -24,25 +24,11 @@ def write_film(
 ) -> Path:
     """Write the deformation as a film.
 
-    Parameters
-    ----------
-    path
-        File to write; its suffix gives the format, one of `FILMS`.
-    scene
-        Simulation to show.
-    every
-        Take one picture in this many, the first included.
-    rate
-        Frame rate of the film [1/s].
-    progress
-        Called with 1 after each picture.
-
-    Raises
-    ------
-    ValueError
-        If the format is unknown, or `every` or `rate` is not positive.
-    ImportError
-        If the package that writes films is not installed; the message says how to get it.
+    ``path``: file to write; its suffix gives the format, one of `FILMS`. ``scene``: simulation to show.
+    ``every``: take one picture in this many, the first included. ``rate``: frame rate of the film [1/s].
+    ``progress``: called with 1 after each picture. Raises ValueError if the format is unknown, or `every` or
+    `rate` is not positive. Raises ImportError if the package that writes films is not installed; the message
+    says how to get it.
     """
     path = Path(path)
     kind = path.suffix.lstrip(".").lower()
@@ -62,10 +48,7 @@ def write_film(
 def write_stills(folder: Path, scene: Scene, count: int = 6) -> list[Path]:
     """Write `count` pictures at equal intervals of time as PNG files and return their paths.
 
-    Raises
-    ------
-    ValueError
-        If `count` is below 1.
+    Raises ValueError if `count` is below 1.
     """
     if count < 1:
         raise ValueError(f"count must be at least 1, got {count}")
@@ -90,10 +73,7 @@ def evenly_spaced(n: int, count: int) -> Sequence[int]:
 def writer_for(kind: str) -> Callable[[Path, float], Any]:
     """Return the function that opens a film for writing.
 
-    Raises
-    ------
-    ImportError
-        If imageio, or for "mp4" imageio-ffmpeg, is not installed.
+    Raises ImportError if imageio, or for "mp4" imageio-ffmpeg, is not installed.
     """
     try:
         import imageio.v2 as imageio

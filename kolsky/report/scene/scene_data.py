@@ -233,13 +233,7 @@ def scene_of(
 
 
 def _simulated_frames(result: ShowsCheckRun) -> tuple[explicit.Mesh, NDArray[np.bool_]]:
-    """The mesh of the check run, and which of its times it reached.
-
-    Raises
-    ------
-    SceneDataMissing
-        If the result lacks the nodes or the specimen's size.
-    """
+    """The mesh of the check run, and which of its times it reached."""
     if result.response.nodes is None:
         raise SceneDataMissing("the result kept no nodes of its check run")
     mesh = _mesh(result)
@@ -344,17 +338,7 @@ def platens(radius: float, top: float) -> tuple[Surface, Surface]:
 
 
 def _revolved(line: FloatArray, angles: FloatArray, values: FloatArray | None = None) -> Surface:
-    """Surface of revolution of a line (r, y) [m], shape [n, 2]; angle 0 is toward the cameras, then x < 0.
-
-    Parameters
-    ----------
-    line
-        Radii and heights [m], shape [n, 2].
-    angles
-        Angles about the axis [rad].
-    values
-        A field along the line, shape [n], if any.
-    """
+    """Surface of revolution of a line (r, y) [m], shape [n, 2]; angle 0 is toward the cameras, then x < 0."""
     n = len(line)
     r, y = line.T
     x, Z = -np.sin(angles)[:, None] * r, np.cos(angles)[:, None] * r

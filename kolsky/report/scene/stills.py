@@ -56,10 +56,7 @@ LIGHT = (EYE + 0.35 * UP - 0.35 * RIGHT) / np.linalg.norm(EYE + 0.35 * UP - 0.35
 def scene_of_stills(result: ShowsCheckRun) -> Scene:
     """Scene at the times of the stills.
 
-    Raises
-    ------
-    SceneDataMissing
-        If the result lacks its data, see `kolsky.report.scene.scene_data.has_scene`.
+    Raises SceneDataMissing if the result lacks its data, see `kolsky.report.scene.scene_data.has_scene`.
     """
     return scene_of(result, chosen=lambda n: evenly_spaced(n, COUNT))
 
@@ -67,14 +64,7 @@ def scene_of_stills(result: ShowsCheckRun) -> Scene:
 def draw_still(ax: Axes, scene: Scene, k: int) -> None:
     """Draw the scene at one of its times into axes, lengths in the picture [m].
 
-    Parameters
-    ----------
-    ax
-        Axes without frame.
-    scene
-        What to draw.
-    k
-        Index into ``scene.times``.
+    ``ax``: axes without frame. ``scene``: what to draw. ``k``: index into ``scene.times``.
     """
     kind = FIELDS[scene.field]
     radius = float(scene.nodes[..., 0].max())

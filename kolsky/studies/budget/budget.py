@@ -127,23 +127,7 @@ def analysed(
     column: int,
     draws: int,
 ) -> Budget:
-    """The budget of one parameter.
-
-    Parameters
-    ----------
-    name, parameter, truth
-        Of the test; the parameter; its true value.
-    factors
-        Sources of error.
-    points
-        As `design` gives them, shape [n, k + 1].
-    runs
-        One a point; their results are the re-fits' estimates, then the whole searches'.
-    column
-        Of the parameter in either.
-    draws
-        Draws of the noise alone.
-    """
+    """The budget of one parameter."""
     near, whole = np.array([run.results.reshape(2, -1)[:, column] for run in runs]).T
     counted = np.array([run.completed for run in runs])
     values = np.where(counted, np.where(np.isfinite(near), near, whole), np.nan)

@@ -85,15 +85,9 @@ class Factor:
 def factors_of(sizes: Mapping[str, Any]) -> tuple[Factor, ...]:
     """Factors from their keys and written-out standard uncertainties, the noise first.
 
-    Parameters
-    ----------
-    sizes
-        Dotted key -> what the specification would have there: a text with a unit, or a plain number.
-
-    Raises
-    ------
-    ValueError
-        If a key is none of the specification's, or a size is none of its dimension, or not above 0.
+    ``sizes``: dotted key -> what the specification would have there: a text with a unit, or a plain number.
+    Raises ValueError if a key is none of the specification's, or a size is none of its dimension, or not
+    above 0.
     """
     found = [Factor(NOISE, 1.0)]
     for key, written in sizes.items():
@@ -130,14 +124,8 @@ def slopes_of(factors: tuple[Factor, ...], alone: list[Run], columns: int) -> Fl
 
     Zero for the noise, and where a node gave no answer.
 
-    Parameters
-    ----------
-    factors
-        Sources of error, length k.
-    alone
-        Runs of `design` from row 1 on.
-    columns
-        Number c of the parameters in a record.
+    ``factors``: sources of error, length k. ``alone``: runs of `design` from row 1 on. ``columns``: number c
+    of the parameters in a record.
     """
     found, at = np.zeros((len(factors), columns)), 1
     for i, factor in enumerate(factors):

@@ -90,13 +90,7 @@ class Estimate:
 
 
 def whole_search(shot: Shot, settings: Settings) -> Estimate:
-    """The optimum of `kolsky.identify`, without its uncertainty from other sources.
-
-    Raises
-    ------
-    ValueError
-        As `kolsky.identify`.
-    """
+    """The optimum of `kolsky.identify`, without its uncertainty from other sources."""
     found = search_shot(prepare_shot(shot), settings, lambda stage, done, total: None)
     names = found.stages.box.names
     return Estimate(

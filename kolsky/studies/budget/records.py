@@ -43,21 +43,9 @@ class JointShares:
 def shares_of_squares(u: FloatArray, drawn: int, values: FloatArray, *, seed: int = 1) -> FloatArray:
     """Intervals of shares u_i^2 / sum u^2 of which one u is a standard deviation of a few values.
 
-    Parameters
-    ----------
-    u
-        Standard uncertainties; NaN ones have no part, shape [k].
-    drawn
-        Which of them is the standard deviation of `values`.
-    values
-        The draws, shape [n].
-    seed
-        Of the bootstrap.
-
-    Returns
-    -------
-    FloatArray
-        95 % intervals, NaN where u is, shape [k, 2].
+    ``u``: standard uncertainties; NaN ones have no part, shape [k]. ``drawn``: which of them is the standard
+    deviation of `values`. ``values``: the draws, shape [n]. ``seed``: of the bootstrap. Returns: 95 %
+    intervals, NaN where u is, shape [k, 2].
     """
     rng = np.random.default_rng(seed)
     again = values[rng.integers(len(values), size=(RESAMPLES, len(values)))].var(axis=1, ddof=1)
@@ -75,19 +63,8 @@ def shares_of_squares(u: FloatArray, drawn: int, values: FloatArray, *, seed: in
 def joint_shares(z: FloatArray, values: FloatArray, *, seed: int = 1) -> JointShares | None:
     """Shares of sources in the variance of draws of all of them at once, Eq. (E.12).
 
-    Parameters
-    ----------
-    z
-        Errors in standard uncertainties, shape [n, p].
-    values
-        The answers, shape [n].
-    seed
-        Of the bootstrap.
-
-    Returns
-    -------
-    JointShares or None
-        None for fewer than p + 1 + `SPARE` draws, or if the sources cannot be told apart.
+    ``z``: errors in standard uncertainties, shape [n, p]. ``values``: the answers, shape [n]. ``seed``: of
+    the bootstrap. Returns: None for fewer than p + 1 + `SPARE` draws, or if the sources cannot be told apart.
     """
     n, p = z.shape
     left = n - p - 1
@@ -242,10 +219,7 @@ class Campaign:
 def shot_sigma(budget: Budget, scatter: float) -> float:
     """Standard deviation of one shot about the line: its own sources, and the specimens' scatter [-].
 
-    Raises
-    ------
-    ValueError
-        If a source of each shot alone has no uncertainty, since its realisations failed.
+    Raises ValueError if a source of each shot alone has no uncertainty, since its realisations failed.
     """
     own = [source for source in budget.sources if not source.factor.shared]
     unknown = [source.factor.words for source in own if np.isnan(source.u)]
@@ -270,21 +244,9 @@ def plan_campaign(
 ) -> Campaign:
     """The fewest shots between two rates whose slope is known to a wanted expanded uncertainty.
 
-    Parameters
-    ----------
-    lowest, highest
-        Nominal strain rates [1/s].
-    wanted
-        Expanded uncertainty of the slope per decade, 95 % [-].
-    sigma
-        As `shot_sigma` gives it [-].
-    layout
-        Where the shots are.
-
-    Raises
-    ------
-    ValueError
-        If the rates or the wanted uncertainty cannot be, or more than `MOST_SHOTS` would be needed.
+    ``lowest``, ``highest``: nominal strain rates [1/s]. ``wanted``: expanded uncertainty of the slope per
+    decade, 95 % [-]. ``sigma``: as `shot_sigma` gives it [-]. ``layout``: where the shots are. Raises
+    ValueError if the rates or the wanted uncertainty cannot be, or more than `MOST_SHOTS` would be needed.
     """
     if not 0.0 < lowest < highest < np.inf:
         raise ValueError(f"rates must be > 0 and ascend, got {lowest:g} and {highest:g} 1/s")

@@ -157,12 +157,8 @@ class Information:
 
         If some direction is not seen, no parameter has shares in the estimate of all: then all are NaN.
 
-        Returns
-        -------
-        force
-            [1/s], shape [d, n_bins].
-        outline
-            [1/(m s)], shape [d, n_frames, n_heights]; NaN where nothing is seen.
+        Returns: [1/s], shape [d, n_bins]. Returns: [1/(m s)], shape [d, n_frames, n_heights]; NaN where
+        nothing is seen.
         """
         try:
             shares = self.data.shares_alone if alone else self.data.shares
@@ -199,7 +195,7 @@ def spacing(places: FloatArray) -> float:
     return float(places[-1] - places[0]) / (len(places) - 1)
 
 
-def at_rate(forward: Forward, factor: float) -> Forward:
+def _at_rate(forward: Forward, factor: float) -> Forward:
     """The same test with the flyer's path run through `factor` times as fast."""
     if factor == 1.0:
         return forward
@@ -219,28 +215,15 @@ def information(
 ) -> Information:
     """The information of a planned test about some parameters.
 
-    Parameters
-    ----------
-    forward
-        The shot.
-    instruments
-        What is measured, and how well.
-    names, held, reach, numerics
-        As in `kolsky.studies.local_sensitivity.local_sensitivity`.
-    rate
-        Speed of the flyer over that of the shot, > 0; the path is the same, and the window ends where it
-        would have, so the specimen is compressed as far, only sooner.
-    discrepancy
-        Standard deviations of what the model leaves out of a force bin [N] and an outline point [m], beside
-        the noise.
-
-    Raises
-    ------
-    ValueError
-        If a value is outside its range or a run does not complete.
+    ``forward``: the shot. ``instruments``: what is measured, and how well. ``names``, ``held``, ``reach``,
+    ``numerics``: as in `kolsky.studies.local_sensitivity.local_sensitivity`. ``rate``: speed of the flyer
+    over that of the shot, > 0; the path is the same, and the window ends where it would have, so the specimen
+    is compressed as far, only sooner. ``discrepancy``: standard deviations of what the model leaves out of a
+    force bin [N] and an outline point [m], beside the noise. Raises ValueError if a value is outside its
+    range or a run does not complete.
     """
-    grid = observation_grid(forward, instruments, rate)
-    moved = at_rate(forward, rate)
+    grid = _observation_grid(forward, instruments, rate)
+    moved = _at_rate(forward, rate)
     slopes = local_sensitivity(moved, grid, names, held=held, reach=reach, numerics=numerics)
     gap = forward.shot.specimen.length - moved.paths[0].position(grid.frames)
     seen = (
@@ -273,29 +256,20 @@ def discrepancies(
 ) -> tuple[float, float]:
     """Least discrepancies of the model: its change to a mesh `FINER` times as fine [N], [m].
 
-    Raises
-    ------
-    ValueError
-        If a run does not complete.
+    Raises ValueError if a run does not complete.
     """
     across, along = numerics.mesh
     return mesh_change(
-        at_rate(forward, rate),
-        observation_grid(forward, instruments, rate),
+        _at_rate(forward, rate),
+        _observation_grid(forward, instruments, rate),
         values,
         numerics,
         (round(FINER * across), round(FINER * along)),
     )
 
 
-def observation_grid(forward: Forward, instruments: Instruments, rate: float) -> ObservationGrid:
-    """Bins, times and heights of the map of a test at some rate.
-
-    Raises
-    ------
-    ValueError
-        If the window leaves the flyer's known motion.
-    """
+def _observation_grid(forward: Forward, instruments: Instruments, rate: float) -> ObservationGrid:
+    """Bins, times and heights of the map of a test at some rate."""
     (start, end), path = instruments.window, forward.paths[0]
     if not (path.start <= start and end <= path.end):
         raise ValueError(

@@ -64,15 +64,7 @@ class Rate:
 
 
 def window_ends(found: Information, shares: FloatArray) -> tuple[FloatArray, list[Expected]]:
-    """Expected deviations from the data up to some time, for shares of the window in (0, 1].
-
-    Returns
-    -------
-    times
-        Ends [s], shape [n].
-    expected
-        Length n.
-    """
+    """Expected deviations from the data up to some time, for shares of the window in (0, 1]."""
     edges = found.sensitivity.grid.edges
     times = edges[0] + shares * (edges[-1] - edges[0])
     return times, [Expected.of(found.data.select(found.time <= t)) for t in times]
@@ -112,16 +104,9 @@ def rate_of(
 ) -> Rate:
     """The test at another speed of the flyer, from its information.
 
-    Parameters
-    ----------
-    found
-        Information at that rate.
-    factor
-        Speed over the shot's own.
-    length, travel
-        The specimen's length and the flyer's displacement over the window [m].
-    discrepancy
-        As in `kolsky.studies.planning.information.information`.
+    ``found``: information at that rate. ``factor``: speed over the shot's own. ``length``, ``travel``: the
+    specimen's length and the flyer's displacement over the window [m]. ``discrepancy``: as in
+    `kolsky.studies.planning.information.information`.
     """
     edges = found.sensitivity.grid.edges
     return Rate(

@@ -50,13 +50,10 @@ class Baselines:
     def at(self, baseline: QuasiStatic, strain: float) -> Quantities:
         """The baseline's stress and moduli at a compressive strain, through the law that the solver uses.
 
-        Returns
-        -------
-        dict
-            Nominal stress, secant, tangent and apparent modulus, value and standard uncertainty [Pa]; at zero
-            strain the tangent modulus alone. The apparent modulus is Eq. (M.9), 3 stress / (lambda^-2 -
-            lambda). The uncertainty is the scatter of curves drawn from the noise of the curve's points: the
-            tangent is known less well than the stress.
+        Returns: nominal stress, secant, tangent and apparent modulus, value and standard uncertainty [Pa]; at
+        zero strain the tangent modulus alone. The apparent modulus is Eq. (M.9), 3 stress / (lambda^-2 -
+        lambda). The uncertainty is the scatter of curves drawn from the noise of the curve's points: the
+        tangent is known less well than the stress.
         """
         drawn = [_quantities(law, strain) for law in self._of(baseline)]
         return {
@@ -75,23 +72,10 @@ class Baselines:
         return self._laws[baseline.source]
 
 
-def stiffness_at(shots: Sequence[RatedShot], strain: float, baselines: Baselines) -> StiffnessAtStrain | None:
-    """Stress and moduli of the shots that reached a strain; None if there is none, or no curve reaches it.
-
-    Parameters
-    ----------
-    shots
-        Counted shots of one group.
-    strain
-        Nominal compressive strain, 0 to below 1; at 0 there is the tangent modulus alone.
-    baselines
-        The laws of their curves.
-
-    Raises
-    ------
-    ValueError
-        If the strain is outside [0, 1).
-    """
+def _stiffness_at(
+    shots: Sequence[RatedShot], strain: float, baselines: Baselines
+) -> StiffnessAtStrain | None:
+    """Stress and moduli of the shots that reached a strain; None if there is none, or no curve reaches it."""
     if not 0.0 <= strain < 1.0:
         raise ValueError(f"a nominal compressive strain must be in [0, 1), got {strain:g}")
     reached = [s for s in shots if s.history.largest >= strain and baselines.reaches(s.quasi_static, strain)]
@@ -146,14 +130,8 @@ def equal_strain(
     The force is the mean over a bin, interpolated to the time of the strain; the outline is that of the
     nearest frame, and says at which strain it was taken.
 
-    Parameters
-    ----------
-    shots
-        Shots of one group, at least one.
-    strains
-        Nominal compressive strains, each in (0, 1).
-    baselines
-        The laws of their quasi-static curves.
+    ``shots``: shots of one group, at least one. ``strains``: nominal compressive strains, each in (0, 1).
+    ``baselines``: the laws of their quasi-static curves.
     """
     kept = [e for e in strains if e > 0.0 and all(shot.history.largest >= e for shot in shots)]
     if not shots or not kept:
@@ -300,7 +278,7 @@ def _group(
         rates = np.array([shot.history.nominal_rate for shot in counted])
         spreads = np.array([shot.history.sigma_decades for shot in counted])
         fitted = slope(rates, spreads, m, own, common=rows)
-    table = [stiffness_at(counted, strain, laws) for strain in (0.0, *strains)]
+    table = [_stiffness_at(counted, strain, laws) for strain in (0.0, *strains)]
     stiffness = tuple(row for row in table if row is not None)
     return GroupRates(
         name=name,

@@ -309,10 +309,7 @@ def write_hdf5(path: Path, report: RateReport) -> None:
 
     Stress-strain and outline data of the shots stay in their own results.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
+    Raises OSError if the file cannot be written; an older one is then unchanged.
     """
     with writing(path, FORMAT) as place:
         about = {"grouped_by": report.grouped_by, "shared_relative_uncertainty": report.shared}

@@ -77,10 +77,7 @@ def group_key(files: list[TomlFile], wanted: str | None) -> str:
 def group_of(file: TomlFile, key: str) -> str:
     """The value of a dotted key in a shot file.
 
-    Raises
-    ------
-    InputError
-        If the shot file has no such key, or it is a table.
+    Raises InputError if the shot file has no such key, or it is a table.
     """
     if not key:
         return ALL
@@ -117,22 +114,10 @@ def collected_shot(
 ) -> RatedShot:
     """One shot with its rate and its result.
 
-    Parameters
-    ----------
-    shot
-        The shot's folder, its shot.toml, or that file parsed.
-    group
-        The group it belongs to.
-    identify
-        Makes a result where there is none; without it such a shot is refused.
-    measure
-        As in `kolsky.shot.load.load_shot`.
-
-    Raises
-    ------
-    InputError
-        If the shot cannot be loaded, has no result, or its result is of other files or has no stiffness
-        factor.
+    ``shot``: the shot's folder, its shot.toml, or that file parsed. ``group``: the group it belongs to.
+    ``identify``: makes a result where there is none; without it such a shot is refused. ``measure``: as in
+    `kolsky.shot.load.load_shot`. Raises InputError if the shot cannot be loaded, has no result, or its result
+    is of other files or has no stiffness factor.
     """
     file, declared = declarations(shot)
     place = result_of(file.path)

@@ -72,10 +72,8 @@ class StrainHistory:
 def strain_history(shot: Shot) -> StrainHistory:
     """Strain history of a shot inside its window.
 
-    Raises
-    ------
-    ValueError
-        If the motion cannot be used, or the specimen is not compressed by more than 1 % in the window.
+    Raises ValueError if the motion cannot be used, or the specimen is not compressed by more than 1 % in the
+    window.
     """
     path, sigma_gain = _path(shot.flyer, shot.window[0])
     first, last = max(shot.window[0], path.start), min(shot.window[1], path.end)
@@ -86,24 +84,7 @@ def strain_history(shot: Shot) -> StrainHistory:
 def strain_history_of(
     path: FlyerPath, time: FloatArray, length: float, *, sigma_gain: float = 0.0
 ) -> StrainHistory:
-    """Strain history of a path at given times.
-
-    Parameters
-    ----------
-    path
-        Motion of the front face toward the specimen.
-    time
-        Increasing times [s], shape [n].
-    length
-        The specimen's length before the test [m].
-    sigma_gain
-        Standard uncertainty of the scale of the motion [-].
-
-    Raises
-    ------
-    ValueError
-        If the specimen is not compressed by more than 1 %, or through its length.
-    """
+    """Strain history of a path at given times."""
     strain = (path.position(time) - path.position(time[:1])) / length
     top = int(np.argmax(strain))
     if not ONSET < strain[top] < 1.0:

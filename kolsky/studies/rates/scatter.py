@@ -75,28 +75,7 @@ def mixed_fit(
     common: FloatArray | None = None,
     method: Between = "paule-mandel",
 ) -> MixedFit:
-    """Fit y = X b with the scatter between the values estimated.
-
-    Parameters
-    ----------
-    values
-        y, shape [n].
-    sigma
-        Standard uncertainties s that are independent from value to value, all > 0, shape [n].
-    columns
-        X, shape [n, p] with p < n and of full rank.
-    common
-        Each row one quantity that several values share: by how much each of them moves when it moves by its
-        standard uncertainty, shape [n_shared, n]. It does not enter the weights.
-    method
-        How tau is estimated.
-
-    Raises
-    ------
-    ValueError
-        If shapes disagree, a number is not finite, a sigma is not positive, there are too few values, or the
-        columns do not determine the coefficients.
-    """
+    """Fit y = X b with the scatter between the values estimated."""
     y, s, X = (np.asarray(a, dtype=float) for a in (values, sigma, columns))
     shared = np.zeros((0, y.size)) if common is None else np.asarray(common, dtype=float)
     if X.ndim != 2 or y.shape != s.shape or y.shape != X.shape[:1] or shared.shape[1:] != y.shape:
@@ -320,10 +299,7 @@ class Slope:
     def band(self, log_rates: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The 95 % band of the line, pointwise, at decimal logarithms of rates: low and high, shape [k] both.
 
-        Raises
-        ------
-        ValueError
-            If there is no line.
+        Raises ValueError if there is no line.
         """
         if self.fit is None:
             raise ValueError("there is no line through fewer than three shots, or through one rate")
