@@ -16,8 +16,9 @@ import h5py
 import numpy as np
 
 MASKED_KEYS: dict[str, str] = {
-    "wall times": r"(^|[/ _@])(wall|seconds|elapsed)([/ _(]|$)",
-    "times of each tick of the controller": r"(^|/)(ticks?_time|latency|overrun|late_ticks)",
+    "wall times": r"(^|[/ _@])(seconds|elapsed)([/ _(@]|$)|(wall|processor)[ _](times?|s|median|99|worst)\b"
+    r"|(wall|processor)_(median|99_9|worst)_s$",
+    "ticks of the controller that came late": r"(^|/)late_ticks",
     "versions of packages": r"(^|/)(software|versions?|python|packages)(/|$)",
     "dates": r"(^|[/@])(date|created|file_time|start_time_utc|written)(/|$)",
     "the machine": r"(^|/)(machine|host|hostname|platform|processor|cores)(/|$)",
@@ -29,8 +30,11 @@ MASKED_TEXT: dict[str, tuple[str, str]] = {
     "a wall time as printed": (r"(?<![\w.+-])\d+\.\d s\b", "# s"),
     "a wall time in a line that says so": (r"(?i)^(.*\bwall[ _-]time\b).*$", r"\1 #"),
     "a progress line": (r"^.*\r", ""),
+    "wall times of a controller in a table of a page": (
+        r"(Hz × [\d.]+ s \|) [\d.]+ / [\d.]+ \| [\d.]+ / [\d.]+ \| \d+",
+        r"\1 #",
+    ),
     "a version in a table of a page": (r"^(python|numpy|scipy|h5py|kolsky|warp-lang) \|.*$", r"\1 | #"),
-    "a rate of work": (r"\d+(\.\d+)? (runs|pictures|frames|points|ticks)/s", "# /s"),
 }
 """Rules for texts, line by line: what they mask, the pattern and what stands there instead."""
 

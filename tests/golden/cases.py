@@ -65,6 +65,41 @@ shape = "quadratic"
 """
 """The tables of docs/tutorials/pictures.md, in the place of [flyer] and [centre_line]."""
 
+SOFT = """
+pressures = ["0.3 bar", "0.5 bar"]
+
+[geometry]
+chambers = 2
+wall = "2.5 mm"
+base = "2.5 mm"
+chamber = ["3 mm", "10 mm", "10 mm"]
+gap = "2 mm"
+channel = ["2 mm", "2 mm"]
+inlet = "5 mm"
+cell = "4 mm"
+element = "hex8"
+
+[material]
+law = "neo_hookean"
+constants = { mu = "218 kPa" }
+D1 = "1.150 1/MPa"
+density = "1.02 g/cm^3"
+
+[gravity]
+downward = [0.0, 0.0, -9.81]
+
+[invert]
+angles = ["2 deg"]
+most = "0.76 bar"
+
+[control]
+angles = ["2 deg", "3 deg", "1 deg"]
+hold = "5 s"
+most = "0.76 bar"
+noise = "0.1 deg"
+"""
+"""The actuator of runs/actuator/pneunet.toml with two chambers of linear bricks: seconds, not minutes."""
+
 WITHOUT_EXPORTS = (
     "python -c \"import re, pathlib as p; s = p.Path('runs/open-01/shot.toml').read_text(); "
     "t = re.sub(r'(?ms)^\\[flyer\\].*?(?=^\\[curve\\])', '', s); "
@@ -171,10 +206,13 @@ CASES: tuple[Case, ...] = (
         cheap=False,
     ),
     Case(
-        "actuator-invert",
-        ("runs/actuator",),
-        ("kolsky actuator invert runs/actuator/pneunet.toml --out inverted",),
-        cheap=False,
+        "actuator-loop",
+        (),
+        (
+            "kolsky actuator invert soft.toml --out inverted",
+            "kolsky actuator control soft.toml --out controlled",
+        ),
+        before=(("soft.toml", SOFT),),
     ),
     Case(
         "virtual",

@@ -31,7 +31,7 @@ def _json(path: Path, *, value: float = 1.0, seconds: float = 3.0, version: str 
 
 def _csv(path: Path, *, value: float = 1.0, seconds: float = 3.0, version: str = "1.0") -> Path:
     path.write_text(
-        f"time (s),force (N),wall (s),python\n0.1,{value},{seconds},{version}\n", encoding="utf-8"
+        f"time (s),force (N),wall time (s),python\n0.1,{value},{seconds},{version}\n", encoding="utf-8"
     )
     return path
 
