@@ -207,21 +207,6 @@ class PronySeries:
     def __len__(self) -> int:
         return len(self.times)
 
-    @classmethod
-    def of_instantaneous(cls, shares: ArrayLike, times: ArrayLike) -> "PronySeries":
-        """The series whose shares g_i are of the instantaneous modulus: G(t) = G_0 [1 - sum g_i (1 - e^..)].
-
-        Raises
-        ------
-        ValueError
-            If the shares sum to 1 or more: nothing would be left at long times.
-        """
-        g = np.asarray(shares, dtype=float).ravel()
-        left = 1.0 - g.sum()
-        if not left > 0.0:
-            raise ValueError(f"the shares of the instantaneous modulus must sum to < 1, got {g.sum():g}")
-        return cls(tuple((g / left).tolist()), tuple(np.asarray(times, dtype=float).ravel().tolist()))
-
     @property
     def instantaneous(self) -> float:
         """G_0 / G_inf = 1 + sum c_i [-]."""
