@@ -1,7 +1,6 @@
 """Results of a batch: histories, energy ledger, and the outcome of each simulation.
 
-Arrays are NumPy float64, one row a simulation. A simulation that fails ends with a named cause, its time,
-its
+Arrays are NumPy float64, one row a simulation. A simulation that fails ends with a named cause, its time, its
 element and its cure.
 """
 

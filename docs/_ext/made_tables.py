@@ -4,7 +4,8 @@ A line ``<!-- rooms -->`` of a page becomes the table of the rooms of `kolsky` (
 test of imports reads too), ``<!-- public kolsky -->`` the public names of a package, each with its first
 line, ``<!-- commands kolsky -->`` the commands of the command line,
 ``<!-- parameters kolsky -->`` rows of the parameters of a simulation,
-``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a registry of the solver, ``<!-- causes kolsky -->`` the inputs that are tried as causes of a misfit,
+``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a registry of the solver,
+``<!-- causes kolsky -->`` the inputs that are tried as causes of a misfit,
 ``<!-- wrong NAME -->`` the table of a study of wrong inputs, ``<!-- budget NAME -->`` that of an error
 budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` and ``<!--
 changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->`` shots and their mean,

@@ -6,21 +6,17 @@ invariants has
     tau = 2 W_1 dev b - 2 W_2 dev b^-1,                                                        (L.3)
 
 and in principal stretches dW/dlam_i = 2 lam_i (W_1 + W_2 (I1 - lam_i^2)), with I2 = lam1^2 lam2^2 + lam2^2
-lam3^2
-+ lam3^2 lam1^2. For the stable step its second variation along straight lines F + eps L F has, in the axes
-of b, a
-block for the stretches and one for the shear in the plane:
+lam3^2 + lam3^2 lam1^2. For the stable step its second variation along straight lines F + eps L F has, in the
+axes of b, a block for the stretches and one for the shear in the plane:
 
     N_ij = dtau_i / dln lam_j - tau_i delta_ij,     [G b_2, G b_2 - tau_2; G b_2 - tau_2, G b_1],     (L.8)
 
 with G = (tau_1 - tau_2) / (b_1 - b_2) = 2 (W_1 + b_3 W_2). The bound is the larger of their largest
-eigenvalues
-(Ogden 1984, section 6.1). That of the plane's block is exact; that of N is bounded by the rows of N + c 1
-1^T, c >= 0.
+eigenvalues (Ogden 1984, section 6.1). That of the plane's block is exact; that of N is bounded by the rows of
+N + c 1 1^T, c >= 0.
 
-A law of the stretches (Valanis and Landel 1967) has, with t(b) = lam w'(lam) at b = lam^2 and the
-eigenvalues b_1,
-b_2 in the plane, the stress
+A law of the stretches (Valanis and Landel 1967) has, with t(b) = lam w'(lam) at b = lam^2 and the eigenvalues
+b_1, b_2 in the plane, the stress
 
     (t(b_1) + t(b_2)) / 2 1 + (t(b_1) - t(b_2)) / (b_1 - b_2) (b - (b_1 + b_2) / 2 1),             (L.7)
 
