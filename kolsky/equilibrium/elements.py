@@ -263,13 +263,7 @@ ELEMENTS: dict[str, Element] = {
 
 
 def element(name: str) -> Element:
-    """Look an element up by name.
-
-    Raises
-    ------
-    ValueError
-        If there is no such element; the message lists those there are.
-    """
+    """Look an element up by name; a ValueError lists those there are if it is none."""
     if name not in ELEMENTS:
         raise ValueError(f"kind must be one of {sorted(ELEMENTS)}, got {name!r}")
     return ELEMENTS[name]

@@ -30,6 +30,7 @@ from explicit.materials import LAWS
 from explicit.materials.families import InvariantLaw
 from explicit.materials.laws.mooney_rivlin import MooneyRivlin
 from explicit.precision import PRECISIONS
+from kolsky.bodies.specimen_constants import constants_of
 from kolsky.material.fits.compare import candidates
 from kolsky.material.fits.fit import fit_law
 from kolsky.material.fits.homogeneous import Mode, incompressible_stress
@@ -213,6 +214,15 @@ def test_a_fit_finds_the_constants_of_a_new_law(members: Any) -> None:
     (candidate,) = candidates(["knowles"])
     found = fit_law(candidate.law, [HomogeneousTest("exact", Mode.UNIAXIAL, stretch, stress)])
     np.testing.assert_allclose(list(found.values.values()), law.constants(), rtol=1e-4)  # of an exact curve
+
+
+def test_a_name_means_the_same_constants_in_every_command(members: Any) -> None:
+    """`material fit`, `specimen` and `actuator` take the constants of [law]; Poisson's ratio goes with a body."""
+    for name, law in LAWS.items():
+        (candidate,) = candidates([name])
+        assert (candidate.law, dict(candidate.held)) == (law, {})
+        names = [spec.name for spec in law.PARAMETERS]
+        assert [spec.name for spec in constants_of(name)] == [*names, "poisson"]
 
 
 def test_a_shot_may_name_a_new_law(members: Any) -> None:
