@@ -172,7 +172,7 @@ def eigenvectors(C: mat33):
     """Eigenvectors of a symmetric matrix in columns, by Jacobi's cyclic rotations."""
     V = wp.identity(n=3, dtype=f64)
     D = C
-    sweep = 0
+    sweep = int(0)
     while sweep < SWEEPS:
         for turn in range(3):
             p = wp.where(turn == 2, 1, 0)
@@ -440,7 +440,7 @@ def point_kernel(functions: tuple[Any, Any, Any], kinematics: str, *, mixed: boo
         if wp.static(plane_stress):
             stretch = F[2, 2]
             change = stretch
-            step = 0
+            step = int(0)
             while step < wp.static(THICKNESS_STEPS) and wp.abs(change) > tiny * stretch:
                 F[2, 2] = stretch
                 P33 = stress_of(F, row)

@@ -217,7 +217,7 @@ def test_a_fit_finds_the_constants_of_a_new_law(members: Any) -> None:
 
 
 def test_a_name_means_the_same_constants_in_every_command(members: Any) -> None:
-    """`material fit`, `specimen` and `actuator` take the constants of [law]; Poisson's ratio goes with a body."""
+    """Fits, specimens and actuators take the constants of [law]; a body has Poisson's ratio too."""
     for name, law in LAWS.items():
         (candidate,) = candidates([name])
         assert (candidate.law, dict(candidate.held)) == (law, {})
