@@ -25,8 +25,8 @@ from dic.images.series import PicturesInMemory
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.surfaces import outline, to_surface
 from dic.surfaces.cylinder import SpecimenFrame
-from dic.synthetic.speckles import RenderedCylinder
 from dic.tracking import Tracking
+from tests.helpers.speckle_pictures import RenderedCylinder
 
 QUANTITIES = ("x", "y", "Z", "outline")
 STATES = ("rest", "moved")

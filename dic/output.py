@@ -49,12 +49,8 @@ def reporting_table(result: StereoResult) -> tuple[Row, ...]:
 def geometry(result: StereoResult) -> dict[str, float]:
     """Geometry of the cameras about the specimen.
 
-    Returns
-    -------
-    dict
-        "scale_x", "scale_y": pixels of camera 0 per metre across and along the specimen; "stereo_angle"
-        [rad];
-        "distance" of camera 0 from the surface [m].
+    Returns: "scale_x", "scale_y": pixels of camera 0 per metre across and along the specimen; "stereo_angle"
+    [rad]; "distance" of camera 0 from the surface [m].
     """
     first, second = result.rig.cameras
     frame = result.placement.frame

@@ -224,19 +224,11 @@ class RegisteredEdge:
 class EdgeRegistration:
     """Registration of the edge strip of a body of revolution with its material picture, in any frame.
 
-    Parameters
-    ----------
-    material
-        Pictures of camera 0 and camera 1 at the time when the body's points were chosen, shape
-        [rows, columns] each.
-    mask
-        Pixels of the body in camera 0's picture of that time, shape [rows, columns].
-    rig, frame
-        The cameras and the test frame, about whose y the body is one of revolution.
-    places
-        Points of its surface at translation zero, in the test frame [m], shape [n, 3].
-    move
-        Translation at the time of `material` [m], shape [3].
+    ``material``: pictures of camera 0 and camera 1 at the time when the body's points were chosen, shape
+    [rows, columns] each. ``mask``: pixels of the body in camera 0's picture of that time, shape [rows,
+    columns]. ``rig``, ``frame``: the cameras and the test frame, about whose y the body is one of revolution.
+    ``places``: points of its surface at translation zero, in the test frame [m], shape [n, 3]. ``move``:
+    translation at the time of `material` [m], shape [3].
     """
 
     def __init__(
@@ -267,18 +259,9 @@ class EdgeRegistration:
         """Offset with which each row at the border shows the body; `register` then subtracts it, and accepts
         no strip that looks much less like the body than these frames.
 
-        Parameters
-        ----------
-        known
-            Pairs of pictures, shape [rows, columns] each, with the body's translation in them [m], shape [3].
-
-        Returns
-        -------
-        offset : array
-            Of each camera's rows from the border inward, along y [m], shape [2, `EDGE_ROWS`]; 0 where
-            unknown.
-        sigma : array
-            Its standard deviation, from the scatter of the frames [m], same shape.
+        ``known``: pairs of pictures, shape [rows, columns] each, with the body's translation in them [m],
+        shape [3]. Returns: of each camera's rows from the border inward, along y [m], shape [2, `EDGE_ROWS`];
+        0 where unknown. Returns: its standard deviation, from the scatter of the frames [m], same shape.
         """
         seen = [self._row_offsets(pictures, move) for pictures, move in known]
         self._least = least_zncc([zncc for _, zncc in seen if zncc > 0.0])
@@ -297,19 +280,10 @@ class EdgeRegistration:
     ) -> RegisteredEdge | None:
         """Translation of the body in a pair of pictures.
 
-        Parameters
-        ----------
-        pictures
-            Of camera 0 and camera 1, shape [rows, columns] each.
-        near
-            A translation across the axis (x and Z count) [m], shape [3].
-        tried
-            Translations along the axis to begin with, increasing or decreasing [m], shape [n].
-
-        Returns
-        -------
-        Rim or None
-            None if too few pixels show the body, or no place tried looks like it.
+        ``pictures``: of camera 0 and camera 1, shape [rows, columns] each. ``near``: a translation across the
+        axis (x and Z count) [m], shape [3]. ``tried``: translations along the axis to begin with, increasing
+        or decreasing [m], shape [n]. Returns: None if too few pixels show the body, or no place tried looks
+        like it.
         """
         whole, clear = self._masks
         score = np.array([_zncc_of(self._visible(pictures, near, y, whole)) for y in tried])
@@ -335,16 +309,9 @@ class EdgeRegistration:
     def end_error(self, known: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]) -> float | None:
         """Error with which the row at the region's end shows the body where its translation is known [m].
 
-        Parameters
-        ----------
-        known
-            Pairs of pictures with the body's translation, as `fit_row_offsets`; that row is in view there.
-
-        Returns
-        -------
-        float or None
-            Root mean square, its mean included; None if fewer than `FEWEST_FRAMES` frames show it, or it is
-            more than `LARGEST_EDGE`.
+        ``known``: pairs of pictures with the body's translation, as `fit_row_offsets`; that row is in view
+        there. Returns: root mean square, its mean included; None if fewer than `FEWEST_FRAMES` frames show
+        it, or it is more than `LARGEST_EDGE`.
         """
         end = self._masks[0] & ~self._masks[1]
         steps = []

@@ -355,17 +355,9 @@ SPREAD = 0.4
 def end_arc(picture: FloatArray, edge: float) -> FloatArray | None:
     """Row of a specimen's end in every column.
 
-    Parameters
-    ----------
-    picture
-        Mean picture at rest, the specimen above a bare platen, without its flanks, shape [rows, columns].
-    edge
-        Row at which the specimen ends in the mean of the columns [px].
-
-    Returns
-    -------
-    array or None
-        Shape [columns]; None where too little of the platen is in view, or too few columns.
+    ``picture``: mean picture at rest, the specimen above a bare platen, without its flanks, shape [rows,
+    columns]. ``edge``: row at which the specimen ends in the mean of the columns [px]. Returns: shape
+    [columns]; None where too little of the platen is in view, or too few columns.
     """
     rows, columns = picture.shape
     platen = int(np.ceil(edge)) + RIM_CLEARANCE

@@ -145,12 +145,8 @@ def derivatives(camera: Camera, view: View, R: FloatArray, t: FloatArray) -> tup
 
     The small changes of (C.1) and (C.2) with the pose are left out: they are (r/z)² and s κ/z of what stays.
 
-    Returns
-    -------
-    shared
-        Shape [n, 2, SHARED], in the order of `StereoRig.parameter_names`.
-    pose
-        After a small rotation applied after R, and t, shape [n, 2, 6].
+    Returns: shape [n, 2, SHARED], in the order of `StereoRig.parameter_names`. Returns: after a small
+    rotation applied after R, and t, shape [n, 2, 6].
     """
     n = len(view.points)
     turned = _turned(view.points, R)

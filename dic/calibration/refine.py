@@ -95,19 +95,10 @@ class Refinement:
 def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: FloatArray) -> Refinement:
     """Refine the relative pose from matched points.
 
-    Parameters
-    ----------
-    rig
-        The cameras; their covariance, if it is known, is the prior.
-    pixels0, pixels1
-        The same points in both pictures [px], shape [n, 2].
-    sigma
-        Standard deviations of their epipolar distances [px], shape [n].
-
-    Raises
-    ------
-    ValueError
-        Fewer than `LEAST_POINTS` points, shapes that do not fit, a sigma that is not positive.
+    ``rig``: the cameras; their covariance, if it is known, is the prior. ``pixels0``, ``pixels1``: the same
+    points in both pictures [px], shape [n, 2]. ``sigma``: standard deviations of their epipolar distances
+    [px], shape [n]. Raises ValueError: fewer than `LEAST_POINTS` points, shapes that do not fit, a sigma that
+    is not positive.
     """
     n = len(pixels0)
     if n < LEAST_POINTS or pixels1.shape != pixels0.shape or np.shape(sigma) != (n,):

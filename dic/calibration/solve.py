@@ -134,17 +134,9 @@ def start(
 ) -> tuple[Rig, dict[tuple[int, int], View]]:
     """Cameras, relative pose and the target's poses, and which of its equivalent numberings each view has.
 
-    Parameters
-    ----------
-    sensors
-        Columns and rows of the two cameras' pictures [px].
-    views
-        (pair, camera) -> the view, once in each equivalent numbering.
-
-    Raises
-    ------
-    Undetermined
-        If a camera saw nothing, or no target was seen by both.
+    ``sensors``: columns and rows of the two cameras' pictures [px]. ``views``: (pair, camera) -> the view,
+    once in each equivalent numbering. Raises Undetermined if a camera saw nothing, or no target was seen by
+    both.
     """
     cameras = []
     for camera in (0, 1):

@@ -47,15 +47,8 @@ def detection_begun(series: Sequence[Pictures], targets: Sequence[Target]) -> It
     """Begin to look for a target, in processes beside this one if there are some
     (`dic.processes.background_pool`).
 
-    Parameters
-    ----------
-    series, targets
-        As of `detect_series`.
-
-    Yields
-    ------
-    callable
-        Joins in the work and gives what `detect_series` gives; takes its `progress`.
+    ``series``, ``targets``: as of `detect_series`. Yields: joins in the work and gives what `detect_series`
+    gives; takes its `progress`.
     """
     jobs = [
         (camera, index)
@@ -90,25 +83,10 @@ def detect_series(
 ) -> Views:
     """Points of a target in all pictures of several cameras, as `calibrate` takes them.
 
-    Parameters
-    ----------
-    series
-        Of each camera its pictures.
-    targets
-        As each camera is to look for it.
-    progress
-        Told of the pictures done and their number, as `dic.processes.run_parallel` does.
-
-    Returns
-    -------
-    tuple
-        Of each camera a list, one entry a picture: what was detected, why nothing was, or why the picture
-        cannot be used. It does not depend on the number of threads or processes.
-
-    Raises
-    ------
-    ValueError
-        If a picture is not one grey picture.
+    ``series``: of each camera its pictures. ``targets``: as each camera is to look for it. ``progress``: told
+    of the pictures done and their number, as `dic.processes.run_parallel` does. Returns: of each camera a
+    list, one entry a picture: what was detected, why nothing was, or why the picture cannot be used. It does
+    not depend on the number of threads or processes. Raises ValueError if a picture is not one grey picture.
     """
     with detection_begun(series, targets) as views:
         return views(progress)

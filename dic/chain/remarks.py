@@ -304,26 +304,11 @@ def speckles(
 ) -> Speckles:
     """Judge the speckles between the points that a camera sees of a body at rest.
 
-    Parameters
-    ----------
-    pictures
-        The camera's series.
-    frames
-        Static frames with a usable picture.
-    noise
-        Of its grey values.
-    pixels
-        Where it sees the body's points at rest [px], shape [n, 2]; NaN where it does not. Their convex hull
-        is what is judged.
-    subset
-        Side of the subsets [px].
-    wanted
-        Predicted standard deviation that a subset should reach [px].
-
-    Raises
-    ------
-    ValueError
-        Fewer than three points, not on one line, or no contrast between them.
+    ``pictures``: the camera's series. ``frames``: static frames with a usable picture. ``noise``: of its grey
+    values. ``pixels``: where it sees the body's points at rest [px], shape [n, 2]; NaN where it does not.
+    Their convex hull is what is judged. ``subset``: side of the subsets [px]. ``wanted``: predicted standard
+    deviation that a subset should reach [px]. Raises ValueError: fewer than three points, not on one line, or
+    no contrast between them.
     """
     chosen = list(frames)[:MOST_AVERAGED]
     seen = pixels[np.isfinite(pixels).all(axis=1)]

@@ -430,24 +430,9 @@ def overlap_factor(points: ArrayLike, subset: float, valid: ArrayLike | None = N
     It is the sum of a point's correlations with all others that are valid in the frame. For a mean with
     equal weights the variance then comes out exactly; for slopes a little too large.
 
-    Parameters
-    ----------
-    points
-        Places in the material picture [px], shape [n_points, 2].
-    subset
-        Side of the subsets [px].
-    valid
-        Which points are used together, shape [..., n_points]; None: all.
-
-    Returns
-    -------
-    NDArray
-        Factors >= 1, shape [n_points] or that of `valid`; 1 where not valid.
-
-    Raises
-    ------
-    ValueError
-        If `subset` is not positive.
+    ``points``: places in the material picture [px], shape [n_points, 2]. ``subset``: side of the subsets
+    [px]. ``valid``: which points are used together, shape [..., n_points]; None: all. Returns: factors >= 1,
+    shape [n_points] or that of `valid`; 1 where not valid. Raises ValueError if `subset` is not positive.
     """
     if not subset > 0.0:
         raise ValueError(f"subset must be a positive number of pixels, got {subset}")

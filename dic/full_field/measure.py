@@ -126,19 +126,11 @@ def extension(
     ends, w of the second less w of the first, and n the unit vector between them the sigma is that of
     ``n · Σ g x`` for errors of the points that correlate as their subsets overlap.
 
-    Parameters
-    ----------
-    surface
-        The surface; elongations refer to its reference positions.
-    points
-        Places of its points in the reference picture [px], shape [n_points, 2].
-    extensometer
-        Its ends and window.
-    step, subset
-        Distance of neighbouring points, and side of the subsets [px].
-    reference_sigma
-        Standard deviations of the reference positions, independent of the frames' [m], shape [n_points, 3];
-        None: they are exact.
+    ``surface``: the surface; elongations refer to its reference positions. ``points``: places of its points
+    in the reference picture [px], shape [n_points, 2]. ``extensometer``: its ends and window. ``step``,
+    ``subset``: distance of neighbouring points, and side of the subsets [px]. ``reference_sigma``: standard
+    deviations of the reference positions, independent of the frames' [m], shape [n_points, 3]; None: they are
+    exact.
     """
     near = [_near(points, end, extensometer.window, step) for end in extensometer.ends]
     rows = np.flatnonzero(near[0] | near[1])

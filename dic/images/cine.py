@@ -126,10 +126,8 @@ def read(path: Path) -> CinePictures:
     of the time stamps, from the trigger on; a file without stamps gets them from its frame rate and first
     image number, and one whose stamps are not one a picture none.
 
-    Raises
-    ------
-    PictureError
-        If its headers are cut off or contradict themselves, or it holds compressed or colour pictures.
+    Raises PictureError if its headers are cut off or contradict themselves, or it holds compressed or colour
+    pictures.
     """
     size = path.stat().st_size
     with open(regular(path), "rb") as file:

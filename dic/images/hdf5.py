@@ -69,17 +69,9 @@ def sniff(path: Path, start: bytes) -> bool:
 def read(path: Path, dataset: str | None = None) -> Hdf5Pictures:
     """Open an HDF5 file.
 
-    Parameters
-    ----------
-    path
-        The file.
-    dataset
-        Name of the dataset; without it the file must have just one of three dimensions and whole numbers.
-
-    Raises
-    ------
-    PictureError
-        If the file cannot be read, or has no such dataset or more than one.
+    ``path``: the file. ``dataset``: name of the dataset; without it the file must have just one of three
+    dimensions and whole numbers. Raises PictureError if the file cannot be read, or has no such dataset or
+    more than one.
     """
     import h5py
 

@@ -121,15 +121,8 @@ _SLOPE = np.array([-1.0, -10.0, 0.0, 10.0, 1.0]) / 24.0
 def gradient(picture: NDArray[np.generic]) -> tuple[FloatArray, FloatArray]:
     """Derivatives along x (columns) and y (rows) at the pixel centres [grey/px].
 
-    Parameters
-    ----------
-    picture
-        Grey values, shape [rows, columns].
-
-    Returns
-    -------
-    tuple
-        The two derivatives, each of shape [rows, columns].
+    ``picture``: grey values, shape [rows, columns]. Returns: the two derivatives, each of shape [rows,
+    columns].
     """
     from scipy import ndimage
 

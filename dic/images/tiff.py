@@ -114,10 +114,7 @@ def read(path: Path) -> TiffPictures:
     The grey range is that of the stored numbers, unless the first page states a smaller one: in the
     `MaxSampleValue` tag, or as `SignificantBits` in an OME description.
 
-    Raises
-    ------
-    PictureError
-        If it is not a TIFF of grey pictures, or not even its first page's header is there.
+    Raises PictureError if it is not a TIFF of grey pictures, or not even its first page's header is there.
     """
     import tifffile
 

@@ -1,7 +1,7 @@
 """Two cameras: epipolar geometry, stereo match, triangulation, diagnosis."""
 
 from dic.stereo.epipolar_search import StereoGates, StereoSearch
-from dic.stereo.geometry import Triangulation, epipolar_distance, projection_error, triangulate
+from dic.stereo.geometry import Triangulation, epipolar_distance, triangulate
 from dic.stereo.match import Gate, StereoMatch, match_stereo
 from dic.stereo.reconstruction import Reconstruction, calibration_sigma, calibration_slopes, reconstruct
 
@@ -16,7 +16,6 @@ __all__ = [
     "calibration_slopes",
     "epipolar_distance",
     "match_stereo",
-    "projection_error",
     "reconstruct",
     "triangulate",
 ]

@@ -191,25 +191,10 @@ def synchronisation(
 ) -> Synchronisation:
     """Find by how many frames the two cameras are apart.
 
-    Parameters
-    ----------
-    rig
-        The cameras.
-    pixels0, pixels1
-        The same points in the frames of each camera (x, y) [px], NaN where lost, shapes
-        [n_frames, n_points, 2].
-    farthest
-        Shifts up to this many frames, either way, are tried.
-
-    Returns
-    -------
-    Synchronisation
-        Its `late` means something where it is `decided`.
-
-    Raises
-    ------
-    ValueError
-        Shapes that do not fit, fewer than `farthest` + 3 frames, a lens distortion that cannot be undone.
+    ``rig``: the cameras. ``pixels0``, ``pixels1``: the same points in the frames of each camera (x, y) [px],
+    NaN where lost, shapes [n_frames, n_points, 2]. ``farthest``: shifts up to this many frames, either way,
+    are tried. Returns: its `late` means something where it is `decided`. Raises ValueError: shapes that do
+    not fit, fewer than `farthest` + 3 frames, a lens distortion that cannot be undone.
     """
     if pixels0.shape != pixels1.shape or pixels0.ndim != 3:
         raise ValueError(

@@ -50,10 +50,7 @@ from dic.stereo.geometry import (
 class StereoSearch:
     """Search for initial guesses.
 
-    Raises
-    ------
-    ValueError
-        A value outside its range; the message names it.
+    Raises ValueError: a value outside its range; the message names it.
     """
 
     distances: tuple[float, float] | None = None
@@ -107,10 +104,7 @@ class StereoSearch:
 class StereoGates:
     """Gates that a match must pass; each by itself, none knows another's number.
 
-    Raises
-    ------
-    ValueError
-        A value outside its range; the message names it.
+    Raises ValueError: a value outside its range; the message names it.
     """
 
     sigmas: float = 4.0
@@ -195,14 +189,8 @@ def normals(rig: StereoRig, X: FloatArray, turns: FloatArray) -> FloatArray:
 def gradient(seen: FacetGeometry, distance: FloatArray, normal: FloatArray) -> FloatArray:
     """A: how camera 1's pixel of a facet changes with camera 0's [-], shape [..., 2, 2].
 
-    Parameters
-    ----------
-    seen
-        The facets' geometry.
-    distance
-        Along camera 0's rays [m], shape [...].
-    normal
-        The facets' normals, shape [..., 3]; of any length, not across the ray.
+    ``seen``: the facets' geometry. ``distance``: along camera 0's rays [m], shape [...]. ``normal``: the
+    facets' normals, shape [..., 3]; of any length, not across the ray.
     """
     q = normal / np.sum(normal * seen.d, axis=-1, keepdims=True)
     plane = seen.B - seen.d[..., :, None] * (q[..., None, :] @ seen.B)
@@ -514,30 +502,13 @@ def search(
 ) -> Candidates:
     """The best place of each subset on its epipolar curve, and the second peak.
 
-    Parameters
-    ----------
-    rig
-        The cameras.
-    wanted
-        What to look for.
-    picture1
-        Camera 1's picture, shape [rows, columns].
-    limits
-        Nearest and farthest distance along camera 0's rays [m]; None: the whole curve.
-    turns
-        Turns of the facet that are tried at every place (`facet.normals`) [rad], shape [h, 2].
-    gradients
-        Instead of `turns`: the gradient of camera 1's pixel by camera 0's, one for each point, shape
-        [n, 2, 2], the same all along its curve.
-    device
-        Where the curves are walked, "cpu" or "cuda".
-    threads
-        CPU threads; None: all cores the process may use. A result does not depend on it.
-
-    Returns
-    -------
-    Candidates
-        One row a point.
+    ``rig``: the cameras. ``wanted``: what to look for. ``picture1``: camera 1's picture, shape [rows,
+    columns]. ``limits``: nearest and farthest distance along camera 0's rays [m]; None: the whole curve.
+    ``turns``: turns of the facet that are tried at every place (`facet.normals`) [rad], shape [h, 2].
+    ``gradients``: instead of `turns`: the gradient of camera 1's pixel by camera 0's, one for each point,
+    shape [n, 2, 2], the same all along its curve. ``device``: where the curves are walked, "cpu" or "cuda".
+    ``threads``: CPU threads; None: all cores the process may use. A result does not depend on it. Returns:
+    one row a point.
     """
     n, places = len(wanted.points), wanted.places
     if not n:

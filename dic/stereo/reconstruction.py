@@ -291,23 +291,10 @@ def calibration_slopes(rig: StereoRig, points: FloatArray) -> FloatArray:
 def calibration_sigma(rig: StereoRig, points: FloatArray) -> FloatArray:
     """Standard deviations of positions that the calibration's covariance alone causes, common to all points.
 
-    Parameters
-    ----------
-    rig
-        The cameras, with a covariance.
-    points
-        Positions in the rig's frame, before both cameras [m], shape [..., 3]. The result is smooth over the
-        field and the same in all frames: the places of one frame, or some of them, tell all.
-
-    Returns
-    -------
-    NDArray
-        By component [m], shape [..., 3].
-
-    Raises
-    ------
-    ValueError
-        A rig without a covariance, or one of another size than its parameters.
+    ``rig``: the cameras, with a covariance. ``points``: positions in the rig's frame, before both cameras
+    [m], shape [..., 3]. The result is smooth over the field and the same in all frames: the places of one
+    frame, or some of them, tell all. Returns: by component [m], shape [..., 3]. Raises ValueError: a rig
+    without a covariance, or one of another size than its parameters.
     """
     n = len(rig.parameter_names)
     if rig.covariance is None:

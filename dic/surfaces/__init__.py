@@ -1,8 +1,8 @@
-"""Surfaces in the test frame: cylinder, outline, symmetry, strains, noise floors."""
+"""Surfaces in the test frame: cylinder, outline, strains, noise floors."""
 
 from dic.correlation.subsets import overlap_factor
 from dic.surfaces.cylinder import Cylinder, SpecimenFrame, fit_cylinder, on_cylinder, test_frame
-from dic.surfaces.outline import axisymmetry, outline
+from dic.surfaces.outline import outline
 from dic.surfaces.strains import StrainGauge, StrainOutcome, strains
 from dic.surfaces.surface_history import referenced, static_mean, to_surface
 
@@ -11,7 +11,6 @@ __all__ = [
     "SpecimenFrame",
     "StrainGauge",
     "StrainOutcome",
-    "axisymmetry",
     "fit_cylinder",
     "on_cylinder",
     "outline",

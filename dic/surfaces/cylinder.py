@@ -340,15 +340,8 @@ class SpecimenFrame:
     def sigma(self, x: FloatArray) -> FloatArray:
         """Standard deviation that the frame's own uncertainty adds at points of it, common to all of them.
 
-        Parameters
-        ----------
-        x
-            Points in this frame [m], shape [..., 3].
-
-        Returns
-        -------
-        NDArray
-            Standard uncertainties by component [m], shape [..., 3].
+        ``x``: points in this frame [m], shape [..., 3]. Returns: standard uncertainties by component [m],
+        shape [..., 3].
         """
         x = np.asarray(x, dtype=np.float64)
         J = np.zeros((*x.shape, 6))  # a frame turned by r and shifted by d sees x at x - r × x - d
@@ -373,26 +366,12 @@ def test_frame(
     axis of the direction from the axis to the midpoint between the cameras. The origin lies on the axis
     in the plane y = 0.
 
-    Parameters
-    ----------
-    cylinder
-        Of the undeformed specimen, from points in the rig's frame.
-    rig
-        The cameras the points were measured with.
-    toward_flyer
-        Direction from the transmission side toward the flyer in camera 0's picture (right, down), of
-        any length; (0, -1) is up.
-    zero
-        A point of the plane y = 0, the transmission platen's face, in the rig's frame [m], shape [3];
-        `on_cylinder` finds it from a pixel.
-    zero_sigma
-        Standard uncertainty of its place along the axis [m].
-
-    Raises
-    ------
-    ValueError
-        A direction that the axis does not have in camera 0's picture within 45°, or numbers that are
-        not finite.
+    ``cylinder``: of the undeformed specimen, from points in the rig's frame. ``rig``: the cameras the points
+    were measured with. ``toward_flyer``: direction from the transmission side toward the flyer in camera 0's
+    picture (right, down), of any length; (0, -1) is up. ``zero``: a point of the plane y = 0, the
+    transmission platen's face, in the rig's frame [m], shape [3]; `on_cylinder` finds it from a pixel.
+    ``zero_sigma``: standard uncertainty of its place along the axis [m]. Raises ValueError: a direction that
+    the axis does not have in camera 0's picture within 45°, or numbers that are not finite.
     """
     zero = np.asarray(zero, dtype=np.float64)
     declared = np.asarray(toward_flyer, dtype=np.float64)

@@ -234,29 +234,12 @@ def to_surface(
 ) -> SurfaceHistory:
     """Express reconstructed points in the test frame.
 
-    Parameters
-    ----------
-    reconstruction
-        Points in the rig's frame.
-    frame
-        The test frame.
-    t
-        Times of the frames on the shot's clock [s], shape [n_frames].
-    reference
-        Frames, static ones, whose mean gives the reference positions.
-    points
-        Which points to take, shape [n_points]; None takes all. `referenced` tells which can be taken.
-
-    Returns
-    -------
-    SurfaceHistory
-        With the noise of the matches as sigma; what all points have in common through the frame is
-        `SpecimenFrame.sigma`, and through the calibration the covariance of the rig.
-
-    Raises
-    ------
-    ValueError
-        If a point has no valid position in any reference frame, or shapes do not fit.
+    ``reconstruction``: points in the rig's frame. ``frame``: the test frame. ``t``: times of the frames on
+    the shot's clock [s], shape [n_frames]. ``reference``: frames, static ones, whose mean gives the reference
+    positions. ``points``: which points to take, shape [n_points]; None takes all. `referenced` tells which
+    can be taken. Returns: with the noise of the matches as sigma; what all points have in common through the
+    frame is `SpecimenFrame.sigma`, and through the calibration the covariance of the rig. Raises ValueError
+    if a point has no valid position in any reference frame, or shapes do not fit.
     """
     known = referenced(reconstruction, reference)
     taken = np.ones(known.size, dtype=bool) if points is None else np.asarray(points, dtype=bool)

@@ -208,16 +208,8 @@ def local_variance(picture: Picture, places: FloatArray, side: int) -> FloatArra
 def excess(zncc: FloatArray, variance: FloatArray, noise: Noise, grey: float) -> FloatArray:
     """Excess of the residual's variance over that of the noise, over the latter [-], shape [n].
 
-    Parameters
-    ----------
-    zncc
-        Correlations, shape [n].
-    variance
-        Of the templates' grey values [grey²], shape [n].
-    noise
-        Of the pictures.
-    grey
-        Mean grey value [grey].
+    ``zncc``: correlations, shape [n]. ``variance``: of the templates' grey values [grey²], shape [n].
+    ``noise``: of the pictures. ``grey``: mean grey value [grey].
     """
     expected = noise.floor**2 + noise.gain * grey
     if expected <= 0.0:

@@ -277,10 +277,7 @@ LINE = 16
 def response(prefilter: float) -> FloatArray:
     """Symmetric filter from grey values to coefficients, after a Gaussian of that standard deviation [px].
 
-    Returns
-    -------
-    NDArray
-        Its middle and one side, shape [n]; the sum of both sides and the middle is 1.
+    Returns: its middle and one side, shape [n]; the sum of both sides and the middle is 1.
     """
     impulse = np.zeros(2 * LONGEST + 1)
     impulse[LONGEST] = 1.0

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from speckle_pictures import render, speckle_pattern
 
 from dic.basics import FloatArray
 from dic.bodies import follow
@@ -15,7 +16,6 @@ from dic.correlation import Correlation, Noise
 from dic.images.series import PicturesInMemory
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.processes import allow_forks, can_fork, may_fork, worker_process
-from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import Tracking
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="one core, or no copies of processes here")

@@ -7,6 +7,7 @@ import warp as wp
 from boards import averaged, dots, flat, pose
 from scipy import ndimage
 from scipy.special import ndtr
+from speckle_pictures import render, speckle_pattern
 from threadpoolctl import threadpool_info
 
 from dic import PointOutcome
@@ -24,7 +25,6 @@ from dic.images import PictureError
 from dic.images.series import DecodedPictures, decode_once
 from dic.stereo.diagnose import _median
 from dic.stereo.geometry import inverse, largest_eigenvalue
-from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking.rigid import _in_view, _nothing
 from kolsky.base.process import single_threaded_libraries
 

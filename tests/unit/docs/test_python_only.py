@@ -140,5 +140,4 @@ def test_the_examples_give_the_answers_they_were_made_with(run: dict) -> None:
     constants, curvature = run["rubber"].parameters(), run["curvature"]
     assert np.abs(curvature * constants).max() > 1e-3
     assert curvature @ constants == pytest.approx(0.0, abs=1e-6 * np.abs(curvature * constants).max())
-    assert run["picture"].shape == (64, 64)
     assert run["parts"] is not None
