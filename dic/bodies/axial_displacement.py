@@ -459,10 +459,7 @@ def combine_rest(seen: tuple[float, float], by_end: tuple[float, float]) -> tupl
     By least squares; two that disagree by more than `MOST_APART` standard deviations are not joined, and
     what was seen counts.
 
-    Parameters
-    ----------
-    seen, by_end
-        Place and standard deviation [m].
+    ``seen``, ``by_end``: place and standard deviation [m].
     """
     apart = seen[0] - by_end[0]
     if abs(apart) > MOST_APART * float(np.hypot(seen[1], by_end[1])):

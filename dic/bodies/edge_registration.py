@@ -95,10 +95,7 @@ def _zncc_of(parts: list[VisiblePixels]) -> float:
 def least_zncc(known: Sequence[float]) -> float:
     """Least ZNCC at which a strip is taken for the body.
 
-    Parameters
-    ----------
-    known
-        Those of frames in which its translation is known.
+    ``known``: those of frames in which its translation is known.
     """
     if not known:
         return LEAST_ZNCC

@@ -1,12 +1,10 @@
 """Tracking of bodies by two cameras: points matched between them, tracked in each, reconstructed.
 
-With a GPU, camera 1's points are tracked in a separate process: two threads would share one interpreter
-lock, and for some hundred points Python takes most of the time. That process is forked before the GPU is
-opened and opens it for itself. Both use the same kernels, so the tracks have the same bits.
+The two cameras are tracked side by side: in two processes on a CPU, in two threads on a GPU, which a fork
+cannot use. The tracks have the same bits.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -18,11 +16,10 @@ from dic.basics import BoolArray, FloatArray, IntArray
 from dic.bodies.region import Region, grid_points, polygon_mask
 from dic.camera import StereoRig
 from dic.correlation import Correlation, Noise
-from dic.correlation.kernels.device import open_device, warp_started
 from dic.correlation.subsets import identity
 from dic.images import Pictures
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.processes import PendingResult, WorkerProcess, background, may_fork, run_parallel, worker_process
+from dic.processes import background, run_parallel
 from dic.stereo import Reconstruction, StereoMatch, match_stereo, reconstruct
 from dic.tracking import Track, Tracking, track
 from dic.tracking.matcher import in_material, shares
@@ -182,49 +179,6 @@ def _all_points(fields: dict[str, Any], points: FloatArray, match: StereoMatch) 
     return Track(**{**fields, "points": points, "outcome": outcome})
 
 
-class SecondCamera:
-    """The process that follows camera 1.
-
-    ``pictures``: the series that it has, of camera 0 and camera 1. ``process``: the process.
-    """
-
-    def __init__(self, pictures: tuple[Pictures, Pictures], process: WorkerProcess[list[Track]]) -> None:
-        self._pictures, self._process, self._told = pictures, process, False
-
-    def can_follow(self, bodies: Sequence[MatchedBody]) -> bool:
-        """Whether it has followed nothing yet, and has these bodies' pictures."""
-        return not self._told and all(body.pictures is self._pictures for body in bodies)
-
-    def follow(self, bodies: Sequence[MatchedBody]) -> PendingResult[list[Track]]:
-        """Follow bodies in camera 1, as `dic.bodies.follow.track_body`: one result, once."""
-        self._told = True
-        self._process.tell([{**vars(body), "pictures": None} for body in bodies])
-        return self._process.result
-
-
-@contextmanager
-def second_camera(pictures: tuple[Pictures, Pictures], device: str) -> Iterator[SecondCamera | None]:
-    """Fork the process; it ends with the block.
-
-    ``pictures``: the series of camera 0 and camera 1; best are those that are in memory
-    (`dic.images.series`). ``device``: where pictures are correlated. Yields: None on a CPU, where forks are
-    not allowed (`dic.processes.allow_forks`), and where Warp has begun.
-    """
-    if device == "cpu" or not may_fork() or warp_started():
-        yield None
-        return
-
-    def tracks(told: list[dict[str, Any]]) -> list[Track]:
-        return [track_body(MatchedBody(**{**fields, "pictures": pictures}), 1) for fields in told]
-
-    def work(take: Callable[[], list[dict[str, Any]]]) -> list[Track]:
-        open_device(device)  # while the points are chosen and matched
-        return tracks(take())
-
-    with worker_process(work, lambda told: tracks(told[-1])) as process:
-        yield SecondCamera(pictures, process)
-
-
 Progress = Callable[[str, int, int], None]
 """Called as ``progress(stage, done, total)``."""
 
@@ -298,13 +252,12 @@ def follow_bodies(
     stereo: Correlation,
     *,
     progress: Progress | None = None,
-    second: SecondCamera | None = None,
 ) -> list[TrackedBody]:
     """Follow bodies that were matched, the two cameras side by side.
 
     ``bodies``: the bodies, on one device. ``rig``: the cameras, for pictures with their crop. ``stereo``: how
     they were matched between the cameras. ``progress``: told of the frames done; of those of camera 1 when
-    all are. ``second``: a process that can follow camera 1, see `dic.bodies.follow`.
+    all are.
     """
     told = progress or (lambda stage, done, total: None)
 
@@ -315,14 +268,9 @@ def follow_bodies(
         ]
 
     small = sum(body.size for body in bodies) <= MOST_SENT
-    if small and second is not None and second.can_follow(bodies):
-        later = second.follow(bodies)
+    forked = small and all(body.device == "cpu" for body in bodies)
+    with background(partial(seen_by, 1), fork=None if forked else False) as later:
         tracks = list(zip(seen_by(0), later(), strict=True))
-    else:
-        # a fork cannot use the GPU that this process has opened
-        forked = small and all(body.device == "cpu" for body in bodies)
-        with background(partial(seen_by, 1), fork=None if forked else False) as later:
-            tracks = list(zip(seen_by(0), later(), strict=True))
     for body in bodies:
         told(f"{body.name}, camera 1", len(body.health[1]), len(body.health[1]))
     common = [_common_of(body, stereo, found) for body, found in zip(bodies, tracks, strict=True)]

@@ -10,7 +10,6 @@ from dic.calibration.views import (
     PairOutcome,
     PairView,
     detect,
-    detect_series,
     detection_begun,
 )
 
@@ -28,6 +27,5 @@ __all__ = [
     "Undetermined",
     "calibrate",
     "detect",
-    "detect_series",
     "detection_begun",
 ]

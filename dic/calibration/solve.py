@@ -83,11 +83,6 @@ def misfit(camera: Camera, view: View, pose: Pose) -> float:
     return value if np.isfinite(value) else np.inf
 
 
-def camera_at_origin(camera: Camera) -> Camera:
-    """The camera in its own frame."""
-    return replace(camera, rotation=np.eye(3), translation=np.zeros(3))
-
-
 def focal_start(sensor: tuple[int, int], views: Sequence[View]) -> Camera:
     """A camera without distortion, its principal point in the middle of the picture.
 

@@ -44,11 +44,11 @@ be used."""
 
 @contextmanager
 def detection_begun(series: Sequence[Pictures], targets: Sequence[Target]) -> Iterator[Callable[..., Views]]:
-    """Begin to look for a target, in processes beside this one if there are some
-    (`dic.processes.background_pool`).
+    """Look for a target in all pictures of several cameras (`dic.processes.background_pool`).
 
-    ``series``, ``targets``: as of `detect_series`. Yields: joins in the work and gives what `detect_series`
-    gives; takes its `progress`.
+    ``series``: of each camera its pictures. ``targets``: as each camera is to look for it. Yields: joins in
+    the work and gives the detections as `calibrate` takes them, the same for any number of processes; it can
+    be given a `progress`, see `dic.processes.run_parallel`.
     """
     jobs = [
         (camera, index)
@@ -73,23 +73,6 @@ def detection_begun(series: Sequence[Pictures], targets: Sequence[Target]) -> It
             return found
 
         yield views
-
-
-def detect_series(
-    series: Sequence[Pictures],
-    targets: Sequence[Target],
-    *,
-    progress: Callable[[int, int], None] | None = None,
-) -> Views:
-    """Points of a target in all pictures of several cameras, as `calibrate` takes them.
-
-    ``series``: of each camera its pictures. ``targets``: as each camera is to look for it. ``progress``: told
-    of the pictures done and their number, as `dic.processes.run_parallel` does. Returns: of each camera a
-    list, one entry a picture: what was detected, why nothing was, or why the picture cannot be used. It does
-    not depend on the number of threads or processes. Raises ValueError if a picture is not one grey picture.
-    """
-    with detection_begun(series, targets) as views:
-        return views(progress)
 
 
 class PairOutcome(IntEnum):

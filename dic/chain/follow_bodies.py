@@ -25,7 +25,6 @@ from dic.bodies.edge_registration import rays_on_body
 from dic.bodies.follow import (
     MatchedBody,
     Progress,
-    SecondCamera,
     TrackedBody,
     follow_bodies,
     match_body,
@@ -192,13 +191,10 @@ def match_flyer(inputs: Inputs, region: Region, mask: BoolArray | None = None) -
 
 
 def follow(
-    inputs: Inputs,
-    bodies: Sequence[MatchedBody],
-    progress: Progress | None = None,
-    second: SecondCamera | None = None,
+    inputs: Inputs, bodies: Sequence[MatchedBody], progress: Progress | None = None
 ) -> list[TrackedBody]:
-    """The bodies through both series, camera 1 by a process of its own if there is one."""
-    return follow_bodies(bodies, inputs.rig, inputs.settings.stereo, progress=progress, second=second)
+    """Track the bodies through both series."""
+    return follow_bodies(bodies, inputs.rig, inputs.settings.stereo, progress=progress)
 
 
 def _matched(

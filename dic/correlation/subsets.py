@@ -185,10 +185,7 @@ TOGETHER = 64 * 2**20
 class Noise:
     """Noise of grey values, independent from pixel to pixel: variance = floor² + gain × grey value.
 
-    Raises
-    ------
-    ValueError
-        A number that is negative or not finite.
+    Raises ValueError: a number that is negative or not finite.
     """
 
     floor: float
@@ -240,23 +237,12 @@ class PictureStack:
     ) -> "PictureStack":
         """Smooth pictures, if asked, and turn them into spline coefficients.
 
-        Parameters
-        ----------
-        pictures
-            Grey values, shape [rows, columns] or [n, rows, columns], or pictures of one shape one after the
-            other, of which no more are held than go to the device at a time.
-        noise
-            Standard deviation of a grey value, the same in all pictures or one a picture [grey].
-        prefilter
-            Standard deviation of the Gaussian [px], 0 to 5; that of the `Correlation` used later.
-        device
-            "cpu" or "cuda".
-
-        Raises
-        ------
-        ValueError
-            No picture, pictures of several shapes or smaller than 8 x 8, grey values that are not finite, a
-            noise for another number of pictures, a device that is not there.
+        ``pictures``: grey values, shape [rows, columns] or [n, rows, columns], or pictures of one shape one
+        after the other, of which no more are held than go to the device at a time. ``noise``: standard
+        deviation of a grey value, the same in all pictures or one a picture [grey]. ``prefilter``: standard
+        deviation of the Gaussian [px], 0 to 5; that of the `Correlation` used later. ``device``: "cpu" or
+        "cuda". Raises ValueError: no picture, pictures of several shapes or smaller than 8 x 8, grey values
+        that are not finite, a noise for another number of pictures, a device that is not there.
         """
         if not 0.0 <= prefilter <= 5.0:
             raise ValueError(f"prefilter must be from 0 to 5 px, got {prefilter}")
@@ -310,10 +296,7 @@ class PictureStack:
     def join(cls, stacks: Sequence["PictureStack"]) -> "PictureStack":
         """One stack of the pictures of several, one after the other; the coefficients are shared.
 
-        Raises
-        ------
-        ValueError
-            No stack, or stacks of several shapes, prefilters or devices.
+        Raises ValueError: no stack, or stacks of several shapes, prefilters or devices.
         """
         kinds = {(stack.shape, stack.prefilter, stack.device) for stack in stacks}
         if len(kinds) != 1:
@@ -371,19 +354,8 @@ def overlap_correlation(
     from -1 to 1 over the subset: less than nothing in the corners, so that the errors of neighbours are less
     alike, and opposite farther apart.
 
-    Parameters
-    ----------
-    first, second
-        Places in the material picture [px], shapes [n, 2] and [m, 2].
-    subset
-        Side of the subsets [px].
-    shape
-        Shape function of the match.
-
-    Returns
-    -------
-    NDArray
-        Shape [n, m].
+    ``first``, ``second``: places in the material picture [px], shapes [n, 2] and [m, 2]. ``subset``: side of
+    the subsets [px]. ``shape``: shape function of the match. Returns: shape [n, m].
     """
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     return _alike(a[:, None, :] - b[None, :, :], subset, shape)

@@ -24,7 +24,9 @@ class PictureError(ValueError):
     Its text names file, frame (if it is about one), what is wrong and the cure.
     """
 
-    def __init__(self, path: Path | str, what: str, *, frame: int | None = None, cure: str = "") -> None:
+    def __init__(
+        self, path: Path | str, what: str, *, frame: int | None = None, cure: str = "copy or export it again"
+    ) -> None:
         where = f"{path}" if frame is None else f"{path}, frame {frame}"
         super().__init__(one_line(f"{where}: {what}" + (f"; {cure}" if cure else "")))
         self.path, self.frame, self.what, self.cure = Path(path), frame, what, cure
@@ -155,7 +157,7 @@ def checked_frame(
     if picture.shape != shape:
         size = " x ".join(str(side) for side in picture.shape)
         raise PictureSizeError(
-            path, f"is {size}, the series {shape[0]} x {shape[1]} (rows x columns)", frame=index
+            path, f"is {size}, the series {shape[0]} x {shape[1]} (rows x columns)", frame=index, cure=""
         )
     if picture.dtype not in (np.uint8, np.uint16):
         raise PictureError(

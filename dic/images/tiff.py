@@ -76,7 +76,6 @@ class TiffPictures:
                 self.path,
                 f"the file is cut off, {len(self.offsets)} of {self.n_frames} frames or more are there",
                 frame=index,
-                cure="copy or export it again",
             )
         try:
             picture = _decode(self.path, index, self.offsets[index])
@@ -97,7 +96,6 @@ class TiffPictures:
                 self.path,
                 f"the file has {size} bytes, {max(size - start, 0) // need} of {self.n_frames} frames",
                 frame=index,
-                cure="copy or export it again",
             )
         page = np.memmap(self.path, dtype=dtype, mode="r", offset=start + index * need, shape=self.shape)
         return np.array(page, dtype=dtype.newbyteorder("="))
@@ -120,7 +118,7 @@ def read(path: Path) -> TiffPictures:
 
     offsets, beyond = _chain(path)
     if not offsets:
-        raise PictureError(path, "it is cut off before its first page", cure="copy or export it again")
+        raise PictureError(path, "it is cut off before its first page")
     try:
         with tifffile.TiffFile(path) as file:
             file.filehandle.seek(offsets[0])
@@ -129,9 +127,7 @@ def read(path: Path) -> TiffPictures:
             largest, description = page.tags.valueof(281), page.description
             stack = _stack(file, page, beyond) if len(offsets) == 1 else None
     except Exception as error:  # see TiffPictures.frame
-        raise PictureError(
-            path, f"its first page cannot be read ({error})", cure="copy or export it again"
-        ) from error
+        raise PictureError(path, f"its first page cannot be read ({error})") from error
     if not isinstance(stored, int) or not 8 <= stored <= 16:
         raise PictureError(
             path,
@@ -167,20 +163,14 @@ def _chain(path: Path) -> tuple[tuple[int, ...], int | None]:
             if offset == 0:
                 return tuple(offsets), None if offsets else size
             if offset < first or offset in offsets or len(offsets) >= MOST_FRAMES:
-                raise PictureError(
-                    path,
-                    f"page {len(offsets)} starts at byte {offset}, where none can be",
-                    cure="copy or export it again",
-                )
+                raise PictureError(path, f"page {len(offsets)} starts at byte {offset}, where none can be")
             if offset + struct.calcsize(count) > size:
                 return tuple(offsets), offset
             file.seek(offset)
             (tags,) = struct.unpack(order + count, file.read(struct.calcsize(count)))
             if not 1 <= tags <= _MOST_TAGS:
                 raise PictureError(
-                    path,
-                    f"page {len(offsets)} has {tags} tags, allowed are 1 to {_MOST_TAGS}",
-                    cure="copy or export it again",
+                    path, f"page {len(offsets)} has {tags} tags, allowed are 1 to {_MOST_TAGS}"
                 )
             file.seek(tags * entry, 1)
             raw = file.read(struct.calcsize(link))

@@ -349,32 +349,16 @@ def diagnose(
 ) -> tuple[Finding, ...]:
     """Name what makes the epipolar distances of matched points too large.
 
-    Parameters
-    ----------
-    rig
-        The cameras as they were assumed, cropped.
-    pixels0, pixels1
-        The same points in the frames of each camera (x, y) [px], NaN where lost, shapes
-        [n_frames, n_points, 2]; `Reconstruction.pixels` fits. The matches must not have been chosen by their
-        epipolar distance.
-    tolerance
-        Median magnitude of the epipolar distances that a good calibration stays below [px].
-    farthest
-        Shifts between the frames of the cameras that are tried, either way; the series needs three frames
-        more, and is not examined for them otherwise.
-
-    Returns
-    -------
-    tuple of Finding
-        Empty if nothing is wrong that epipolar distances show. They do not show a motion along the epipolar
-        lines, or the exchange of cameras that are aligned to `tolerance`; an offset along them of some
-        pixels only from `LEAST_FAINT` on (`dic.stereo.diagnose.faint_offset`).
-
-    Raises
-    ------
-    ValueError
-        Shapes that do not fit, fewer than 20 pairs, a tolerance that is not positive, a lens distortion that
-        cannot be undone.
+    ``rig``: the cameras as they were assumed, cropped. ``pixels0``, ``pixels1``: the same points in the
+    frames of each camera (x, y) [px], NaN where lost, shapes [n_frames, n_points, 2]; `Reconstruction.pixels`
+    fits. The matches must not have been chosen by their epipolar distance. ``tolerance``: median magnitude of
+    the epipolar distances that a good calibration stays below [px]. ``farthest``: shifts between the frames
+    of the cameras that are tried, either way; the series needs three frames more, and is not examined for
+    them otherwise. Returns: empty if nothing is wrong that epipolar distances show. They do not show a motion
+    along the epipolar lines, or the exchange of cameras that are aligned to `tolerance`; an offset along them
+    of some pixels only from `LEAST_FAINT` on (`dic.stereo.diagnose.faint_offset`). Raises ValueError: shapes
+    that do not fit, fewer than 20 pairs, a tolerance that is not positive, a lens distortion that cannot be
+    undone.
     """
     if not tolerance > 0.0:
         raise ValueError(f"tolerance must be positive, got {tolerance} px")

@@ -261,17 +261,8 @@ def perturbed(rig: StereoRig, change: FloatArray) -> StereoRig:
 def calibration_slopes(rig: StereoRig, points: FloatArray) -> FloatArray:
     """Derivatives of positions by the rig's parameters at fixed pixels, by central differences.
 
-    Parameters
-    ----------
-    rig
-        The cameras.
-    points
-        Positions in the rig's frame, before both cameras [m], shape [..., 3].
-
-    Returns
-    -------
-    NDArray
-        S, in m per unit of each of `StereoRig.parameter_names`, shape [..., 3, 26].
+    ``rig``: the cameras. ``points``: positions in the rig's frame, before both cameras [m], shape [..., 3].
+    Returns: S, in m per unit of each of `StereoRig.parameter_names`, shape [..., 3, 26].
     """
     points = np.asarray(points, dtype=np.float64)
     pixels = [camera.project(points) for camera in rig.cameras]
@@ -365,22 +356,11 @@ NONE = SharedError(0.0, 1.0, 1.0)
 def shared_error(epipolar: FloatArray, valid: BoolArray, points: FloatArray, *, subset: float) -> SharedError:
     """Find the size, the length and the memory of what the errors of matches have in common.
 
-    Parameters
-    ----------
-    epipolar
-        Signed distances of camera 1's points from the epipolar lines of camera 0's [px], shape [n_frames,
-        n_points].
-    valid
-        Which of them are known, same shape.
-    points
-        Places in the material picture [px], shape [n_points, 2].
-    subset
-        Side of the subsets [px]: points nearer than that, across and along, share their noise.
-
-    Returns
-    -------
-    SharedError
-        `NONE` where too few points were followed, or their distances have nothing in common.
+    ``epipolar``: signed distances of camera 1's points from the epipolar lines of camera 0's [px], shape
+    [n_frames, n_points]. ``valid``: which of them are known, same shape. ``points``: places in the material
+    picture [px], shape [n_points, 2]. ``subset``: side of the subsets [px]: points nearer than that, across
+    and along, share their noise. Returns: `NONE` where too few points were followed, or their distances have
+    nothing in common.
     """
     steady = np.flatnonzero(valid.mean(axis=0) > 0.5)
     steady = steady[:: max(-(-steady.size // MOST_POINTS), 1)]

@@ -180,27 +180,13 @@ def fit_cylinder(
 ) -> Cylinder:
     """Fit a cylinder to points by weighted orthogonal distances.
 
-    Parameters
-    ----------
-    positions
-        Points on the surface [m], shape [n, 3]; any frame.
-    covariance
-        Of the points [m²], shape [n, 3, 3].
-    radius
-        A radius known beforehand [m]; None to leave it free.
-    radius_sigma
-        Its standard uncertainty [m]; 0 holds the radius exactly.
-    overlap
-        Variance factors of points whose subsets overlap, `dic.surfaces.overlap_factor`, shape [n].
-    reject
-        Points farther off than this many sigmas, or this many robust standard deviations if the scatter
-        is larger than the sigmas say, are left out and marked in `Cylinder.used` [-].
-
-    Raises
-    ------
-    ValueError
-        Fewer than 6 points, shapes that do not fit, a number that is not finite or positive, points that
-        lie on a plane rather than a cylinder.
+    ``positions``: points on the surface [m], shape [n, 3]; any frame. ``covariance``: of the points [m²],
+    shape [n, 3, 3]. ``radius``: a radius known beforehand [m]; None to leave it free. ``radius_sigma``: its
+    standard uncertainty [m]; 0 holds the radius exactly. ``overlap``: variance factors of points whose
+    subsets overlap, `dic.surfaces.overlap_factor`, shape [n]. ``reject``: points farther off than this many
+    sigmas, or this many robust standard deviations if the scatter is larger than the sigmas say, are left out
+    and marked in `Cylinder.used` [-]. Raises ValueError: fewer than 6 points, shapes that do not fit, a
+    number that is not finite or positive, points that lie on a plane rather than a cylinder.
     """
     X, C = _checked(positions, covariance, radius, radius_sigma, reject)
     factor = np.ones(len(X)) if overlap is None else np.asarray(overlap, dtype=np.float64)
@@ -405,19 +391,8 @@ test_frame.__test__ = False  # type: ignore[attr-defined]  # a name that test ru
 def on_cylinder(camera: Camera, pixel: ArrayLike, cylinder: Cylinder) -> FloatArray:
     """The point of the cylinder that a camera sees at a pixel [m], in the rig's frame, shape [3].
 
-    Parameters
-    ----------
-    camera
-        One camera of the rig that measured the cylinder.
-    pixel
-        Place in its picture (x, y) [px].
-    cylinder
-        Where the pixel's ray meets it first.
-
-    Raises
-    ------
-    ValueError
-        If the ray passes the cylinder by.
+    ``camera``: one camera of the rig that measured the cylinder. ``pixel``: place in its picture (x, y) [px].
+    ``cylinder``: where the pixel's ray meets it first. Raises ValueError if the ray passes the cylinder by.
     """
     ideal = camera.undistort(np.asarray(pixel, dtype=np.float64))
     ray = camera.rotation.T @ np.array([ideal[0], ideal[1], 1.0])

@@ -45,32 +45,14 @@ def outline(
     subsets which overlap share pixels (`dic.correlation.subsets.overlap_correlation`), so that more columns
     of the same pixels promise nothing.
 
-    Parameters
-    ----------
-    surface
-        The measured surface.
-    points
-        Places of its points in the material picture, on a grid along the axis [px], shape [n_points, 2].
-    half_width
-        Points within this distance of the centre plane in their frame are used [m].
-    subset
-        Side of the subsets in the material picture [px].
-    shape
-        Shape function of the matches, of tracking and stereo that of the higher order.
-    axis_x, axis_Z
-        Where the specimen's axis lies in the surface's frame [m].
-
-    Returns
-    -------
-    CentrePoints
-        Frame by frame, in each frame by increasing y of the rows at rest. `left_out` counts the points
-        that are not valid and whose reference position lies in the strip.
-
-    Raises
-    ------
-    ValueError
-        `half_width` or `subset` not positive, `points` of another shape, or a valid point of the strip
-        that is not on the camera side of the axis.
+    ``surface``: the measured surface. ``points``: places of its points in the material picture, on a grid
+    along the axis [px], shape [n_points, 2]. ``half_width``: points within this distance of the centre plane
+    in their frame are used [m]. ``subset``: side of the subsets in the material picture [px]. ``shape``:
+    shape function of the matches, of tracking and stereo that of the higher order. ``axis_x``, ``axis_Z``:
+    where the specimen's axis lies in the surface's frame [m]. Returns: frame by frame, in each frame by
+    increasing y of the rows at rest. `left_out` counts the points that are not valid and whose reference
+    position lies in the strip. Raises ValueError: `half_width` or `subset` not positive, `points` of another
+    shape, or a valid point of the strip that is not on the camera side of the axis.
     """
     if not (np.isfinite(half_width) and half_width > 0.0 and np.isfinite(subset) and subset > 0.0):
         raise ValueError(
@@ -156,24 +138,11 @@ def departures(
     An axis that lies off to one side adds to one radius what it takes from the other. Rows beside the strip
     are joined by straight lines.
 
-    Parameters
-    ----------
-    surface
-        The measured surface; its axis is that of its frame.
-    points
-        Places of its points in the material picture, on a grid along the axis [px], shape [n_points, 2].
-    line
-        The outline.
-    half_width
-        Half width of the strip that it is from [m].
-
-    Returns
-    -------
-    departure : array
-        Of each row of the outline [m], shape [n]; NaN where the surface beside it is not known.
-    sigma : array
-        Its standard deviation [m], shape [n]: points of a row beside the strip share their pixels and are
-        counted as one.
+    ``surface``: the measured surface; its axis is that of its frame. ``points``: places of its points in the
+    material picture, on a grid along the axis [px], shape [n_points, 2]. ``line``: the outline.
+    ``half_width``: half width of the strip that it is from [m]. Returns: of each row of the outline [m],
+    shape [n]; NaN where the surface beside it is not known. Returns: its standard deviation [m], shape [n]:
+    points of a row beside the strip share their pixels and are counted as one.
     """
     row = rows_of(surface, points)
     position = surface.position
@@ -217,10 +186,7 @@ def beyond_noise(departure: FloatArray, sigma: FloatArray) -> FloatArray:
     It is the departures, smaller by so much that their mean square over their variances is what noise leaves
     of it: its own 1 is taken off. 0 where none is known, and everywhere if they are no larger than noise.
 
-    Parameters
-    ----------
-    departure, sigma
-        As `departures` gives them [m], shape [n].
+    ``departure``, ``sigma``: as `departures` gives them [m], shape [n].
     """
     known = np.isfinite(departure)
     if not known.any():

@@ -96,11 +96,6 @@ class StrainHistory:
         with np.errstate(divide="ignore"):
             return angle, np.sqrt(variance) / (c[..., 0] - c[..., 1])
 
-    @property
-    def area_ratio(self) -> FloatArray:
-        """Area of the surface over its area at rest [-], shape [n_frames, n_points]."""
-        return np.sqrt(np.linalg.det(self._C()))
-
     def _C(self) -> FloatArray:
         return np.asarray(np.swapaxes(self.F, -1, -2) @ self.F)
 

@@ -353,14 +353,8 @@ def inherited_covariance(start: FloatArray, template: FloatArray, warp: FloatArr
     whose errors have its own variance for their covariance with any other's (Gauss and Markov); so the
     difference of the two variances remains.
 
-    Parameters
-    ----------
-    start
-        Of the match [px²], shape [n, 2, 2].
-    template
-        What that picture's noise gives as the template of the track [px²], shape [n, 2, 2].
-    warp
-        Total warps of the match, shape [n, 12].
+    ``start``: of the match [px²], shape [n, 2, 2]. ``template``: what that picture's noise gives as the
+    template of the track [px²], shape [n, 2, 2]. ``warp``: total warps of the match, shape [n, 12].
     """
     own, searched = (share[:, None, None] for share in shares(warp, np.zeros_like(warp)))
     size, axes = np.linalg.eigh(searched * start - template)

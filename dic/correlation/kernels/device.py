@@ -391,16 +391,6 @@ def select_device(name: str) -> Any:
     return wp.get_device(alias)
 
 
-def warp_started() -> bool:
-    """Return True if Warp has begun in this process, and with it the driver of a GPU."""
-    return wp._src.context.runtime is not None  # as `warp.init` looks
-
-
-def open_device(name: str) -> None:
-    """Have a device ready: a GPU's context takes a quarter of a second; errors as `select_device`."""
-    wp.empty(1, dtype=wp.float32, device=select_device(name))
-
-
 def own_gpu(count: int) -> int:
     """Number of the GPU that a process takes which shares `count` of them with others: one after the other by
     `WORKER`, the first where it is not set."""

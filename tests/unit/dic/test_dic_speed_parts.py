@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_info
 from dic import PointOutcome
 from dic.basics import median
 from dic.bodies.body_motion import MotionPrior, Observations, adjust
-from dic.calibration import TargetNotFound, detect, detect_series
+from dic.calibration import TargetNotFound, detect, detection_begun
 from dic.calibration.bundle import View, derivatives, join_views, poses_of, project_points
 from dic.calibration.dots import _upper, centroids, quantiles
 from dic.calibration.targets import FiducialDots
@@ -203,7 +203,8 @@ def test_series_are_detected_as_picture_by_picture():
     blank = np.full((240, 320), 128, dtype=np.uint8)
     series = [Counted([board(), blank, board((0.1, 0.2, 0.3))]), Counted([board((0.0, 0.3, 0.0)), None])]
     told = []
-    found = detect_series(series, (GRID, GRID), progress=lambda done, total: told.append((done, total)))
+    with detection_begun(series, (GRID, GRID)) as views:
+        found = views(lambda done, total: told.append((done, total)))
     assert [len(views) for views in found] == [3, 2]
     assert isinstance(found[0][1], TargetNotFound)
     assert isinstance(found[1][1], PictureError)
