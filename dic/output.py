@@ -228,10 +228,9 @@ def write_frames(folder: Path, body: Body, *, strain: FloatArray | None = None) 
     [mm], the epipolar distance e [px], and exx, eyy, exy, the Green-Lagrange strain, if it is given. A column
     more names the outcome; a point that was lost has its row, its numbers are empty.
 
-    ``folder``: where to; made if absent. The files are ``frame_0000.csv`` and so on. ``body``: the points.
-    ``strain``: strain of every point, NaN where it has none [-], shape [n_frames, n_points, 3]. Raises
-    ValueError: a strain of another shape. Raises OSError if a file cannot be written; an older one is then
-    unchanged.
+    ``folder``: where to; made if absent. The files are ``frame_0000.csv`` and so on. ``strain``: strain of
+    every point, NaN where it has none [-], shape [n_frames, n_points, 3]. Raises ValueError: a strain of
+    another shape. Raises OSError if a file cannot be written; an older one is then unchanged.
     """
     surface = body.surface
     shape = (surface.n_frames, surface.n_points, 3)
@@ -294,8 +293,6 @@ def write_full_field_frames(folder: Path, result: FullField) -> list[Path]:
     sigma_U, sigma_V, sigma_W in the unit that the heads of the columns name; the Green-Lagrange strains exx,
     eyy, exy with their sigmas; the lowest correlation of the cameras; the epipolar distance; the outcome. A
     number that is not known is an empty cell.
-
-    ``folder``: where to; made if absent. ``result``: the result.
     """
     folder.mkdir(parents=True, exist_ok=True)
     surface, unit, written = result.surface, result.unit, []
@@ -319,10 +316,7 @@ def write_full_field_frames(folder: Path, result: FullField) -> list[Path]:
 
 
 def write_full_field_history(path: Path, result: FullField) -> None:
-    """Write one row a frame: points found, mean strains, and what extensometers and cylinder say.
-
-    ``path``: the file. ``result``: the result.
-    """
+    """Write one row a frame: points found, mean strains, and what extensometers and cylinder say."""
     unit, mean = result.unit, result.mean_strain
     columns = {
         "frame": np.arange(result.surface.n_frames),

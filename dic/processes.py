@@ -1,10 +1,8 @@
 """Parallel work in forks of this process, and a worker process that waits for its task.
 
-Threads that run only Python share one interpreter lock, so work is divided between forks, each with its own
-lock. A fork copies one thread only: a lock that another thread holds at that moment stays locked in the copy.
-Therefore the caller declares where forks are safe; everywhere else threads do the same work. Work that a fork
-does not deliver is repeated in this process, with the same result. A worker process is forked before its task
-is known, for example because a GPU is opened in between; its task is sent to it.
+Threads that run only Python share one interpreter lock, so work is divided between forks. A lock that another
+thread holds at a fork stays locked in the copy; therefore the caller declares where forks are safe, and
+threads work elsewhere. Work that a fork does not deliver is repeated here, with the same result.
 """
 
 import multiprocessing

@@ -1,12 +1,8 @@
 """Motion of a rigid body whose points come into view and leave it: poses and points by least squares.
 
-Poses of all frames and places of all points on the body are found together, by least squares over every
-valid observation of every point: points first seen in a late frame are tied to the body by the points seen
-together with them, backward and forward in time, and the covariance contains every link of such a chain.
-
-``x_ik = R_k X_i + p_k`` is the place of point i in frame k. The places X_i on the body are eliminated by
-Schur's complement; what remains has six unknowns a frame, and six combinations of them are open until a
-frame of the body is chosen.
+The poses of all frames and the places of all points on the body are found together from every valid
+observation: ``x_ik = R_k X_i + p_k``. The places X_i are eliminated by Schur's complement. Six unknowns a
+frame remain; six combinations of them are free until a frame of the body is chosen.
 """
 
 from collections.abc import Callable, Sequence
@@ -119,9 +115,8 @@ class Poses:
 def adjust(observations: Observations, prior: MotionPrior, reject: float) -> Poses:
     """Poses of all frames that are connected with the one that sees most points.
 
-    ``observations``: what was seen. ``habits``: what is known of the motion. ``reject``: observations farther
-    off than this many (robust) sigmas are left out. Raises ValueError if no frame sees enough points, or the
-    iteration does not settle.
+    ``habits``: what is known of the motion. ``reject``: observations farther off than this many (robust)
+    sigmas are left out. Raises ValueError if no frame sees enough points, or the iteration does not settle.
     """
     frames, points, R, p, X = _chain(observations)
     tolerance = ROUGH

@@ -1,14 +1,8 @@
-"""Position of a body at rest, and before it comes into view, of which pictures show only an edge strip.
+"""Position of a body of which the pictures at rest show only an edge strip.
 
-A subset needs several rows of speckle around its point; a body that only just reaches into the pictures at
-rest has none. But its whole edge strip moves as one: the static pictures are compared, pixel by pixel and
-both cameras together, with the material picture, in which the body's points were chosen. One unknown is left,
-its translation along the axis.
-
-The last rows of a picture are not like the others: optics and electronics, or whatever filtered the pictures,
-blur them from one side only, so that they show a place a fraction of a pixel further in. This offset of each
-row is measured in frames in which enough of the body is in view to know its translation
-(`EdgeRegistration.fit_row_offsets`).
+The strip has too few rows for a subset, but it moves as one. The static pictures of both cameras are compared
+pixel by pixel with the material picture; the one unknown is the translation along the axis. The last rows of
+a picture show a place a fraction of a pixel further in; `EdgeRegistration.fit_row_offsets` measures this.
 """
 
 from collections.abc import Iterable, Iterator, Sequence

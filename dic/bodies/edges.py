@@ -1,20 +1,8 @@
 """Edges between bodies in a picture: by rigid motion, by correlation of rows; the arc of a rim.
 
-The rows at the border by which the flyer comes in are followed from the last frame backward, by one shift
-along the axis a frame. Pictures shifted by it agree row by row where they show the flyer, whatever its
-speckles look like, and do not where they show a specimen that is compressed: the standard deviation over the
-frames rises from that of the noise to that of the speckles within the width of an edge. The edge is then
-followed to rest, or to the frame in which too few rows of the flyer are in view.
-
-Speckles are several pixels wide, so a row of pixels across the axis looks like the row but one beside it.
-Where one body ends and another begins it does not: there the correlation of two rows, one between them, falls
-from 0.7 or more to about nothing, even if both bodies carry the same kind of speckles. At rest this gives the
-specimen's ends. The flyer's edge is then followed through all frames as the path of least correlation.
-
-A camera that does not stand in the plane of the end sees a circle as an ellipse: several pixels higher in the
-middle than at the flanks. Columns are taken in blocks; in each, rows of the specimen depart from the platen's
-grey level, whether their paint is dark or bright, and rows of the platen do not. A parabola through the
-blocks' edges, robust against one in which a spot ends early, is the arc.
+Pictures that are shifted with the flyer agree row by row where they show the flyer, and disagree where they
+show the specimen. At rest, two rows of pixels on either side of an end do not correlate, as rows of one body
+do. A camera outside the plane of an end sees its circle as an arc, to which a robust parabola is fitted.
 """
 
 from collections.abc import Sequence

@@ -229,15 +229,14 @@ def follow_body(
 ) -> TrackedBody:
     """Follow the points of a region through both series.
 
-    ``pictures``: the series of camera 0 and camera 1. ``rig``: the cameras, for pictures with their crop.
-    ``region``: where the body is. If a camera has no usable picture at its frame, the nearest frame with one
-    is taken. ``step``: distance of the points [px]. ``margin``: least distance from a point to the region's
-    rim [px]. ``tracking``: how points are followed in time. ``stereo``: how they are matched between the
-    cameras. ``noise``: of the grey values of the cameras. ``health``: `FrameOutcome` of the pictures of the
-    cameras, each of shape [n_frames]. ``mask``: pixels of the body in the region's picture, shape [rows,
-    columns]; None: those within its corners. ``rigid``: True for a body that only translates. ``device``:
-    where pictures are correlated. ``name``: what the stages are called to `progress`. ``progress``: told of
-    the frames done. Raises ValueError: a region outside the picture, or no frame that both cameras saw.
+    ``pictures``: the series of camera 0 and camera 1. ``region``: where the body is. If a camera has no
+    usable picture at its frame, the nearest frame with one is taken. ``step``: distance of the points [px].
+    ``margin``: least distance from a point to the region's rim [px]. ``tracking``: how points are followed in
+    time. ``stereo``: how they are matched between the cameras. ``health``: `FrameOutcome` of the pictures of
+    the cameras, each of shape [n_frames]. ``mask``: pixels of the body in the region's picture, shape [rows,
+    columns]; None: those within its corners. ``rigid``: True for a body that only translates. ``name``: what
+    the stages are called to `progress`. Raises ValueError: a region outside the picture, or no frame that
+    both cameras saw.
     """
     matched = match_body(
         pictures, rig, region, step=step, margin=margin, tracking=tracking, stereo=stereo, noise=noise,
@@ -255,9 +254,8 @@ def follow_bodies(
 ) -> list[TrackedBody]:
     """Follow bodies that were matched, the two cameras side by side.
 
-    ``bodies``: the bodies, on one device. ``rig``: the cameras, for pictures with their crop. ``stereo``: how
-    they were matched between the cameras. ``progress``: told of the frames done; of those of camera 1 when
-    all are.
+    ``stereo``: how they were matched between the cameras. ``progress``: told of the frames done; of those of
+    camera 1 when all are.
     """
     told = progress or (lambda stage, done, total: None)
 

@@ -1,13 +1,8 @@
 """Regions of bodies in pictures: polygons, regions carried to another frame or detected automatically.
 
-The flyer is what moves rigidly into the picture (`dic.bodies.edges`). Followed back to rest, its
-edge is the specimen's upper end; where its last rows leave the picture before, the end is one of the few
-rows that are left, or out of view. Where so few rows of it come into view that nothing can be followed,
-looks alone must tell (`dic.bodies.edges`).
-
-The body is taken to move without turning: the pixels of the region are compared with every picture on the
-way, shifted by whole pixels. The region is carried only if those in view correlate with the declared picture
-in every frame, the last one among them.
+The flyer is what moves rigidly into the picture; its edge, followed back to rest, is the specimen's upper end
+(`dic.bodies.edges`). A declared region is carried to another frame by shifts of whole pixels, and only if its
+pixels correlate with the declared picture in every frame on the way.
 """
 
 from collections.abc import Sequence
@@ -344,9 +339,8 @@ def carry_region(
     """Carry a region to another frame by following what it shows.
 
     ``pictures``: the series of camera 0. ``health``: `FrameOutcome` of its pictures, shape [n_frames].
-    ``region``: where the body is; its frame must be usable. ``frame``: where it is wanted. ``direction``:
-    axis of the motion in the pictures (right, down). Returns: None if the declared frame is not usable, or
-    the body could not be followed.
+    ``region``: where the body is; its frame must be usable. ``direction``: axis of the motion in the pictures
+    (right, down). Returns: None if the declared frame is not usable, or the body could not be followed.
     """
     if health[region.frame] != FrameOutcome.VALID:
         return None

@@ -1,9 +1,8 @@
 """Tracking of specimen and flyer through both series; the flyer's region, displacement and poses.
 
-A camera that stands below the face sees it at a glance between the rim and the specimen. The face moves with
-the flyer, so that no motion tells it from the side, and a region found or drawn may hold some of it; but the
-other camera sees specimen at the same places of the cylinder. Where much of the flyer is in view that is one
-row of many; at rest, with a few rows in view, it moves the match by half a pixel.
+A camera below the flyer's face sees the face between the rim and the specimen. The face moves with the
+flyer, so a region may hold some of it, but the other camera sees the specimen there. With a few rows in view
+this moves the match by half a pixel.
 """
 
 from collections.abc import Sequence

@@ -197,9 +197,8 @@ class RestState:
 def fit_test_frame(inputs: Inputs, body: TrackedBody, flyer: TrackedBody | None = None) -> RestState:
     """Fit the test frame to the specimen at rest.
 
-    ``inputs``: the pictures and cameras. ``body``: the specimen, followed. ``flyer``: the flyer, followed:
-    both platens are taken to have its radius; None: not known. Raises ChainError if no point was found by
-    both cameras at rest, or the points lie on no cylinder.
+    ``flyer``: the flyer, followed: both platens are taken to have its radius; None: not known. Raises
+    ChainError if no point was found by both cameras at rest, or the points lie on no cylinder.
     """
     rig, settings = inputs.rig, inputs.settings
     rest = _rest_frames(inputs, body)

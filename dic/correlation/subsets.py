@@ -1,16 +1,11 @@
 """Subsets of pictures: shape functions, settings and result of a match, prepared pictures, shared pixels.
 
-A point's subset is a square of pixels ξ = (ξx, ξy) around the point's place x0 in the *material picture*
-(the one the points were chosen in). Wherever that subset is found later, in whatever picture of whatever
-camera, is written with the same ξ::
+A point's subset is a square of pixels ξ around its place x0 in the *material picture*, the one that the
+points were chosen in. A warp is always a total one, from the material picture to any picture of any camera::
 
     W(ξ) = x0 + ξ + (u, v) + ∇(u, v) ξ + ½ ξᵀ ∇∇(u, v) ξ
 
-so a warp is always a total one, from the material picture. Twelve numbers, in the order of `NAMES`; a shape
-function of lower order leaves its later ones zero.
-
-A `PictureStack` holds the spline coefficients of pictures on a device, with the noise of their grey values.
-Subsets that overlap share pixels, so the mean of their points is noisier than that of independent points.
+with twelve numbers in the order of `NAMES`; a lower shape function leaves the later ones zero.
 """
 
 from collections.abc import Iterable, Sequence

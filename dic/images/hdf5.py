@@ -67,9 +67,8 @@ def sniff(path: Path, start: bytes) -> bool:
 def read(path: Path, dataset: str | None = None) -> Hdf5Pictures:
     """Open an HDF5 file.
 
-    ``path``: the file. ``dataset``: name of the dataset; without it the file must have just one of three
-    dimensions and whole numbers. Raises PictureError if the file cannot be read, or has no such dataset or
-    more than one.
+    ``dataset``: name of the dataset; without it the file must have just one of three dimensions and whole
+    numbers. Raises PictureError if the file cannot be read, or has no such dataset or more than one.
     """
     import h5py
 

@@ -1,10 +1,8 @@
 """Multi-page TIFF and BigTIFF: 8, 12 and 16-bit grey values, a page a frame.
 
-Opening walks the chain of page headers and reads the first of them; a frame is decoded when it is asked for.
-A file that was cut off keeps the pages before the cut. How many were to follow it, only a description
-written by tifffile or ImageJ says; without one, one page more than are there is known to have been promised.
-Both write uncompressed pages one after the other behind the first header, and the other headers after all of
-them, or none (ImageJ, above 4 GB); then the grey values are found without their headers.
+Opening reads the chain of page headers; a frame is decoded when it is asked for. A file that was cut off
+keeps the pages before the cut; the number of lost pages is known only from a description by tifffile or
+ImageJ. Both write uncompressed pages in one block, so that the grey values are found without page headers.
 """
 
 import logging

@@ -1,17 +1,12 @@
 """Geometry of two cameras: rays, epipolar distance with its uncertainty, triangulation with covariance.
 
-With the relative pose ``X_1 = R X_0 + t`` the ray of camera 0's ideal image point x0 spans with the baseline
-a plane, which camera 1 sees as the line ``l . x1 = 0``, ``l = t × R x0`` (Hartley and Zisserman, Multiple
-View Geometry, 2nd ed., eq. 9.11). A lens bends that line into a curve. Distances are those in the picture
-as it was taken: ``d = g / |∇g|`` with ``g(p1) = l . undistort(p1)`` and its gradient by the pixel p1.
-
-The point sought is the one whose two projections lie nearest to what was seen, with the weights that the
-noise of the matches gives (Hartley and Zisserman, Multiple View Geometry, 2nd ed., section 12.3)::
+The ray of camera 0's ideal point x0 is the line ``l . x1 = 0``, ``l = t × R x0`` for camera 1 (Hartley and
+Zisserman, Multiple View Geometry, 2nd ed., eq. 9.11); distances are ``d = g / |∇g|`` in the picture as taken,
+``g(p1) = l . undistort(p1)``. A point in space minimises (section 12.3 there) ::
 
     X = argmin Σ_k (p_k - π_k(X))ᵀ C_k⁻¹ (p_k - π_k(X)),      cov X = (Σ_k J_kᵀ C_k⁻¹ J_k)⁻¹
 
-with J_k = ∂π_k/∂X. It is found by Gauss-Newton steps from the middle between the two lines; its covariance
-is the first-order propagation of the C_k, exact for noise that is small against the distance.
+with J_k = ∂π_k/∂X, by Gauss-Newton steps from the middle between the two lines.
 """
 
 from typing import NamedTuple

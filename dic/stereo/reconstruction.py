@@ -1,19 +1,9 @@
 """Positions in space from two tracks of the same points, and the errors that positions share.
 
-The parameters θ of a rig are known with a covariance C_θ. A wrong θ moves a point by S δθ with S = ∂X/∂θ at
-fixed pixels, the same δθ for every point and frame. So ``S C_θ Sᵀ`` is the covariance of a position, but it
-does not average out over points, and a difference of two positions has ``(S_a - S_b) C_θ (S_a - S_b)ᵀ``.
-
-A match has an error of its own, the noise of its grey values, and one in common with its neighbours in space
-and time. Of the second kind no residual of a body's motion shows the size: it looks like motion. But it moves
-the two cameras' places apart as much across the epipolar lines as along them, and across them nothing else
-does. So the epipolar distances d of points that were followed are the witness. About its mean over time at
-each point, d has the covariance
-
-    s^2 exp(-(r / l)^2) exp(-|dt| / tau)
-
-between points that are r apart in the picture and frames that are dt apart; the own errors are left out by
-comparing points whose subsets have no pixel in common. What is subtracted with the mean over time is counted.
+A wrong calibration moves every position by S δθ, S = ∂X/∂θ: ``S C_θ Sᵀ`` does not average out over points.
+Errors that neighbours in space and time share are found from the epipolar distances, which nothing else
+moves. About its mean over time a point's distance has the covariance ``s² exp(-(r / l)²) exp(-|dt| / tau)``
+between points r apart and frames dt apart; points whose subsets share pixels are not compared.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -162,8 +152,7 @@ def narrow_gates(found: Reconstruction, *, gate: float, gate_sigmas: float) -> N
 def end_points(found: Reconstruction, points: BoolArray, outcome: PointOutcome) -> None:
     """End points of a reconstruction with an outcome, in place: a copy would be as large as all there is.
 
-    ``found``: the reconstruction. ``points``: which points of which frames, shape [n_frames, n_points].
-    ``outcome``: their outcome.
+    ``points``: which points of which frames, shape [n_frames, n_points].
     """
     found.position[points], found.covariance[points] = np.nan, np.nan
     found.outcome[points] = int(outcome)

@@ -1,12 +1,8 @@
 """The circular cylinder that fits measured points best, and the test frame on it.
 
-The test frame has y along the specimen's axis, Z out of plane toward the cameras, and x right-handed. The
-positive direction of the axis and the place of y = 0 are declared: the pictures do not show them.
-
-Weighted orthogonal distances: a point of covariance C whose normal to the cylinder is n lies off the
-surface by the noise sigma² = nᵀ C n, all that matters to first order when the noise is small beside the
-radius. From a part of the circumference the radius and the place of the axis along the view are known
-poorly and nearly only together; the covariance says so.
+The test frame has y along the specimen's axis, Z toward the cameras, and x right-handed; the direction of
+the axis and y = 0 are declared. Distances are weighted with the noise ``nᵀ C n`` along the normal n. From a
+part of the circumference radius and depth of the axis are known nearly only together; the covariance says so.
 """
 
 from dataclasses import dataclass

@@ -1,9 +1,8 @@
 """Outline of an axisymmetric specimen with its uncertainty, and the error that a highlight makes of it.
 
-A body of revolution has one radius at one height. A highlight lies on the side that faces the lamp and the
-cameras, which is the middle of the strip; it moves the match of a subset that it brightens in part by tenths
-of a pixel, and each camera sees it at another place of the surface. Its residual is no larger than that of
-compressed speckles elsewhere. But the surface beside it, where it is not, has another radius.
+A body of revolution has one radius at one height. A highlight in the middle of the strip moves the matches
+there by tenths of a pixel, while its residual is no larger than elsewhere; the surface beside it has another
+radius, which shows the error.
 """
 
 from collections.abc import Iterator

@@ -193,10 +193,9 @@ def static_mean(
     The noise of the material picture is the same in every frame and does not average out. In a match of
     two pictures of the same noise it is half the variance.
 
-    ``reconstruction``: points in the rig's frame. ``frames``: the static frames. ``shared``: share of the
-    variance that all frames have in common [-]. Returns: positions [m], shape [n_points, 3]; NaN for a point
-    that is valid in none of the frames. Returns: covariances [m²], shape [n_points, 3, 3]; likewise. Raises
-    ValueError: no frames, or `shared` outside [0, 1].
+    ``shared``: share of the variance that all frames have in common [-]. Returns: positions [m], shape
+    [n_points, 3]; NaN for a point that is valid in none of the frames. Returns: covariances [m²], shape
+    [n_points, 3, 3]; likewise. Raises ValueError: no frames, or `shared` outside [0, 1].
     """
     if not len(frames) or not 0.0 <= shared <= 1.0:
         raise ValueError(f"frames must be given and shared be in [0, 1], got {list(frames)} and {shared}")

@@ -52,14 +52,12 @@ def track_rigid(
     of a picture is matched by the part inside, `Correlation.least_pixels` of it at least; the outermost
     pixels are left out.
 
-    ``pictures``: the series. ``points``: places in the material picture (x, y) [px], shape [n_points, 2].
-    ``settings``: how a subset is matched; its shape function is taken as RIGID. ``noise``: standard deviation
-    of the grey values. ``mask``: pixels of the body in the material picture, shape [rows, columns].
-    ``start``: total warps of the points in frame `first`, shape [n_points, 12]; None: it is the material
-    picture. ``start_covariance``: of the places that `start` gives [px²], shape [n_points, 2, 2]. ``first``:
-    frame in which the points are known. ``frame_outcome``: `FrameOutcome` of the pictures, shape [n_frames].
-    ``device``: where matches are computed. ``progress``: called with the frames done and their number. Raises
-    PictureError if the picture of frame `first` cannot be read.
+    ``points``: places in the material picture (x, y) [px], shape [n_points, 2]. ``settings``: how a subset is
+    matched; its shape function is taken as RIGID. ``mask``: pixels of the body in the material picture, shape
+    [rows, columns]. ``start``: total warps of the points in frame `first`, shape [n_points, 12]; None: it is
+    the material picture. ``start_covariance``: of the places that `start` gives [px²], shape [n_points, 2,
+    2]. ``first``: frame in which the points are known. ``frame_outcome``: `FrameOutcome` of the pictures,
+    shape [n_frames]. Raises PictureError if the picture of frame `first` cannot be read.
     """
     n_frames, n = len(frame_outcome), len(points)
     root = identity(n) if start is None else np.asarray(start, dtype=np.float64)

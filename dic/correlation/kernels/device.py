@@ -1,15 +1,8 @@
 """Warp's devices, and pictures on them: quintic B-spline coefficients, interpolation, interpolated noise.
 
-The recursive filter of the quintic B-spline (Unser 1999) has a symmetric response that falls by 0.43 a pixel.
-Cut off where it is below `LEAST` of its middle it is a finite one, which any pixel can be given without its
-neighbours' coefficients. Pictures are mirrored at their edges, and so are their coefficients; a Gaussian
-before the spline is part of the same filter.
-
-A spline passes white noise of the pixels on with the spectrum |c(ν)|² of the cardinal quintic spline,
-``c = sinc⁶ / (66 + 52 cos 2πν + 2 cos 4πν) · 120``, ν in cycles per pixel: all of it well below 1/2, none
-around whole numbers, where the copies of the pixels' spectrum lie. A subset that takes samples at ``x = F ξ``
-sees it at ``ν = F⁻ᵀ κ``, with a density of 1/|det F|, folded at whole κ. Steepest descents are smooth, so
-what a match takes up is the spectrum near κ = 0: Eq. (C.6) of docs/theory/correlation.md.
+The recursive filter of the quintic B-spline (Unser 1999) is cut off where its response is below `LEAST` of
+its middle. Pictures are mirrored at their edges, and so are their coefficients; a Gaussian before the spline
+is part of the same filter. The variance that a spline passes on is Eq. (C.6) of docs/theory/correlation.md.
 """
 
 import os

@@ -56,9 +56,8 @@ def frames(
 ) -> Iterator[NDArray[np.float32]]:
     """Light on the pixels, some frames at a time, shape [n, rows, columns].
 
-    ``rays``: what fills the rays. ``view``: the camera on the device. ``weights``: weights of lenses, the
-    standard deviation of the first and the step to the next [px]. ``shape``: rows and columns [px].
-    ``n_frames``: number of frames. ``device``, ``threads``: warp's device; threads on a CPU.
+    ``weights``: weights of lenses, the standard deviation of the first and the step to the next [px].
+    ``shape``: rows and columns [px]. ``device``, ``threads``: warp's device; threads on a CPU.
     """
     rows, columns = shape
     fine, pad = view.fine, view.pad
