@@ -18,7 +18,7 @@ from dic.correlation.subsets import apply, overlap_matrix
 from dic.images import Pictures
 from dic.outcome import PointOutcome
 from dic.stereo.geometry import pixels_per_length, projection_slope
-from dic.surfaces import SpecimenFrame
+from dic.surfaces.cylinder import SpecimenFrame
 from dic.tracking import Track
 
 FREE = 9.0

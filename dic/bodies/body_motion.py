@@ -412,7 +412,7 @@ def body_motion(
     were chosen in, if there are several. ``frame``: the test frame. ``at``: the body's point whose
     displacement is wanted, at rest, in the test frame [m], shape [3]. ``rest``: frames in which the body
     rests; their mean is the zero of displacement and rotation. ``overlaps``: for each reconstruction the
-    variance factors of points whose subsets overlap, `dic.surfaces.overlap_factor`; shape [n_points] or
+    variance factors of points whose subsets overlap, `overlap_factor`; shape [n_points] or
     [n_frames, n_points]. ``shared``: share of a point's variance that is the same in all frames, being the
     noise of its material picture: it moves the point on the body, not the body [-]. ``rig``, ``tracks``: the
     cameras, and for each reconstruction the tracks it was made from: then a frame in which only one camera

@@ -16,7 +16,7 @@ from scipy.special import ndtr
 
 from dic.basics import BoolArray, FloatArray, IntArray
 from dic.camera import Camera
-from dic.surfaces import SpecimenFrame
+from dic.surfaces.cylinder import SpecimenFrame
 
 CELL = 0.5
 """Distance of the places of paint that a pixel is summed over [px]."""

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from dic.basics import BoolArray, FloatArray, IntArray
+from dic.basics import BoolArray, FloatArray, IntArray, zncc
 from dic.bodies.follow import TrackedBody
 from dic.camera import Camera, StereoRig
 from dic.images import PictureError, Pictures
 from dic.stereo.geometry import pixels_per_length
-from dic.surfaces import SpecimenFrame
+from dic.surfaces.cylinder import SpecimenFrame
 
 EDGE_ROWS = 12
 """Rows of pixels that are compared, from the border that the body comes in by."""
@@ -81,9 +81,7 @@ def _zncc_of(parts: list[VisiblePixels]) -> float:
     reference = np.concatenate([part.reference for part in parts])
     if len(grey) < FEWEST:
         return -1.0
-    f, g = grey - grey.mean(), reference - reference.mean()
-    energy = float((f @ f) * (g @ g))
-    return float(f @ g) / float(np.sqrt(energy)) if energy > 0.0 else -1.0
+    return zncc(grey, reference)
 
 
 def least_zncc(known: Sequence[float]) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import least_squares
 
-from dic.basics import FloatArray, IntArray
+from dic.basics import FloatArray, IntArray, zncc
 from dic.images import PictureError, Pictures
 
 STRIP = 8
@@ -104,7 +104,10 @@ def _coarse_travel(pictures: FloatArray) -> tuple[FloatArray, int]:
     for k in range(n - 2, -1, -1):
         here, next_one = pictures[k, :STRIP], pictures[k + 1]
         score = np.array(
-            [_zncc(here, next_one[max(s, 0) : STRIP + s], max(-s, 0)) for s in range(-1, farthest)]
+            [
+                zncc(here[max(-s, 0) :].ravel(), next_one[max(s, 0) : STRIP + s].ravel())
+                for s in range(-1, farthest)
+            ]
         )
         best = int(np.argmax(score))
         if score[best] < LEAST_ZNCC or travel[k + 1] > LARGEST_SPAN * rows:
@@ -118,14 +121,6 @@ def _coarse_travel(pictures: FloatArray) -> tuple[FloatArray, int]:
         fine = _fine_shift(pictures[k], pictures[-1], rough, STRIP)
         travel[k] = rough if fine is None or abs(fine - rough) > 1.0 else fine
     return travel, 0
-
-
-def _zncc(f: FloatArray, g: FloatArray, skipped: int) -> float:
-    """Correlation of two strips, the first without as many first rows as the second lacks."""
-    a, b = f[skipped:].ravel(), g.ravel()
-    a, b = a - a.mean(), b - b.mean()
-    scale = float(np.sqrt((a @ a) * (b @ b)))
-    return float(a @ b) / scale if scale > 0.0 else -1.0
 
 
 def _fine_shift(picture: FloatArray, last: FloatArray, guess: float, in_view: int) -> float | None:

@@ -20,7 +20,8 @@ from dic.correlation.subsets import identity
 from dic.images import Pictures
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.processes import background, run_parallel
-from dic.stereo import Reconstruction, StereoMatch, match_stereo, reconstruct
+from dic.stereo.match import StereoMatch, match_stereo
+from dic.stereo.reconstruction import Reconstruction, reconstruct
 from dic.tracking import Track, Tracking, track
 from dic.tracking.matcher import in_material, shares
 from dic.tracking.rigid import track_rigid
@@ -207,7 +208,7 @@ class TrackedBody:
     reconstruction: Reconstruction
     """Places in the rig's frame."""
     common: FloatArray | None
-    """Noise that both tracks share (`dic.stereo.reconstruct`) [px²], shape [n_frames, n_points, 2, 2]."""
+    """Noise that both tracks share (`dic.reconstruct`) [px²], shape [n_frames, n_points, 2, 2]."""
 
 
 def follow_body(

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from dic.basics import BoolArray, FloatArray, IntArray
+from dic.basics import BoolArray, FloatArray, IntArray, zncc
 from dic.bodies.edges import (
     CLEAR_CORRELATION,
     EVEN,
@@ -362,7 +362,7 @@ def carry_region(
             for i in range(-reach[0], reach[0] + 1)
             for j in range(-reach[1], reach[1] + 1)
         ]
-        scores = [_zncc(declared, picture, x, y, shift) for shift in tried]
+        scores = [_at_shift(declared, picture, x, y, shift) for shift in tried]
         best = int(np.argmax(scores))
         if scores[best] < LEAST_ZNCC:
             return None
@@ -373,14 +373,11 @@ def carry_region(
     return replace(region, corners=tuple((float(a), float(b)) for a, b in corners), frame=frame)
 
 
-def _zncc(declared: FloatArray, picture: FloatArray, x: IntArray, y: IntArray, move: IntArray) -> float:
+def _at_shift(declared: FloatArray, picture: FloatArray, x: IntArray, y: IntArray, move: IntArray) -> float:
     """Correlation of the region's pixels with a picture in which they moved; -1 if too few are in view."""
     rows, columns = picture.shape
     u, v = x + move[0], y + move[1]
     seen = (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
     if seen.sum() < FEWEST:
         return -1.0
-    f, g = declared[y[seen], x[seen]], picture[v[seen], u[seen]]
-    f, g = f - f.mean(), g - g.mean()
-    scale = float(np.sqrt((f @ f) * (g @ g)))
-    return float(f @ g) / scale if scale > 0.0 else -1.0
+    return zncc(declared[y[seen], x[seen]], picture[v[seen], u[seen]])

@@ -16,7 +16,7 @@ from dic.bodies.follow import TrackedBody
 from dic.camera import Camera, StereoRig
 from dic.images import PictureError, Pictures
 from dic.stereo.geometry import pixels_per_length
-from dic.surfaces import SpecimenFrame
+from dic.surfaces.cylinder import SpecimenFrame
 
 MODEL = 0.12
 """Standard deviation of a rim for what the model leaves out: printed dots that end before it, a shadow, a

@@ -19,9 +19,9 @@ from dic.calibration.solve import focal_start, in_camera_1, relative, resection
 from dic.calibration.views import all_views
 from dic.camera import Camera, StereoRig
 from dic.correlation import Correlation, Noise
-from dic.stereo import match_stereo
 from dic.stereo.epipolar_search import StereoGates
 from dic.stereo.geometry import Rays, epipolar_sigma, slopes_between
+from dic.stereo.match import match_stereo
 
 LEAST_POINTS = 40
 """Points that a refinement needs."""
@@ -214,7 +214,7 @@ def find_order(
 ) -> list[int] | None:
     """Find which picture of camera 1 belongs to each of camera 0.
 
-    ``detections``: what each camera saw, one entry a picture, as `dic.calibration.calibrate` takes it; as
+    ``detections``: what each camera saw, one entry a picture, as `dic.calibrate` takes it; as
     many of both. ``targets``: the target of each pair. ``sensors``: columns and rows of the two cameras'
     pictures [px]. Returns: a picture of camera 1 for each of camera 0, every one once; pictures without a
     detection take what is left. None if no order fits `LEAST_SHARE` of them.

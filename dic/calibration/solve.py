@@ -264,7 +264,7 @@ def triangulate_target(rig: Rig, views: Sequence[View]) -> tuple[FloatArray, Flo
     The offset of a dot's centroid from its centre's image is taken off first.
     """
     # not with the module: the search for a target needs none of what this brings along
-    from dic.stereo import triangulate
+    from dic.stereo.geometry import triangulate
 
     first, second = views
     _, rows0, rows1 = np.intersect1d(first.ids, second.ids, return_indices=True)

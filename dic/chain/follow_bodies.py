@@ -33,10 +33,11 @@ from dic.bodies.region import Region, carry_region
 from dic.bodies.rest_from_rim import RestGeometry, Rim
 from dic.camera import Camera, StereoRig
 from dic.chain.inputs import ChainError, Inputs
+from dic.correlation.subsets import overlap_factor
 from dic.outcome import PointOutcome, Remark
 from dic.result import Placement
 from dic.stereo.geometry import pixels_per_length
-from dic.surfaces import SpecimenFrame, overlap_factor
+from dic.surfaces.cylinder import SpecimenFrame
 from dic.tracking import Track, Tracking
 
 CLEAR = 1.0

@@ -21,9 +21,9 @@ from dic.chain.test_frame import RestState
 from dic.correlation.subsets import neighbour_warp
 from dic.outcome import PointOutcome
 from dic.processes import parts, run_parallel
-from dic.stereo import reconstruct
-from dic.stereo.reconstruction import GATE, end_points, narrow_gates
-from dic.surfaces import SpecimenFrame, static_mean
+from dic.stereo.reconstruction import GATE, end_points, narrow_gates, reconstruct
+from dic.surfaces.cylinder import SpecimenFrame
+from dic.surfaces.surface_history import static_mean
 from dic.tracking import Track
 
 MARGIN = 0.5

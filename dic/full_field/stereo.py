@@ -19,7 +19,7 @@ from dic.camera import Camera, StereoRig
 from dic.chain.outliers import GATE_SIGMAS, LEAST_GATE, OWN_SIGMAS
 from dic.chain.remarks import of_findings
 from dic.correlation import Noise
-from dic.correlation.subsets import Shape, gradient
+from dic.correlation.subsets import Shape, gradient, overlap_factor
 from dic.full_field.measure import (
     Extensometer,
     FullFieldSettings,
@@ -39,10 +39,11 @@ from dic.full_field.measure import (
 from dic.images import Pictures, frame_health
 from dic.outcome import PointOutcome
 from dic.result import FittedCylinder, FullField
-from dic.stereo import Reconstruction, match_stereo, reconstruct
 from dic.stereo.diagnose import check_setup
-from dic.surfaces import fit_cylinder, overlap_factor, referenced, static_mean, to_surface
-from dic.surfaces.cylinder import Cylinder, SpecimenFrame, test_frame
+from dic.stereo.match import match_stereo
+from dic.stereo.reconstruction import Reconstruction, reconstruct
+from dic.surfaces.cylinder import Cylinder, SpecimenFrame, fit_cylinder, test_frame
+from dic.surfaces.surface_history import referenced, static_mean, to_surface
 from dic.tracking import Track
 
 

@@ -241,38 +241,10 @@ class DecodedPictures:
 
     def __init__(self, pictures: Pictures, *, most: int = MOST_DECODED) -> None:
         self.pictures, self.most = pictures, most
+        self.path, self.n_frames, self.shape = pictures.path, pictures.n_frames, pictures.shape
+        self.bits, self.crop_offset, self.times = pictures.bits, pictures.crop_offset, pictures.times
         self._kept: dict[int, Grey] = {}
         self._size = 0
-
-    @property
-    def path(self) -> Path:
-        """The file, or the folder of a numbered series."""
-        return self.pictures.path
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames that the headers promise."""
-        return self.pictures.n_frames
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns [px]."""
-        return self.pictures.shape
-
-    @property
-    def bits(self) -> int:
-        """Bits that carry the grey value."""
-        return self.pictures.bits
-
-    @property
-    def crop_offset(self) -> tuple[float, float]:
-        """Place of the top left pixel on the sensor (x, y) [px]."""
-        return self.pictures.crop_offset
-
-    @property
-    def times(self) -> NDArray[np.float64] | None:
-        """Times of the frames [s], shape [n_frames]; None if not recorded."""
-        return self.pictures.times
 
     @property
     def held(self) -> Mapping[int, Grey]:

@@ -179,7 +179,7 @@ def fit_cylinder(
     ``positions``: points on the surface [m], shape [n, 3]; any frame. ``covariance``: of the points [m²],
     shape [n, 3, 3]. ``radius``: a radius known beforehand [m]; None to leave it free. ``radius_sigma``: its
     standard uncertainty [m]; 0 holds the radius exactly. ``overlap``: variance factors of points whose
-    subsets overlap, `dic.surfaces.overlap_factor`, shape [n]. ``reject``: points farther off than this many
+    subsets overlap, `overlap_factor`, shape [n]. ``reject``: points farther off than this many
     sigmas, or this many robust standard deviations if the scatter is larger than the sigmas say, are left out
     and marked in `Cylinder.used` [-]. Raises ValueError: fewer than 6 points, shapes that do not fit, a
     number that is not finite or positive, points that lie on a plane rather than a cylinder.

@@ -21,7 +21,7 @@ from kolsky.schema.pictures import CalibrationSection
 from kolsky.schema.shot_file import TomlFile
 
 if TYPE_CHECKING:
-    from dic.calibration import Calibration
+    from dic.calibration.views import Calibration
 
 
 @dataclass(frozen=True)

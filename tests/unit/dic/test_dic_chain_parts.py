@@ -15,7 +15,7 @@ from dic.chain.test_frame import outline_of
 from dic.correlation.subsets import Shape
 from dic.images import PictureError
 from dic.outcome import FrameOutcome
-from dic.surfaces import outline
+from dic.surfaces.outline import outline
 
 SHAPE = (96, 128)
 FRAMES = 6

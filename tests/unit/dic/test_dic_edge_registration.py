@@ -15,7 +15,7 @@ from dic.bodies.edge_registration import (
     consistent_frames,
     least_zncc,
 )
-from dic.surfaces import SpecimenFrame
+from dic.surfaces.cylinder import SpecimenFrame
 
 SCALE = 5400.0 / 0.295  # pixels per metre where the cylinder faces the cameras
 TOP = 0.5 * (SHAPE[0] - 1) / SCALE  # height that the first row shows

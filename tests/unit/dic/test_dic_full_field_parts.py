@@ -18,7 +18,7 @@ from dic.full_field.stereo import (
 )
 from dic.images.series import PicturesInMemory
 from dic.outcome import PointOutcome
-from dic.surfaces import fit_cylinder
+from dic.surfaces.cylinder import fit_cylinder
 from dic.surfaces.strains import StrainOutcome
 from dic.surfaces.surface_history import SurfaceHistory
 from dic.tracking import Track

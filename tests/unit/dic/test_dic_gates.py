@@ -16,8 +16,8 @@ from dic.chain.outliers import gate_epipolar, gate_residual, off_surface, spacin
 from dic.chain.remarks import of_radius
 from dic.correlation import Correlation
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.stereo import reconstruct
-from dic.surfaces import fit_cylinder
+from dic.stereo.reconstruction import reconstruct
+from dic.surfaces.cylinder import fit_cylinder
 
 INSIDE, OUTSIDE = 0.99, 1.01
 

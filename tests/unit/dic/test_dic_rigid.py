@@ -6,9 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from dic import Camera, FrameOutcome, PointOutcome, StereoRig
 from dic.bodies.body_motion import BodyMotion, body_motion
-from dic.stereo import reconstruct
-from dic.stereo.reconstruction import Reconstruction
-from dic.surfaces import SpecimenFrame
+from dic.stereo.reconstruction import Reconstruction, reconstruct
+from dic.surfaces.cylinder import SpecimenFrame
 from dic.tracking.inputs import Track
 
 SIDE, FACE, SCALE = 7.5e-3, 6.5e-3, 1.0 / 18e3

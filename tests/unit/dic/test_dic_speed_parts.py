@@ -13,10 +13,10 @@ from threadpoolctl import threadpool_info
 from dic import PointOutcome
 from dic.basics import median
 from dic.bodies.body_motion import MotionPrior, Observations, adjust
-from dic.calibration import TargetNotFound, detect, detection_begun
 from dic.calibration.bundle import View, derivatives, join_views, poses_of, project_points
 from dic.calibration.dots import _upper, centroids, quantiles
-from dic.calibration.targets import FiducialDots
+from dic.calibration.targets import FiducialDots, TargetNotFound
+from dic.calibration.views import detect, detection_begun
 from dic.camera import Camera
 from dic.correlation import Correlation, PictureStack, Shape, Templates, correlate
 from dic.correlation.kernels.device import PAD, on_device, on_host, response, select_device

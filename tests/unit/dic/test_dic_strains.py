@@ -5,7 +5,7 @@ import pytest
 
 from dic import PointOutcome, SurfaceHistory
 from dic.correlation.subsets import overlap_correlation
-from dic.surfaces import StrainGauge, StrainOutcome, strains
+from dic.surfaces.strains import StrainGauge, StrainOutcome, strains
 
 RADIUS, SCALE = 4.75e-3, 1.0 / 18e3  # 18 px/mm
 NOISE = np.array([1e-6, 1e-6, 4e-6])

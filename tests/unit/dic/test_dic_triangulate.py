@@ -6,13 +6,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from dic import Camera, StereoRig
-from dic.stereo import (
-    calibration_sigma,
-    calibration_slopes,
-    epipolar_distance,
-    triangulate,
-)
-from dic.stereo.geometry import epipolar_curve, epipolar_sigma, pixel_slope
+from dic.stereo.geometry import epipolar_curve, epipolar_distance, epipolar_sigma, pixel_slope, triangulate
+from dic.stereo.reconstruction import calibration_sigma, calibration_slopes
 
 LENS = (-0.18, 0.4, 1e-3, -2e-3, -0.3)
 NOISE0 = np.array([[4e-4, 1e-4], [1e-4, 2e-4]])
