@@ -10,6 +10,7 @@ import csv
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -350,27 +351,20 @@ CURE = "pip install 'kolsky[notebook]'"
 
 
 def pandas() -> Any:
-    """The package pandas.
-
-    Raises ImportError if it is not installed; the message says how to get it.
-    """
-    try:
-        import pandas
-    except ImportError:
-        raise ImportError(f"this needs pandas: {CURE}") from None
-    return pandas
+    """The package pandas; an ImportError says how to get it."""
+    return _optional("pandas")
 
 
 def xarray() -> Any:
-    """The package xarray.
+    """The package xarray; an ImportError says how to get it."""
+    return _optional("xarray")
 
-    Raises ImportError if it is not installed; the message says how to get it.
-    """
+
+def _optional(name: str) -> Any:
     try:
-        import xarray
+        return import_module(name)
     except ImportError:
-        raise ImportError(f"this needs xarray: {CURE}") from None
-    return xarray
+        raise ImportError(f"this needs {name}: {CURE}") from None
 
 
 def html_table(caption: str, rows: list[tuple[str, str]]) -> str:

@@ -286,10 +286,7 @@ def _lower_end(mean: FloatArray) -> tuple[int, float]:
 
 
 def _painted(contrast: FloatArray) -> float:
-    """Contrast of the rows that show speckles: the median over those with half that of the best tenth.
-
-    An even platen may fill more rows than the specimen.
-    """
+    """Contrast of the rows that show speckles: the median over those with half that of the best tenth."""
     return float(np.median(contrast[contrast >= BAND * np.percentile(contrast, 90.0)]))
 
 

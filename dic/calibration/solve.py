@@ -357,13 +357,7 @@ class Verdicts:
 def _solve_without_bad(
     rig: Rig, views: Sequence[View], columns: tuple[FloatArray, FloatArray], *, reject: bool
 ) -> tuple[Fit, Verdicts]:
-    """The least squares of the pairs and points that agree.
-
-    The first verdict is that of a robust solution (`_robust`). Then the worst pair is left out as long as it
-    is bad; after each solution every pair that is out is tried
-    again with nothing but its pose adjusted, and comes back if it fits. So one bad pair cannot take good
-    ones with it, and the verdict on a pair never rests on a solution that it took part in spoiling.
-    """
+    """The least squares of the pairs and points that agree."""
     pairs = _group_by_pair([s for s in views if s.pair in rig.poses])
     bad: dict[int, str] = {}
     if reject:

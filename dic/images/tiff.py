@@ -180,11 +180,7 @@ def _chain(path: Path) -> tuple[tuple[int, ...], int | None]:
 def _stack(
     file: "tifffile.TiffFile", page: "tifffile.TiffPage", beyond: int | None
 ) -> tuple[int, str] | None:
-    """Start and type of the grey values if they follow the only header page after page.
-
-    So they do in a stack for which ImageJ wrote one header, and in one whose other headers were cut off if
-    the next would stand behind the grey values of all.
-    """
+    """Start and type of the grey values if they follow the only header page after page."""
     pages, bits = _promised(page.description), page.bitspersample
     if pages < 2 or page.compression != 1 or page.photometric != _MIN_IS_BLACK or bits not in (8, 16):
         return None

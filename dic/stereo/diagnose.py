@@ -231,10 +231,7 @@ def _without_jumps(pixels: FloatArray) -> FloatArray:
 
 
 def _shifted(rig: StereoRig, aim0: Rays, aim1: Rays, shift: int) -> tuple[FloatArray, FloatArray]:
-    """Distances [n_frames, n_points] with camera 1 late by `shift`, and their slopes by its pixels.
-
-    Rows are the frames of camera 0; those without a partner are NaN.
-    """
+    """Distances [n_frames, n_points] with camera 1 late by `shift`, and their slopes by its pixels."""
     e, _, slope1 = slopes_between(rig, aim0, Rays(*(_moved(part, shift) for part in aim1)))
     return e, slope1
 

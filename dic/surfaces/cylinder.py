@@ -16,11 +16,7 @@ from dic.camera import Camera, StereoRig
 
 
 def _candidate_axes(X: FloatArray) -> list[FloatArray]:
-    """Directions worth starting a fit from, unit vectors.
-
-    The direction of least curvature of the paraboloid over the plane that fits best, right for any arc
-    up to a half circle; the principal directions of the points, right for a long cylinder.
-    """
+    """Directions worth starting a fit from, unit vectors."""
     _, vectors = np.linalg.eigh(X.T @ X)
     normal, first, second = vectors.T
     size = float(np.sqrt(np.mean(X**2)))

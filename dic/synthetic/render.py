@@ -216,12 +216,7 @@ def write_numbered(path: Path, picture: NDArray[np.uint16], *, bits: int) -> Non
 
 
 def _write_cine(path: Path, pictures: Stack, *, bits: int, times: NDArray[np.float64], rate: float) -> None:
-    """Write a Phantom cine of 16-bit values, with time stamps from its trigger at t = 0 on.
-
-    After Vision Research's "Cine File Format": file header, bitmap header, SETUP, one tagged block of time
-    stamps,
-    table of positions, pictures, bottom row first.
-    """
+    """Write a Phantom cine of 16-bit values, with time stamps from its trigger at t = 0 on."""
     n, rows, columns = pictures.shape
     trigger = 1 << 31  # half a second: stamps before it need no borrowing from the seconds
     setup = bytearray(_SETUP)

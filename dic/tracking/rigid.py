@@ -133,10 +133,7 @@ def _step(
     predicted: FloatArray,
     most: float,
 ) -> FloatArray | None:
-    """Find the points in one frame; the body's motion since the reference, None if they agree on none.
-
-    Points whose median of 1 - ZNCC is beyond `most` show another body.
-    """
+    """Find the points in one frame; the body's motion since the reference, None if they agree on none."""
     beside = [predicted + off * np.eye(2)[axis] for off in SEARCHED for axis in (1, 0)]
     best, matches = None, _matches(stack, here, points, root, [predicted], settings, mask, templates)
     for k in range(1 + len(SEARCHED)):
@@ -206,10 +203,7 @@ def _matches(
 def _in_view(
     points: FloatArray, warp: FloatArray, shape: tuple[int, int], settings: Correlation
 ) -> BoolArray:
-    """Points of whose subsets enough may be in a picture of this shape, where these warps put them, [n].
-
-    Of a parallelogram that reaches r from its centre along an axis, less than (1 - d/r)/2 lies beyond d.
-    """
+    """Points of whose subsets enough may be in a picture of this shape, where these warps put them, [n]."""
     half = 0.5 * settings.subset
     bend = np.abs(warp[:, 6:].reshape(-1, 2, 3)) @ np.array([0.5, 1.0, 0.5])
     share = max(1.0 - 2.0 * settings.least_pixels, 0.0)

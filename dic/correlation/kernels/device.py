@@ -399,10 +399,7 @@ def _start() -> None:
 
 @contextmanager
 def _without(expected: str) -> Iterator[None]:
-    """Keep one expected line of native code off stderr; anything else still gets there.
-
-    Warp's library says on every start that a machine has no GPU; that is no news to its user.
-    """
+    """Keep one expected line of native code off stderr; anything else still gets there."""
     try:
         saved = os.dup(2)
     except OSError:  # no stderr at all, as under some services: nothing to keep clean

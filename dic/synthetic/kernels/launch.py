@@ -178,10 +178,7 @@ def upload_bodies(bodies: tuple[RevolvedBody, ...], n: int, camera: Camera, devi
 
 
 def _bins(y: FloatArray) -> NDArray[np.int64]:
-    """First and last segment that reaches into each of `BINS` even layers of a body, shape [n, BINS, 2].
-
-    Segments between the two that do not reach into the layer cost time and nothing else.
-    """
+    """First and last segment that reaches into each of `BINS` even layers of a body, shape [n, BINS, 2]."""
     span = np.stack([y.min(axis=1), y.max(axis=1)], axis=1)
     low, high = np.minimum(y[:, :-1], y[:, 1:]), np.maximum(y[:, :-1], y[:, 1:])
     edge = span[:, :1] + (span[:, 1:] - span[:, :1]) * np.linspace(0.0, 1.0, BINS + 1)
