@@ -25,7 +25,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe.arrays import FloatArray
-from doe.uncertainty.covariance import inverse_information
+
+SMALLEST_SHARE = 1e-12
+"""Smallest over largest eigenvalue of the information in unit-box parameters: with derivatives good to
+1e-8, a smaller one is not told from zero."""
+
+
+class SingularInformationError(ValueError):
+    """Some direction of the parameters does not move the data; a covariance does not exist."""
+
+
+def inverse_information(jacobian: FloatArray) -> FloatArray:
+    """(J^T J)^-1 of a whitened Jacobian, shape [k, d] -> [d, d].
+
+    Raises SingularInformationError if a direction of the parameters is not seen; the message names it.
+    """
+    _, singular, right = np.linalg.svd(jacobian, full_matrices=False)
+    values = singular**2
+    if values[-1] <= SMALLEST_SHARE * values[0]:
+        raise SingularInformationError(
+            f"the data do not move along {np.round(right[-1], 3).tolist()} (unit-box coordinates): hold one "
+            "of these parameters, or read the profile likelihood, which needs no inverse"
+        )
+    return np.asarray((right.T / values) @ right)
 
 
 @dataclass(frozen=True)
@@ -74,7 +96,7 @@ class LinearData:
     def covariance(self) -> FloatArray:
         """H^-1, in parameter units, shape [d, d].
 
-        Raises doe.uncertainty.covariance.SingularInformationError if some direction of the parameters does
+        Raises SingularInformationError if some direction of the parameters does
         not move the data.
         """
         return inverse_information(self.rows) * np.outer(self.scale, self.scale)

@@ -35,7 +35,6 @@ from scipy.stats import qmc
 from doe.arrays import FloatArray
 from doe.box import Box
 from doe.designs.design import Design, Rng, seed_of
-from doe.information import LinearData, Placement, best_groups, best_window
 from doe.surrogates.pca import PrincipalComponents
 
 Function = Callable[[FloatArray], FloatArray]
@@ -337,12 +336,6 @@ class ElementaryEffects:
         return np.abs(self.effects).mean(axis=0).T
 
     @property
-    def size_sigma(self) -> FloatArray:
-        """Standard uncertainty of `size` from the scatter of the trajectories, shape [s, d]."""
-        scatter = np.abs(self.effects).std(axis=0, ddof=1).T
-        return np.asarray(scatter / np.sqrt(len(self.effects)))
-
-    @property
     def scatter(self) -> FloatArray:
         """Standard deviation sigma of the effect: curvature or interaction, shape [s, d]."""
         return self.effects.std(axis=0, ddof=1).T
@@ -417,17 +410,3 @@ def morris(box: Box, trajectories: int, *, levels: int = 4, rng: Rng) -> Traject
     unit_points = (low[:, None, :] + delta * (after ^ down[:, None, :])).reshape(-1, d)
     settings = {"trajectories": r, "levels": p, "rng": seed}
     return Trajectories(Design(box.scale(unit_points), box, "morris", settings), order)
-
-
-__all__ = [
-    "ElementaryEffects",
-    "HistoryIndices",
-    "LinearData",
-    "Placement",
-    "SobolIndices",
-    "best_groups",
-    "best_window",
-    "history_indices",
-    "morris",
-    "sobol_indices",
-]

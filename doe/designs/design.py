@@ -50,10 +50,6 @@ class Design:
         """The points in the unit box [-], shape [n, d]."""
         return self.box.unit(self.points)
 
-    def as_dicts(self) -> list[dict[str, float]]:
-        """The points as values by parameter name, length n."""
-        return [self.box.as_dict(point) for point in self.points]
-
 
 def count_of(n: int) -> int:
     """A number of points.

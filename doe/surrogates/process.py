@@ -422,14 +422,6 @@ class ProcessSurrogate:
         return self.components.deviation(scores) + self.components.truncation
 
     @property
-    def loo_standardised(self) -> FloatArray:
-        """Leave-one-out residuals of the scores over their stated standard deviations [-], shape [n, q].
-
-        Their root mean square is near 1 where the surrogate knows its own error.
-        """
-        return np.concatenate([p.loo_residuals / p.loo_sigma for p in self.processes], axis=1)
-
-    @property
     def loo_rms(self) -> float:
         """Root mean square of `loo_residuals` / scale over runs and entries [-]."""
         return float(np.sqrt(np.mean((self.loo_residuals / self.components.scale) ** 2)))

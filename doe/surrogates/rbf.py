@@ -302,11 +302,6 @@ class ResponseSurrogate:
         return self.components.deviation(self.basis.loo_residuals) + self.components.truncation
 
     @property
-    def loo_rms_entries(self) -> FloatArray:
-        """Root mean square of `loo_residuals` over the runs, in response units, shape [k]."""
-        return np.asarray(np.sqrt(np.mean(self.loo_residuals**2, axis=0)))
-
-    @property
     def loo_rms(self) -> float:
         """Root mean square of `loo_residuals` / scale over runs and entries [-]."""
         return float(np.sqrt(np.mean((self.loo_residuals / self.components.scale) ** 2)))

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from doe.sensitivity import LinearData
-from doe.uncertainty.covariance import SingularInformationError
+from doe.information import LinearData, SingularInformationError
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.problem import PreparedShot

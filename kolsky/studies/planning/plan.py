@@ -10,9 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from doe.information import Criterion, UndecidedError, costs
-from doe.sensitivity import Placement, best_groups, best_window
-from doe.uncertainty.covariance import SingularInformationError
+from doe.information import (
+    Criterion,
+    Placement,
+    SingularInformationError,
+    UndecidedError,
+    best_groups,
+    best_window,
+    costs,
+)
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.parameters import any_slides
