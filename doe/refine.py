@@ -41,30 +41,10 @@ def choose(
     size: int,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """The optimum, and the candidates with the lowest bound of the misfit, one after the other.
+    """The optimum, and the candidates with the lowest bound of the misfit, one after the other, shape [n, d].
 
-    After each choice the surrogate is believed to have been right there, so that its error about the
-    point no longer counts (the kriging believer).
-
-    Parameters
-    ----------
-    surrogate
-        Predicts the response and its error.
-    region
-        Where to choose.
-    best
-        The surrogate's optimum in it, in parameter units, shape [d].
-    misfit
-        What is to be small.
-    size
-        Points wanted; fewer are chosen if no more have room in the region.
-    rng
-        Of the candidates and the drawn responses.
-
-    Returns
-    -------
-    points
-        The optimum first, in parameter units, shape [n, d].
+    After each choice the surrogate is believed to have been right there, so that its error about the point no
+    longer counts (the kriging believer). Fewer than ``size`` are chosen if no more have room in the region.
     """
     unit = np.concatenate([region.unit(best)[None], _candidates(region, best, rng)])
     x = region.scale(unit)

@@ -130,39 +130,17 @@ def _log_det(model: FloatArray) -> float:
     return float(np.linalg.slogdet(model.T @ model)[1])
 
 
-LinearConstraint = tuple[dict[str, float], float]
-"""Coefficients by parameter name and a bound b: sum of coefficient times parameter <= b."""
-
-
-def keep(design: Design, *constraints: LinearConstraint | Callable[[FloatArray], ArrayLike]) -> Design:
+def keep(design: Design, *constraints: Callable[[FloatArray], ArrayLike]) -> Design:
     """The points of a design that meet all constraints; how many did not is in ``settings["refused"]``.
 
-    Parameters
-    ----------
-    design
-        Any design.
-    constraints
-        Linear ones as coefficients by name and a bound, in parameter units; others as a function that
-        takes points, shape [n, d], and returns True where one may be run, shape [n].
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown, a function returns another shape, or no point is left.
+    A constraint takes points in parameter units, shape [n, d], and returns True where one may be run, shape
+    [n]. Raises ValueError if it returns another shape, or no point is left.
     """
     kept = np.ones(len(design), dtype=bool)
-    names = design.box.names
     for constraint in constraints:
-        if callable(constraint):
-            allowed = np.asarray(constraint(design.points.copy()))
-            if allowed.shape != kept.shape or allowed.dtype != bool:
-                raise ValueError(f"a constraint must return {len(kept)} truth values, got {allowed!r}")
-        else:
-            coefficients, bound = constraint
-            unknown = sorted(set(coefficients) - set(names))
-            if unknown:
-                raise ValueError(f"a constraint names {unknown}, but the parameters are {list(names)}")
-            allowed = design.points @ [coefficients.get(name, 0.0) for name in names] <= bound
+        allowed = np.asarray(constraint(design.points.copy()))
+        if allowed.shape != kept.shape or allowed.dtype != bool:
+            raise ValueError(f"a constraint must return {len(kept)} truth values, got {allowed!r}")
         kept &= allowed
     if not kept.any():
         raise ValueError(f"no point of the {len(design)} of the {design.kind} meets the constraints")

@@ -301,37 +301,17 @@ class ProcessSurrogate:
         *,
         scale: ArrayLike = 1.0,
         variance: float = 1.0 - 1e-8,
-        truncation: float | None = None,
         like: ProcessSurrogate | None = None,
     ) -> ProcessSurrogate:
-        """Build it from runs, with the hyperparameters that make them most likely.
+        """Build it from runs, shapes [n, d] and [n, k], with the hyperparameters that make them most likely.
 
-        Parameters
-        ----------
-        box
-            Where the runs lie.
-        points
-            The runs, in parameter units, shape [n, d].
-        responses
-            Their responses, shape [n, k].
-        scale
-            What an entry's deviations are measured by, in response units: a number or shape [k].
-        variance
-            Share of the scaled variance the components keep, in (0, 1].
-        truncation
-            If given, rules instead of `variance`: largest allowed |response - reduction| / scale.
-        like
-            A surrogate of fewer runs, from whose hyperparameters the search for these starts.
-
-        Raises
-        ------
-        ValueError
-            If a point is outside the box, shapes do not match, or an option is outside its range.
-        SurrogateError
-            If a response is not finite, there are too few runs, or they do not determine a linear trend.
+        ``scale``, ``variance``: as in `PrincipalComponents.fit`. ``like``: a surrogate of fewer runs, from
+        whose hyperparameters the search for these starts. Raises ValueError if a point is outside the box,
+        shapes do not match, or an option is outside its range. Raises SurrogateError if a response is not
+        finite, there are too few runs, or they do not determine a linear trend.
         """
         x, y = checked_runs(box, points, responses)
-        components = PrincipalComponents.fit(y, scale=scale, variance=variance, truncation=truncation)
+        components = PrincipalComponents.fit(y, scale=scale, variance=variance)
         u, groups = box.unit(x), _groups(components.scores(y))
         known = like is not None and len(like.processes) == len(groups)
         starts = _rescaled(like, box) if like is not None and known else [None] * len(groups)
@@ -341,22 +321,14 @@ class ProcessSurrogate:
     def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """The response at points in parameter units, shape [m, d] -> [m, k].
 
-        Raises
-        ------
-        ValueError
-            If the shape is wrong, or a point is outside the box and `extrapolate` is False.
+        Raises ValueError if the shape is wrong, or a point is outside the box and `extrapolate` is False.
         """
         return self.components.expand(self.scores(points, extrapolate=extrapolate))
 
     def sigma(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Standard deviation of the response at points, in its units, shape [m, d] -> [m, k].
 
-        The components' errors are taken to be independent.
-
-        Raises
-        ------
-        ValueError
-            As `predict`.
+        The components' errors are taken to be independent. Raises ValueError as `predict`.
         """
         spread = self.score_sigma(points, extrapolate=extrapolate)
         return np.asarray(np.sqrt(spread**2 @ self.components.basis**2) * self.components.scale)
@@ -374,12 +346,8 @@ class ProcessSurrogate:
     def believing(self, points: ArrayLike) -> ProcessSurrogate:
         """The surrogate as if runs at these points had given what it predicts, shape [m, d].
 
-        Its mean stays (up to the nugget); its standard deviation falls about the points.
-
-        Raises
-        ------
-        ValueError
-            If a point is outside the box.
+        Its mean stays (up to the nugget); its standard deviation falls about the points. Raises ValueError if
+        a point is outside the box.
         """
         x = self.box.require(points, what="point")
         u, groups = self.box.unit(np.concatenate([self.points, x])), []
@@ -389,11 +357,6 @@ class ProcessSurrogate:
             known[: len(process.unit_points)] = process.values
             groups.append(GaussianProcess.given(u, known, process.hyperparameters, variance=process.variance))
         return ProcessSurrogate(self.box, np.concatenate([self.points, x]), self.components, tuple(groups))
-
-    @property
-    def condition(self) -> float:
-        """Largest condition number of the processes' correlation matrices [-]."""
-        return max(process.condition for process in self.processes)
 
     @property
     def n_components(self) -> int:

@@ -63,22 +63,10 @@ class RadialBasis:
 
     @classmethod
     def fit(cls, unit_points: FloatArray, values: FloatArray, kernel: Kernel) -> RadialBasis:
-        """Interpolate the values at the runs.
+        """Interpolate values, shape [n, q], at runs in the unit box, shape [n, d].
 
-        Parameters
-        ----------
-        unit_points
-            The runs in the unit box [-], shape [n, d].
-        values
-            Shape [n, q].
-        kernel
-            The kernel.
-
-        Raises
-        ------
-        SurrogateError
-            If there are too few runs, two coincide, they do not determine the tail, or the system is
-            ill-conditioned.
+        Raises SurrogateError if there are too few runs, two coincide, they do not determine the tail, or the
+        system is ill-conditioned.
         """
         operator, condition = loo_operator(unit_points, kernel)
         try:
@@ -217,60 +205,25 @@ class ResponseSurrogate:
         *,
         scale: ArrayLike = 1.0,
         variance: float = 1.0 - 1e-8,
-        truncation: float | None = None,
         kernels: Sequence[Kernel] = DEFAULT_KERNELS,
     ) -> ResponseSurrogate:
-        """Build it from runs; the kernel with the smallest leave-one-out error wins.
+        """Build it from runs, shapes [n, d] and [n, k]; the kernel with the smallest leave-one-out error
+        wins.
 
-        Parameters
-        ----------
-        box
-            Where the runs lie.
-        points
-            The runs, in parameter units, shape [n, d].
-        responses
-            Their responses, shape [n, k].
-        scale
-            What an entry's deviations are measured by, in response units: a number or shape [k].
-        variance
-            Share of the scaled variance the components keep, in (0, 1].
-        truncation
-            If given, rules instead of `variance`: largest allowed |response - reduction| / scale.
-        kernels
-            Candidates; one only fixes the choice.
-
-        Raises
-        ------
-        ValueError
-            If a point is outside the box, shapes do not match, or an option is outside its range.
-        SurrogateError
-            If a response is not finite, or no kernel can be used: too few runs (the message says how
-            many it takes), coinciding runs, an ill-conditioned system.
+        ``scale``, ``variance``: as in `PrincipalComponents.fit`. ``kernels``: candidates; one only fixes the
+        choice. Raises ValueError if a point is outside the box, shapes do not match, or an option is outside
+        its range. Raises SurrogateError if a response is not finite, or no kernel can be used: too few runs
+        (the message says how many it takes), coinciding runs, an ill-conditioned system.
         """
         x, y = checked_runs(box, points, responses)
-        components = PrincipalComponents.fit(y, scale=scale, variance=variance, truncation=truncation)
+        components = PrincipalComponents.fit(y, scale=scale, variance=variance)
         basis, candidates = choose_kernel(box.unit(x), components.scores(y), kernels)
         return cls(box, x, components, basis, candidates)
 
     def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """The response at points.
+        """The response at points in parameter units, shape [m, d] -> [m, k].
 
-        Parameters
-        ----------
-        points
-            In parameter units, shape [m, d].
-        extrapolate
-            Allow points outside the box.
-
-        Returns
-        -------
-        responses
-            In response units, shape [m, k].
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong, or a point is outside the box and `extrapolate` is False.
+        Raises ValueError if the shape is wrong, or a point is outside the box and `extrapolate` is False.
         """
         return self.components.expand(self.scores(points, extrapolate=extrapolate))
 
@@ -328,26 +281,7 @@ class CostSurrogate:
     def fit(
         cls, box: Box, points: ArrayLike, costs: ArrayLike, *, kernels: Sequence[Kernel] = DEFAULT_KERNELS
     ) -> CostSurrogate:
-        """Build it from runs; the kernel with the smallest leave-one-out error wins.
-
-        Parameters
-        ----------
-        box
-            Where the runs lie.
-        points
-            The runs, in parameter units, shape [n, d].
-        costs
-            Their costs, shape [n].
-        kernels
-            Candidates; one only fixes the choice.
-
-        Raises
-        ------
-        ValueError
-            If a point is outside the box or shapes do not match.
-        SurrogateError
-            If a cost is not finite, or no kernel can be used (see `ResponseSurrogate.fit`).
-        """
+        """Build it from runs, shape [n, d], and their costs, shape [n], as `ResponseSurrogate.fit`."""
         column = np.asarray(costs, dtype=np.float64)
         if column.ndim != 1:
             raise ValueError(f"costs must have shape [n], got {list(column.shape)}")
@@ -356,23 +290,11 @@ class CostSurrogate:
         return cls(box, x, basis, candidates)
 
     def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """The cost at points in parameter units, shape [m, d] -> [m, 1].
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong, or a point is outside the box and `extrapolate` is False.
-        """
+        """The cost at points in parameter units, shape [m, d] -> [m, 1], as `ResponseSurrogate.predict`."""
         return self.basis.predict(unit_points(self.box, points, extrapolate=extrapolate))
 
     def cost(self, point: ArrayLike) -> float:
-        """The cost at one point of the box in parameter units, shape [d]: what a search calls.
-
-        Raises
-        ------
-        ValueError
-            If the point is outside the box.
-        """
+        """The cost at one point of the box in parameter units, shape [d]: what a search calls."""
         return float(self.predict(np.asarray(point, dtype=np.float64)[None, :])[0, 0])
 
     @property

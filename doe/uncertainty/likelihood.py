@@ -132,10 +132,8 @@ class Likelihood:
     def residuals(self, unit_points: ArrayLike) -> FloatArray:
         """Prediction minus data at points of the unit box, shape [n, d] -> [n, k].
 
-        Raises
-        ------
-        ValueError
-            If the model's answer has a wrong shape or is not finite; the message names the point.
+        Raises ValueError if the model's answer has a wrong shape or is not finite; the message names the
+        point.
         """
         u = np.clip(np.atleast_2d(np.asarray(unit_points, dtype=np.float64)), 0.0, 1.0)
         x = self.box.scale(u)
@@ -174,17 +172,11 @@ class Likelihood:
         return self.whitened(change, discrepancies).T
 
     def maximise(self, start: ArrayLike, *, held: Sequence[int] = ()) -> Fit:
-        """Most likely point from a start, with some coordinates held where the start has them.
+        """Most likely point from a start in the unit box, shape [d], some coordinates held where the start
+        has them.
 
-        Parameters (by bounded least squares) and profiled discrepancies are improved in turns; the
-        deviance never rises.
-
-        Parameters
-        ----------
-        start
-            In the unit box [-], shape [d].
-        held
-            Indices of the coordinates that do not move.
+        Parameters (by bounded least squares) and profiled discrepancies are improved in turns; the deviance
+        never rises.
         """
         u = np.clip(np.asarray(start, dtype=np.float64), 0.0, 1.0)
         free = np.array([j for j in range(self.box.dimension) if j not in held], dtype=int)

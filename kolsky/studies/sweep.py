@@ -10,7 +10,6 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cache
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from doe.ledger import ExecutorFactory, Ledger, LedgerError, Pace, Run, run_chun
 from explicit import Outcome
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import missing, remove_empty, source_hash, write_table
+from kolsky.base.files import jsonable, missing, remove_empty, source_hash, write_table
 from kolsky.base.units import UnitError, quantity
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.observations import predict
@@ -101,16 +100,8 @@ class ShotRuns:
         }
         sliding = any_slides([*self.names, *self.held])
         said = provenance(self.prepared.forward.shot, settings, self.prepared, sliding=sliding)
-        text = json.dumps({**said, "kept": KEPT, "sources": source_hash()}, sort_keys=True, default=_plain)
-        return hashlib.sha256(text.encode()).digest()
-
-
-@cache
-def _plain(thing: Any) -> Any:
-    """NumPy's numbers as JSON can hold them."""
-    if isinstance(thing, (np.generic, np.ndarray)):
-        return thing.tolist()
-    raise TypeError(f"{type(thing).__name__} has no place in a model's hash")
+        whole = jsonable({**said, "kept": KEPT, "sources": source_hash()}, "model")
+        return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).digest()
 
 
 def sweep(
