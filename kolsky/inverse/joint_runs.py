@@ -284,10 +284,10 @@ class JointRuns:
     def _record(self, fresh: Mapping[tuple[float, ...], FloatArray]) -> None:
         if self.ledger is None:
             return
+        done = [bool(np.isfinite(row).any()) for row in fresh.values()]
         runs = [
-            Run(completed=done, outcome="COMPLETED" if done else "LOST", results=row)
-            for row in fresh.values()
-            for done in [bool(np.isfinite(row).any())]
+            Run(completed=ok, outcome="COMPLETED" if ok else "LOST", results=row)
+            for ok, row in zip(done, fresh.values(), strict=True)
         ]
         with Ledger(self.ledger, self.model_hash) as book:
             book.record(np.array(list(fresh)), runs)
