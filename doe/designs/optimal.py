@@ -18,6 +18,8 @@ from doe.designs.design import Design, Rng, count_of, seed_of
 
 IntArray = NDArray[np.intp]
 
+STARTS = 10
+"""Random starts."""
 GAIN = 1e-9
 """Smallest relative gain in the determinant that an exchange is made for: round-off is far below."""
 
@@ -29,7 +31,6 @@ def d_optimal(
     rng: Rng,
     candidates: ArrayLike | None = None,
     degree: int = 2,
-    starts: int = 10,
 ) -> Design:
     """The n distinct candidates that fix a polynomial best, as far as exchanges find them.
 
@@ -48,20 +49,18 @@ def d_optimal(
         In parameter units, shape [c, d], constraints met; a grid of five levels a parameter if left out.
     degree
         Of the polynomial, all terms up to it.
-    starts
-        Number of random starts.
 
     Raises
     ------
     ValueError
-        If a candidate is outside the box, n is outside its range, degree or starts is below 1, or the
+        If a candidate is outside the box, n is outside its range, the degree is below 1, or the
         candidates do not fix the polynomial.
     TypeError
         If `rng` is neither an integer nor a generator.
     """
     n, seed = count_of(n), seed_of(rng)
-    if degree < 1 or starts < 1:
-        raise ValueError(f"degree and starts must be at least 1, got {degree} and {starts}")
+    if degree < 1:
+        raise ValueError(f"degree must be at least 1, got {degree}")
     if candidates is None:
         candidates = grid(box)
     points = np.unique(box.require(np.asarray(candidates, dtype=np.float64), what="candidate"), axis=0)
@@ -76,9 +75,9 @@ def d_optimal(
             f"the candidates do not fix a polynomial of degree {degree}: give more levels or a lower degree"
         )
     generator = np.random.default_rng(seed)
-    found = [_exchange(model, _start(model, n, generator)) for _ in range(starts)]
+    found = [_exchange(model, _start(model, n, generator)) for _ in range(STARTS)]
     best = max(found, key=lambda rows: _log_det(model[rows]))
-    settings = {"n": n, "candidates": len(points), "degree": degree, "starts": starts, "rng": seed}
+    settings = {"n": n, "candidates": len(points), "degree": degree, "starts": STARTS, "rng": seed}
     return Design(points[np.sort(best)], box, "d_optimal", settings)
 
 

@@ -7,7 +7,7 @@ in closed form.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -131,15 +131,14 @@ class GaussianProcess:
         unit_points: FloatArray,
         values: FloatArray,
         *,
-        kinds: Sequence[str] = tuple(CORRELATIONS),
         start: Hyperparameters | None = None,
     ) -> GaussianProcess:
-        """Choose the hyperparameters by the restricted likelihood of the runs.
+        """Choose the hyperparameters by the restricted likelihood of values, [n, q], at runs in the unit box,
+        [n, d].
 
-        ``unit_points``: the runs in the unit box [-], shape [n, d]. ``values``: shape [n, q]. ``kinds``:
-        correlation functions to choose from. ``start``: where to begin, e.g. the hyperparameters of fewer
-        runs; left out, two starts a kind. Raises SurrogateError if there are too few runs, or they do not
-        determine the linear trend.
+        ``start``: where to begin, e.g. the hyperparameters of fewer runs; left out, two starts a kind of
+        correlation. Raises SurrogateError if there are too few runs, or they do not determine the linear
+        trend.
         """
         n, d = unit_points.shape
         if n < d + 3:
@@ -158,7 +157,7 @@ class GaussianProcess:
         bounds = [(np.log(SHORTEST), np.log(LONGEST))] * d
         bounds += [(np.log(LEAST_NUGGET), np.log(LARGEST_NUGGET))]
         starts = (
-            [(kind, np.log([length] * d + [1e-8])) for kind in kinds for length in STARTS]
+            [(kind, np.log([length] * d + [1e-8])) for kind in CORRELATIONS for length in STARTS]
             if start is None
             else [(start.kind, start.logarithms)]
         )
@@ -170,8 +169,7 @@ class GaussianProcess:
             )  # fmt: skip
             if best is None or found.fun < best[0]:
                 best = float(found.fun), Hyperparameters.of(kind, found.x)
-        if best is None:
-            raise ValueError("kinds is empty: name at least one correlation function")
+        assert best is not None  # there is at least one start
         return cls.given(unit_points, values, best[1])
 
     @classmethod

@@ -113,7 +113,6 @@ def sweep(
     ledger: Path | None = None,
     merge: tuple[Path, ...] = (),
     retry: bool = False,
-    chunk: int | None = None,
     executor: ExecutorFactory | None = None,
     progress: Callable[[Pace], None] | None = None,
 ) -> Sweep:
@@ -135,8 +134,6 @@ def sweep(
         Ledgers of other shards, taken over into `ledger` first.
     retry
         Run again what the ledger holds as not completed.
-    chunk
-        Runs handed over and recorded at once; that of `CHUNK` if left out.
     executor, progress
         As in `doe.ledger.run_chunks`.
 
@@ -151,7 +148,7 @@ def sweep(
     """
     numerics = numerics or Numerics()
     runs = ShotRuns(prepare_shot(shot), design.box.names, dict(held or {}), numerics)
-    chunk = chunk or CHUNK["cpu" if numerics.device == "cpu" else "cuda"]
+    chunk = CHUNK["cpu" if numerics.device == "cpu" else "cuda"]
 
     def all_runs(book: Ledger | None) -> list[Run]:
         return run_chunks(
