@@ -229,10 +229,8 @@ class HistoryIndices:
     """Generalised first-order index [-], shape [d]."""
     aggregated_total: FloatArray
     """Generalised total index [-], shape [d]."""
-    aggregated_first_interval: FloatArray
-    """Ends of its bootstrap interval [-], shape [d, 2]."""
     aggregated_total_interval: FloatArray
-    """Likewise of the total index."""
+    """Ends of the bootstrap interval of the total one [-], shape [d, 2]."""
     components: int
     """Number of components kept."""
     kept_variance: float
@@ -279,7 +277,6 @@ def history_indices(
     share = np.divide(reduction.scale**2, spread, out=np.full_like(spread, np.nan), where=alive)
     traces = _resampled(
         [
-            (at_B * change).sum(axis=-1, keepdims=True),
             0.5 * (change**2).sum(axis=-1, keepdims=True),
             0.5 * (at_A**2 + at_B**2).sum(axis=-1, keepdims=True)[None],
         ],
@@ -293,8 +290,7 @@ def history_indices(
         variance=spread,
         aggregated_first=np.trace(of_first, axis1=1, axis2=2) / size,
         aggregated_total=np.trace(of_total, axis1=1, axis2=2) / size,
-        aggregated_first_interval=np.quantile((traces[0] / traces[2])[..., 0], ENDS, axis=0).T,
-        aggregated_total_interval=np.quantile((traces[1] / traces[2])[..., 0], ENDS, axis=0).T,
+        aggregated_total_interval=np.quantile((traces[0] / traces[1])[..., 0], ENDS, axis=0).T,
         components=reduction.n_components,
         kept_variance=reduction.kept_variance,
     )

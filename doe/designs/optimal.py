@@ -34,29 +34,13 @@ def d_optimal(
 ) -> Design:
     """The n distinct candidates that fix a polynomial best, as far as exchanges find them.
 
-    Each start is a random choice, from which one point at a time is exchanged for the candidate that
-    raises the determinant most, until none does. The best of the starts is taken.
-
-    Parameters
-    ----------
-    box
-        Where; the polynomial is one in the unit box's coordinates.
-    n
-        Number of points, at least the number of terms and at most that of the candidates.
-    rng
-        Integer seed or NumPy generator of the starts.
-    candidates
-        In parameter units, shape [c, d], constraints met; a grid of five levels a parameter if left out.
-    degree
-        Of the polynomial, all terms up to it.
-
-    Raises
-    ------
-    ValueError
-        If a candidate is outside the box, n is outside its range, the degree is below 1, or the
-        candidates do not fix the polynomial.
-    TypeError
-        If `rng` is neither an integer nor a generator.
+    Each start is a random choice, from which one point at a time is exchanged for the candidate that raises
+    the determinant most, until none does. The best of the starts is taken. ``n``: at least the number of
+    terms and at most that of the candidates. ``rng``: integer seed or NumPy generator of the starts.
+    ``candidates``: in parameter units, shape [c, d], constraints met; a grid of five levels a parameter if
+    left out. ``degree``: of the polynomial in the unit box's coordinates, all terms up to it. Raises
+    ValueError if a candidate is outside the box, n is outside its range, the degree is below 1, or the
+    candidates do not fix the polynomial.
     """
     n, seed = count_of(n), seed_of(rng)
     if degree < 1:

@@ -328,17 +328,10 @@ class Verdict:
 def verdicts(likelihood: Likelihood, profiles: Profiles) -> tuple[Verdict, ...]:
     """A verdict for each parameter, from its profile and from what it does alone.
 
-    A profile that passes the level on both sides identifies its parameter inside the box. On a side
-    where it does not, the parameter is held at that face with the others at the optimum: if this alone
-    passes the level, the data do see the parameter and others make up for it, a ridge. If not, the data
-    bound it on one side, or on none: not seen.
-
-    Parameters
-    ----------
-    likelihood
-        Of the data.
-    profiles
-        Its profiles.
+    A profile that passes the level on both sides identifies its parameter inside the box. On a side where it
+    does not, the parameter is held at that face with the others at the optimum: if this alone passes the
+    level, the data do see the parameter and others make up for it, a ridge. If not, the data bound it on one
+    side, or on none: not seen.
     """
     return tuple(_verdict(likelihood, profiles, profile) for profile in profiles.profiles)
 

@@ -224,7 +224,7 @@ def write_sweep(path: Path, result: Sweep) -> Path:
         "outcome": table.outcomes,
         "Phi_F (N)": table.phi_force,
         "Phi_S (1)": table.phi_shape,
-        "Phi (1)": table.phi_force / 1000.0 + table.phi_shape / 0.001,
+        "Phi (1)": misfit_sum(table),
         "chi2 force (1)": table.chi2_force,
         "chi2 shape (1)": table.chi2_shape,
         **end_columns(table),
@@ -238,14 +238,18 @@ def counts(result: Sweep) -> dict[str, int]:
     return {"runs": len(table.outcomes), "completed": len(table.outcomes) - len(table.lost)}
 
 
+def misfit_sum(table: DesignTable) -> FloatArray:
+    """Phi of every run, Eq. (M.5) [-]; NaN without an outline, shape [n_runs]."""
+    return np.asarray(table.phi_force / SCALE_FORCE + table.phi_shape / SCALE_SHAPE)
+
+
 def costs(table: DesignTable) -> FloatArray:
     """Phi of every run, Eq. (M.5) [-]; its force term alone where no outline was measured.
 
     NaN where a run did not complete, shape [n_runs].
     """
-    force = table.phi_force / SCALE_FORCE
-    phi = force + table.phi_shape / SCALE_SHAPE
-    return phi if np.isfinite(phi).any() else force
+    phi = misfit_sum(table)
+    return phi if np.isfinite(phi).any() else table.phi_force / SCALE_FORCE
 
 
 def least_misfit(result: Sweep) -> dict[str, Any]:
@@ -254,7 +258,7 @@ def least_misfit(result: Sweep) -> dict[str, Any]:
     Values are None if no run completed.
     """
     table = result.table
-    phi = table.phi_force / SCALE_FORCE + table.phi_shape / SCALE_SHAPE  # Eq. (M.5)
+    phi = misfit_sum(table)
     seen = bool(np.isfinite(phi).any())
     best = int(np.nanargmin(phi if seen else table.phi_force)) if counts(result)["completed"] else None
     return {
