@@ -32,21 +32,6 @@ LARGEST_MISFIT = 1e-8
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """One kernel that was tried."""
-
-    kernel: Kernel
-    """The kernel."""
-    loo_rms: float
-    """Leave-one-out error: root of the mean over the runs of the squared length of the error vector
-    [units of the values]; NaN if the kernel was refused."""
-    condition: float
-    """Condition number of the reduced kernel matrix [-]; NaN if it was not formed."""
-    refused: str
-    """Why the kernel could not be used; empty if it could."""
-
-
-@dataclass(frozen=True)
 class RadialBasis:
     """An interpolant s(u) = sum_i c_i phi(|u - u_i|) + tail, one for each column of the values."""
 
@@ -145,25 +130,22 @@ def loo_operator(unit_points: FloatArray, kernel: Kernel) -> tuple[FloatArray, f
     return operator, condition
 
 
-def choose_kernel(
-    unit_points: FloatArray, values: FloatArray, kernels: Sequence[Kernel]
-) -> tuple[RadialBasis, tuple[Candidate, ...]]:
-    """The interpolant with the smallest leave-one-out error, and what every candidate did."""
+def choose_kernel(unit_points: FloatArray, values: FloatArray, kernels: Sequence[Kernel]) -> RadialBasis:
+    """The interpolant with the smallest leave-one-out error."""
     best: RadialBasis | None = None
-    candidates: list[Candidate] = []
+    refused: list[str] = []
     for kernel in kernels:
         try:
             basis = RadialBasis.fit(unit_points, values, kernel)
         except SurrogateError as error:
-            candidates.append(Candidate(kernel, np.nan, np.nan, str(error)))
+            refused.append(str(error))
             continue
-        candidates.append(Candidate(kernel, basis.loo_rms, basis.condition, ""))
         if best is None or basis.loo_rms < best.loo_rms:
             best = basis
     if best is None:
-        reasons = "; ".join(candidate.refused for candidate in candidates) or "the list of kernels is empty"
+        reasons = "; ".join(refused) or "the list of kernels is empty"
         raise SurrogateError(f"no kernel can be used with {len(unit_points)} runs: {reasons}")
-    return best, tuple(candidates)
+    return best
 
 
 def _refuse_twins(unit_points: FloatArray) -> None:
@@ -192,9 +174,6 @@ class ResponseSurrogate:
     """The reduction of the response."""
     basis: RadialBasis
     """The interpolant of the components' scores."""
-    candidates: tuple[Candidate, ...]
-    """Every kernel that was tried, with its leave-one-out error over the scaled response or the reason
-    why it could not be used."""
 
     @classmethod
     def fit(
@@ -217,8 +196,7 @@ class ResponseSurrogate:
         """
         x, y = checked_runs(box, points, responses)
         components = PrincipalComponents.fit(y, scale=scale, variance=variance)
-        basis, candidates = choose_kernel(box.unit(x), components.scores(y), kernels)
-        return cls(box, x, components, basis, candidates)
+        return cls(box, x, components, choose_kernel(box.unit(x), components.scores(y), kernels))
 
     def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """The response at points in parameter units, shape [m, d] -> [m, k].
@@ -230,11 +208,6 @@ class ResponseSurrogate:
     def scores(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Coordinates of the response in the components, as `predict`, shape [m, d] -> [m, q]."""
         return self.basis.predict(unit_points(self.box, points, extrapolate=extrapolate))
-
-    @property
-    def kernel(self) -> Kernel:
-        """The kernel that was chosen."""
-        return self.basis.kernel
 
     @property
     def n_components(self) -> int:
@@ -274,8 +247,6 @@ class CostSurrogate:
     """The runs it was built from, in parameter units, shape [n, d]."""
     basis: RadialBasis
     """The interpolant."""
-    candidates: tuple[Candidate, ...]
-    """Every kernel that was tried, with its leave-one-out error in cost units or why it could not be used."""
 
     @classmethod
     def fit(
@@ -286,8 +257,7 @@ class CostSurrogate:
         if column.ndim != 1:
             raise ValueError(f"costs must have shape [n], got {list(column.shape)}")
         x, y = checked_runs(box, points, column[:, None])
-        basis, candidates = choose_kernel(box.unit(x), y, kernels)
-        return cls(box, x, basis, candidates)
+        return cls(box, x, choose_kernel(box.unit(x), y, kernels))
 
     def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """The cost at points in parameter units, shape [m, d] -> [m, 1], as `ResponseSurrogate.predict`."""
@@ -296,11 +266,6 @@ class CostSurrogate:
     def cost(self, point: ArrayLike) -> float:
         """The cost at one point of the box in parameter units, shape [d]: what a search calls."""
         return float(self.predict(np.asarray(point, dtype=np.float64)[None, :])[0, 0])
-
-    @property
-    def kernel(self) -> Kernel:
-        """The kernel that was chosen."""
-        return self.basis.kernel
 
     @property
     def loo_residuals(self) -> FloatArray:
