@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -115,6 +116,7 @@ def remove_empty(folders: list[Path]) -> None:
             path.rmdir()
 
 
+@cache
 def source_hash() -> str:
     """SHA-256 of the sources of `kolsky` and `explicit`: a version number does not tell a working copy."""
     total = hashlib.sha256()

@@ -56,10 +56,7 @@ class StrainHistory:
     def time_at(self, strain: FloatArray) -> FloatArray:
         """First time at which a strain is reached [s], shape of `strain`.
 
-        Raises
-        ------
-        ValueError
-            If a strain is not positive or was not reached.
+        Raises ValueError if a strain is not positive or was not reached.
         """
         e = np.asarray(strain, dtype=float)
         bad = e[~((e > 0.0) & (e <= self.largest))]
