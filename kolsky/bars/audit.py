@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from kolsky.bars.records import Correction
 from kolsky.base.arrays import BoolArray, FloatArray
@@ -211,8 +211,3 @@ def table_of(corrections: Iterable[Correction]) -> dict[str, list[Any]]:
         "unit": [row.unit for row in rows],
         "reason": [row.reason for row in rows],
     }
-
-
-def samples_in(time: FloatArray, span: tuple[float, float]) -> NDArray[np.bool_]:
-    """Mask of the samples in a span, both ends included: the `over` of a comparison, shape [n]."""
-    return np.asarray((time >= span[0]) & (time <= span[1]))

@@ -166,7 +166,7 @@ class Budget:
         """Largest term of second order over the combined standard uncertainty at the same sample [-].
 
         That is the curvature of any one quantity, or the interaction of all. Where it is not small the budget
-        is not to be trusted, and `kolsky.bars.monte_carlo` is.
+        is not to be trusted, and draws of the quantities are.
         """
         u = self.sigma(output)
         second = np.concatenate([self.curvature[output], self.interaction[output][None]])

@@ -109,7 +109,6 @@ def _sheet(toml: TomlFile, section: FieldSection, constants: Constants, raw: Gms
         "xy".index(section.axis),
         regions,
         held,
-        section.force_from,
     )
 
 

@@ -15,7 +15,6 @@ alike: with the correlation rho of neighbours n residuals tell as much as n / a 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Literal
 
 import numpy as np
 from scipy.stats import chi2 as chi2_distribution
@@ -31,7 +30,6 @@ from kolsky.bodies.errors_in_variables import (
     SearchOptimum,
     reduce,
     search,
-    search_by_quasi_newton,
 )
 from kolsky.bodies.specimen_constants import Constants
 from kolsky.bodies.specimen_model import SpecimenModel
@@ -302,8 +300,6 @@ def debonding(
 
 DECADES = 1.0
 """Decades to each side of the declared start over which further starts of a modulus are drawn."""
-EQUAL_OPTIMA = 1e-3
-"""Largest difference of two starts' ends, in standard deviations, that counts as one minimum."""
 
 
 @dataclass(frozen=True)
@@ -342,11 +338,6 @@ class TestFit:
     def rmse(self) -> float:
         """Root mean square of simulated less measured force [N]."""
         return float(np.sqrt(np.mean((self.force - self.test.samples.force) ** 2)))
-
-
-Method = Literal["gauss_newton", "quasi_newton"]
-"""How a fit is searched for."""
-_SEARCHES = {"gauss_newton": search, "quasi_newton": search_by_quasi_newton}
 
 
 @dataclass(frozen=True)
@@ -409,7 +400,6 @@ def fit(
     starts: int = 1,
     seed: int = 1,
     bonds: bool = True,
-    method: Method = "gauss_newton",
 ) -> SpecimenFit:
     """Fit one set of constants to tests.
 
@@ -427,9 +417,6 @@ def fit(
         Number of starts, the first as declared and the others drawn around it, and the seed of the draws.
     bonds
         Look for peeling bonds: one more simulation a test.
-    method
-        "gauss_newton" (with Levenberg and Marquardt's damping) or "quasi_newton" (L-BFGS-B), which needs more
-        simulations.
 
     Raises
     ------
@@ -450,7 +437,7 @@ def fit(
     ends, refused, limits = [], "", constants.bounds
     for start in _remote_starts(constants, starts, seed):
         try:
-            ends.append(_SEARCHES[method](respond, samples, start, bounds=limits, scales=constants.scales))
+            ends.append(search(respond, samples, start, bounds=limits, scales=constants.scales))
         except ValueError as error:
             refused = str(error)
     if not ends:

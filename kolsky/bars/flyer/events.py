@@ -248,12 +248,6 @@ class FlyerEvents:
         raise KeyError(f"{name!r} is none of {', '.join(event.name for event in self.events)}")
 
     @property
-    def in_order(self) -> tuple[Event, ...]:
-        """The events that were found, in order of time."""
-        found = [event for event in self.events if event.time is not None]
-        return tuple(sorted(found, key=lambda event: event.time or 0.0))
-
-    @property
     def usable(self) -> tuple[float, str]:
         """Until when the data count [s], and what ends them: lost symmetry, second impact or the record."""
         found = [

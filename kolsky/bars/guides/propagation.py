@@ -209,34 +209,6 @@ def propagation(
     )
 
 
-def force_of(strain: Signal, waveguide: Waveguide, *, band: float | None = None) -> Signal:
-    """Force through the section that goes with a strain, Eq. (B.6), component by component [N]."""
-    return _multiplied(strain, waveguide, "N", band)
-
-
-def velocity_of(strain: Signal, waveguide: Waveguide, *, band: float | None = None) -> Signal:
-    """Mean particle velocity that goes with the strain of one wave, along its direction [m/s]."""
-    return _multiplied(strain, waveguide, "m/s", band)
-
-
-def _multiplied(strain: Signal, waveguide: Waveguide, unit: str, band: float | None) -> Signal:
-    _check(strain, 0.0, None, band, _LARGEST_GAIN)
-    n = strain.value.size
-    fade = max(64, n // 4)
-    length = next_fast_len(n + 2 * fade, real=True)
-    frequency = rfftfreq(length, strain.interval)
-    limit = min(waveguide.largest_frequency, np.inf if band is None else band)
-    kept = frequency <= limit
-    omega = 2.0 * pi * frequency[kept]
-    factor = np.zeros(frequency.size, dtype=complex)
-    factor[kept] = waveguide.stiffness(omega) * edge_filter(frequency[kept], limit)
-    if unit == "m/s":
-        factor[kept] /= waveguide.impedance(omega)
-    value = irfft(rfft(fade_ends(strain.value, fade, length, fade=fade)) * factor, length)[fade : fade + n]
-    noise = float(np.sqrt(mean_square(factor, length, strain.memory)))
-    return _with_noise(strain, strain.start, value, noise, abs(factor[0]), unit)
-
-
 def _with_noise(
     signal: Signal, start: float, value: FloatArray, noise: float, at_rest: float, unit: str
 ) -> Signal:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from kolsky.bars.audit import Switches, correction_key
 from kolsky.bars.flyer.path import FlyerPath
-from kolsky.bars.records import BarSignal, Correction, History, Quantity, Reduction
+from kolsky.bars.records import Correction, History, Quantity, Reduction
 from kolsky.bars.reduction.validity import Validity, validity
 from kolsky.bars.signals.arrival import moving_mean
 from kolsky.base.apparatus import Bar, Specimen
@@ -339,40 +339,6 @@ def path_acceleration(path: FlyerPath, time: ArrayLike) -> History:
     value, sigma = np.zeros(t.shape), np.zeros(t.shape)
     value[moving], sigma[moving] = path.acceleration(t[moving]), path.sigma_acceleration(t[moving])
     return History(value, sigma, "m/s^2")
-
-
-def gradient_acceleration(
-    near: BarSignal, far: BarSignal, time: ArrayLike, *, sigma_gain: float, sigma_distance: float = 0.0
-) -> History:
-    """Acceleration of a bar midway between two gauges, from the gradient of its strain.
-
-    Newton's second law for the piece of bar between them: ``rho A d dv/dt = E A (eps_up - eps_down)``, so
-    ``a = c0^2 (eps_up - eps_down) / d``, upstream minus downstream. The difference stands for the gradient
-    up to ``(omega d / c0)^2 / 24`` of it.
-    """
-    t = np.asarray(time, dtype=np.float64)
-    d = far.position - near.position
-    if near.side != far.side or near.bar != far.bar or not d > 0.0:
-        raise ValueError(
-            f"the two gauges must be on one bar, `near` nearer to the specimen; got {near.side} bar at"
-            f" {near.position:g} m and {far.side} bar at {far.position:g} m"
-        )
-    _not_negative(sigma_gain=sigma_gain, sigma_distance=sigma_distance)
-    values = []
-    for signal in (near, far):
-        s = signal.strain
-        if t.size and not (s.start <= t.min() and t.max() <= s.end):
-            raise ValueError(
-                f"{s.name or 'a gauge'} spans {s.start:.9g} to {s.end:.9g} s, asked for {t.min():.9g} to"
-                f" {t.max():.9g} s; keep the times inside both records"
-            )
-        values.append(np.interp(t, s.time, s.value))
-    speed2 = near.bar.wave_speed**2
-    sign = 1.0 if near.side == "incident" else -1.0
-    a = sign * speed2 * (values[1] - values[0]) / d
-    noise = speed2 / d * np.hypot(near.strain.sigma, far.strain.sigma)
-    gain = speed2 / d * sigma_gain * 0.5 * np.abs(values[0] + values[1])
-    return History(a, np.sqrt(noise**2 + gain**2 + (a * sigma_distance / d) ** 2), "m/s^2")
 
 
 def compensate_mass(

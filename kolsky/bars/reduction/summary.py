@@ -138,18 +138,6 @@ def summarise(
     )
 
 
-def mean_over(
-    history: History, time: FloatArray, span: tuple[float, float], name: str, *, alike: float = 1.0
-) -> Quantity:
-    """Mean of a history over a time span, with the sigma of the mean."""
-    inside = (time >= span[0]) & (time <= span[1])
-    n = int(inside.sum())
-    if n == 0:
-        raise ValueError(f"no sample between {span[0]:.6g} s and {span[1]:.6g} s")
-    sigma = sqrt(alike * float((history.sigma[inside] ** 2).sum())) / n
-    return Quantity(name, float(history.value[inside].mean()), sigma, history.unit, "A")
-
-
 def energy_balance(reduction: Reduction, faces: FaceWaves, specimen: Specimen) -> EnergyBalance:
     """Energies of the three waves and of the specimen's deformation, Eqs. (R.17) and (R.18)."""
     first, second = faces.incident_bar, faces.transmission_bar

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from math import ceil, hypot, log, sqrt
+from math import hypot, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -104,25 +104,6 @@ def balanced_span(
         return None
     first, last = max(merged, key=lambda run: run[1] - run[0])
     return (float(time[first]), float(time[last])) if last > first else None
-
-
-def elastic_transits(impedance_ratio: float, *, allowance: float = ALLOWANCE) -> int:
-    """Transits after which an elastic specimen under a step is in equilibrium.
-
-    Eq. (R.11): with r = (1 - beta) / (1 + beta), equal bars and a step of the incident wave, the forces at
-    the faces after m transits are 1 - r^m and 1 - r^(m + 1) of the last, and
-    R = 2 r^m (1 - r) / (2 - r^m (1 + r)). A slower rise takes fewer transits from its end, more from its
-    beginning.
-    """
-    if not 0.0 < impedance_ratio <= 1.0:
-        raise ValueError(f"the impedance ratio of specimen and bars = {impedance_ratio} must be in (0, 1]")
-    if not allowance > 0.0:
-        raise ValueError(f"the allowance of R = {allowance} must be greater than 0")
-    r = (1.0 - impedance_ratio) / (1.0 + impedance_ratio)
-    if r == 0.0:
-        return 1
-    power = 2.0 * allowance / (2.0 * (1.0 - r) + allowance * (1.0 + r))
-    return max(0, ceil(log(power) / log(r) - 1e-9))
 
 
 def report_equilibrium(
