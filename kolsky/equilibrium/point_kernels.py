@@ -462,7 +462,7 @@ def point_kernel(functions: tuple[Any, Any, Any], kinematics: str, *, mixed: boo
         if wp.static(plane_stress):
             stretch = F[2, 2]
             change = stretch
-            step = 0
+            step = int(0)
             while step < wp.static(THICKNESS_STEPS) and wp.abs(change) > tiny * stretch:
                 F[2, 2] = stretch
                 P33 = stress_of(F, row)
