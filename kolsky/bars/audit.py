@@ -96,6 +96,9 @@ def compare(
 ) -> Correction:
     """Measure what a correction changes, or would change, over a pulse.
 
+    Raises ValueError if the key is unknown, the shapes differ, no sample or a value that is not finite is
+    compared, or the reason is missing.
+
     Parameters
     ----------
     name
@@ -112,12 +115,6 @@ def compare(
         Why, with the values it rests on, in one sentence.
     over
         The samples of the pulse; all of them by default.
-
-    Raises
-    ------
-    ValueError
-        If the key is unknown, the shapes differ, no sample or a value that is not finite is compared, or
-        the reason is missing.
     """
     key = correction_key(key)
     a, b = np.asarray(before, dtype=float), np.asarray(after, dtype=float)

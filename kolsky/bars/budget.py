@@ -271,6 +271,9 @@ def propagate(
     Half a step of all quantities at once must agree with them, which excludes a step in the round-off of the
     model, a jump (of a window by a sample, say) and a strong nonlinearity. The model is run 2 n + 3 times.
 
+    Raises ValueError if a quantity is impossible or occurs twice, the model fails at a varied value, an
+    output is not finite or changes its shape, the correlations are none, or the steps disagree.
+
     Parameters
     ----------
     model
@@ -284,12 +287,6 @@ def propagate(
     tolerance
         Largest difference of the half step from what the contributions say, over the combined standard
         uncertainty, in the root mean square over the samples [-].
-
-    Raises
-    ------
-    ValueError
-        If a quantity is impossible or occurs twice, the model fails at a varied value, an output is not
-        finite or changes its shape, the correlations are none, or the steps disagree.
     """
     check_quantities(quantities)
     R = correlation_matrix(quantities, correlations or {})

@@ -155,6 +155,8 @@ def search(
 ) -> SearchOptimum:
     """Minimise chi-square over the constants and the displacements of all samples.
 
+    Raises ValueError if the simulation at the start fails, with its reason.
+
     Parameters
     ----------
     respond
@@ -165,11 +167,6 @@ def search(
         Constants to begin with, and their sizes, shape [p].
     bounds
         Least and largest values, each of shape [p].
-
-    Raises
-    ------
-    ValueError
-        If the simulation at the start fails, with its reason.
     """
     p = np.clip(start, *bounds)
     x = tuple(own.displacement for own in samples)

@@ -61,6 +61,8 @@ class Projected:
 def project(points: FloatArray, values: FloatArray, targets: FloatArray) -> Projected:
     """Project point values on targets by local quadratics.
 
+    Raises ValueError if there are fewer than `NEIGHBOURS` points, or a value is not finite.
+
     Parameters
     ----------
     points
@@ -69,11 +71,6 @@ def project(points: FloatArray, values: FloatArray, targets: FloatArray) -> Proj
         Shape [n, k]: any number of fields, in any unit.
     targets
         Where they are wanted [m], shape [n_targets, 2].
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than `NEIGHBOURS` points, or a value is not finite.
     """
     if len(points) < NEIGHBOURS:
         raise ValueError(f"a quadratic takes at least {NEIGHBOURS} points, got {len(points)}")
@@ -105,10 +102,6 @@ def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> N
         As in `project`; finite.
     gate
         Limit in standard deviations, > 0.
-
-    Returns
-    -------
-    array of bool, shape [n]
     """
     bad = np.zeros(len(points), dtype=np.bool_)
     for _ in range(_GATE_PASSES):

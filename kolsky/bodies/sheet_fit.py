@@ -381,10 +381,7 @@ class FieldFit:
 def fit_field(problem: FieldProblem) -> FieldFit:
     """Fit a sheet by Newton's method, Eq. (K.17).
 
-    Raises
-    ------
-    ValueError
-        If the simulation at the start fails, or the data do not determine the constants.
+    Raises ValueError if the simulation at the start fails, or the data do not determine the constants.
     """
     low, high = problem.constants.bounds
     free = problem.constants.start

@@ -261,6 +261,8 @@ def debonding(
 ) -> Debonding | None:
     """Search a series of residuals for the opening of a bond.
 
+    Returns: None if the constants imitate every opening, so that this test cannot say.
+
     Parameters
     ----------
     residual
@@ -273,11 +275,6 @@ def debonding(
         Peeled length of each bond that `shortened` stands for [m].
     scale
         Variance of the residuals over that of the declared noise, >= 1.
-
-    Returns
-    -------
-    Debonding or None
-        None if the constants imitate every opening, so that this test cannot say.
     """
     n = len(residual)
     basis, _ = np.linalg.qr(jacobian)
@@ -403,6 +400,8 @@ def fit(
 ) -> SpecimenFit:
     """Fit one set of constants to tests.
 
+    Raises ValueError if the simulation at the start fails, or there are not more samples than constants.
+
     Parameters
     ----------
     name
@@ -417,11 +416,6 @@ def fit(
         Number of starts, the first as declared and the others drawn around it, and the seed of the draws.
     bonds
         Look for peeling bonds: one more simulation a test.
-
-    Raises
-    ------
-    ValueError
-        If the simulation at the start fails, or there are not more samples than constants.
     """
 
     def respond(values: FloatArray, at: tuple[FloatArray, ...]) -> tuple[Linearised, ...] | str:

@@ -135,6 +135,8 @@ def scan(
 ) -> Scan:
     """Predict the test over a full factorial, the specimen by its static curve.
 
+    Raises InputError if a value is not allowed.
+
     Parameters
     ----------
     test
@@ -143,11 +145,6 @@ def scan(
         What is varied.
     progress
         Called with the runs done and their number.
-
-    Raises
-    ------
-    InputError
-        If a value is not allowed.
     """
     design = full_factorial(_box(varied), [one.levels for one in varied])
     tests = [_at(test, varied, point) for point in design.points]  # all are checked before the first run
@@ -162,6 +159,8 @@ def scan(
 def aim(test: PlannedTest, found: Scan, wanted: Mapping[str, float]) -> Aim:
     """The point of a scan's box that does as wanted, by surfaces through its numbers and runs there.
 
+    Raises ValueError if a name is unknown, a wanted value is not positive, or too few points know the number.
+
     Parameters
     ----------
     test
@@ -170,11 +169,6 @@ def aim(test: PlannedTest, found: Scan, wanted: Mapping[str, float]) -> Aim:
         A scan of it.
     wanted
         Numbers of `NAMES` and their values, SI.
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown, a wanted value is not positive, or too few points know the number.
     """
     for name, value in wanted.items():
         if name not in NAMES:

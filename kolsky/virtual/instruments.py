@@ -64,6 +64,8 @@ def sampled(
 ) -> FloatArray:
     """Samples of a signal that arrives late, taken at times that scatter, of the times' shape.
 
+    Raises ValueError if the recorder goes on after the signal ends.
+
     Parameters
     ----------
     signal
@@ -78,11 +80,6 @@ def sampled(
         Standard deviation of a sample's time [s].
     rng
         Stream of the jitter.
-
-    Raises
-    ------
-    ValueError
-        If the recorder goes on after the signal ends.
     """
     at = times - delay + jitter * rng.standard_normal(len(times))
     known = start + step * np.arange(len(signal))

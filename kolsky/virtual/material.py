@@ -39,17 +39,14 @@ def what_relaxes(
 ) -> tuple[RateDependence, ...]:
     """What relaxes in a specimen; empty if nothing does.
 
+    Raises ValueError if the constants cannot be.
+
     Parameters
     ----------
     declared
         By [relaxation] of its specification.
     strengths, times
         By its [material], where there is no [relaxation].
-
-    Raises
-    ------
-    ValueError
-        If the constants cannot be.
     """
     if declared is None:
         return relaxation_of(strengths, times)

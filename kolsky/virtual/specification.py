@@ -226,15 +226,12 @@ class Series:
 def read_specification(path: str | Path) -> Series:
     """Read and check a specification, with the first shot that it draws.
 
+    Raises InputError if it cannot be read, is no TOML, or declares anything unknown or impossible.
+
     Parameters
     ----------
     path
         The file, or the folder with a `SPEC.toml`.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, is no TOML, or declares anything unknown or impossible.
     """
     path = Path(path)
     if path.is_dir():

@@ -270,6 +270,11 @@ def flyer_events(
 ) -> FlyerEvents:
     """Find the events of a flyer's test in what was recorded of it.
 
+    Raises ValueError as `kolsky.bars.flyer.path.fit_flyer`; if `ringing` is negative, or a bar is given
+    without a force.
+
+    Returns: each event with time, sigma and how it was found, or why it was not.
+
     Parameters
     ----------
     motion
@@ -289,16 +294,6 @@ def flyer_events(
         pictures.
     ringing
         Span over which the transducers' signals are averaged [s]; longer than the flyer rings.
-
-    Returns
-    -------
-    FlyerEvents
-        Each event with time, sigma and how it was found, or why it was not.
-
-    Raises
-    ------
-    ValueError
-        As `kolsky.bars.flyer.path.fit_flyer`; if `ringing` is negative, or a bar is given without a force.
     """
     if not ringing >= 0.0:
         raise ValueError(f"ringing is {ringing:g} s, must be >= 0 s")

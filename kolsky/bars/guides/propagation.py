@@ -323,6 +323,9 @@ def wave_speed(
     The pulse at the transmission gauge is the pulse at the incident gauge, dispersed over the way between
     them, times the ratio of what the two channels show of the same strain.
 
+    Raises ValueError if the bars or sampling intervals differ, a window is outside its signal, or the speed
+    found is at the edge of the search.
+
     Parameters
     ----------
     incident, transmission : BarSignal
@@ -331,12 +334,6 @@ def wave_speed(
         First and last time of the pulse at the incident gauge [s]: as long as no other wave is there.
     transmitted_window : tuple of float
         Times at the transmission gauge over which the pulses are compared [s].
-
-    Raises
-    ------
-    ValueError
-        If the bars or sampling intervals differ, a window is outside its signal, or the speed found is at the
-        edge of the search.
     """
     for name in ("diameter", "density", "youngs_modulus", "poisson"):
         first, second = getattr(incident.bar, name), getattr(transmission.bar, name)
@@ -356,6 +353,8 @@ def round_trip(
 ) -> BarsTogether:
     """Fit c0 to a pulse and its echo from a free end at the same gauge.
 
+    Raises ValueError as `wave_speed`; or if `end` is not one of the three.
+
     Parameters
     ----------
     gauge : BarSignal
@@ -365,11 +364,6 @@ def round_trip(
     end : str
         Where it was reflected: "specimen" or "far" for that end of the bar, free; "both" after a whole round
         trip, c0 = 2 L / T.
-
-    Raises
-    ------
-    ValueError
-        As `wave_speed`; or if `end` is not one of the three.
     """
     ways = {
         "specimen": 2.0 * gauge.position,

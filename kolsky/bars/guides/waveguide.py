@@ -44,6 +44,8 @@ class Waveguide(Protocol):
 class ElasticWaveguide:
     """A linear elastic bar in its first longitudinal mode.
 
+    Raises ValueError if a property of the bar is outside its range.
+
     Parameters
     ----------
     bar : Bar
@@ -53,11 +55,6 @@ class ElasticWaveguide:
     surface : bool, keyword-only
         Whether a gauge on the surface shows another strain than the section's mean (M1 of Tyas and Watson).
         The band then ends at omega a / c0 = `SURFACE_BAND`.
-
-    Raises
-    ------
-    ValueError
-        If a property of the bar is outside its range.
     """
 
     bar: Bar

@@ -258,6 +258,8 @@ def correct_inertia(
 ) -> tuple[Reduction, tuple[Correction, ...]]:
     """The stresses without the inertia of the specimen, where that is asked for.
 
+    Returns: both entries of the log, applied or not; their sizes are those of the stress by three waves.
+
     Parameters
     ----------
     reduction
@@ -268,11 +270,6 @@ def correct_inertia(
         The bars by side.
     acts
         As `corrections_that_act` gave it for the test as declared.
-
-    Returns
-    -------
-    tuple of Reduction and Correction
-        Both entries of the log, applied or not; their sizes are those of the stress by three waves.
     """
     motion = specimen_motion(reduction, bars)
     strain = reduction.strain[WAY]
@@ -357,6 +354,8 @@ def compensate_mass(
     ``F = F_gauge - m a`` before the specimen and ``F = F_gauge + m a`` behind it, where the mass is pushed
     by the specimen.
 
+    Raises ValueError if shapes differ, the mass is not positive, a sigma is negative, or the side is unknown.
+
     Parameters
     ----------
     time
@@ -375,11 +374,6 @@ def compensate_mass(
         False leaves the force as it is; the correction is measured all the same.
     source
         Where the acceleration is from, for the audit log.
-
-    Raises
-    ------
-    ValueError
-        If shapes differ, the mass is not positive, a sigma is negative, or the side is unknown.
     """
     t = np.asarray(time, dtype=np.float64)
     _one_shape(t, (force, acceleration))

@@ -90,6 +90,8 @@ def summarise(
 ) -> Summary:
     """Summary of a reduction.
 
+    Raises ValueError if the analysis has another name.
+
     Parameters
     ----------
     reduction
@@ -104,15 +106,6 @@ def summarise(
         |R| up to which the forces count as balanced [-].
     share
         Least balanced length of the plateau as a share of the incident pulse's [-].
-
-    Returns
-    -------
-    Summary
-
-    Raises
-    ------
-    ValueError
-        If the analysis has another name.
     """
     if analysis not in reduction.strain:
         raise ValueError(f"analysis = {analysis!r} must be one of {', '.join(map(repr, reduction.strain))}")
@@ -327,10 +320,7 @@ def numbers(reduction: Reduction, summary: Summary, span: Span | None) -> dict[s
     Where a varied input leaves no plateau, and so no span, the means are those over the summary's own span:
     they say what the input does to the test's values, plateau or not.
 
-    Raises
-    ------
-    ValueError
-        If the summary has means and neither has a span.
+    Raises ValueError if the summary has means and neither has a span.
     """
     way = summary.analysis
     strain, stress = reduction.strain[way].value, reduction.stress[way].value

@@ -41,6 +41,8 @@ def imbalance(
 ) -> FloatArray:
     """R(t) = 2 (F1 - F2) / (F1 + F2), Eq. (R.10), of forces averaged over `width` samples.
 
+    Returns: R [-], shape [n]; inf where the mean force is below `LEAST_FORCE` times its own noise.
+
     Parameters
     ----------
     front, back
@@ -49,11 +51,6 @@ def imbalance(
         Standard deviations of one sample's noise [N].
     width
         Samples over which the forces are averaged first, >= 1.
-
-    Returns
-    -------
-    ndarray
-        R [-], shape [n]; inf where the mean force is below `LEAST_FORCE` times its own noise.
     """
     first, second = moving_mean(front, width), moving_mean(back, width)
     mean = 0.5 * (first + second)
@@ -70,6 +67,10 @@ def balanced_span(
 ) -> tuple[float, float] | None:
     """Longest span in which |R| stays within the allowance.
 
+    Raises ValueError if the allowance is not greater than 0.
+
+    Returns: first and last time [s].
+
     Parameters
     ----------
     time
@@ -80,16 +81,6 @@ def balanced_span(
         Largest |R| [-], > 0.
     bridge
         Excursions no longer than this do not end a span [s].
-
-    Returns
-    -------
-    tuple of float or None
-        First and last time [s].
-
-    Raises
-    ------
-    ValueError
-        If the allowance is not greater than 0.
     """
     if not allowance > 0.0:
         raise ValueError(f"the allowance of R = {allowance} must be greater than 0")
@@ -236,6 +227,8 @@ def find_span(
     |R| is within the allowance, not at all beyond twice the allowance, and in proportion between. Ends and
     weights are continuous in all inputs, so that a small change of an input moves the means a little.
 
+    Returns: None if no sample has a weight.
+
     Parameters
     ----------
     reduction
@@ -248,11 +241,6 @@ def find_span(
         Samples over which the stress is averaged.
     shift
         Times by which beginning and end are moved [s].
-
-    Returns
-    -------
-    Span or None
-        None if no sample has a weight.
     """
     time, strain, stress = reduction.time, reduction.strain[analysis].value, reduction.stress[analysis].value
     last = int(np.abs(strain).argmax())
@@ -290,10 +278,6 @@ def judge_plateau(
         The waves it was made from.
     share
         Least balanced length as a share of the incident pulse's [-].
-
-    Returns
-    -------
-    Plateau
     """
     width = averaging_width(faces)
     span = find_span(reduction, analysis=analysis, allowance=allowance, width=width)
@@ -447,6 +431,9 @@ def validity(
     not cut the window. An interval counts if the difference of the forces over their mean, and the inertial
     stress over the mean stress, are within `share`, and `COVERAGE` sigmas of both sides are too.
 
+    Raises ValueError if shapes differ, an option is outside its range, or the averaging leaves fewer than 3
+    intervals.
+
     Parameters
     ----------
     time
@@ -464,11 +451,6 @@ def validity(
         Share of the stress that may be inertia, and that the forces may differ by [-], in (0, 1).
     average
         Length of the averaging intervals [s]; each sample by itself if 0. Noise is taken as white.
-
-    Raises
-    ------
-    ValueError
-        If shapes differ, an option is outside its range, or the averaging leaves fewer than 3 intervals.
     """
     t, extra = np.asarray(time, dtype=np.float64), np.asarray(inertial_stress, dtype=np.float64)
     _check(t, (front_force.value, back_force.value, strain.value, extra), area, share, average)

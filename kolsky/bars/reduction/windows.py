@@ -249,15 +249,12 @@ def check_windows(
     A delayed or early reflected pulse indicates a wrong distance or wave speed; a specimen that does not
     touch the bars, or is slow to load, delays the transmitted one.
 
+    Returns: of the reflected and of the transmitted pulse.
+
     Parameters
     ----------
     incident, transmission, tension, transit
         As for `find_windows`.
-
-    Returns
-    -------
-    tuple of PulseCheck
-        Of the reflected and of the transmitted pulse.
     """
     sign = -1 if tension else 1
     arrival = incident_arrival(incident, tension=tension)
@@ -372,6 +369,10 @@ def alignments(
 ) -> tuple[dict[str, Alignment], dict[str, str]]:
     """Alignment of each wave whose pulse was observed, and why another has none.
 
+    Raises ValueError if an alignment is switched on and its pulse was not found.
+
+    Returns: wave -> alignment, applied or not, and wave -> reason.
+
     Parameters
     ----------
     arrival
@@ -380,16 +381,6 @@ def alignments(
         Predicted and observed arrival of the reflected and the transmitted pulse.
     switches
         An alignment that is on must be possible.
-
-    Returns
-    -------
-    tuple of dict
-        Wave -> alignment, applied or not, and wave -> reason.
-
-    Raises
-    ------
-    ValueError
-        If an alignment is switched on and its pulse was not found.
     """
     found, missing = {}, {}
     for (wave, key), check in zip(KEYS.items(), checks, strict=True):

@@ -18,10 +18,7 @@ from kolsky.base.arrays import FloatArray, IntArray
 class Noise:
     """Stationary Gaussian noise on uniform samples.
 
-    Raises
-    ------
-    ValueError
-        If sigma is negative, or the correlation does not start at 1 or belongs to no noise.
+    Raises ValueError if sigma is negative, or the correlation does not start at 1 or belongs to no noise.
     """
 
     sigma: float
@@ -161,6 +158,8 @@ def measure_signal_zero(
 ) -> SignalZero:
     """Zero, noise and drift of a signal at rest.
 
+    Raises ValueError if the span is reversed, holds fewer than 20 samples, or all its samples are the same.
+
     Parameters
     ----------
     time
@@ -171,11 +170,6 @@ def measure_signal_zero(
         First and last time of the rest [s].
     name
         Whose baseline it is, for messages.
-
-    Raises
-    ------
-    ValueError
-        If the span is reversed, holds fewer than 20 samples, or all its samples are the same.
     """
     first, last = span
     if not first < last:

@@ -246,10 +246,7 @@ def candidates(names: Sequence[str] = ()) -> tuple[Candidate, ...]:
     Beside the laws' own names: "mooney_rivlin" has its two constants, "mooney_rivlin_c11" the mixed term too,
     and "mooney_rivlin_c20" is the polynomial with the square of I1 - 3 alone.
 
-    Raises
-    ------
-    ValueError
-        If a name is not known.
+    Raises ValueError if a name is not known.
     """
     known = _known()
     for name in names:
@@ -272,6 +269,8 @@ def compare_laws(
 ) -> Comparison:
     """Fit every law and judge its stability; a law that cannot be fitted has a row that says why.
 
+    Raises ValueError if there is no law or no test.
+
     Parameters
     ----------
     laws
@@ -280,11 +279,6 @@ def compare_laws(
         See `kolsky.material.fits.fit.fit_law`.
     progress
         Called with the number of laws done.
-
-    Raises
-    ------
-    ValueError
-        If there is no law or no test.
     """
     if not laws or not tests:
         raise ValueError(f"a comparison needs laws and tests, got {len(laws)} and {len(tests)}")

@@ -139,10 +139,8 @@ def compressible_stress(
 def free_stretch(law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike) -> FloatArray:
     """Stretch of the free faces of a compressible solid [-], shape [...]: the root of tau_3 = 0.
 
-    Raises
-    ------
-    ValueError
-        If a stretch is not > 0, the mode has no free face, or no stretch leaves the face without stress.
+    Raises ValueError if a stretch is not > 0, the mode has no free face, or no stretch leaves the face
+    without stress.
     """
     if mode is Mode.SIMPLE_SHEAR:
         raise ValueError("simple shear prescribes the whole deformation: no face is free")

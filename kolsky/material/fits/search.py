@@ -259,6 +259,9 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
 
     A search without bounds begins at the bounded optimum too, so it is never worse.
 
+    Raises ValueError if the least squares lie where there is no law: its initial shear modulus would not be >
+    0, or it has no stress at a point.
+
     Parameters
     ----------
     residuals
@@ -269,12 +272,6 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
         Starts that are polished.
     seed
         Of the draws.
-
-    Raises
-    ------
-    ValueError
-        If the least squares lie where there is no law: its initial shear modulus would not be > 0, or it
-        has no stress at a point.
     """
     lower, upper = _bounds(residuals, bounded)
     known = []

@@ -108,6 +108,8 @@ class HistoryTest:
     ) -> "HistoryTest":
         """A stretch reached within `rise` [s] at a constant rate, then held.
 
+        Raises ValueError if a time lies within the rise.
+
         Parameters
         ----------
         time : array, shape [n]
@@ -118,11 +120,6 @@ class HistoryTest:
             The stretch held [-].
         rise : float
             Time of the rise [s]; 0 for a step.
-
-        Raises
-        ------
-        ValueError
-            If a time lies within the rise.
         """
         t = np.asarray(time, dtype=float)
         if not rise >= 0.0 or not (t >= rise).all():

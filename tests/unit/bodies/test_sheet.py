@@ -6,7 +6,7 @@ import pytest
 from kolsky.bodies.sheet import Sheet, cells_inside, mass_matrix, sheet_state
 from kolsky.bodies.sheet_fit import FieldFit, FieldProblem, fit_field, fit_steps
 from kolsky.equilibrium.meshes import Mesh, rectangle
-from tests.unit.specimen.sheets import PAD, TRUE, constants, made, small_mesh
+from tests.unit.bodies.sheets import PAD, TRUE, constants, made, small_mesh
 
 
 def _sheet(**options: object) -> Sheet:
