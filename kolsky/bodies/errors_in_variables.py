@@ -118,14 +118,8 @@ def chi_square(samples: Samples, x: FloatArray, force: FloatArray) -> float:
 def reduce(samples: Samples, x: FloatArray, there: Linearised) -> Reduced:
     """Eliminate the displacements, see the top of this module.
 
-    Parameters
-    ----------
-    samples
-        The data.
-    x
-        Displacements at which the specimen was simulated [m], shape [n, ends].
-    there
-        What the simulation gave.
+    ``samples``: the data. ``x``: displacements at which the specimen was simulated [m], shape [n, ends].
+    ``there``: what the simulation gave.
     """
     moved = x - samples.displacement
     r = there.force - samples.force - np.einsum("nij,nj->ni", there.by_displacement, moved)
@@ -155,18 +149,9 @@ def search(
 ) -> SearchOptimum:
     """Minimise chi-square over the constants and the displacements of all samples.
 
-    Raises ValueError if the simulation at the start fails, with its reason.
-
-    Parameters
-    ----------
-    respond
-        The simulations.
-    samples
-        Data of each specimen; one set of constants holds for all.
-    start, scales
-        Constants to begin with, and their sizes, shape [p].
-    bounds
-        Least and largest values, each of shape [p].
+    ``respond``: the simulations. ``samples``: data of each specimen; one set of constants holds for all.
+    ``start``, ``scales``: constants to begin with, and their sizes, shape [p]. ``bounds``: least and largest
+    values, each of shape [p]. Raises ValueError if the simulation at the start fails, with its reason.
     """
     p = np.clip(start, *bounds)
     x = tuple(own.displacement for own in samples)

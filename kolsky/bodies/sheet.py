@@ -61,16 +61,9 @@ class Projected:
 def project(points: FloatArray, values: FloatArray, targets: FloatArray) -> Projected:
     """Project point values on targets by local quadratics.
 
-    Raises ValueError if there are fewer than `NEIGHBOURS` points, or a value is not finite.
-
-    Parameters
-    ----------
-    points
-        Where values are known [m], shape [n, 2].
-    values
-        Shape [n, k]: any number of fields, in any unit.
-    targets
-        Where they are wanted [m], shape [n_targets, 2].
+    ``points``: where values are known [m], shape [n, 2]. ``values``: shape [n, k]: any number of fields, in
+    any unit. ``targets``: where they are wanted [m], shape [n_targets, 2]. Raises ValueError if there are
+    fewer than `NEIGHBOURS` points, or a value is not finite.
     """
     if len(points) < NEIGHBOURS:
         raise ValueError(f"a quadratic takes at least {NEIGHBOURS} points, got {len(points)}")
@@ -96,12 +89,7 @@ def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> N
     again, for
     an outlier spoils its neighbours.
 
-    Parameters
-    ----------
-    points, values
-        As in `project`; finite.
-    gate
-        Limit in standard deviations, > 0.
+    ``points``, ``values``: as in `project`; finite. ``gate``: limit in standard deviations, > 0.
     """
     bad = np.zeros(len(points), dtype=np.bool_)
     for _ in range(_GATE_PASSES):

@@ -68,14 +68,8 @@ class Specification:
 def read_specification(path: Path, *, device: str = "cpu") -> Specification:
     """Read a SPEC.toml and the files of its tests.
 
-    Raises InputError if it declares anything unknown, incomplete or impossible, or a file cannot be read.
-
-    Parameters
-    ----------
-    path
-        The file.
-    device
-        Where the element kernels run.
+    ``path``: the file. ``device``: where the element kernels run. Raises InputError if it declares anything
+    unknown, incomplete or impossible, or a file cannot be read.
     """
     toml = parse_toml(Path(path))
     declared = toml.validated(SpecimenFile)

@@ -44,14 +44,9 @@ def posterior(y: FloatArray, G: FloatArray) -> tuple[FloatArray, FloatArray, Flo
 
     By QR of the stacked least-squares problem, which the squared condition of G'G would not survive.
 
-    Returns: mean [n_unknowns], covariance [n_unknowns, n_unknowns] and residual [n_frames].
-
-    Parameters
-    ----------
-    y
-        Data in units of the noise [-], shape [n_frames].
-    G
-        Response of each datum to each unknown [-], shape [n_frames, n_unknowns].
+    ``y``: data in units of the noise [-], shape [n_frames]. ``G``: response of each datum to each unknown
+    [-], shape [n_frames, n_unknowns]. Returns: mean [n_unknowns], covariance [n_unknowns, n_unknowns] and
+    residual [n_frames].
     """
     n, p = G.shape
     stacked = np.zeros((n + p, p + 1), order="F")

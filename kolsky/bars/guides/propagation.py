@@ -323,17 +323,11 @@ def wave_speed(
     The pulse at the transmission gauge is the pulse at the incident gauge, dispersed over the way between
     them, times the ratio of what the two channels show of the same strain.
 
-    Raises ValueError if the bars or sampling intervals differ, a window is outside its signal, or the speed
-    found is at the edge of the search.
-
-    Parameters
-    ----------
-    incident, transmission : BarSignal
-        The stations; bars of the same diameter, density, modulus and Poisson's ratio.
-    incident_window : tuple of float
-        First and last time of the pulse at the incident gauge [s]: as long as no other wave is there.
-    transmitted_window : tuple of float
-        Times at the transmission gauge over which the pulses are compared [s].
+    ``incident``, ``transmission``: the stations; bars of the same diameter, density, modulus and Poisson's
+    ratio. ``incident_window``: first and last time of the pulse at the incident gauge [s]: as long as no
+    other wave is there. ``transmitted_window``: times at the transmission gauge over which the pulses are
+    compared [s]. Raises ValueError if the bars or sampling intervals differ, a window is outside its signal,
+    or the speed found is at the edge of the search.
     """
     for name in ("diameter", "density", "youngs_modulus", "poisson"):
         first, second = getattr(incident.bar, name), getattr(transmission.bar, name)
@@ -353,17 +347,10 @@ def round_trip(
 ) -> BarsTogether:
     """Fit c0 to a pulse and its echo from a free end at the same gauge.
 
-    Raises ValueError as `wave_speed`; or if `end` is not one of the three.
-
-    Parameters
-    ----------
-    gauge : BarSignal
-        The station.
-    first_window, echo_window : tuple of float
-        Times of the pulse and of its echo [s]; other waves lie in neither.
-    end : str
-        Where it was reflected: "specimen" or "far" for that end of the bar, free; "both" after a whole round
-        trip, c0 = 2 L / T.
+    ``gauge``: the station. ``first_window``, ``echo_window``: times of the pulse and of its echo [s]; other
+    waves lie in neither. ``end``: where it was reflected: "specimen" or "far" for that end of the bar, free;
+    "both" after a whole round trip, c0 = 2 L / T. Raises ValueError as `wave_speed`; or if `end` is not one
+    of the three.
     """
     ways = {
         "specimen": 2.0 * gauge.position,

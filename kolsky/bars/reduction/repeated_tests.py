@@ -89,15 +89,9 @@ def average(curves: Sequence[Curve], *, points: int | None = None) -> Repeats:
     Curves are interpolated linearly to a uniform axis from the latest start to the earliest end; what lies
     outside is cut off, and a remark says so.
 
-    Raises ValueError if there are fewer than two tests, an axis does not increase, lengths differ, a value is
-    not finite, or the tests have no range in common.
-
-    Parameters
-    ----------
-    curves
-        The tests, at least two.
-    points
-        Points of the common axis, at least 2; by default as many as the test with the fewest has there.
+    ``curves``: the tests, at least two. ``points``: points of the common axis, at least 2; by default as many
+    as the test with the fewest has there. Raises ValueError if there are fewer than two tests, an axis does
+    not increase, lengths differ, a value is not finite, or the tests have no range in common.
     """
     if len(curves) < 2:
         raise ValueError(f"a scatter needs at least 2 tests, got {len(curves)}")

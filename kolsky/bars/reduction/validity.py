@@ -41,16 +41,9 @@ def imbalance(
 ) -> FloatArray:
     """R(t) = 2 (F1 - F2) / (F1 + F2), Eq. (R.10), of forces averaged over `width` samples.
 
+    ``front``, ``back``: forces at the two faces [N], shape [n]. ``sigma_front``, ``sigma_back``: standard
+    deviations of one sample's noise [N]. ``width``: samples over which the forces are averaged first, >= 1.
     Returns: R [-], shape [n]; inf where the mean force is below `LEAST_FORCE` times its own noise.
-
-    Parameters
-    ----------
-    front, back
-        Forces at the two faces [N], shape [n].
-    sigma_front, sigma_back
-        Standard deviations of one sample's noise [N].
-    width
-        Samples over which the forces are averaged first, >= 1.
     """
     first, second = moving_mean(front, width), moving_mean(back, width)
     mean = 0.5 * (first + second)
@@ -67,20 +60,9 @@ def balanced_span(
 ) -> tuple[float, float] | None:
     """Longest span in which |R| stays within the allowance.
 
-    Raises ValueError if the allowance is not greater than 0.
-
-    Returns: first and last time [s].
-
-    Parameters
-    ----------
-    time
-        Times [s], shape [n].
-    ratio
-        R [-], shape [n].
-    allowance
-        Largest |R| [-], > 0.
-    bridge
-        Excursions no longer than this do not end a span [s].
+    ``time``: times [s], shape [n]. ``ratio``: r [-], shape [n]. ``allowance``: largest |R| [-], > 0.
+    ``bridge``: excursions no longer than this do not end a span [s]. Raises ValueError if the allowance is
+    not greater than 0. Returns: first and last time [s].
     """
     if not allowance > 0.0:
         raise ValueError(f"the allowance of R = {allowance} must be greater than 0")
@@ -270,14 +252,8 @@ def judge_plateau(
 ) -> Plateau:
     """The plateau of a test, if it is long enough, and whether stress and rate are flat on it.
 
-    Parameters
-    ----------
-    reduction, analysis, allowance
-        As for `find_span`.
-    faces
-        The waves it was made from.
-    share
-        Least balanced length as a share of the incident pulse's [-].
+    ``reduction``, ``analysis``, ``allowance``: as for `find_span`. ``faces``: the waves it was made from.
+    ``share``: least balanced length as a share of the incident pulse's [-].
     """
     width = averaging_width(faces)
     span = find_span(reduction, analysis=analysis, allowance=allowance, width=width)

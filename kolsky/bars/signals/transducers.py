@@ -86,24 +86,14 @@ def force_history(
 ) -> ForceHistory:
     """Turn a recording in volts into a force.
 
-    Raises ValueError if the unit is not V, a value is not finite, times do not increase, a sample reaches
-    full scale, the baseline holds fewer than 20 samples or no scatter at all, or the transducer is
-    impossible.
-
-    Returns: force = sign * (V - mean baseline V) / sensitivity at every sample; sigma is the baseline's
-    standard deviation (with n - 1), the same for each sample. A finite time constant of the transducer is
-    compensated from the end of the baseline on, Eq. (U.6), and sigma grows by Eq. (U.7).
-
-    Parameters
-    ----------
-    recording : Recording
-        The channel, in volts, on the recorder's clock.
-    transducer : Transducer
-        Sensitivity, sign and full scale.
-    baseline : tuple of float
-        First and last time of the stretch that gives zero and noise, on the shot's clock [s].
-    clock_offset : float
-        Shot's clock minus recorder's clock [s].
+    ``recording``: the channel, in volts, on the recorder's clock. ``transducer``: sensitivity, sign and full
+    scale. ``baseline``: first and last time of the stretch that gives zero and noise, on the shot's clock
+    [s]. ``clock_offset``: shot's clock minus recorder's clock [s]. Raises ValueError if the unit is not V, a
+    value is not finite, times do not increase, a sample reaches full scale, the baseline holds fewer than 20
+    samples or no scatter at all, or the transducer is impossible. Returns: force = sign * (V - mean baseline
+    V) / sensitivity at every sample; sigma is the baseline's standard deviation (with n - 1), the same for
+    each sample. A finite time constant of the transducer is compensated from the end of the baseline on, Eq.
+    (U.6), and sigma grows by Eq. (U.7).
     """
     _check_transducer(transducer)
     _check_recording(recording, transducer)

@@ -426,16 +426,9 @@ def fitted_modulus(
 ) -> tuple[FloatArray, FloatArray]:
     """E(t) of a fit over the same axis, with its standard uncertainty [Pa].
 
-    Returns: modulus and standard uncertainty, by the covariance of the logarithms.
-
-    Parameters
-    ----------
-    fit : RateFit
-        From `kolsky.material.relaxation.rate_fit`.
-    young : float
-        Initial modulus of the long-term law, 3 mu_0 [Pa].
-    age : array, shape [n]
-        Times after a step of strain [s].
+    ``fit``: from `kolsky.material.relaxation.rate_fit`. ``young``: initial modulus of the long-term law, 3
+    mu_0 [Pa]. ``age``: times after a step of strain [s]. Returns: modulus and standard uncertainty, by the
+    covariance of the logarithms.
     """
     t = np.asarray(age, dtype=float)
     n = len(fit.values) // 2
