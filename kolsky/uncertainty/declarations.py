@@ -10,8 +10,8 @@ from kolsky.base.arrays import FloatArray
 from kolsky.inverse.result import Declaration
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.schema.apparatus import IDENTIFY_KEYS
-from kolsky.uncertainty.input_changes import InputDirections, input_directions
-from kolsky.uncertainty.inputs import INPUTS, no_part, plain_amount
+from kolsky.shot.inputs import INPUTS
+from kolsky.uncertainty.input_changes import InputDirections, input_directions, no_part, plain_amount
 
 UNDECLARED = "not declared, counted as exact"
 VARIED = "varied"
