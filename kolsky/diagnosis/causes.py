@@ -27,7 +27,7 @@ from kolsky.diagnosis.cause_search import (
 from kolsky.diagnosis.fit_quality import UNEXPLAINED
 from kolsky.inverse.result import CauseFinding
 from kolsky.inverse.staged_runs import StagedRuns
-from kolsky.shot.inputs import DAMPING, DENSITY, POISSON, SENSITIVITY, Cause, causes
+from kolsky.shot.inputs import DAMPING, DENSITY, POISSON, SENSITIVITY, SHOWN, Cause, causes
 
 LEVEL = 0.01
 """Probability, adjusted for all inputs tried, below which a change is significant."""
@@ -459,13 +459,9 @@ def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Itera
         )
 
 
-DISPLAY_UNITS = {"s": (1e6, "us"), "m": (1e6, "um")}
-"""Factor and unit in which a value is written."""
-
-
 def sentence(finding: CauseFinding) -> str:
     """The change in words: "a force gain of 0.498 ± 0.003 (k = 2)"."""
-    factor, unit = DISPLAY_UNITS.get(finding.unit, (1.0, "" if finding.unit == "1" else finding.unit))
+    factor, unit = SHOWN.get(finding.unit, (1.0, "" if finding.unit == "1" else finding.unit))
     half = 2.0 * factor * finding.sigma
     value = factor * finding.value
     digits = max(0, 1 - int(np.floor(np.log10(half)))) if isfinite(half) and half > 0.0 else 4

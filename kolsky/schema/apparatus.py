@@ -284,16 +284,7 @@ REDUCTION_KEYS = (
     "specimen_density",
 )
 """Keys that `kolsky waves` carries to the values of a test between bars."""
-_IDENTIFY_ONLY = {
-    "poisson",
-    "damping",
-    "friction",
-    "curve_scale",
-    "clock_offset",
-    "Z_offset",
-    "y_offset",
-    "length_in_pictures",
-}
+_IDENTIFY_ONLY = {*IDENTIFY_KEYS, "length_in_pictures"} - {*REDUCTION_KEYS, "sensitivity"}
 
 
 class UncertaintySection(Section):

@@ -27,6 +27,8 @@ CLOCK = 1e-6
 """Step of a clock [s]."""
 OFFSET = 1e-5
 """Step of a place [m]."""
+SHOWN = {"s": (1e6, "us"), "m": (1e6, "um")}
+"""Factor and unit in which an amount or a value is written."""
 
 Needs = Literal["nothing", "force channel", "outline", "faces that stick"]
 """What a shot must have for an input to have a part."""
@@ -35,27 +37,20 @@ Needs = Literal["nothing", "force channel", "outline", "faces that stick"]
 class Model(Protocol):
     """The model's force and outline at the optimum, through which an input is seen that needs no run."""
 
-    def change(
-        self, *, transmitted: Any = 0.0, force: Any = 0.0, outline: Any = 0.0
-    ) -> FloatArray:  # pragma: no cover
+    def change(self, *, transmitted: Any = 0.0, force: Any = 0.0, outline: Any = 0.0) -> FloatArray:
         """A change of prediction minus data from those of its parts, shape [k]."""
-        ...
 
-    def transmitted(self) -> FloatArray:  # pragma: no cover
+    def transmitted(self) -> FloatArray:
         """The transmitted force in its bins [N]."""
-        ...
 
-    def force_rate(self) -> FloatArray:  # pragma: no cover
+    def force_rate(self) -> FloatArray:
         """Time derivative of every bin's force [N/s]."""
-        ...
 
-    def outline_rate(self) -> FloatArray:  # pragma: no cover
+    def outline_rate(self) -> FloatArray:
         """Time derivative of the radius at every counted point's height [m/s]."""
-        ...
 
-    def higher(self, step: float) -> FloatArray:  # pragma: no cover
+    def higher(self, step: float) -> FloatArray:
         """Change of the prediction by outline points that lie higher [m], shape [k]."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -177,7 +172,7 @@ class Laboratory:
     """Dotted key of its specification."""
     usual: str | float | None = None
     """Standard uncertainty in a careful laboratory; None if it is no source of error there."""
-    place: int = 99
+    order: int = 99
     """Its place among the sources of a careful laboratory, whose draws depend on it."""
     words: str = ""
     """What it is there; that of the input if left out."""
@@ -229,17 +224,17 @@ def causes() -> tuple[Cause, ...]:
     )
 
 
-def _one_more(u: float) -> float:
-    return 1.0 + u
-
-
-def _one_less(value: float) -> float:
-    return value - 1.0
-
-
+_FACTOR: dict[str, Any] = {
+    "value": lambda u: 1.0 + u,
+    "coordinate": lambda value: value - 1.0,
+    "exact": 1.0,
+    "simulated": True,
+}
+"""A cause that is a factor on what is simulated; u is by how much it is not 1."""
+_SHARES = (-0.1, -0.05, -0.025, 0.025, 0.05, 0.1)
+_SIZE: dict[str, Any] = {"scan": _SHARES, "step": 2e-3, "lowest": -0.3, "highest": 0.3}
 _LAGS = tuple(5e-6 * n for n in range(-12, 13) if n)
 """Lags that are tried [s]."""
-_SHARES = (-0.1, -0.05, -0.025, 0.025, 0.05, 0.1)
 _RATIOS = (0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.2, 1.45, 2.0, 3.0, 5.0, 10.0)
 
 
@@ -264,10 +259,7 @@ def _of_specimen(name: str, laboratory: Laboratory, *, shared: str = "", **tried
             words=f"a factor on the specimen's {name}",
             check=f"check specimen.{name}",
             changed=lambda u: Change(specimen={name: 1.0 + u}),
-            value=_one_more,
-            coordinate=_one_less,
-            exact=1.0,
-            simulated=True,
+            **_FACTOR,
             **tried,
         ),
         laboratory=laboratory,
@@ -467,12 +459,9 @@ INPUTS: dict[str, Input] = {
                 scan=_SHARES,
                 step=2e-3,
                 typical=0.003,
-                value=_one_more,
-                coordinate=_one_less,
                 lowest=-0.5,
                 highest=0.5,
-                exact=1.0,
-                simulated=True,
+                **_FACTOR,
             ),
         ),
         Input(
@@ -556,24 +545,8 @@ INPUTS: dict[str, Input] = {
             step=RELATIVE,
             laboratory=Laboratory("imperfections.curve", "1 %", 4, words="scale of the quasi-static curve"),
         ),
-        _of_specimen(
-            "length",
-            Laboratory("imperfections.length", "0.5 %", 0),
-            scan=_SHARES,
-            step=2e-3,
-            typical=0.01,
-            lowest=-0.3,
-            highest=0.3,
-        ),
-        _of_specimen(
-            "diameter",
-            Laboratory("imperfections.diameter", "0.3 %", 1),
-            scan=_SHARES,
-            step=2e-3,
-            typical=0.005,
-            lowest=-0.3,
-            highest=0.3,
-        ),
+        _of_specimen("length", Laboratory("imperfections.length", "0.5 %", 0), typical=0.01, **_SIZE),
+        _of_specimen("diameter", Laboratory("imperfections.diameter", "0.3 %", 1), typical=0.005, **_SIZE),
         _of_specimen(
             "density",
             Laboratory("imperfections.density", "0.5 %", 2),

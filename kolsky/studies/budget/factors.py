@@ -25,7 +25,7 @@ def _in_laboratory(key: str) -> Input | None:
 def usual_sizes() -> dict[str, str | float]:
     """Standard uncertainties of a careful laboratory, taken where a specification has no [budget]."""
     sources = [one.laboratory for one in INPUTS.values() if one.laboratory is not None]
-    return {one.key: one.usual for one in sorted(sources, key=lambda one: one.place) if one.usual is not None}
+    return {one.key: one.usual for one in sorted(sources, key=lambda one: one.order) if one.usual is not None}
 
 
 @dataclass(frozen=True)
