@@ -33,7 +33,7 @@ class Layout:
     encoding: str | None = None
     """Of a text file: one of `kolsky.readers.text.ENCODINGS`."""
     delimiter: str | None = None
-    """Of a text file: ",", ";", "tab" or "blanks"."""
+    """Of a text file: name or character of one of `kolsky.readers.text.DELIMITERS`."""
     decimal: str | None = None
     """Decimal sign of a text file: "." or ","."""
     comment: str | None = None

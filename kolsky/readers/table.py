@@ -22,9 +22,12 @@ from kolsky.readers.sheet import Sheet, first_samples, names_and_units
 from kolsky.readers.text import (
     SIZE_LIMIT,
     Dialect,
-    declared_character,
+    check_one_column,
+    declared_decimal,
+    declared_delimiter,
     decode,
     decode_text,
+    delimiter_of,
     find_dialect,
     lines_of,
     read_bytes,
@@ -34,7 +37,6 @@ PLAIN = Layout(delimiter="comma", decimal=".", header_line=1)
 """UTF-8, commas, decimal points, one line of column names, then data."""
 _KINDS = ("s", "m", "V", "Pa", "N", "1")
 """SI units of what such a table holds."""
-_DELIMITER_WORDS = {"tab": "tabs", "semicolon": "semicolons", "comma": "commas", "blanks": "blanks"}
 
 
 def detect_layout(path: Path, data: bytes) -> Layout:
@@ -91,7 +93,7 @@ def layout_in_words(path: Path) -> str:
     if found is PLAIN:
         return ""
     words = [
-        _DELIMITER_WORDS[str(found.delimiter)],
+        _plural(str(found.delimiter)),
         "decimal commas" if found.decimal == "," else "decimal points",
     ]
     words += [found.encoding] if found.encoding is not None else []
@@ -232,13 +234,12 @@ class Table:
                 line=self.header_line,
                 cure="give each column its own name",
             )
-        separated = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
         raise InputError(
             self.path,
             f"column '{column.name}' is missing; the columns are {names}",
             line=self.header_line,
             cure="correct the column's name in the shot file (columns are separated by "
-            f"{separated[self.sheet.dialect.delimiter]}; a layout may say otherwise)",
+            f"{_plural(self.sheet.dialect.delimiter)}; a layout may say otherwise)",
         )
 
 
@@ -275,7 +276,7 @@ def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LI
     else:
         names = tuple(str(i + 1) for i in range(len(dialect.split(rows[0]))))
     if layout is PLAIN and len(names) == 1:
-        _check_delimiter(path, lines)
+        check_one_column(path, lines)
     dialect = Dialect(
         dialect.delimiter, dialect.decimal, len(names), tuple(range(len(names))), quoted=dialect.quoted
     )
@@ -303,26 +304,16 @@ def _lines(path: Path, text: str) -> list[str]:
     return lines
 
 
-def _check_delimiter(path: Path, lines: list[str]) -> None:
-    """One column, of which every line has semicolons or tabs, is several: they hold something but numbers."""
-    for name, character in (("semicolons", ";"), ("tabs", "\t")):
-        cells = lines[-1].split(character)
-        plain = any(
-            all(Dialect(character, sign, 0, ()).is_number(cell.strip()) for cell in cells) for sign in ".,"
-        )
-        if not plain and all(character in line for line in lines[:9]):
-            raise InputError(
-                path,
-                f"most fields between its {name} are no plain numbers: '{lines[-1][:60]}'",
-                line=len(lines),
-                cure="export numbers without units and without signs between thousands, or declare a layout",
-            )
+def _plural(delimiter: str) -> str:
+    found = delimiter_of(delimiter)
+    assert found is not None  # only known ones are read
+    return found.plural
 
 
 def _dialect(path: Path, layout: Layout) -> Dialect:
     """Delimiter and decimal sign as said, without columns yet; quotes are read only where a layout is."""
-    delimiter = declared_character(path, "delimiter", layout.delimiter or "comma")
-    decimal = declared_character(path, "decimal", layout.decimal or ".")
+    delimiter = declared_delimiter(path, layout.delimiter or "comma")
+    decimal = declared_decimal(path, layout.decimal or ".")
     if delimiter == decimal:
         raise InputError(
             path,

@@ -15,7 +15,7 @@ from kolsky.base.units import UnitError, unit_factor
 from kolsky.readers.contents import Contents, Layout
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.table import read_table
-from kolsky.readers.text import ENCODINGS, decode_text, full_match, read_bytes
+from kolsky.readers.text import ENCODINGS, declared_delimiter, decode_text, full_match, read_bytes
 
 DIMENSIONS = ("s", "m", "V", "Pa", "N", "1")
 """SI units of what columns of a shot hold."""
@@ -274,7 +274,8 @@ def _layout(facts: Mapping[str, str]) -> Iterator[tuple[str, str | int]]:
     if encoding != "utf-8":
         yield "encoding", encoding
     if facts["delimiter"] != "comma":
-        yield "delimiter", {"semicolon": ";"}.get(facts["delimiter"], facts["delimiter"])
+        character = declared_delimiter(Path(), facts["delimiter"])
+        yield "delimiter", character if character.strip() else facts["delimiter"]
     if facts["decimal"] != ".":
         yield "decimal", facts["decimal"]
     header = int(facts["header"]) if facts["header"].isdecimal() else 0
