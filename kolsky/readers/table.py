@@ -15,22 +15,20 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
+from kolsky.base.files import SIZE_LIMIT, decode, read_bytes
 from kolsky.base.units import UnitError, unit_factor
 from kolsky.readers.contents import Layout
 from kolsky.readers.header import uncommented
 from kolsky.readers.sheet import Sheet, first_samples, names_and_units
 from kolsky.readers.text import (
-    SIZE_LIMIT,
     Dialect,
     check_one_column,
     declared_decimal,
     declared_delimiter,
-    decode,
     decode_text,
     delimiter_of,
     find_dialect,
     lines_of,
-    read_bytes,
 )
 
 PLAIN = Layout(delimiter="comma", decimal=".", header_line=1)

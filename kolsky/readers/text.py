@@ -4,17 +4,15 @@ import codecs
 import csv
 import hashlib
 import re
-import stat
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from kolsky.base.errors import InputError
+from kolsky.base.files import read_bytes
 from kolsky.readers.contents import Layout
 
-SIZE_LIMIT = 200_000_000
-"""Largest text export that is read [bytes]."""
 ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "cp1252", "latin-1", "cp932", "gb18030")
 """Encodings that may be stated; the first three and cp1252 are found without."""
 
@@ -44,54 +42,6 @@ def read_text(path: Path, layout: Layout) -> tuple[str, list[str], str]:
     data = read_bytes(path)
     text, encoding = decode_text(path, data, layout.encoding)
     return hashlib.sha256(data).hexdigest(), lines_of(path, text), encoding
-
-
-def read_bytes(path: Path, *, limit: int = SIZE_LIMIT) -> bytes:
-    """The bytes of a regular file of sensible size.
-
-    Raises InputError if there is no such file, it is a folder or a device, it is empty, larger than `limit`
-    bytes (found without reading it), or may not be read.
-    """
-    try:
-        status = path.stat()
-        if stat.S_ISDIR(status.st_mode):
-            raise InputError(path, "is a folder, not a file", cure="name the file inside it")
-        if not stat.S_ISREG(status.st_mode):
-            kind = "a pipe" if stat.S_ISFIFO(status.st_mode) else "a device or a socket"
-            raise InputError(path, f"is {kind}, not a regular file", cure="copy the data into a file")
-        if status.st_size > limit:
-            raise InputError(
-                path,
-                f"has {status.st_size / 1e6:.0f} MB, more than the {limit / 1e6:.0f} MB that are read",
-                cure="export the time span of the test only",
-            )
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(path, "there is no such file", cure="put it there or correct its name") from None
-    except OSError as error:
-        raise InputError(
-            path, f"cannot be read ({error.strerror})", cure="copy it again, and see that it may be read"
-        ) from None
-    if not data.strip():
-        raise InputError(path, "is empty", cure="export it again")
-    return data
-
-
-def decode(path: Path, data: bytes) -> str:
-    """UTF-8 text of a file, with or without a byte order mark.
-
-    Raises InputError if the bytes are not UTF-8, with the offset of the first that is not.
-    """
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        offset = error.start + (3 if data.startswith(b"\xef\xbb\xbf") else 0)
-        raise InputError(
-            path,
-            f"is not UTF-8 text: byte 0x{data[offset]:02x} at byte offset {offset}",
-            line=data.count(b"\n", 0, offset) + 1,
-            cure="convert it to UTF-8, e.g. `iconv -f latin1 -t utf-8`",
-        ) from None
 
 
 def decode_text(path: Path, data: bytes, encoding: str | None = None) -> tuple[str, str]:
@@ -163,7 +113,6 @@ def lines_of(path: Path, text: str) -> list[str]:
     if not lines:
         raise InputError(path, "is empty", cure="export it again")
     return lines
-
 
 
 @dataclass(frozen=True)

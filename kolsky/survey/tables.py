@@ -11,11 +11,12 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.files import read_bytes
 from kolsky.base.units import UnitError, unit_factor
 from kolsky.readers.contents import Contents, Layout
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.table import read_table
-from kolsky.readers.text import ENCODINGS, declared_delimiter, decode_text, full_match, read_bytes
+from kolsky.readers.text import ENCODINGS, declared_delimiter, decode_text, full_match
 
 DIMENSIONS = ("s", "m", "V", "Pa", "N", "1")
 """SI units of what columns of a shot hold."""

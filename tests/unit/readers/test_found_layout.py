@@ -130,7 +130,9 @@ def test_units_below_the_header_are_no_data(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "delimiter", [*text.DELIMITERS, text.Delimiter("pipe", "|", "pipes")], ids=lambda delimiter: delimiter.name
+    "delimiter",
+    [*text.DELIMITERS, text.Delimiter("pipe", "|", "pipes")],
+    ids=lambda d: d.name,
 )
 def test_a_delimiter_is_one_line_of_the_registry(
     delimiter: text.Delimiter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

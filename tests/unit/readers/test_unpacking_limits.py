@@ -14,12 +14,12 @@ from dic.images import PictureError, open_pictures, tiff
 from kolsky.base import hdf5
 from kolsky.base.errors import InputError
 from kolsky.base.hdf5 import Format, reading, take
+from kolsky.base.toml import DEEPEST, LONGEST_LINE, parse_toml
 from kolsky.readers import delimited, excel
 from kolsky.readers.contents import LARGEST_SAMPLE, Layout
 from kolsky.readers.matlab import DamagedError, variables
 from kolsky.readers.meshes import read_gmsh
 from kolsky.readers.recordings import list_channels, read_recordings
-from kolsky.schema.shot_file import DEEPEST, LONGEST_LINE, parse_toml
 
 
 def test_variables_share_one_limit(tmp_path: Path) -> None:
