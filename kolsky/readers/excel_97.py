@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from kolsky.readers.contents import Contents, Layout, file_hash, head_of, read_in_child
-from kolsky.readers.excel import COMPRESSED_LIMIT, chosen_sheet, damaged, sheet_contents
+from kolsky.readers.excel import COMPRESSED_LIMIT, chosen_sheet, damaged, sheet_contents, sheet_lines
 
 BINARY = True
 
@@ -24,10 +24,25 @@ def read(path: Path, layout: Layout) -> Contents:
         If it is no workbook, is damaged, or has several sheets with data and none is named; and as
         `kolsky.readers.delimited.read_lines`.
     """
+    sha256, title, rows = _chosen(path, layout.sheet)
+    return sheet_contents(path, sha256, "excel 97", title, rows, layout)
+
+
+def table_lines(path: Path) -> list[str]:
+    """The rows of the sheet with data as lines with tabs between the cells.
+
+    Raises InputError as `read`.
+    """
+    _, title, rows = _chosen(path, None)
+    return sheet_lines(path, title, rows)
+
+
+def _chosen(path: Path, wanted: str | None) -> tuple[str, str, list[list[object]]]:
+    """Hash of the file, and title and rows of the sheet that is meant."""
     sha256 = file_hash(path, limit=COMPRESSED_LIMIT)
     sheets = {sheet["title"]: sheet["rows"] for sheet in read_in_child(path, "xls", path, damaged)}
     filled = [
         title for title, rows in sheets.items() if any(cell not in ("", None) for r in rows for cell in r)
     ]
-    title = chosen_sheet(path, list(sheets), filled, layout.sheet)
-    return sheet_contents(path, sha256, "excel 97", title, sheets[title], layout)
+    title = chosen_sheet(path, list(sheets), filled, wanted)
+    return sha256, title, sheets[title]

@@ -15,7 +15,7 @@ import numpy as np
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Contents, Layout, file_hash, head_of, read_in_child
-from kolsky.readers.hdf5 import NamedArray, array_channels, column_of, columns_of, inside
+from kolsky.readers.hdf5 import NamedArray, array_channels, array_lines, column_of, columns_of, inside
 
 BINARY = True
 
@@ -39,6 +39,31 @@ def read(path: Path, layout: Layout) -> Contents:
         If it is no .mat file or damaged, or holds nothing but objects, cells or structures.
     """
     sha256 = file_hash(path)
+    arrays, scalars, others, version = _arrays(path)
+    return Contents(
+        path=path,
+        sha256=sha256,
+        channels=array_channels(path, arrays, scalars, layout),
+        facts={
+            "format": "matlab",
+            "version": version,
+            **({"not opened": ", ".join(others)} if others else {}),
+        },
+        metadata={name: f"{value:.12g}" for name, value in scalars.items()},
+    )
+
+
+def table_lines(path: Path) -> list[str]:
+    """The numeric arrays of equal length as lines with tabs.
+
+    Raises InputError as `read`.
+    """
+    file_hash(path)
+    return array_lines(path, _arrays(path)[0])
+
+
+def _arrays(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str], str]:
+    """Arrays, scalars, what is neither, and the version of a file."""
     head = head_of(path, _HDF5_OFFSET + 8)
     if head[_HDF5_OFFSET:].startswith(b"\x89HDF") or head.startswith(b"\x89HDF"):
         arrays, scalars, _ = inside(path)
@@ -60,17 +85,7 @@ def read(path: Path, layout: Layout) -> Contents:
             "holds no numeric array" + (f", but {', '.join(others[:8])}" if others else ""),
             cure="save the signals as plain arrays: save('shot.mat', 'time', 'ch1', 'ch2')",
         )
-    return Contents(
-        path=path,
-        sha256=sha256,
-        channels=array_channels(path, arrays, scalars, layout),
-        facts={
-            "format": "matlab",
-            "version": version,
-            **({"not opened": ", ".join(others)} if others else {}),
-        },
-        metadata={name: f"{value:.12g}" for name, value in scalars.items()},
-    )
+    return arrays, scalars, others, version
 
 
 def _plain(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str]]:

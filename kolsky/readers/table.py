@@ -7,9 +7,10 @@ it is written, and `kolsky check` reports how.
 
 import csv
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,8 @@ from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import SIZE_LIMIT, decode, read_bytes
 from kolsky.base.units import UnitError, unit_factor
-from kolsky.readers.contents import Layout
+from kolsky.readers import delimited, excel, excel_97, hdf5, matlab
+from kolsky.readers.contents import Layout, file_hash
 from kolsky.readers.header import uncommented
 from kolsky.readers.sheet import Sheet, first_samples, names_and_units
 from kolsky.readers.text import (
@@ -33,6 +35,8 @@ from kolsky.readers.text import (
 
 PLAIN = Layout(delimiter="comma", decimal=".", header_line=1)
 """UTF-8, commas, decimal points, one line of column names, then data."""
+TEXT_SUFFIXES = tuple(suffix for suffix in delimited.SUFFIXES if suffix != ".xls")
+"""Endings of files that are read as text whatever they hold."""
 _KINDS = ("s", "m", "V", "Pa", "N", "1")
 """SI units of what such a table holds."""
 
@@ -41,15 +45,19 @@ def detect_layout(path: Path, data: bytes) -> Layout:
     """The layout of a table; `PLAIN` if it is that, or nothing better can be told."""
     try:
         text, encoding = decode_text(path, data)
-        lines = lines_of(path, text)
-        dialect = find_dialect(path, lines)
-        bare = Layout()
-        if dialect.delimiter == " ":
-            lines = [line.strip() for line in lines]
-        first = first_samples(path, lines, dialect, bare)
-        _, _, facts, _ = names_and_units(path, lines[:first], first, dialect, bare)
+        return _layout_of(path, lines_of(path, text), encoding)
     except InputError:
         return PLAIN  # the strict reader says what is wrong, and where
+
+
+def _layout_of(path: Path, lines: list[str], encoding: str) -> Layout:
+    """The layout of lines; raises InputError if none is found."""
+    dialect = find_dialect(path, lines)
+    bare = Layout()
+    if dialect.delimiter == " ":
+        lines = [line.strip() for line in lines]
+    first = first_samples(path, lines, dialect, bare)
+    _, _, facts, _ = names_and_units(path, lines[:first], first, dialect, bare)
     if not facts["header"].isdecimal():
         return PLAIN
     header = int(facts["header"])
@@ -208,7 +216,7 @@ class Table:
 
     def error(self, message: str, *, row: int | None = None, cure: str | None = None) -> InputError:
         """An error about this file; `row` counts rows of data from 0."""
-        return InputError(self.path, message, line=None if row is None else self.first_line + row, cure=cure)
+        return self.sheet.error(message, row, cure)
 
     def _check_no_points(self, column: Column, index: int) -> None:
         """With decimal commas a point could only separate thousands."""
@@ -242,7 +250,9 @@ class Table:
 
 
 def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LIMIT) -> Table:
-    """Read a table of text: UTF-8 with commas, points and one header line, or as is declared or found.
+    """Read a table: text, the sheet of a workbook, or the arrays of equal length of a MATLAB or HDF5 file.
+
+    A text is UTF-8 with commas, points and one header line, or as is declared or found.
 
     ``path``: the file. ``layout``: encoding, delimiter, decimal sign, sign of commented header lines, header
     and first line, where they are others; what it leaves out is UTF-8, a comma, a point, the first line and
@@ -251,10 +261,17 @@ def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LI
     `kolsky.readers.text`), has no data, or a line that is empty or has another number of fields than the
     header; or if the layout is impossible or does not fit.
     """
-    data = read_bytes(path, limit=limit)
-    layout = layout or detect_layout(path, data)
-    text = decode(path, data) if layout.encoding is None else decode_text(path, data, layout.encoding)[0]
-    lines = _lines(path, text)
+    source = _source(path)
+    if source is not None:
+        lines = source.table_lines(path)
+        sha256 = file_hash(path)
+        layout = replace(layout or _sheet_layout(path, lines), encoding=None, delimiter="tab", decimal=".")
+    else:
+        data = read_bytes(path, limit=limit)
+        sha256 = hashlib.sha256(data).hexdigest()
+        layout = layout or detect_layout(path, data)
+        text = decode(path, data) if layout.encoding is None else decode_text(path, data, layout.encoding)[0]
+        lines = _lines(path, text)
     dialect = _dialect(path, layout)
     header_line = 1 if layout.header_line is None else layout.header_line
     first = layout.first_line or max(header_line, layout.units_line or 0) + 1
@@ -279,9 +296,24 @@ def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LI
         dialect.delimiter, dialect.decimal, len(names), tuple(range(len(names))), quoted=dialect.quoted
     )
     said = "the header has" if header_line else "the first line has"
-    sheet = Sheet(path, dialect, rows, first, names, (None,) * len(names), counted=said)
+    word = "line" if source is None else "row"
+    sheet = Sheet(path, dialect, rows, first, names, (None,) * len(names), word=word, counted=said)
     sheet.check_fields()
-    return Table(sheet, hashlib.sha256(data).hexdigest(), header_line or None)
+    return Table(sheet, sha256, header_line or None)
+
+
+def _source(path: Path) -> Any:
+    """The format of a workbook or of arrays; None of a text."""
+    if path.suffix.lower() in TEXT_SUFFIXES:
+        return None
+    return next((form for form in (excel, excel_97, matlab, hdf5) if form.sniff(path)), None)
+
+
+def _sheet_layout(path: Path, lines: list[str]) -> Layout:
+    try:
+        return _layout_of(path, lines, "utf-8")
+    except InputError:
+        return PLAIN
 
 
 def _lines(path: Path, text: str) -> list[str]:

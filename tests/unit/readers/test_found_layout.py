@@ -5,8 +5,11 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import numpy as np
+import openpyxl
 import pytest
+from scipy.io import savemat
 from shot_folders import OPEN_01
 from typer.testing import CliRunner
 
@@ -161,3 +164,30 @@ def test_a_delimiter_is_one_line_of_the_registry(
     checked = CliRunner().invoke(app, ["check", str(tmp_path / "shot")])
     assert checked.exit_code == 0, checked.output
     assert delimiter.plural in checked.output or delimiter == text.COMMA
+
+
+@pytest.mark.parametrize("name", ["frames.csv", "quasi_static.csv"])
+@pytest.mark.parametrize("ending", [".xlsx", ".mat", ".h5"])
+def test_a_workbook_or_arrays_stand_for_a_text(name: str, ending: str, tmp_path: Path) -> None:
+    """The same numbers to the last bit, by the same door."""
+    there = read_table(OPEN_01 / name)
+    plain = {f"c{i}": there.values(Column(column)) for i, column in enumerate(there.header)}
+    path = tmp_path / f"table{ending}"
+    if ending == ".xlsx":
+        book = openpyxl.Workbook()
+        assert book.active is not None
+        for row in ([*plain], *zip(*(x.tolist() for x in plain.values()), strict=True)):
+            book.active.append(row)
+        book.save(path)
+    elif ending == ".mat":
+        savemat(path, plain)
+    else:
+        with h5py.File(path, "w") as file:
+            for key, values in plain.items():
+                file[key] = values
+    here = read_table(path)
+    assert len(here.header) == len(plain)
+    for key, values in plain.items():
+        np.testing.assert_array_equal(here.values(Column(f"/{key}" if ending == ".h5" else key)), values)
+    with pytest.raises(InputError, match="'absent' is missing"):
+        here.values(Column("absent"))
