@@ -17,7 +17,7 @@ import numpy as np
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import SIZE_LIMIT, decode, read_bytes
-from kolsky.base.units import UnitError, unit_factor
+from kolsky.base.units import dimension_of
 from kolsky.readers import delimited, excel, excel_97, hdf5, matlab
 from kolsky.readers.contents import Layout, file_hash
 from kolsky.readers.header import uncommented
@@ -37,8 +37,6 @@ PLAIN = Layout(delimiter="comma", decimal=".", header_line=1)
 """UTF-8, commas, decimal points, one line of column names, then data."""
 TEXT_SUFFIXES = tuple(suffix for suffix in delimited.SUFFIXES if suffix != ".xls")
 """Endings of files that are read as text whatever they hold."""
-_KINDS = ("s", "m", "V", "Pa", "N", "1")
-"""SI units of what such a table holds."""
 
 
 def detect_layout(path: Path, data: bytes) -> Layout:
@@ -79,15 +77,7 @@ def _layout_of(path: Path, lines: list[str], encoding: str) -> Layout:
 
 def _all_units(cells: list[str]) -> bool:
     """True if every cell is a unit of something that a table of a shot holds."""
-    return all(any(_is_unit(cell.strip("()[] "), kind) for kind in _KINDS) for cell in cells)
-
-
-def _is_unit(cell: str, kind: str) -> bool:
-    try:
-        unit_factor("1" if cell in ("", "-") else cell, kind)
-    except UnitError:
-        return False
-    return True
+    return all(dimension_of(cell.strip("()[] ") or "-") for cell in cells)
 
 
 def layout_in_words(path: Path) -> str:
