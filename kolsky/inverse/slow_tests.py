@@ -13,6 +13,7 @@ from explicit.relaxation import BergstromBoyce, PronySeries, bergstrom_boyce_str
 from kolsky.base.apparatus import NETWORK_CONSTANTS, Relaxation, prony_names
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.toml import TomlFile, parse_toml
 from kolsky.inverse.joint_result import Slow
 from kolsky.inverse.parameters import MOVED
 from kolsky.material.relaxation.evidence import DynamicTest, Evidence, HistoryTest, RateModel, ScaledLaw
@@ -28,7 +29,6 @@ from kolsky.schema.fields import (
     TimeColumn,
 )
 from kolsky.schema.material import LawSection
-from kolsky.schema.shot_file import TomlFile, parse_toml
 
 NEEDED = {
     "relaxation": ("time", "stress", "strain"),

@@ -14,10 +14,11 @@ from dic.files import text_cell
 from dic.images import PictureError, Pictures
 from dic.images.series import PictureSizeError
 from kolsky.base.errors import InputError
+from kolsky.base.toml import TomlFile, read_toml
 from kolsky.pictures.picture_set import CAMERAS
 from kolsky.schema.fields import Section
 from kolsky.schema.pictures import CalibrationSection, TargetSection
-from kolsky.schema.shot_file import TomlFile, parse_toml, shot_toml
+from kolsky.schema.shot_file import shot_toml
 
 
 def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
@@ -246,8 +247,8 @@ def read_calibration_toml(source: Path) -> tuple[TomlFile, CalibrationSection]:
         if section is None:
             raise InputError(path, "has no table [calibration]", cure="add it, with pictures and target")
     else:
-        toml = parse_toml(path)
-        section = toml.validated(CalibrationFile).calibration
+        toml, declared = read_toml(path, CalibrationFile)
+        section = declared.calibration
     if section.file is not None:
         raise toml.error(
             "calibration.file", "is a calibration that is finished", cure="name pictures and target instead"

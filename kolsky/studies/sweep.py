@@ -21,14 +21,22 @@ from doe.ledger import ExecutorFactory, Ledger, LedgerError, Pace, Run, run_chun
 from explicit import Outcome
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import jsonable, missing, remove_empty, source_hash, write_table
+from kolsky.base.files import (
+    decode,
+    jsonable,
+    missing,
+    read_bytes,
+    remove_empty,
+    source_hash,
+    write_table,
+)
 from kolsky.base.units import UnitError, quantity
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import PARAMETERS, any_slides, checked_value, parameter
 from kolsky.inverse.problem import PreparedShot, prepare_shot, provenance
 from kolsky.inverse.run_table import SCALE_FORCE, SCALE_SHAPE, DesignTable, terms
-from kolsky.readers.text import decode, full_match, read_bytes
+from kolsky.readers.text import full_match
 from kolsky.results.tables import end_columns
 from kolsky.shot.records import Shot
 

@@ -12,11 +12,12 @@ from pydantic import ConfigDict
 
 from kolsky.base.errors import InputError
 from kolsky.base.records import MaterialCurve
+from kolsky.base.toml import TomlFile
 from kolsky.inverse.result import Identification
 from kolsky.results.hdf5 import read_identification
 from kolsky.schema import fields as f
 from kolsky.schema.fields import Section
-from kolsky.schema.shot_file import Source, TomlFile, folder_of, parsed
+from kolsky.schema.shot_file import Source, folder_of, parsed
 from kolsky.shot.load import load_shot
 from kolsky.shot.optical_data import measured
 from kolsky.shot.records import OpticalData, Shot
