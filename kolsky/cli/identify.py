@@ -82,33 +82,25 @@ def _run_job(one: SingleShotJob, *, processes: int = 1) -> Printout:
     """Identify a shot and write its results."""
     from kolsky.cli.options import load, usable
     from kolsky.cli.terminal import progress_bars
-    from kolsky.report.page_process import load_identify_page, page_process
 
     shot, folder = load(one.shot, one.out, forks=processes > 1)
     if one.relaxation:
         from kolsky.inverse.parameters import with_relaxation
 
         shot = with_relaxation(shot, *texts.relaxation("--relaxation", one.relaxation))
-    # Libraries that both processes need are loaded before one of them is forked, and no GPU is used yet.
+    from kolsky import identification
     from kolsky.inverse.problem import Settings
+    from kolsky.report.result_folder import PAGE, write_identify_results
+    from kolsky.results import printed
+    from kolsky.results.identification_rows import fit_line
+    from kolsky.results.tables import to_json
 
-    with page_process(processes) as page:
-        numerics = one.solver.numerics(one.mesh)
-        from kolsky import identification
-        from kolsky.report.result_folder import PAGE, write_identify_results
-        from kolsky.results import printed
-        from kolsky.results.identification_rows import fit_line
-        from kolsky.results.tables import to_json
-
-        settings = Settings(numerics=numerics, **one.choices)
-        meanwhile, checked = ([load_identify_page], None) if page is None else ([], page.draw_ahead)
-        with usable(shot), progress_bars() as progress:
-            found = identification.identify(
-                shot, settings, progress=progress, meanwhile=meanwhile, checked=checked
-            )
-            if one.diagnose:
-                found = identification.diagnose(found, shot, settings, progress=progress)
-        write_identify_results(folder, found, shot, formats=one.formats, processes=processes, page=page)
+    settings = Settings(numerics=one.solver.numerics(one.mesh), **one.choices)
+    with usable(shot), progress_bars() as progress:
+        found = identification.identify(shot, settings, progress=progress)
+        if one.diagnose:
+            found = identification.diagnose(found, shot, settings, progress=progress)
+    write_identify_results(folder, found, shot, formats=one.formats, processes=processes)
     beside, said, doubts = paper_answer(shot, settings, folder) if one.paper else ({}, {}, [])
     return Printout(
         shot=shot.name,
@@ -439,9 +431,9 @@ def identify(
         return
     refuse_shared(processes, dask)
     from kolsky.cli.terminal import print_result, since
-    from kolsky.report.page_process import drawers
+    from kolsky.report.result_folder import drawing_processes
 
-    found = _run_job(alone, processes=drawers())
+    found = _run_job(alone, processes=drawing_processes())
     print_result(
         found.rows,
         found.said if as_json else None,

@@ -6,7 +6,7 @@ from the page, see `instrument`.
 
 import base64
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -378,7 +378,6 @@ def write_report(
     recordings: ShotRecordings | None = None,
     *,
     processes: int = 1,
-    ahead: Mapping[str, Callable[[], str]] | None = None,
 ) -> None:
     """Write the report of one shot as a single HTML file that needs no network.
 
@@ -394,15 +393,13 @@ def write_report(
         Recordings of the shot's own files; without them their sections are left out.
     processes : int
         Processes that draw; see `dic.processes.run_parallel`.
-    ahead : mapping, optional
-        As of `kolsky.report.pages.rendering.draw_groups`.
 
     Raises
     ------
     OSError
         If the file cannot be written; an older one is then unchanged.
     """
-    write_html(path, render(identification, recordings, processes=processes, ahead=ahead))
+    write_html(path, render(identification, recordings, processes=processes))
 
 
 def render(
@@ -410,12 +407,11 @@ def render(
     recordings: ShotRecordings | None = None,
     *,
     processes: int = 1,
-    ahead: Mapping[str, Callable[[], str]] | None = None,
 ) -> str:
     """Return the report as HTML text; see `write_report`."""
     result = in_display_units(identification)
     provenance = result.provenance
-    figures = _figures(identification, result, recordings, processes, ahead)
+    figures = _figures(identification, result, recordings, processes)
     return render_page(
         _TEMPLATE,
         using=_templates(),
@@ -455,7 +451,6 @@ def _figures(
     result: Identification,
     recordings: ShotRecordings | None,
     processes: int,
-    ahead: Mapping[str, Callable[[], str]] | None,
 ) -> dict[str, dict[str, Any]]:
     """Draw all figures, those of the recordings first; by name, as the template takes them.
 
@@ -464,13 +459,8 @@ def _figures(
     groups = [FigureGroup(REGISTRY.values(), identification, captioned=result)]
     if recordings is not None:
         groups.insert(0, FigureGroup(RECORDINGS.values(), recordings))
-    drawn = draw_groups(groups, processes=processes, ahead=ahead)
+    drawn = draw_groups(groups, processes=processes)
     return {figure["id"].replace("-", "_"): figure for figure in drawn}
-
-
-def load_template() -> None:
-    """Read and compile the page's template before it is wanted; it is kept."""
-    _templates().get_template(_TEMPLATE)
 
 
 @cache

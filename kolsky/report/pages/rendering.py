@@ -2,7 +2,7 @@
 
 import base64
 import hashlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -99,7 +99,6 @@ def draw_groups(
     first: int = 1,
     processes: int = 1,
     mark: str = "",
-    ahead: Mapping[str, Callable[[], str]] | None = None,
 ) -> list[dict[str, Any]]:
     """Draw the figures that apply and return them numbered, as the templates take them.
 
@@ -107,32 +106,28 @@ def draw_groups(
     side by side end together if what they do last is short.
 
     ``groups``: groups of figures in the order of the page. ``first``: number of the first figure.
-    ``processes``: processes that draw; see `dic.processes.run_parallel`. ``mark``: beside the names of the
-    figures in their ids, where a page has a figure of one name several times. ``ahead``: gives the pictures,
-    by the figures' names, that `inline_svg` draws elsewhere.
+    ``processes``: processes that draw; see `dic.processes.run_parallel`. ``mark``: added to the names of the
+    figures in their ids, where a page has a figure of one name several times.
     """
-    ahead = ahead or {}
     figures = [(kind, group) for group in groups for kind in group.kinds if kind.applies(group.about)]
     names = [f"{kind.name}-{mark}" if mark else kind.name for kind, _ in figures]
     with infrequent_gc():
-        here = {
-            name: partial(inline_svg, kind, group.shown, name)
+        draw = [
+            partial(inline_svg, kind, group.shown, name)
             for (kind, group), name in zip(figures, names, strict=True)
-            if name not in ahead
-        }
-        pictures = dict(
-            zip(here, run_parallel([*here.values()][::-1], processes=processes)[::-1], strict=True)
-        )
-        pictures |= {name: ahead[name]() for name in names if name in ahead}
+        ]
+        pictures = run_parallel(draw[::-1], processes=processes)[::-1]
     return [
         {
             "id": name,
             "number": number,
-            "svg": Markup(pictures[name]),  # serialised as XML: every text is escaped
+            "svg": Markup(picture),  # serialised as XML: every text is escaped
             "caption": with_subscripts(kind.caption(group.about)),
             "width": kind.width,
         }
-        for number, (name, (kind, group)) in enumerate(zip(names, figures, strict=True), start=first)
+        for number, (name, picture, (kind, group)) in enumerate(
+            zip(names, pictures, figures, strict=True), start=first
+        )
     ]
 
 
