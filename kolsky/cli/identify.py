@@ -17,17 +17,9 @@ import typer
 
 from kolsky.base.errors import InputError, refuse
 from kolsky.cli import texts
-from kolsky.cli.identify_shots import (
-    CurveNodes,
-    GainEach,
-    JointOptions,
-    NoScatter,
-    Roughness,
-    SlowTests,
-    identify_shots,
-    refuse_single_shot_options,
-)
-from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Figures, Mesh, Out, SolverOptions
+from kolsky.cli.identify_shots import JointOptions, identify_shots, refuse_single_shot_options
+from kolsky.cli.options import AsJson, Figures, Mesh, Out, SolverOptions
+from kolsky.cli.sweep import Workers
 from kolsky.cli.terminal import quietly
 from kolsky.inverse.parameters import PARAMETERS
 
@@ -151,33 +143,29 @@ _Answer = Printout | InputError
 """What became of a shot: its answer, or why there is none."""
 
 
-def refuse_shared(processes: int | None, dask: str) -> None:
-    """Refuse workers where there is but one identification."""
-    for option, given in (("--processes", processes is not None), ("--dask", bool(dask))):
+def refuse_shared(workers: Workers) -> None:
+    """Refuse workers for a single identification."""
+    for option, given in (("--processes", workers.processes is not None), ("--dask", bool(workers.dask))):
         if given:
             raise InputError(
                 texts.COMMAND_LINE,
-                f"{option} shares out shots that are identified by themselves",
-                cure="give --each, or leave it out: shots that are identified together run side by side",
+                f"{option} is for shots that are identified one by one",
+                cure="give --each, or leave it out",
             )
 
 
-def identify_each(
-    shots: Sequence[Path], alike: SingleShotJob, *, processes: int | None, dask: str, as_json: bool
-) -> None:
+def identify_each(shots: Sequence[Path], alike: SingleShotJob, workers: Workers, *, as_json: bool) -> None:
     """Identify every shot by itself, write the results of each, print in the order of the shots."""
     started = perf_counter()
-    from kolsky.cli.sweep import Workers
     from kolsky.cli.terminal import print_result, progress_bars, since
 
     tasks = [
         replace(alike, shot=shot, out=out)
         for shot, out in zip(shots, _result_folders(shots, alike.out), strict=True)
     ]
-    workers = Workers(processes, dask)
-    if dask or processes is not None:
+    if workers.dask or workers.processes is not None:
         # Workers of a scheduler share their machines: one thread each, unless more are asked for.
-        threads = workers.threads(alike.solver.threads or (1 if dask else None))
+        threads = workers.threads(alike.solver.threads or (1 if workers.dask else None))
         tasks = [replace(task, solver=replace(task.solver, threads=threads)) for task in tasks]
     found: list[_Answer] = []
     with workers.executor() as executor:
@@ -279,15 +267,18 @@ def _json_object(shot: Path, one: _Answer) -> dict[str, Any]:
 def identify(
     shots: Annotated[
         list[Path],
-        typer.Argument(metavar="SHOT...", help="A shot's folder, or its shot.toml; several: together."),
+        typer.Argument(
+            metavar="SHOT...", help="A shot's folder, or its shot.toml; several: identified together."
+        ),
     ],
+    *,
     free: Annotated[
         list[str] | None,
         typer.Option(
             "--free",
             metavar="NAME[=LOW:HIGH]",
-            help=f"Free parameter and the bounds of its design; repeat for more. {', '.join(PARAMETERS)}.",
-            show_default="stiffness_factor, and poisson and damping where the data can tell them",
+            help=f"Free parameter and the bounds of its search; repeat for more. {', '.join(PARAMETERS)}.",
+            show_default="stiffness_factor, and poisson and damping if the data constrain them",
         ),
     ] = None,
     hold: Annotated[
@@ -302,10 +293,11 @@ def identify(
     ] = None,
     mesh: Mesh = "24x32",
     refined_mesh: Annotated[
-        str, typer.Option(metavar="NRxNY", help="The mesh the answer is given and checked on.")
+        str, typer.Option(metavar="NRxNY", help="Mesh of the final estimate and its check.")
     ] = "64x86",
     replicates: Annotated[
-        int, typer.Option(min=0, help="Draws of the flyer's and the curve's noise; 0 leaves them out.")
+        int,
+        typer.Option(min=0, help="Random draws of the flyer's and the curve's noise; 0: none."),
     ] = 64,
     methods: Annotated[
         str,
@@ -319,38 +311,28 @@ def identify(
             "a surface through Phi, a simplex; bounds by --free.",
         ),
     ] = "least-squares",
-    solver: SolverOptions = SOLVER_DEFAULTS,
+    solver: SolverOptions,
     bayes: Annotated[bool, typer.Option("--bayes", help="Sample the posterior too; needs emcee.")] = False,
     diagnose: Annotated[
         bool,
-        typer.Option("--diagnose", help="Identify anew with each of the two likeliest causes put right."),
+        typer.Option("--diagnose", help="Identify again with each of the two likeliest causes corrected."),
     ] = False,
     relaxation: Annotated[
         str,
         typer.Option(
             metavar="KIND",
-            help="What relaxes beside the curve, its constants free: prony, prony:2 or bergstrom_boyce.",
-            show_default="as [relaxation] of shot.toml says",
+            help="Add a viscoelastic model with free constants: prony, prony:2 or bergstrom_boyce.",
+            show_default="[relaxation] of shot.toml",
         ),
     ] = "",
     each: Annotated[
-        bool, typer.Option("--each", help="Several shots: each by itself, its results in its own folder.")
+        bool, typer.Option("--each", help="Identify several shots one by one, with a results folder each.")
     ] = False,
-    processes: Annotated[
-        int | None, typer.Option(min=1, help="With --each: so many processes share the shots.")
-    ] = None,
-    dask: Annotated[
-        str,
-        typer.Option(
-            metavar="ADDRESS", help="With --each: a Dask scheduler shares them; address or its file."
-        ),
-    ] = "",
-    slow_tests: SlowTests = None,
-    curve_nodes: CurveNodes = 0,
-    curve_roughness: Roughness = 0.1,
-    gain_each: GainEach = "",
-    no_scatter: NoScatter = False,
-    pull: Annotated[str, typer.Option(help="The curve m refers to: first pull or conditioned.")] = "first",
+    workers: Workers,
+    joint: JointOptions,
+    pull: Annotated[
+        str, typer.Option(help="Pull of the curve that m refers to: first or conditioned.")
+    ] = "first",
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
     figures: Figures = "",
@@ -366,7 +348,7 @@ def identify(
     Several shots of one material are identified together, with slow tests if there are some: shared
     parameters, each shot's own clock and gain, the scatter between them. They leave joint.json, joint.html,
     tables and the ledger joint.sqlite in the folder joint; the same command goes on where it ended. With
-    --each they are identified one by one, side by side in --processes or by the workers of --dask.
+    --each they are identified one by one, in parallel with --processes or --dask.
     """
     started = perf_counter()
     ranges = texts.ranges("--free", free) if free else None
@@ -380,9 +362,8 @@ def identify(
     texts.apart("--free", ranges or {}, "--hold", [*held, *kept])
     if bayes:
         texts.installed("--bayes", "emcee", "bayes")
-    joint = JointOptions(slow_tests, curve_nodes, curve_roughness, gain_each, no_scatter)
     if (len(shots) > 1 or joint.asked) and not each:
-        refuse_shared(processes, dask)
+        refuse_shared(workers)
         refuse_single_shot_options(
             {
                 "methods": methods != "surrogate",
@@ -427,9 +408,9 @@ def identify(
     )
     if each:
         joint.refuse()
-        identify_each(shots, alone, processes=processes, dask=dask, as_json=as_json)
+        identify_each(shots, alone, workers, as_json=as_json)
         return
-    refuse_shared(processes, dask)
+    refuse_shared(workers)
     from kolsky.cli.terminal import print_result, since
     from kolsky.report.result_folder import drawing_processes
 

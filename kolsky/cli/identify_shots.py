@@ -16,48 +16,33 @@ if TYPE_CHECKING:
     from kolsky.inverse.joint_result import JointResult, JointSettings
     from kolsky.shot.records import Shot
 
-SlowTests = Annotated[
-    Path | None,
-    typer.Option("--slow-tests", metavar="TOML", help="Relaxation, ramps, oscillation of the same material."),
-]
-CurveNodes = Annotated[
-    int,
-    typer.Option(min=0, help="Free the curve too: at so many nodes of its strain, 4 to 24."),
-]
-Roughness = Annotated[
-    float,
-    typer.Option(
-        "--curve-roughness", help="Standard deviation of the second difference of the nodes' logarithms."
-    ),
-]
-GainEach = Annotated[
-    str,
-    typer.Option(metavar="PERCENT", help='Standard uncertainty of each shot\'s own gain, "0.5 %".'),
-]
-NoScatter = Annotated[
-    bool, typer.Option("--no-scatter", help="Shots differ by nothing but their noise: none is estimated.")
-]
-
 
 @dataclass(frozen=True)
 class JointOptions:
-    """What the command line says beside the options of one shot."""
+    """Options of shots that are identified together; see `kolsky.cli.options.with_settings`."""
 
-    slow_tests: Path | None
-    """List of slow tests."""
-    nodes: int
-    """Nodes of the curve."""
-    roughness: float
-    """Standard deviation of their second difference [-]."""
-    gain_each: str
-    """Standard uncertainty of each shot's own force scale, as written."""
-    no_scatter: bool
-    """Whether no scatter is estimated."""
+    slow_tests: Annotated[
+        Path | None,
+        typer.Option(metavar="TOML", help="Relaxation, ramps, oscillation of the same material."),
+    ] = None
+    curve_nodes: Annotated[
+        int, typer.Option(min=0, help="Estimate the curve too, at this number of strains: 4 to 24.")
+    ] = 0
+    curve_roughness: Annotated[
+        float, typer.Option(help="Standard deviation of the second difference of the nodes' logarithms.")
+    ] = 0.1
+    gain_each: Annotated[
+        str,
+        typer.Option(metavar="PERCENT", help='Standard uncertainty of each shot\'s own gain, "0.5 %".'),
+    ] = ""
+    no_scatter: Annotated[
+        bool, typer.Option("--no-scatter", help="Assume no specimen-to-specimen scatter.")
+    ] = False
 
     @property
     def asked(self) -> bool:
-        """True if something is asked for that one shot by itself has not."""
-        return self.slow_tests is not None or self.nodes > 0
+        """Whether an option needs a joint identification."""
+        return self.slow_tests is not None or self.curve_nodes > 0
 
     def refuse(self) -> None:
         """Refuse what means something for several shots together alone.
@@ -66,7 +51,7 @@ class JointOptions:
         """
         given = {
             "slow-tests": self.slow_tests is not None,
-            "curve-nodes": self.nodes > 0,
+            "curve-nodes": self.curve_nodes > 0,
             "gain-each": bool(self.gain_each),
             "no-scatter": self.no_scatter,
         }
@@ -103,8 +88,8 @@ class JointOptions:
                 numerics=numerics,
                 refined_mesh=refined,
                 replicates=replicates,
-                curve_nodes=self.nodes,
-                curve_roughness=self.roughness,
+                curve_nodes=self.curve_nodes,
+                curve_roughness=self.curve_roughness,
                 scatter=not self.no_scatter,
                 gain_each=gain,
                 seed=seed,

@@ -8,7 +8,6 @@ import base64
 import json
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,9 +26,9 @@ from kolsky.report.pages.rendering import (
     FigureGroup,
     draw_groups,
     environment,
+    page_writer,
     render_page,
     script,
-    write_html,
 )
 from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables
 from kolsky.results import display, nomenclature, numbers
@@ -372,36 +371,6 @@ _SHOWN = (*_TESTED, *_TABLES, "recordings")
 """Entries of provenance that have their own table; all others are listed under "Further"."""
 
 
-def write_report(
-    path: Path,
-    identification: Identification,
-    recordings: ShotRecordings | None = None,
-    *,
-    processes: int = 1,
-) -> None:
-    """Write the report of one shot as a single HTML file that needs no network.
-
-    Parameters
-    ----------
-    path : Path
-        The file, replaced atomically if it exists; its folder must exist.
-    identification : Identification
-        The result. Of its provenance, "specimen", "specimen_length", "interface", "declared_interface",
-        "support" and "window_s" make the table of the test; "checks", "inputs" (file name to SHA-256),
-        "settings" and "versions" have their own tables; every other entry is listed under "Further".
-    recordings : Recorded, optional
-        Recordings of the shot's own files; without them their sections are left out.
-    processes : int
-        Processes that draw; see `dic.processes.run_parallel`.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
-    """
-    write_html(path, render(identification, recordings, processes=processes))
-
-
 def render(
     identification: Identification,
     recordings: ShotRecordings | None = None,
@@ -444,6 +413,9 @@ def render(
         failures=_failure_rows(result),
         total_seconds=sum(result.seconds.values()),
     )
+
+
+write_report = page_writer(render)
 
 
 def _figures(

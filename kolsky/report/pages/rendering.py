@@ -2,11 +2,11 @@
 
 import base64
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Concatenate, ParamSpec
 from unicodedata import category
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -48,7 +48,7 @@ def printable_text(value: Any) -> Any:
     """
     if not isinstance(value, str) or isinstance(value, Markup):
         return value
-    # Separators stay, and so do surrogates, which `write_html` shows as escapes.
+    # Separators stay, and so do surrogates, which `page_writer` shows as escapes.
     line = "".join("□" if c not in "\t\n\r" and category(c) in ("Cc", "Cf") else c for c in value)
     return shortened(line, LONGEST)
 
@@ -168,11 +168,24 @@ def digest(text: str) -> Markup:
     return Markup(f"'sha256-{found}'")
 
 
-def write_html(path: Path, html: str) -> None:
-    """Write a page as a single file; an older one is replaced when the new one is complete.
+_P = ParamSpec("_P")
 
-    Raises OSError if the file cannot be written; an older one is then unchanged.
+
+def sentences(texts: Iterable[str]) -> list[str]:
+    """Return warnings as sentences."""
+    return [f"{text[:1].upper()}{text[1:]}." for text in texts]
+
+
+def page_writer(render: Callable[_P, str]) -> Callable[Concatenate[Path, _P], None]:
+    """Return the function that writes a page to a file, given the function that returns it as text.
+
+    ``render``: its arguments follow the file's path, whose folder must exist. The file needs no network, has
+    no scripts of others, and replaces an older one when it is complete; an OSError leaves that unchanged.
     """
-    with replacing(Path(path)) as partial:
-        # Names of files can contain bytes that are no text; they are written as escapes.
-        partial.write_bytes(html.encode("utf-8", errors="backslashreplace"))
+
+    def write_page(path: Path, *arguments: _P.args, **options: _P.kwargs) -> None:
+        with replacing(Path(path)) as partial:
+            # Names of files can contain bytes that are no text; they are written as escapes.
+            partial.write_bytes(render(*arguments, **options).encode("utf-8", errors="backslashreplace"))
+
+    return write_page

@@ -4,7 +4,6 @@
 """
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from dic import output
@@ -13,7 +12,7 @@ from kolsky.bars.flyer import flight
 from kolsky.pictures import summary
 from kolsky.pictures.summary import words
 from kolsky.report.figures import SURFACES
-from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
 from kolsky.report.picture_views import SurfaceView
 
 
@@ -36,23 +35,6 @@ def rows_of_points(counts: Mapping[PointOutcome, int], total: int, **more: Any) 
 def rows_of_frames(bad: Mapping[Any, FrameOutcome]) -> list[tuple[str, str, str, str]]:
     """Return the frames that gave no points: number, outcome, cause, cure."""
     return [(str(frame), words(outcome), outcome.cause, outcome.cure) for frame, outcome in bad.items()]
-
-
-def write_page(
-    path: Path,
-    shown: SurfaceView,
-    inputs: Mapping[str, str],
-    *,
-    processes: int = 1,
-) -> None:
-    """Write the page as a single HTML file without scripts or outside resources.
-
-    ``path``: the file, replaced atomically if it exists; its folder must exist. ``shown``: the result with
-    some pictures. ``inputs``: SHA-256 of every file that was read, by name. ``processes``: processes that
-    draw; see `dic.processes.run_parallel`. Raises OSError if the file cannot be written; an older one is
-    then unchanged.
-    """
-    write_html(path, render(shown, inputs, processes=processes))
 
 
 def render(
@@ -86,6 +68,9 @@ def render(
         inputs=list(inputs.items()),
         seconds=[(name, f"{value:.3g} s") for name, value in result.seconds.items()],
     )
+
+
+write_page = page_writer(render)
 
 
 def _outcomes(shown: SurfaceView) -> list[dict[str, Any]]:

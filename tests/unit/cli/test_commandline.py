@@ -1,5 +1,6 @@
 """The door of commands: one file and one line of the registry give a command all that the others have."""
 
+import inspect
 import os
 import re
 import shutil
@@ -13,17 +14,17 @@ from typer.testing import CliRunner
 
 from kolsky.base.errors import InputError
 from kolsky.cli.commandline import COMMANDS, FORMER_NAMES, GROUPS, app, program
-from kolsky.cli.options import SOLVER_DEFAULTS, Device, SolverOptions, with_solver_options
+from kolsky.cli.options import Device, SolverOptions, with_settings
 
 ROOT = Path(__file__).resolve().parents[3]
 COMMAND = '''"""`kolsky weigh`: what a specimen weighs."""
 
 from kolsky.base.errors import InputError
-from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Mesh, ShotPath, SolverOptions
+from kolsky.cli.options import AsJson, Mesh, ShotPath, SolverOptions
 
 
 def weigh(
-    shot: ShotPath, mesh: Mesh = "8x11", solver: SolverOptions = SOLVER_DEFAULTS, as_json: AsJson = False
+    shot: ShotPath, *, mesh: Mesh = "8x11", solver: SolverOptions, as_json: AsJson = False
 ) -> None:
     """Weigh the specimen of a shot."""
     if mesh == "0x0":
@@ -140,17 +141,23 @@ def test_bad_input_ends_any_command_with_its_lines_and_exit_code_2() -> None:
 def test_solver_options_stand_where_the_command_has_them() -> None:
     seen = {}
 
-    def command(shot: str, solver: SolverOptions = SOLVER_DEFAULTS, device_too: Device = "x") -> None:
+    def command(shot: str, *, solver: SolverOptions, device_too: Device = "x") -> None:
         seen.update(shot=shot, solver=solver, device_too=device_too)
 
-    made = with_solver_options(command)
+    made = with_settings(command)
     made(shot="a", **{**vars(SolverOptions()), "precision": "fp32", "threads": 3})
     assert seen["solver"] == SolverOptions(precision="fp32", threads=3)
     assert seen["shot"] == "a"
     names = list(made.__annotations__)
-    assert names == ["shot", *vars(SolverOptions()), "device_too"]
+    assert names == ["shot", *vars(SolverOptions()), "device_too", "quiet"]
 
-    def plain(shot: str) -> None:
-        """Nothing to spread."""
 
-    assert with_solver_options(plain) is plain
+def test_a_command_has_its_own_defaults_of_shared_options() -> None:
+    fast = SolverOptions(precision="fp32")
+
+    def command(solver: SolverOptions = fast) -> None:
+        """Nothing to do."""
+
+    parameters = inspect.signature(with_settings(command)).parameters
+    assert parameters["precision"].default == "fp32"
+    assert parameters["element"].default == "one_point"
