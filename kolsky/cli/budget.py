@@ -24,7 +24,7 @@ def budget(
             "--size",
             metavar="KEY=SIGMA",
             help='A source of error, e.g. "imperfections.length=0.3 %"; repeat. Without any: those of the '
-            "specification's table budget, those that the shot declares, or usual ones.",
+            "specification's table budget, those that the shot declares, or typical ones.",
         ),
     ] = None,
     free: Annotated[
@@ -35,8 +35,8 @@ def budget(
             show_default="the stiffness factor, others free as in identify",
         ),
     ] = "",
-    draws: Annotated[int, typer.Option(min=4, help="Draws of the noise alone.")] = 16,
-    together: Annotated[int, typer.Option(min=0, help="Draws of all errors together.")] = 32,
+    draws: Annotated[int, typer.Option(min=4, help="Random draws of the noise only.")] = 16,
+    together: Annotated[int, typer.Option(min=0, help="Random draws of all errors together.")] = 32,
     mesh: Mesh = "16x22",
     refined_mesh: Mesh = "32x44",
     truth_mesh: Annotated[
@@ -57,7 +57,7 @@ def budget(
     ] = 0.0,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FOLDER", help="Where results go.", show_default="beside the test"),
+        typer.Option("--out", metavar="FOLDER", help="Where results go.", show_default="the test's results"),
     ] = None,
     figures: Figures = "",
     as_json: AsJson = False,

@@ -17,7 +17,12 @@ import typer
 
 from kolsky.base.errors import InputError, refuse
 from kolsky.cli import texts
-from kolsky.cli.identify_shots import JointOptions, identify_shots, refuse_single_shot_options
+from kolsky.cli.identify_shots import (
+    JointOptions,
+    identify_shots,
+    refuse_single_shot_options,
+    with_relaxation_option,
+)
 from kolsky.cli.options import AsJson, Figures, Mesh, Out, SolverOptions
 from kolsky.cli.sweep import Workers
 from kolsky.cli.terminal import quietly
@@ -30,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SingleShotJob:
-    """A shot that is identified by itself, as the command line asks for it; it can be pickled."""
+    """The identification of one shot, as given on the command line; it can be pickled."""
 
     shot: Path
     """Its folder, or its shot.toml."""
@@ -43,18 +48,18 @@ class SingleShotJob:
     out: Path | None = None
     """Where results go; None for the folder `results` of the shot."""
     relaxation: str = ""
-    """What relaxes, as written; empty for what the shot declares."""
+    """Kind of relaxation, as written; empty for what the shot declares."""
     diagnose: bool = False
-    """Whether the likeliest causes are tried out."""
+    """Whether the likeliest causes of misfit are tested."""
     paper: bool = False
-    """Whether the method of Mates et al. is applied beside."""
+    """Whether the method of Mates et al. is applied too."""
     formats: tuple[str, ...] = ()
     """Formats of figures alone."""
 
 
 @dataclass(frozen=True)
 class Printout:
-    """What an identification has to say, its results being written; it can be pickled."""
+    """What is printed of an identification; it can be pickled."""
 
     shot: str
     """Name of the shot."""
@@ -76,10 +81,7 @@ def _run_job(one: SingleShotJob, *, processes: int = 1) -> Printout:
     from kolsky.cli.terminal import progress_bars
 
     shot, folder = load(one.shot, one.out, forks=processes > 1)
-    if one.relaxation:
-        from kolsky.inverse.parameters import with_relaxation
-
-        shot = with_relaxation(shot, *texts.relaxation("--relaxation", one.relaxation))
+    shot = with_relaxation_option(shot, one.relaxation)
     from kolsky import identification
     from kolsky.inverse.problem import Settings
     from kolsky.report.result_folder import PAGE, write_identify_results
@@ -155,7 +157,7 @@ def refuse_shared(workers: Workers) -> None:
 
 
 def identify_each(shots: Sequence[Path], alike: SingleShotJob, workers: Workers, *, as_json: bool) -> None:
-    """Identify every shot by itself, write the results of each, print in the order of the shots."""
+    """Identify every shot, write the results of each, print in the order of the shots."""
     started = perf_counter()
     from kolsky.cli.terminal import print_result, progress_bars, since
 
@@ -307,8 +309,8 @@ def identify(
         str,
         typer.Option(
             metavar="WHICH",
-            help="least-squares, or paper: beside it that of Mates et al., a factorial over friction and m, "
-            "a surface through Phi, a simplex; bounds by --free.",
+            help="least-squares, or paper: also the method of Mates et al. (factorial over friction and m, "
+            "response surface of Phi, simplex); bounds by --free.",
         ),
     ] = "least-squares",
     solver: SolverOptions,
@@ -340,14 +342,14 @@ def identify(
 ) -> None:
     """Identify the stiffness factor m (and more) of a shot, with its k = 2 interval and a report.
 
-    Poisson's ratio and damping are free too where the force's ringing tells them; --hold poisson --hold
-    damping keeps the shot's values, and the result says in any case what that would give.
+    Poisson's ratio and damping are estimated too if the ringing of the force constrains them. With --hold
+    poisson --hold damping they keep the shot's values; the report shows the result for that case as well.
 
     Writes identification.h5, report.html and CSV tables into SHOT/results.
 
-    Several shots of one material are identified together, with slow tests if there are some: shared
-    parameters, each shot's own clock and gain, the scatter between them. They leave joint.json, joint.html,
-    tables and the ledger joint.sqlite in the folder joint; the same command goes on where it ended. With
+    Several shots of one material, with slow tests if given, are identified together: shared parameters,
+    clock and gain of each shot, scatter between shots. The results are joint.json, joint.html, tables and the
+    ledger joint.sqlite in the folder joint; the same command continues an interrupted run. With
     --each they are identified one by one, in parallel with --processes or --dask.
     """
     started = perf_counter()

@@ -129,10 +129,12 @@ def identify_shots(
     from kolsky.report.study_folder import write_joint_results
     from kolsky.results.joint import STEM, to_json
     from kolsky.shot.curve import with_pull
+    from kolsky.shot.load import load_shot
 
     shots = [
         with_pull(
-            _with_relaxation(_loaded(path), relaxation), "conditioned" if pull == "conditioned" else "first"
+            with_relaxation_option(load_shot(path), relaxation),
+            "conditioned" if pull == "conditioned" else "first",
         )
         for path in paths
     ]
@@ -156,13 +158,8 @@ def identify_shots(
     )
 
 
-def _loaded(path: Path) -> "Shot":
-    from kolsky.shot.load import load_shot
-
-    return load_shot(path)
-
-
-def _with_relaxation(shot: "Shot", text: str) -> "Shot":
+def with_relaxation_option(shot: "Shot", text: str) -> "Shot":
+    """The shot with the relaxation of `--relaxation`; as declared if the text is empty."""
     from kolsky.inverse.parameters import with_relaxation
 
     return with_relaxation(shot, *texts.relaxation("--relaxation", text)) if text else shot
@@ -175,6 +172,7 @@ def answer_lines(found: "JointResult") -> list[str]:
     from kolsky.results import numbers
     from kolsky.results.nomenclature import name_of
     from kolsky.results.numbers import plain_sentence
+    from kolsky.results.printed import plain_symbol
 
     said = []
     for name, e in found.estimates.items():
@@ -182,12 +180,12 @@ def answer_lines(found: "JointResult") -> list[str]:
         value, half = numbers.measured(known.factor * e.value, known.factor * found.expanded[name])
         unit = "" if known.unit == "1" else f" {plain_sentence(known.unit)}"
         line = (
-            f"{_symbol(name)} = {plain_sentence(value)} +- "
+            f"{plain_symbol(name)} = {plain_sentence(value)} +- "
             f"{plain_sentence(half)}{unit} (95 %, {len(found.shots)} shots)"
         )
         if e.outcome is Verdict.NOT_SEEN:
             low, high = (known.factor * end for end in interval(e, found.expanded[name]))
-            line = f"{_symbol(name)} = {low:.2g} to {high:.2g}{unit}"
+            line = f"{plain_symbol(name)} = {low:.2g} to {high:.2g}{unit}"
         said.append(line if e.outcome is Verdict.IDENTIFIED else f"{line}: {e.outcome.value.upper()}")
     if found.scatter is not None:
         low, high = (100.0 * end for end in found.scatter.interval)
@@ -231,9 +229,3 @@ def refuse_single_shot_options(given: Mapping[str, bool]) -> None:
                 f"--{name} is for one shot by itself",
                 cure="leave it out, or identify the shots one by one",
             )
-
-
-def _symbol(name: str) -> str:
-    from kolsky.inverse.parameters import PARAMETERS
-
-    return PARAMETERS[name].symbol if name in PARAMETERS else name

@@ -31,7 +31,7 @@ Out = Annotated[
 ]
 OutFolder = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Where results go.")]
 Figures = Annotated[
-    str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png,csv.")
+    str, typer.Option(metavar="FORMATS", help="Also save each figure as a file, e.g. pdf,svg,png,csv.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object (SI units) instead of a table.")]
 

@@ -22,7 +22,7 @@ def simulate(
     out: Out = None,
     slow: Annotated[
         bool,
-        typer.Option("--slow", help="The quasi-static test instead, as slow as --error asks for."),
+        typer.Option("--slow", help="Simulate the quasi-static test instead, as slow as --error requires."),
     ] = False,
     strain: Annotated[
         str,
