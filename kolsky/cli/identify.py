@@ -82,7 +82,7 @@ def _run_job(one: SingleShotJob, *, processes: int = 1) -> Printout:
     """Identify a shot and write its results."""
     from kolsky.cli.options import load, usable
     from kolsky.cli.terminal import progress_bars
-    from kolsky.report.page_process import load_identify_page, page_process
+    from kolsky.report.page_process import page_process
 
     shot, folder = load(one.shot, one.out, forks=processes > 1)
     if one.relaxation:
@@ -101,11 +101,8 @@ def _run_job(one: SingleShotJob, *, processes: int = 1) -> Printout:
         from kolsky.results.tables import to_json
 
         settings = Settings(numerics=numerics, **one.choices)
-        meanwhile, checked = ([load_identify_page], None) if page is None else ([], page.draw_ahead)
         with usable(shot), progress_bars() as progress:
-            found = identification.identify(
-                shot, settings, progress=progress, meanwhile=meanwhile, checked=checked
-            )
+            found = identification.identify(shot, settings, progress=progress)
             if one.diagnose:
                 found = identification.diagnose(found, shot, settings, progress=progress)
         write_identify_results(folder, found, shot, formats=one.formats, processes=processes, page=page)
@@ -315,10 +312,6 @@ def identify(
     replicates: Annotated[
         int, typer.Option(min=0, help="Draws of the flyer's and the curve's noise; 0 leaves them out.")
     ] = 64,
-    methods: Annotated[
-        str,
-        typer.Option(metavar="WHICH", help="surrogate, or all: least squares on the solver too (expensive)."),
-    ] = "surrogate",
     method: Annotated[
         str,
         typer.Option(
@@ -382,7 +375,6 @@ def identify(
     coarse, refined = texts.mesh("--mesh", mesh), texts.mesh("--refined-mesh", refined_mesh)
     texts.finer("--refined-mesh", refined, "--mesh", coarse)
     formats = texts.figure_formats(figures)
-    texts.one_of("--methods", methods, ("surrogate", "all"))
     texts.one_of("--method", method, ("least-squares", "paper"))
     texts.one_of("--pull", pull, ("first", "conditioned"))
     texts.apart("--free", ranges or {}, "--hold", [*held, *kept])
@@ -393,7 +385,6 @@ def identify(
         refuse_shared(processes, dask)
         refuse_single_shot_options(
             {
-                "methods": methods != "surrogate",
                 "method": method != "least-squares",
                 "bayes": bayes,
                 "diagnose": diagnose,
@@ -422,7 +413,6 @@ def identify(
             "hold": kept,
             "refined_mesh": refined,
             "replicates": replicates,
-            "methods": "all" if methods == "all" else "surrogate",
             "bayes": bayes,
             "pull": "conditioned" if pull == "conditioned" else "first",
             "seed": seed,

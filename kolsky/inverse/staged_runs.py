@@ -22,7 +22,6 @@ from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.path_noise import MovedFront
 from kolsky.inverse.problem import PreparedShot, Settings
 from kolsky.inverse.run_table import CompletedRuns, Replicates, RunTable, first_lost, lost_in_words
-from kolsky.inverse.work import EarlyRun, IdleCore, leaves_a_core
 
 Progress = Callable[[str, int, int], None]
 """Called as ``progress(stage, runs done, runs in the stage)``."""
@@ -47,8 +46,6 @@ class StagedRuns:
     ) -> None:
         self.prepared, self.settings, self.box, self.progress = prepared, settings, box, progress
         self.prior = prior
-        self.idle_core = IdleCore()
-        self.early: EarlyRun | None = None
         self.offsets: dict[tuple[int, int], FloatArray] = {}
         self._replicates: Callable[[], Replicates | None] = lambda: None
         self.front: MovedFront | None = None
@@ -154,10 +151,9 @@ class StagedRuns:
         values = self.solver_values(points, numerics.mesh)
         named = {name: values[:, i] for i, name in enumerate(self.box.names)}
         started, report = time.perf_counter(), self._counter(stage, len(points))
-        with self.idle_core.used(idle=all_nodes and len(points) == 1):
-            response = self.prepared.forward.run(
-                {**self.settings.held, **named}, numerics, all_nodes=all_nodes, progress=report
-            )
+        response = self.prepared.forward.run(
+            {**self.settings.held, **named}, numerics, all_nodes=all_nodes, progress=report
+        )
         self._clock(stage, started)
         rows = np.flatnonzero(response.completed)
         prediction = predict(response.select(rows), self.observations) if len(rows) else None
@@ -199,7 +195,7 @@ class StagedRuns:
     def replicate(self, point: FloatArray, *, lesson: bool = True) -> Callable[[], Replicates]:
         """Run the point again under `settings.replicates` other motions, and as many other curves.
 
-        The runs are made beside a lone run, or when they are asked for.
+        The runs are made when they are asked for.
 
         With `lesson` the weights learn from as many motions more: what taught them does not judge them.
 
@@ -222,8 +218,7 @@ class StagedRuns:
             started, report = time.perf_counter(), self._counter("noise", len(motion))
             numerics = self.settings.numerics.with_mesh(self.settings.replicate_mesh)
             response = forward.run(values, numerics, motion=motion, material=material, progress=report)
-            if not idle:  # else the time is that of the run beside it
-                self._clock("noise", started)
+            self._clock("noise", started)
             rows = np.flatnonzero(response.completed)
             if 0 not in rows:
                 raise ValueError(f"the noise stage's reference run ended {response.describe(0)}")
@@ -236,10 +231,8 @@ class StagedRuns:
                 lost=response.n_samples - len(rows),
             )
 
-        idle = leaves_a_core(self.settings.numerics.device, self.settings.numerics.threads)
-        found = self.idle_core.put_off(run) if idle else PendingResult(run)
-        self._replicates = found
-        return found
+        self._replicates = PendingResult(run)
+        return self._replicates
 
     def under_other_motions(
         self, points: FloatArray, deviations: FloatArray, numerics: Numerics, *, shifted: bool = True
@@ -295,16 +288,11 @@ def compile_for(stages: StagedRuns) -> None:
     numerics = stages.settings.numerics
     explicit.compile_time_loops(
         [_problem(stages, numerics, 1), _problem(stages, numerics, RUNS_OF_A_DESIGN)],
-        also=[lambda: other_element(stages)],
+        also=[lambda: _problem(stages, numerics.with_other_element(), 1)],
         device=numerics.device,
         threads=numerics.threads,
         told=lambda done, total: stages.progress("compile", done, total),
     )
-
-
-def other_element(stages: StagedRuns) -> explicit.Problem:
-    """A run of the other element, which the mesh's error is told by."""
-    return _problem(stages, stages.settings.numerics.with_other_element(), 1)
 
 
 def _problem(stages: StagedRuns, numerics: Numerics, runs: int) -> explicit.Problem:

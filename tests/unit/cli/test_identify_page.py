@@ -20,12 +20,10 @@ ROOT = Path(__file__).parents[3]
 def test_the_page_is_loaded_while_the_command_simulates(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forks: bool
 ) -> None:
-    """By a process that draws it, and is told of the check run; or beside a lone run where there is none."""
-    given: dict[str, Any] = {}
+    """By a process that draws it, where there can be one."""
     written: list[tuple[Path, Any]] = []
 
     def identify(*of: Any, **options: Any) -> Any:
-        given.update(options)
         return RESULTS["one"]
 
     monkeypatch.setattr(page_process, "can_fork", lambda: forks)
@@ -41,8 +39,6 @@ def test_the_page_is_loaded_while_the_command_simulates(
     [(folder, page)] = written
     assert folder == tmp_path
     assert (page is not None) is forks
-    assert given["meanwhile"] == ([] if forks else [page_process.load_identify_page])
-    assert given["checked"] == (page.draw_ahead if forks else None)
 
 
 def test_all_that_a_page_needs_is_loaded() -> None:
