@@ -26,7 +26,7 @@ from kolsky.inverse.estimates import with_own_method
 from kolsky.inverse.problem import Settings, prepare_shot
 from kolsky.inverse.result import Identification
 from kolsky.inverse.search import search_shot
-from kolsky.inverse.staged_runs import Progress
+from kolsky.inverse.work import Progress, Work
 from kolsky.shot.curve import with_pull
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.analyse import analyse
@@ -66,7 +66,7 @@ def identify(
     """
     settings = settings or Settings()
     prepared = prepare_shot(with_pull(shot, settings.pull))
-    found = search_shot(prepared, settings, progress or (lambda stage, done, total: None))
+    found = search_shot(prepared, settings, Work(progress))
     stages, fine = found.stages, found.fine
     objective, slopes, seen = fine.objective, fine.jacobian, fine.check.response
 

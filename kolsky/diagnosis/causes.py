@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, nan
@@ -258,15 +257,11 @@ def find_causes(
         Whether the goodness of fit leaves no misfit that is out of a tangent's reach, see
         `kolsky.diagnosis.fit_quality.near_right`.
     """
-    started = time.perf_counter()
-    stages.progress("causes", 0, 1)
     try:
-        with one_blas_thread():
+        with one_blas_thread(), stages.work.stage("causes", 1):
             return _analysed(stages, x, refined, other, explained)
     except (ValueError, ArithmeticError) as error:
         return CauseAnalysis((), np.full(2, nan), str(error))
-    finally:
-        stages.seconds["causes"] = time.perf_counter() - started
 
 
 def _analysed(
@@ -282,7 +277,7 @@ def _analysed(
     found = _findings(search, [Best(t, t, search) for t in trials], candidates)
     if other is not None:
         # At the answer the meshes are in step; at the other point the difference of its own two runs serves.
-        apart = StagedRuns(stages.prepared, stages.settings, stages.box, stages.progress, prior=stages.prior)
+        apart = StagedRuns(stages.prepared, stages.settings, stages.box, stages.work, prior=stages.prior)
         model = CauseModel(apart, other.x, other.refined)
         second = _search_from(apart, model, candidates, counted=search.use)
         seen = second.judge(search, trials)

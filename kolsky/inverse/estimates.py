@@ -239,8 +239,8 @@ def surrogate_quality(
     outline = stages.observations.has_shape
     if outline:
         found["loo_shape"] = _rms(left_out[:, n:])
-    if stages.front_moved:
-        found["front_moved"] = stages.front_moved
+    if stages.front is not None:
+        found["front_moved"] = stages.front.moved
     if np.isfinite(stages.valley_margin):
         found["valley_margin"] = stages.valley_margin
     found |= {"check_shift_sigmas": fine.moved, "check_force": _rms(fine.missed[:n])}

@@ -494,7 +494,7 @@ def _with_surrogate(
     x, slope, plain = last.x, slope[kept], CorrectedSurrogate(surrogate)
     # The answer and its interval rest on these slopes, which may be the refined mesh's own.
     steeper = slope - jacobian(plain.predict, box, x)
-    model = replace(plain.through(x, last.vector[kept]), slope=steeper)
+    model = plain.through(x, last.vector[kept], steeper)
     on_coarse = coarse.x + linear_step(weighed, slope, centre[kept], coarse.x)
     on_refined = x + linear_step(weighed, slope, last.vector[kept], x)
     return CoarseOptimum(box, surrogate, weighed, x), RefinedOptimum(

@@ -34,8 +34,9 @@ from kolsky.inverse.problem import Freed, PreparedShot, Settings, choose, rough
 from kolsky.inverse.refined_search import RefinedOptimum, search_by_quadratic
 from kolsky.inverse.result import Estimate, HeldAnswer, Route
 from kolsky.inverse.run_table import RunTable
-from kolsky.inverse.staged_runs import Progress, StagedRuns, compile_for
+from kolsky.inverse.staged_runs import StagedRuns, compile_for
 from kolsky.inverse.surrogate_mesh_search import search_meshes, search_meshes_for_one
+from kolsky.inverse.work import Work
 from kolsky.shot.records import Shot
 
 LEAST_RESOLUTION = 4.0
@@ -80,7 +81,7 @@ class Search:
         return paper_route(self.held.stages.box, self.held.stages.table, self.held.values)
 
 
-def search_shot(prepared: PreparedShot, settings: Settings, progress: Progress) -> Search:
+def search_shot(prepared: PreparedShot, settings: Settings, work: Work) -> Search:
     """Find the optimum on the refined mesh; hold by default what the data turn out not to tell.
 
     Parameters
@@ -89,8 +90,8 @@ def search_shot(prepared: PreparedShot, settings: Settings, progress: Progress) 
         The shot.
     settings
         As the user gave them.
-    progress
-        Called with stage, runs done, runs in the stage.
+    work
+        Is told of the stages.
 
     Raises
     ------
@@ -100,9 +101,7 @@ def search_shot(prepared: PreparedShot, settings: Settings, progress: Progress) 
     shot = prepared.forward.shot
     freed = choose(settings, shot)
     while True:
-        stages = StagedRuns(
-            prepared, freed.settings, design_box(freed.free), progress, prior=freed.prior(shot)
-        )
+        stages = StagedRuns(prepared, freed.settings, design_box(freed.free), work, prior=freed.prior(shot))
         compile_for(stages)
         if rough(shot, [*freed.free, *freed.settings.held]):
             coarse = search_coarse(stages)
@@ -152,8 +151,7 @@ def _search_held(stages: StagedRuns) -> HeldSearch:
     """The stiffness factor alone on the surrogate's mesh, the other free parameters at the shot's values."""
     settings, shot, i = stages.settings, stages.prepared.forward.shot, stages.box.names.index(MOVED)
     box = Box.of({MOVED: (stages.box.lower[i], stages.box.upper[i])})
-    alone = StagedRuns(stages.prepared, settings, box, stages.progress)
-    alone.seconds = stages.seconds
+    alone = StagedRuns(stages.prepared, settings, box, stages.work)
     values = {name: PARAMETERS[name].held(shot) for name in stages.box.names if name != MOVED}
     return HeldSearch(values, alone, search_coarse(alone))
 

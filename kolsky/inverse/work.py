@@ -1,8 +1,10 @@
-"""Runs of several models at once, each with the same bits as alone."""
+"""What the simulations of an identification are made with: progress, seconds, several models at once."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,6 +12,41 @@ from numpy.typing import ArrayLike
 
 import explicit
 from kolsky.inverse.forward import Forward, Numerics, in_surroundings
+
+Progress = Callable[[str, int, int], None]
+"""Called as ``progress(stage, runs done, runs in the stage)``."""
+
+
+class Work:
+    """Tells the progress of stages and keeps their seconds.
+
+    ``progress``: told of every stage; nobody is if it is left out.
+    """
+
+    def __init__(self, progress: Progress | None = None) -> None:
+        self.progress: Progress = progress or (lambda stage, done, total: None)
+        self.seconds: dict[str, float] = {}
+        """Wall time by stage [s]."""
+
+    @contextmanager
+    def stage(self, name: str, runs: int | None = None) -> Iterator[Callable[[int], None]]:
+        """Time a block as part of a stage.
+
+        ``runs``: how many are made in it; None tells nobody. Yields: what is told of runs just finished.
+        """
+        done, started = 0, time.perf_counter()
+
+        def report(more: int) -> None:
+            nonlocal done
+            done += more
+            if runs is not None:
+                self.progress(name, done, runs)
+
+        report(0)
+        try:
+            yield report
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - started
 
 
 @dataclass(frozen=True)

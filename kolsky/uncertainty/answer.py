@@ -73,7 +73,7 @@ def budgeted_answer(prepared: PreparedShot, found: Search, sources: Sources) -> 
         design=stages.table.build(box),
         curves=curves(fine.box, fine.objective, fine.model, fine.x),
         surrogate=surrogate_quality(stages, found.coarse, fine, lost=len(sources.mesh.lost)),
-        seconds=dict(stages.seconds),
+        seconds=dict(stages.work.seconds),
         held_answer=None if found.held is None else held_answer(found, answers[MOVED]),
         provenance=provenance(shot, settings, prepared, sliding=any_slides([*box.names, *settings.held])),
     )

@@ -7,7 +7,6 @@ bends more.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -206,9 +205,8 @@ def mesh_change(stages: StagedRuns, fine: RefinedOptimum) -> MeshChange:
     ValueError
         If the run with the element of the identification does not complete on the surrogate's mesh.
     """
-    started = time.perf_counter()
-    runs = mesh_error_runs(stages, fine.x, mesh_error_numerics(stages, fine))
-    stages.seconds["check"] = stages.seconds.get("check", 0.0) + time.perf_counter() - started
+    with stages.work.stage("check"):
+        runs = mesh_error_runs(stages, fine.x, mesh_error_numerics(stages, fine))
     return change_by_runs(stages, fine, runs)
 
 

@@ -275,10 +275,8 @@ def surrogate_of(
     surrogate = surrogate_kind(box, smooth=smooth).fit(
         box, points[use], objective.vectors(prediction)[use], scale=objective.noise
     )
-    model = CorrectedSurrogate(surrogate).through(answer.x, answer.vector[kept])
-    if box != whole:
-        model = replace(model, slope=answer.steeper[kept])
-    return model, objective
+    steeper = None if box == whole else answer.steeper[kept]
+    return CorrectedSurrogate(surrogate).through(answer.x, answer.vector[kept], steeper), objective
 
 
 def _apart_in_box(unit: FloatArray, least: float) -> NDArray[np.bool_]:

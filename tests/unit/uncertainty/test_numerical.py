@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.work import Launch
+from kolsky.inverse.work import Launch, Work
 from kolsky.uncertainty import mesh_error
 from kolsky.uncertainty.mesh_error import (
     GradedChange,
@@ -166,7 +166,7 @@ def staged(monkeypatch: pytest.MonkeyPatch, lost: str = "", **offset: float) -> 
         box=SimpleNamespace(names=("stiffness_factor",)),
         prepared=SimpleNamespace(forward=None),
         observations=None,
-        seconds={},
+        work=Work(),
         solver_values=lambda points, mesh: points + shifts.get(mesh, np.zeros(1)),
         offsets=shifts,
     )
