@@ -194,7 +194,7 @@ END = " (at end of document)"
 LINE_SHOWN = 60
 """Most characters of a line that a message shows."""
 
-SchemaModel = TypeVar("Model", bound=BaseModel)
+SchemaModel = TypeVar("SchemaModel", bound=BaseModel)
 
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?")
 _ASSIGNMENT = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*[\w-]+)*)\s*=""")

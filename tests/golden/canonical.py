@@ -29,7 +29,6 @@ MASKED_KEYS: dict[str, str] = {
 MASKED_TEXT: dict[str, tuple[str, str]] = {
     "a wall time as printed": (r"(?<![\w.+-])\d+\.\d s\b", "# s"),
     "a wall time in a line that says so": (r"(?i)^(.*\bwall[ _-]time\b).*$", r"\1 #"),
-    "a progress line": (r"^.*\r", ""),
     "wall times of a controller in a table of a page": (
         r"(Hz × [\d.]+ s \|) [\d.]+ / [\d.]+ \| [\d.]+ / [\d.]+ \| \d+",
         r"\1 #",
@@ -80,10 +79,10 @@ def masked_text(text: str, places: dict[str, str]) -> str:
     """
     for place, name in places.items():
         text = text.replace(place, name)
-    lines = text.splitlines()
+    lines = [re.sub(r"\s+", " ", line).strip() for line in text.splitlines()]
     for pattern, instead in MASKED_TEXT.values():
         lines = [re.sub(pattern, instead, line) for line in lines]
-    return "\n".join(re.sub(r"\s+", " ", line).strip() for line in lines)
+    return "\n".join(lines)
 
 
 def content_of(path: Path, places: dict[str, str] | None = None) -> Content:
@@ -120,7 +119,7 @@ def content_of(path: Path, places: dict[str, str] | None = None) -> Content:
     else:
         data = path.read_bytes()
         try:
-            found = {"text": data.decode("utf-8")}
+            found = dict(_text("text", data.decode("utf-8").strip()))
         except UnicodeDecodeError:
             found = {"bytes": hashlib.sha256(data).hexdigest()}
     kept = {key: value for key, value in found.items() if not masked(key)}

@@ -56,7 +56,7 @@ def _vtu(path: Path, *, value: float = 1.0, seconds: float = 3.0, version: str =
     return path
 
 
-PAGES = [(_page, "a.html"), (_output, "stdout_0.txt")]
+PAGES = [(_page, "a.html"), (_output, "stdout_0.txt"), (_json, "stdout_1.txt")]
 FILES = [(_hdf5, "a.h5"), (_json, "a.json"), (_csv, "a.csv"), (_vtu, "a.vtu"), *PAGES]
 
 

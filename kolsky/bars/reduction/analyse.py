@@ -17,6 +17,7 @@ from kolsky.bars.records import (
     map_histories,
     with_opposite_sign,
 )
+from kolsky.bars.reduction import summary as quoted
 from kolsky.bars.reduction.inertia import corrections_that_act, valid_span
 from kolsky.bars.reduction.inputs import FAR, NO_PART, SIDES, WavesInput
 from kolsky.bars.reduction.separation import KEY as FREE_END
@@ -111,11 +112,11 @@ def analyse(given: WavesInput, *, progress: Progress = lambda stage, done, total
         faces=faces,
         reduction=with_opposite_sign(reduction) if tension else reduction,
         corrections=log.corrections,
-        budget=summary.table(budget, sign),
-        facts=summary.facts(best, arrival, checks, windows, reduction, summary, given.specimen),
+        budget=quoted.table(budget, sign),
+        facts=quoted.facts(best, arrival, checks, windows, reduction, summary, given.specimen),
         remarks=(
             *given.notes,
-            *summary.remarks(reduction, budget, checks, given, summary.plateau),
+            *quoted.remarks(reduction, budget, checks, given, summary.plateau),
             *_soft(acts, valid),
         ),
         analysis=given.analysis,
@@ -237,11 +238,11 @@ def _budget(
     """Uncertainties of all histories and quoted numbers."""
     quantities = budget_quantities(varied.given, best)
     quantities += [alignment.quantity for alignment in varied.aligned.values()]
-    quantities += summary.span_quantities(summary)
+    quantities += quoted.span_quantities(summary)
     noise: dict[str, ArrayLike] = {
         **{name: history.sigma for name, history in histories(reduction).items()},
         **{name: history.sigma for name, history in true_curve(reduction, summary.analysis).items()},
-        **summary.noise(reduction, summary),
+        **quoted.noise(reduction, summary),
     }
     found = propagate(
         lambda values: varied.outputs(values, summary),
@@ -250,7 +251,7 @@ def _budget(
         correlations=bar_correlations(varied.given, quantities),
         tolerance=LARGEST_BEND,
     )
-    return summary.with_both_sides(found)
+    return quoted.with_both_sides(found)
 
 
 def _true_histories(budget: Budget, sign: float) -> dict[str, FloatArray]:

@@ -9,7 +9,7 @@ from kolsky.bars.audit import AuditLog
 from kolsky.bars.budget import merge_quantities
 from kolsky.bars.guides.waveguide import ElasticWaveguide, ViscoelasticWaveguide, Waveguide
 from kolsky.bars.records import Correction, FaceWaves, Quantity, Reduction, Windows, histories
-from kolsky.bars.reduction import summary
+from kolsky.bars.reduction import summary as quoted
 from kolsky.bars.reduction.faces import face_waves, largest_band
 from kolsky.bars.reduction.inertia import correct_inertia
 from kolsky.bars.reduction.inputs import FAR, SIDES, WavesInput
@@ -116,7 +116,7 @@ def station_of(
         compression=station.compression,
         full_scale=station.full_scale,
         switches=given.switches,
-        uncertainty=summary.calibration_sigma(
+        uncertainty=quoted.calibration_sigma(
             station.calibration, given.uncertainty.get("gauge_calibration", 0.0)
         ),
         values=values,
@@ -248,5 +248,5 @@ class VariedTest:
         return {
             **{name: history.value for name, history in histories(reduction).items()},
             **{name: history.value for name, history in true_curve(reduction, summary.analysis).items()},
-            **summary.numbers(reduction, summary, self.span(reduction, faces, values)),
+            **quoted.numbers(reduction, summary, self.span(reduction, faces, values)),
         }

@@ -8,7 +8,7 @@ import pytest
 
 from kolsky.bars.budget import propagate
 from kolsky.bars.records import BudgetTable, Contribution, FaceWaves, History, Quantity, Reduction
-from kolsky.bars.reduction import summary
+from kolsky.bars.reduction import summary as quoted
 from kolsky.bars.reduction.summary import EnergyBalance, Summary, mean_over, spread_of, summarise, way_sigmas
 from kolsky.bars.reduction.validity import Span
 from kolsky.bars.reduction.windows import PulseCheck
@@ -62,7 +62,7 @@ def remarks(
     **budget,
 ):
     strain = {"three waves": SimpleNamespace(value=toe * np.arange(5) / 4)}
-    return summary.remarks(
+    return quoted.remarks(
         SimpleNamespace(balanced=balanced, time=0.1 * STEP * np.arange(5), strain=strain),
         made_budget(**budget),
         (reflected or check(0.0), transmitted or check(0.0)),
@@ -159,8 +159,8 @@ def test_undeclared_uncertainties_are_remarked(uncertainty, remarked):
 
 def test_a_relative_calibration_uncertainty_is_one_of_its_scale():
     bridge = Bridge("quarter", gauge_factor=2.1, excitation=5.0)
-    assert summary.calibration_sigma(bridge, 0.01) == {"gauge_factor": pytest.approx(0.021)}
-    assert summary.calibration_sigma(Linear(4e-4), 0.01) == {"factor": pytest.approx(4e-6)}
+    assert quoted.calibration_sigma(bridge, 0.01) == {"gauge_factor": pytest.approx(0.021)}
+    assert quoted.calibration_sigma(Linear(4e-4), 0.01) == {"factor": pytest.approx(4e-6)}
 
 
 def history(value, sigma, unit="1"):
@@ -254,21 +254,21 @@ def test_quoted_values_of_largest_magnitude_and_over_a_span():
     mean = Quantity("mean", 0.0, 7.0, "Pa", "A")
     summary = replace(summarise(r, faces(4), SPECIMEN), mean_stress=mean, mean_rate=None)
     span = Span(1e-6, 3e-6, np.array([0.0, 1.0, 1.0, 0.5]))
-    found = summary.numbers(r, summary, span)
+    found = quoted.numbers(r, summary, span)
     assert {k: float(v) for k, v in found.items()} == pytest.approx(
         {"largest strain": 0.3, "peak stress": -5.0, "mean stress": 0.5 / 2.5}
     )
-    assert summary.noise(r, summary) == pytest.approx(
+    assert quoted.noise(r, summary) == pytest.approx(
         {"largest strain": 3.0, "peak stress": 6.0, "mean stress": 7.0}
     )
     with pytest.raises(ValueError, match="mean stress: nothing is left of the plateau"):
-        summary.numbers(r, summary, None)
-    assert summary.span_quantities(summary) == []
+        quoted.numbers(r, summary, None)
+    assert quoted.span_quantities(summary) == []
     standing = replace(summary, plateau=replace(summary.plateau, span=Span(1e-6, 41e-6, span.weight)))
     # A varied input that leaves no plateau is judged over the test's own.
     kept = replace(summary, plateau=replace(summary.plateau, span=span))
-    assert summary.numbers(r, kept, None)["mean stress"] == pytest.approx(0.5 / 2.5)
-    assert [(q.name, q.sigma) for q in summary.span_quantities(standing)] == [
+    assert quoted.numbers(r, kept, None)["mean stress"] == pytest.approx(0.5 / 2.5)
+    assert [(q.name, q.sigma) for q in quoted.span_quantities(standing)] == [
         ("plateau, beginning", pytest.approx(2e-6)),  # 5 % of 40 us
         ("plateau, end", pytest.approx(2e-6)),
     ]
@@ -283,8 +283,8 @@ def test_a_quoted_value_that_bends_has_the_mean_square_of_its_two_changes():
         [Quantity("x", 0.0, 1.0, "1", "B")],
         tolerance=10.0,
     )
-    assert summary.with_both_sides(budget).contribution["peak stress"][0] == pytest.approx(np.sqrt(25.0))
-    assert summary.with_both_sides(budget).contribution["stress"][0] == pytest.approx(3.0)
+    assert quoted.with_both_sides(budget).contribution["peak stress"][0] == pytest.approx(np.sqrt(25.0))
+    assert quoted.with_both_sides(budget).contribution["stress"][0] == pytest.approx(3.0)
 
 
 def test_the_table_of_a_test_in_tension_has_its_sign_and_the_largest_share_first(monkeypatch):
@@ -293,8 +293,8 @@ def test_the_table_of_a_test_in_tension_has_its_sign_and_the_largest_share_first
         for name, share in (("small", 0.1), ("negative", -0.6), ("middle", 0.3))
     )
     table = BudgetTable({"largest strain": (0.2, 0.01, "1")}, rows)
-    monkeypatch.setattr(summary, "budget_table", lambda budget, results: table)
-    found = summary.table(SimpleNamespace(value={}), -1.0)
+    monkeypatch.setattr(quoted, "budget_table", lambda budget, results: table)
+    found = quoted.table(SimpleNamespace(value={}), -1.0)
     assert found.results == {"largest strain": (-0.2, 0.01, "1")}
     assert [row.quantity.name for row in found.contributions] == ["negative", "middle", "small"]
 
@@ -311,7 +311,7 @@ def test_facts_of_a_record():
     strain = SimpleNamespace(interval=STEP, sigma=3e-6)
     station = SimpleNamespace(signal=SimpleNamespace(strain=strain, bar=BAR))
     windows = SimpleNamespace(incident=(1e-4, 3e-4))
-    found = summary.facts(
+    found = quoted.facts(
         {"incident": station, "transmission": station}, check(0.0).observed,
         (check(2e-6), PulseCheck(1.0, None, "none")), windows, r, summary, SPECIMEN,
     )  # fmt: skip
