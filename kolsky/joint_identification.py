@@ -52,7 +52,7 @@ from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import MOVED, PARAMETERS, checked_value, reference_words, require_declared
 from kolsky.inverse.problem import Freed, PreparedShot, choose, prepare_shot
 from kolsky.inverse.result import Estimate
-from kolsky.inverse.staged_runs import Progress
+from kolsky.inverse.work import Progress
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.budgets import declared_parts
 from kolsky.uncertainty.mesh_error import joint_mesh_change, numerical_parts

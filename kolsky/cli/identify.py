@@ -301,10 +301,6 @@ def identify(
         int,
         typer.Option(min=0, help="Random draws of the flyer's and the curve's noise; 0: none."),
     ] = 64,
-    methods: Annotated[
-        str,
-        typer.Option(metavar="WHICH", help="surrogate, or all: least squares on the solver too (expensive)."),
-    ] = "surrogate",
     method: Annotated[
         str,
         typer.Option(
@@ -358,7 +354,6 @@ def identify(
     coarse, refined = texts.mesh("--mesh", mesh), texts.mesh("--refined-mesh", refined_mesh)
     texts.finer("--refined-mesh", refined, "--mesh", coarse)
     formats = texts.figure_formats(figures)
-    texts.one_of("--methods", methods, ("surrogate", "all"))
     texts.one_of("--method", method, ("least-squares", "paper"))
     texts.one_of("--pull", pull, ("first", "conditioned"))
     texts.apart("--free", ranges or {}, "--hold", [*held, *kept])
@@ -368,7 +363,6 @@ def identify(
         refuse_shared(workers)
         refuse_single_shot_options(
             {
-                "methods": methods != "surrogate",
                 "method": method != "least-squares",
                 "bayes": bayes,
                 "diagnose": diagnose,
@@ -397,7 +391,6 @@ def identify(
             "hold": kept,
             "refined_mesh": refined,
             "replicates": replicates,
-            "methods": "all" if methods == "all" else "surrogate",
             "bayes": bayes,
             "pull": "conditioned" if pull == "conditioned" else "first",
             "seed": seed,

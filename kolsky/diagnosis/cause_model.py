@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,14 +15,13 @@ from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.staged_runs import StagedRuns
-from kolsky.inverse.work import Launch, in_thread, leaves_a_core, run_side_by_side
+from kolsky.inverse.work import Launch, run_side_by_side
 from kolsky.shot.inputs import UNCHANGED, Cause, Change
 
 MOST_POINTS = 800
 """Most outline points that are compared: neighbours in a frame tell the same."""
 MOST_KEPT = 128
-"""Runs that are kept, the latest, to be asked again: a search comes back to where its last step ended, and a
-scan is made ahead of being asked for."""
+"""Runs that are kept, the latest, to be asked again: a search comes back to where its last step ended."""
 SHARES = {"damping": 1e-6, "friction": 0.02}
 """Steps for differences by a free parameter, in its unit; 1 % of the value for another."""
 
@@ -130,25 +128,6 @@ class CauseModel:
         found |= self._named(fresh, run_side_by_side([self._launch(group) for group in fresh]))
         self._recent = dict([*self._recent.items(), *found.items()][-MOST_KEPT:])
         return [found[key] for key in keys]
-
-    @property
-    def beside(self) -> bool:
-        """Whether there is a core on which something is done beside runs."""
-        numerics = self.stages.settings.numerics
-        return leaves_a_core(numerics.device, numerics.threads)
-
-    @contextmanager
-    def ahead(self, points: Sequence[Point]) -> Iterator[None]:
-        """Make the runs of points that will be asked for, beside the block if a core may be idle in it.
-
-        What the block asks for should not be among them: it would be run twice.
-        """
-        fresh = self._fresh([self.whole(point) for point in points])
-        launches = [self._launch(group) for group in fresh]
-        with in_thread(lambda: run_side_by_side(launches), idle=bool(launches) and self.beside) as made:
-            yield
-            found = self._named(fresh, made())
-        self._recent = dict([*self._recent.items(), *found.items()][-MOST_KEPT:])
 
     def _fresh(self, points: Sequence[Point]) -> list[list[Point]]:
         """The points whose runs are not known, each run once, in the groups of one launch."""

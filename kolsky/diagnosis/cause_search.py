@@ -318,42 +318,24 @@ Value = tuple[Cause, float]
 def scan_inputs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Trial]:
     """The best far values of every candidate, the free parameters by a linear step: starts.
 
-    Those of narrow basins are run first, for finer values about the best of them follow. Where no core is
-    idle beside runs, as on a GPU, all that do not depend on others are one launch.
+    All of them are one launch; finer values about the best of narrow basins follow.
     """
-    narrow = _values(search, [c for c in candidates if c.finer > 0.0])
-    others = [c for c in candidates if not c.finer > 0.0]
-    altered = _values(search, [c for c in others if not c.simulated])
-    simulated = _values(search, [c for c in others if c.simulated])
-    first = narrow if search.model.beside else [*narrow, *simulated]
-    with search.model.ahead(_points(search, first)):
-        found = _trials(search, altered)
-    with search.model.ahead(_points(search, simulated)):
-        basins = _best_tried(search, _trials(search, narrow))
+    trials = _trials(search, _within_bounds([(c, u) for c in candidates for u in c.scan]))
+    basins = _best_tried(search, [t for t in trials if t.candidate.finer > 0.0])
     steps = range(-FINER, FINER + 1)
     about = _within_bounds([(t.candidate, t.u + n * t.candidate.finer) for t in basins for n in steps])
-    with search.model.ahead(_points(search, about)):
-        found += _trials(search, simulated)
-    found.sort(key=lambda t: [c.key for c in others].index(t.candidate.key))
+    found = [t for t in trials if not t.candidate.finer > 0.0]
     return _best_tried(search, found) + _best_tried(search, _trials(search, about))
-
-
-def _values(search: CauseSearch, candidates: Sequence[Cause]) -> list[Value]:
-    return _within_bounds([(c, u) for c in candidates for u in c.scan])
 
 
 def _within_bounds(tried: Sequence[Value]) -> list[Value]:
     return [(c, u) for c, u in tried if c.lowest <= u <= c.highest]
 
 
-def _points(search: CauseSearch, tried: Sequence[Value]) -> list[Point]:
-    return [Point(search.x, c.changed(u)) for c, u in tried]
-
-
 def _trials(search: CauseSearch, tried: Sequence[Value]) -> list[Trial]:
     """Each value with the free parameters by a linear step; those whose runs are lost are left out."""
-    found = []
-    for (c, u), vector in zip(tried, search.model.vectors(_points(search, tried)), strict=True):
+    found, points = [], [Point(search.x, c.changed(u)) for c, u in tried]
+    for (c, u), vector in zip(tried, search.model.vectors(points), strict=True):
         if not np.isfinite(vector[: search.n_force]).all():
             continue
         fit = solve_linear(search.residual(vector), search.slope, search.expected, search.allowed(c))

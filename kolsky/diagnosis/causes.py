@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, nan
 
@@ -222,10 +221,6 @@ class OtherStart:
     """The run there, a batch of one."""
 
 
-FindOtherStart = Callable[[], OtherStart | None]
-"""Gives another point, None if there is none; asked when the search from the answer has ended."""
-
-
 @dataclass(frozen=True)
 class Best:
     """The best value of an input, of those that the searches found."""
@@ -243,8 +238,8 @@ def find_causes(
     x: FloatArray,
     refined: Response,
     *,
-    other: FindOtherStart = lambda: None,
-    explained: Callable[[], bool] = lambda: False,
+    other: OtherStart | None = None,
+    explained: bool = False,
 ) -> CauseAnalysis:
     """Try every input as the cause of the misfit.
 
@@ -261,33 +256,29 @@ def find_causes(
         free parameters into a valley from which no step leads back once the input is put right.
     explained
         Whether the goodness of fit leaves no misfit that is out of a tangent's reach, see
-        `kolsky.diagnosis.fit_quality.near_right`; asked where the search itself would look far away.
+        `kolsky.diagnosis.fit_quality.near_right`.
     """
-    started = time.perf_counter()
     try:
-        with one_blas_thread():
+        with one_blas_thread(), stages.work.stage("causes", 1):
             return _analysed(stages, x, refined, other, explained)
     except (ValueError, ArithmeticError) as error:
         return CauseAnalysis((), np.full(2, nan), str(error))
-    finally:
-        stages.seconds["causes"] = time.perf_counter() - started
 
 
 def _analysed(
     stages: StagedRuns,
     x: FloatArray,
     refined: Response,
-    elsewhere: FindOtherStart,
-    explained: Callable[[], bool],
+    other: OtherStart | None,
+    explained: bool,
 ) -> CauseAnalysis:
     candidates = [c for c in causes() if can_be_tried(c, stages)]
     search = _search_from(stages, CauseModel(stages, x, refined), candidates)
     trials = best_trials(search, candidates, explained=explained)
     found = _findings(search, [Best(t, t, search) for t in trials], candidates)
-    other = elsewhere()
     if other is not None:
         # At the answer the meshes are in step; at the other point the difference of its own two runs serves.
-        apart = StagedRuns(stages.prepared, stages.settings, stages.box, stages.progress, prior=stages.prior)
+        apart = StagedRuns(stages.prepared, stages.settings, stages.box, stages.work, prior=stages.prior)
         model = CauseModel(apart, other.x, other.refined)
         second = _search_from(apart, model, candidates, counted=search.use)
         seen = second.judge(search, trials)
@@ -391,15 +382,14 @@ def best_trials(
     search: CauseSearch,
     candidates: Sequence[Cause],
     *,
-    explained: Callable[[], bool] = lambda: False,
+    explained: bool = False,
 ) -> list[Trial]:
     """The best value of every candidate; far ones are tried only where the data are not explained.
 
-    What a right model leaves is known to the search from two meshes alone; `explained` may know better, and
-    is asked where the search's own misfit is too large.
+    What a right model leaves is known to the search from two meshes alone; `explained` may know better.
     """
     tangents = search.tangents(candidates)
-    if not (search.before > UNEXPLAINED).any() or explained():
+    if not (search.before > UNEXPLAINED).any() or explained:
         return tangents
     starts = [t for t in tangents if not t.lost] + scan_inputs(search, candidates)
     starts = sorted(starts, key=lambda t: search.loss(t.misfits))[:FOLLOWED]

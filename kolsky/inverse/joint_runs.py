@@ -27,8 +27,8 @@ from kolsky.inverse.forward import Forward, Numerics, in_surroundings
 from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import MOVED, design_box
 from kolsky.inverse.problem import PreparedShot
-from kolsky.inverse.staged_runs import Progress
 from kolsky.inverse.surrogate_mesh_search import from_search, search_box, to_search
+from kolsky.inverse.work import Progress
 
 NODE_RANGE = 1.5
 """Largest logarithm of a node's factor, up or down [-]."""

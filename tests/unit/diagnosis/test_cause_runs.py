@@ -14,10 +14,9 @@ from kolsky.shot.inputs import Change
 class Counted(CauseModel):
     """Runs are their points; a launch is the list of its points."""
 
-    def __init__(self, threads: int = 1) -> None:
-        numerics = SimpleNamespace(device="cpu", threads=threads)
+    def __init__(self) -> None:
         self.stages: Any = SimpleNamespace(
-            settings=SimpleNamespace(held={}, numerics=numerics),
+            settings=SimpleNamespace(held={}),
             box=SimpleNamespace(names=("m",), dimension=1),
         )
         self.first, self.runs = None, 0
@@ -82,17 +81,3 @@ def test_what_was_run_lately_is_not_run_again(launched: list[list[list[float]]])
     assert len(model._recent) == MOST_KEPT
     model.respond([at(1.0)])
     assert launched[-1] == [[1.0]]
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_what_is_run_ahead_is_not_run_again(threads: int, launched: list[list[list[float]]]) -> None:
-    model: Any = Counted(threads)
-    model.respond([at(1.0)])
-    with model.ahead([at(1.0), at(2.0), at(9.0), at(2.0, force_factor=2.0)]):
-        assert model.respond([at(1.0), at(3.0)]) == [1.0, 3.0]  # what is at work is no matter
-    assert sorted(launched[1:]) == [[[2.0, 9.0]], [[3.0]]]
-    assert model.respond([at(2.0), at(9.0), at(1.0), at(3.0)]) == [2.0, None, 1.0, 3.0]
-    with model.ahead([at(2.0)]):
-        pass
-    assert not any(launched[3:])  # nothing is left to run
-    assert model.runs == 4
