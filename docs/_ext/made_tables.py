@@ -106,7 +106,7 @@ def parameters(package: str) -> str:
 
 def causes(package: str) -> str:
     """The inputs that are tried as causes of a misfit, a row each."""
-    records = importlib.import_module(f"{package}.diagnosis.cause_inputs").CANDIDATES
+    records = importlib.import_module(f"{package}.shot.inputs").causes()
     lines = ["| what is changed | what to do if it is named |", "| --- | --- |"]
     return "\n".join(lines + [f"| {c.words} (`{c.key}`) | {c.check} |" for c in records])
 
@@ -143,7 +143,7 @@ def budget(name: str) -> str:
     made = _results(name)
     if made is None:
         return f"There is no `benchmarks/results/{name}.json`: the budget was not made yet."
-    from kolsky.studies.budget.factors import WORDS
+    from kolsky.studies.budget.factors import Factor
 
     one = made["budgets"][0]
     other = made.get("against")
@@ -156,7 +156,7 @@ def budget(name: str) -> str:
         u, share = (f"{2.0 * source['u']:.4f}", f"{100.0 * source['share']:.2g} %") if known else ("", "")
         if known and None not in (ends := source.get("share_interval", [None])):
             share += f" ({100.0 * ends[0]:.2g} to {100.0 * ends[1]:.2g} %)"
-        row = f"| {WORDS.get(key, key)} | {size} | {u} | {share} |"
+        row = f"| {Factor(key, 0.0).words} | {size} | {u} | {share} |"
         if other is not None:
             row += f" {_of(source['u'], other['U'])} |" if known else " |"
         lines.append(row)

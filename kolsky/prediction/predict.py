@@ -12,9 +12,9 @@ from explicit.bars.lines import Events, FlightHistory, SpecimenForce
 from explicit.response import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.toml import TomlFile, read_toml
 from kolsky.prediction.schema import PartTable, TestFile
 from kolsky.prediction.shapers import shaper_of
-from kolsky.schema.shot_file import TomlFile, parse_toml
 from kolsky.virtual.material import law_of, relaxation_of, uniaxial_stress
 
 FLATTEST = 0.04
@@ -148,17 +148,16 @@ def _section_of(part: PartTable) -> Section:
 def read_test(path: str | Path) -> PlannedTest:
     """Read and check a test file.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read, is no TOML, or declares anything unknown or impossible.
+    Raises InputError if it cannot be read, is no TOML, or declares anything unknown or impossible.
     """
-    file = parse_toml(Path(path))
-    return PlannedTest(file, file.validated(TestFile))
+    return PlannedTest(*read_toml(Path(path), TestFile))
 
 
 def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:
     """Carry a planned test out, from the striker's touch on.
+
+    Raises InputError if a part is too short for the step, a shaper's file holds no law, or the specimen's
+    simulation does not complete or does not agree with the bars' in the passes that are allowed.
 
     Parameters
     ----------
@@ -166,12 +165,6 @@ def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:
         A test file read.
     quick
         True to let the specimen's static curve stand in for its finite elements: a second, for scans.
-
-    Raises
-    ------
-    InputError
-        If a part is too short for the step, a shaper's file holds no law, or the specimen's simulation does
-        not complete or does not agree with the bars' in the passes that are allowed.
     """
     run = test.declared.run
     try:

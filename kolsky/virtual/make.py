@@ -15,8 +15,7 @@ import numpy as np
 
 from explicit.device import gpus
 from kolsky.base.errors import InputError
-from kolsky.base.files import filling, write_table
-from kolsky.readers.text import read_bytes
+from kolsky.base.files import filling, read_bytes, write_table
 from kolsky.virtual.instruments import FORMATS, measure_curve, measure_flyer, measure_outline, record_forces
 from kolsky.virtual.records import Truth, TruthError
 from kolsky.virtual.shot_file import shot_tables, toml_text
@@ -41,12 +40,7 @@ def write_shot(
 ) -> None:
     """Write the folder of one shot, whole or not at all; the truth last.
 
-    Raises
-    ------
-    InputError
-        If it cannot be written.
-    ValueError
-        If the specification's instruments cannot be.
+    Raises InputError if it cannot be written; ValueError if the specification's instruments cannot be.
     """
     q, number = shot.quantities, shot.number
     tables = shot_tables(q, truth.surface)
@@ -189,6 +183,9 @@ def make(
 ) -> list[Made]:
     """Make the shots of a specification, those on one mesh together; what is there already is kept.
 
+    Raises InputError if a specification cannot be made, or a folder holds something else. A shot whose
+    simulation ends early or whose pictures cannot be is told of after the others are made.
+
     Parameters
     ----------
     series
@@ -203,12 +200,6 @@ def make(
         Processes that share the shots.
     progress
         Called with each shot when it is complete.
-
-    Raises
-    ------
-    InputError
-        If a specification cannot be made, or a folder holds something else. A shot whose simulation ends
-        early or whose pictures cannot be is told of after the others are made.
     """
     chosen = [series.shot(number) for number in (series.numbers if numbers is None else numbers)]
     places = [(shot, place_of(series, shot, out)) for shot in chosen]

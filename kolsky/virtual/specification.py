@@ -16,24 +16,18 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from kolsky.base.errors import InputError
+from kolsky.base.toml import TomlFile, read_toml
 from kolsky.readers.text import full_match
 from kolsky.schema import fields as f
 from kolsky.schema.fields import Section
-from kolsky.schema.shot_file import TomlFile, parse_toml
 from kolsky.virtual.schema import Specification
 
 
 def stream(seed: int, shot: int, *subject: str) -> np.random.Generator:
     """The stream of one subject of one shot, whatever else is drawn and however many shots are made.
 
-    Parameters
-    ----------
-    seed
-        The specification's.
-    shot
-        Number of the shot in its population, from 1; 0 without one.
-    subject
-        Words that name what is drawn, e.g. "noise", "transmitted".
+    ``seed``: the specification's. ``shot``: number of the shot in its population, from 1; 0 without one.
+    ``subject``: words that name what is drawn, e.g. "noise", "transmitted".
     """
     return np.random.default_rng([seed, shot, *(crc32(word.encode()) for word in subject)])
 
@@ -226,22 +220,14 @@ class Series:
 def read_specification(path: str | Path) -> Series:
     """Read and check a specification, with the first shot that it draws.
 
-    Parameters
-    ----------
-    path
-        The file, or the folder with a `SPEC.toml`.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, is no TOML, or declares anything unknown or impossible.
+    ``path``: the file, or the folder with a `SPEC.toml`. Raises InputError if it cannot be read, is no TOML,
+    or declares anything unknown or impossible.
     """
     path = Path(path)
     if path.is_dir():
         path = path / NAME
     if not path.exists():
         raise InputError(path, "there is no such file", cure="`kolsky virtual new FOLDER` writes one")
-    file = parse_toml(path)
-    series = Series(file, file.validated(SpecificationFile))
+    series = Series(*read_toml(path, SpecificationFile))
     series.shot(series.numbers[0])
     return series

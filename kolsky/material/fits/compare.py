@@ -247,10 +247,7 @@ def candidates(names: Sequence[str] = ()) -> tuple[Candidate, ...]:
     "mooney_rivlin_2" is mooney_rivlin with C10 and C01 only, "mooney_rivlin_c20" is polynomial with C10, C01
     and C20 only.
 
-    Raises
-    ------
-    ValueError
-        If a name is not known.
+    Raises ValueError if a name is not known.
     """
     known = _known()
     for name in names:
@@ -273,6 +270,8 @@ def compare_laws(
 ) -> Comparison:
     """Fit every law and judge its stability; a law that cannot be fitted has a row that says why.
 
+    Raises ValueError if there is no law or no test.
+
     Parameters
     ----------
     laws
@@ -281,11 +280,6 @@ def compare_laws(
         See `kolsky.material.fits.fit.fit_law`.
     progress
         Called with the number of laws done.
-
-    Raises
-    ------
-    ValueError
-        If there is no law or no test.
     """
     if not laws or not tests:
         raise ValueError(f"a comparison needs laws and tests, got {len(laws)} and {len(tests)}")
