@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from kolsky.bars.records import Correction
 from kolsky.base.arrays import BoolArray, FloatArray
@@ -96,6 +96,9 @@ def compare(
 ) -> Correction:
     """Measure what a correction changes, or would change, over a pulse.
 
+    Raises ValueError if the key is unknown, the shapes differ, no sample or a value that is not finite is
+    compared, or the reason is missing.
+
     Parameters
     ----------
     name
@@ -112,12 +115,6 @@ def compare(
         Why, with the values it rests on, in one sentence.
     over
         The samples of the pulse; all of them by default.
-
-    Raises
-    ------
-    ValueError
-        If the key is unknown, the shapes differ, no sample or a value that is not finite is compared, or
-        the reason is missing.
     """
     key = correction_key(key)
     a, b = np.asarray(before, dtype=float), np.asarray(after, dtype=float)
@@ -211,8 +208,3 @@ def table_of(corrections: Iterable[Correction]) -> dict[str, list[Any]]:
         "unit": [row.unit for row in rows],
         "reason": [row.reason for row in rows],
     }
-
-
-def samples_in(time: FloatArray, span: tuple[float, float]) -> NDArray[np.bool_]:
-    """Mask of the samples in a span, both ends included: the `over` of a comparison, shape [n]."""
-    return np.asarray((time >= span[0]) & (time <= span[1]))

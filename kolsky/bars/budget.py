@@ -166,7 +166,7 @@ class Budget:
         """Largest term of second order over the combined standard uncertainty at the same sample [-].
 
         That is the curvature of any one quantity, or the interaction of all. Where it is not small the budget
-        is not to be trusted, and `kolsky.bars.monte_carlo` is.
+        is not to be trusted, and draws of the quantities are.
         """
         u = self.sigma(output)
         second = np.concatenate([self.curvature[output], self.interaction[output][None]])
@@ -271,6 +271,9 @@ def propagate(
     Half a step of all quantities at once must agree with them, which excludes a step in the round-off of the
     model, a jump (of a window by a sample, say) and a strong nonlinearity. The model is run 2 n + 3 times.
 
+    Raises ValueError if a quantity is impossible or occurs twice, the model fails at a varied value, an
+    output is not finite or changes its shape, the correlations are none, or the steps disagree.
+
     Parameters
     ----------
     model
@@ -284,12 +287,6 @@ def propagate(
     tolerance
         Largest difference of the half step from what the contributions say, over the combined standard
         uncertainty, in the root mean square over the samples [-].
-
-    Raises
-    ------
-    ValueError
-        If a quantity is impossible or occurs twice, the model fails at a varied value, an output is not
-        finite or changes its shape, the correlations are none, or the steps disagree.
     """
     check_quantities(quantities)
     R = correlation_matrix(quantities, correlations or {})

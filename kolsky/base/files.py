@@ -8,6 +8,7 @@ import stat
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -176,6 +177,7 @@ def remove_empty(folders: list[Path]) -> None:
             path.rmdir()
 
 
+@cache
 def source_hash() -> str:
     """SHA-256 of the sources of `kolsky` and `explicit`: a version number does not tell a working copy."""
     total = hashlib.sha256()

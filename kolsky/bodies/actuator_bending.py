@@ -261,16 +261,8 @@ def pressure_for(
 ) -> Inversion:
     """Find the pressure in all cavities that bends an actuator to an angle, Eq. (A.2).
 
-    Parameters
-    ----------
-    actuator
-        The actuator.
-    gravity
-        Acceleration of free fall [m/s^2].
-    angle
-        Wanted angle [rad].
-    most
-        Largest pressure [Pa].
+    ``actuator``: the actuator. ``gravity``: acceleration of free fall [m/s^2]. ``angle``: wanted angle [rad].
+    ``most``: largest pressure [Pa].
     """
     rest = actuator.simulate(gravity, np.zeros(1))
     start = Search(angle, most, float(rest.angle[0]), 0.5 * most)

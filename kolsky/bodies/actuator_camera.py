@@ -195,19 +195,9 @@ class Markers:
 def find_markers(picture: np.ndarray, count: int, start: FloatArray) -> Markers:
     """Find blue markers in a picture in blue, green, red.
 
-    Parameters
-    ----------
-    picture
-        Grey values, shape [height, width, 3].
-    count
-        Number of markers.
-    start
-        Pixel at which the row of markers begins, shape [2].
-
-    Raises
-    ------
-    NoMarkersError
-        If there are fewer blue pixels than so many markers need, or more parts than markers.
+    ``picture``: grey values, shape [height, width, 3]. ``count``: number of markers. ``start``: pixel at
+    which the row of markers begins, shape [2]. Raises NoMarkersError if there are fewer blue pixels than so
+    many markers need, or more parts than markers.
     """
     mask = _blue_mask(picture)
     n, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)

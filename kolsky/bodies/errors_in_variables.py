@@ -25,7 +25,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear, minimize
+from scipy.optimize import lsq_linear
 
 from kolsky.base.arrays import FloatArray
 
@@ -54,11 +54,6 @@ class Samples:
     """Standard deviation of a displacement [m]; 0 takes them as exact."""
     sigma_force: float
     """Standard deviation of a force [N], > 0."""
-
-    @property
-    def weight_force(self) -> float:
-        """w_f of Eq. (S.1) [m^2/N^2]."""
-        return (self.sigma_displacement / self.sigma_force) ** 2
 
 
 @dataclass(frozen=True)
@@ -123,14 +118,8 @@ def chi_square(samples: Samples, x: FloatArray, force: FloatArray) -> float:
 def reduce(samples: Samples, x: FloatArray, there: Linearised) -> Reduced:
     """Eliminate the displacements, see the top of this module.
 
-    Parameters
-    ----------
-    samples
-        The data.
-    x
-        Displacements at which the specimen was simulated [m], shape [n, ends].
-    there
-        What the simulation gave.
+    ``samples``: the data. ``x``: displacements at which the specimen was simulated [m], shape [n, ends].
+    ``there``: what the simulation gave.
     """
     moved = x - samples.displacement
     r = there.force - samples.force - np.einsum("nij,nj->ni", there.by_displacement, moved)
@@ -160,21 +149,9 @@ def search(
 ) -> SearchOptimum:
     """Minimise chi-square over the constants and the displacements of all samples.
 
-    Parameters
-    ----------
-    respond
-        The simulations.
-    samples
-        Data of each specimen; one set of constants holds for all.
-    start, scales
-        Constants to begin with, and their sizes, shape [p].
-    bounds
-        Least and largest values, each of shape [p].
-
-    Raises
-    ------
-    ValueError
-        If the simulation at the start fails, with its reason.
+    ``respond``: the simulations. ``samples``: data of each specimen; one set of constants holds for all.
+    ``start``, ``scales``: constants to begin with, and their sizes, shape [p]. ``bounds``: least and largest
+    values, each of shape [p]. Raises ValueError if the simulation at the start fails, with its reason.
     """
     p = np.clip(start, *bounds)
     x = tuple(own.displacement for own in samples)
@@ -273,90 +250,3 @@ def _step(
     # A constant on a bound has one side; the other is zero, which must not meet the first.
     solved = lsq_linear(matrix, right, (np.minimum(low, -1e-14), np.maximum(high, 1e-14)), method="bvls")
     return np.asarray(solved.x * size)
-
-
-MOST = 400
-"""Most simulations of a search."""
-FLATTEST = 1e-3
-"""Largest slope of chi-square at the end, by standard deviations of constants and displacements [-]."""
-
-
-class _FailedError(Exception):
-    """A simulation failed."""
-
-
-def search_by_quasi_newton(
-    respond: Respond,
-    samples: tuple[Samples, ...],
-    start: FloatArray,
-    *,
-    bounds: tuple[FloatArray, FloatArray],
-    scales: FloatArray,
-) -> SearchOptimum:
-    """Minimise chi-square over the constants and the displacements of all samples.
-
-    Parameters and errors are those of `kolsky.bodies.errors_in_variables.search`. A simulation that fails
-    on the way ends the search, which has not converged then.
-    """
-    p = np.clip(start, *bounds)
-    x = tuple(own.displacement for own in samples)
-    there = respond(p, x)
-    if isinstance(there, str):
-        raise ValueError(f"the simulation at the start failed: {there}")
-    free = [own.sigma_displacement > 0.0 for own in samples]
-    slopes = np.concatenate(
-        [
-            one.by_constants.reshape(-1, len(p)) / own.sigma_force
-            for one, own in zip(there, samples, strict=True)
-        ]
-    )
-    unit = 1.0 / np.maximum(np.linalg.norm(slopes, axis=0), 1e-12 / np.maximum(scales, np.abs(p)))
-    best: tuple[FloatArray, tuple[FloatArray, ...], tuple[Linearised, ...]] = (p, x, there)
-    lowest, runs = _chi2(samples, x, there), 0
-
-    def objective(z: FloatArray) -> tuple[float, FloatArray]:
-        nonlocal runs, best, lowest
-        at = np.clip(z[: len(p)] * unit, *bounds)
-        moved, parts, used = [], [], len(p)
-        for own, moves in zip(samples, free, strict=True):
-            size = own.displacement.size if moves else 0
-            by = z[used : used + size].reshape(own.displacement.shape) if moves else 0.0
-            moved.append(own.displacement + own.sigma_displacement * by)
-            used += size
-        runs += 1
-        found = respond(at, tuple(moved))
-        if isinstance(found, str):
-            raise _FailedError(found)
-        gradient = np.zeros(len(p))
-        for own, moves, one, xs in zip(samples, free, found, moved, strict=True):
-            weighed = (one.force - own.force) / own.sigma_force**2
-            gradient += 2.0 * np.einsum("nip,ni->p", one.by_constants, weighed)
-            if moves:
-                pulled = np.einsum("nij,ni->nj", one.by_displacement, weighed)
-                by_x = 2.0 * (xs - own.displacement) / own.sigma_displacement**2 + 2.0 * pulled
-                parts.append((own.sigma_displacement * by_x).ravel())
-        value = _chi2(samples, tuple(moved), found)
-        if value < lowest:
-            best, lowest = (at, tuple(moved), found), value
-        return value, np.concatenate([gradient * unit, *parts])
-
-    n_moved = sum(own.displacement.size for own, moves in zip(samples, free, strict=True) if moves)
-    limits = [*zip(bounds[0] / unit, bounds[1] / unit, strict=True), *[(-np.inf, np.inf)] * n_moved]
-    converged = False
-    try:
-        result = minimize(
-            objective,
-            np.concatenate([p / unit, np.zeros(n_moved)]),
-            jac=True,
-            method="L-BFGS-B",
-            bounds=limits,
-            options={"maxfun": MOST, "maxiter": MOST, "ftol": 1e-15, "gtol": FLATTEST, "maxcor": 20},
-        )
-        converged, ended = bool(result.success), f"L-BFGS-B: {result.message}"
-    except _FailedError as failed:
-        ended = f"a simulation failed: {failed}"
-    return _optimum_at(samples, *best, bounds, scales, converged=converged, ended=ended, runs=runs + 1)
-
-
-def _chi2(samples: tuple[Samples, ...], x: tuple[FloatArray, ...], there: tuple[Linearised, ...]) -> float:
-    return sum(chi_square(own, at, one.force) for own, at, one in zip(samples, x, there, strict=True))

@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 
 from dic.basics import MAD
 from kolsky.base.arrays import BoolArray, FloatArray, IntArray
-from kolsky.bodies.specimen_constants import COUPLED, Constants
+from kolsky.bodies.specimen_constants import Constants
 from kolsky.equilibrium.meshes import Mesh
 from kolsky.equilibrium.model import Fixed, Model, Prescribed
 from kolsky.equilibrium.sensitivity import Sensitivities, direct
@@ -61,19 +61,9 @@ class Projected:
 def project(points: FloatArray, values: FloatArray, targets: FloatArray) -> Projected:
     """Project point values on targets by local quadratics.
 
-    Parameters
-    ----------
-    points
-        Where values are known [m], shape [n, 2].
-    values
-        Shape [n, k]: any number of fields, in any unit.
-    targets
-        Where they are wanted [m], shape [n_targets, 2].
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than `NEIGHBOURS` points, or a value is not finite.
+    ``points``: where values are known [m], shape [n, 2]. ``values``: shape [n, k]: any number of fields, in
+    any unit. ``targets``: where they are wanted [m], shape [n_targets, 2]. Raises ValueError if there are
+    fewer than `NEIGHBOURS` points, or a value is not finite.
     """
     if len(points) < NEIGHBOURS:
         raise ValueError(f"a quadratic takes at least {NEIGHBOURS} points, got {len(points)}")
@@ -99,16 +89,7 @@ def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> N
     again, for
     an outlier spoils its neighbours.
 
-    Parameters
-    ----------
-    points, values
-        As in `project`; finite.
-    gate
-        Limit in standard deviations, > 0.
-
-    Returns
-    -------
-    array of bool, shape [n]
+    ``points``, ``values``: as in `project`; finite. ``gate``: limit in standard deviations, > 0.
     """
     bad = np.zeros(len(points), dtype=np.bool_)
     for _ in range(_GATE_PASSES):
@@ -161,62 +142,6 @@ def _weights(offsets: FloatArray, distance: FloatArray) -> tuple[FloatArray, NDA
     return np.asarray(found), flat
 
 
-@dataclass(frozen=True)
-class BoundaryEdges:
-    """Edges of a set of points, with the triangle behind each."""
-
-    cells: IntArray
-    """Triangle of each edge, shape [n]."""
-    normals: FloatArray
-    """Outward normal times length [m], shape [n, 2]."""
-    gradients: FloatArray
-    """Gradients of the triangles' shape functions [1/m], shape [n, 3, 2]."""
-
-
-def boundary_edges(mesh: Mesh, where: str) -> BoundaryEdges:
-    """Find the edges on the boundary whose points both belong to a set."""
-    if mesh.kind != "tri3":
-        raise ValueError(f"tractions are known of tri3 only, got {mesh.kind}: take the reactions")
-    inside = np.zeros(len(mesh.points), dtype=bool)
-    inside[mesh.nodes(where)] = True
-    pairs = mesh.cells[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    _, first, counts = np.unique(np.sort(pairs, axis=1), axis=0, return_index=True, return_counts=True)
-    found = first[(counts == 1) & inside[pairs[first]].all(axis=1)]
-    cells, edges = found // 3, pairs[found]
-    corners = mesh.points[mesh.cells[cells]]
-    along = mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]]
-    normals = np.stack([along[:, 1], -along[:, 0]], axis=-1)
-    outward = np.einsum("ni,ni->n", normals, mesh.points[edges].mean(axis=1) - corners.mean(axis=1))
-    normals *= np.sign(outward)[:, None]
-    jacobian = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=-1)
-    reference = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
-    return BoundaryEdges(cells, normals, reference @ np.linalg.inv(jacobian))
-
-
-def traction_force(
-    mesh: Mesh,
-    edges: BoundaryEdges,
-    lame: tuple[float, float],
-    u: FloatArray,
-    du: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Force on the body's boundary for a thickness of 1 m, and its slopes by (mu, lambda)."""
-    mu, lam = lame
-    nodes = mesh.cells[edges.cells]
-    F = np.eye(2) + np.einsum("nai,naj->nij", u[nodes], edges.gradients)
-    inverse = np.linalg.inv(F)
-    transposed = np.swapaxes(inverse, 1, 2)
-    log = np.log(np.linalg.det(F))[:, None, None]
-    P = mu * (F - transposed) + lam * log * transposed
-    slopes = []
-    for own, change in zip((F - transposed, log * transposed), du, strict=True):
-        dF = np.einsum("nai,naj->nij", change[nodes], edges.gradients)
-        dP = mu * dF + (mu - lam * log) * transposed @ np.swapaxes(dF, 1, 2) @ transposed
-        dP += lam * np.einsum("nij,nji->n", inverse, dF)[:, None, None] * transposed
-        slopes.append(np.einsum("nij,nj->i", own + dP, edges.normals))
-    return np.einsum("nij,nj->i", P, edges.normals), np.array(slopes)
-
-
 ENDS = "pad"
 """Name of the history of the pad's displacement."""
 
@@ -241,8 +166,6 @@ class Sheet:
     """Region of each cell; 0 is fitted, the others are held, shape [m]. None: one material."""
     held: Mapping[int, Solid] = field(default_factory=dict)
     """Materials of the held regions."""
-    force_from: Literal["reactions", "tractions"] = "reactions"
-    """Sum of the nodal reactions, or the integral of the elements' tractions; see `tractions`."""
     device: str = "cpu"
     """Where the element kernels run."""
 
@@ -310,27 +233,9 @@ def sheet_state(sheet: Sheet, constants: Constants, free: FloatArray, pad: Float
     chain = constants.chain(free)
     n_own = len(chain)  # region 0 comes first
     by = np.einsum("npai,pq->nqai", slopes.displacements[:, :n_own], chain)
-    if sheet.force_from == "tractions":
-        force, by_force = _tractions(sheet, constants.law, solution, slopes, n_own)
-    else:
-        force = sheet.force(solution)
-        by_force = slopes.reaction(sheet.moving)[:, :n_own, sheet.axis]
+    force = sheet.force(solution)
+    by_force = slopes.reaction(sheet.moving)[:, :n_own, sheet.axis]
     return SheetState(solution, solution.displacements, by, force, by_force @ chain, slopes)
-
-
-def _tractions(
-    sheet: Sheet, law: str, solution: Solution, slopes: Sensitivities, n_own: int
-) -> tuple[FloatArray, FloatArray]:
-    if law != COUPLED or sheet.kinematics != "plane_strain":
-        raise ValueError(f'tractions are known of "{COUPLED}" in plane strain only: take the reactions')
-    edges = boundary_edges(sheet.mesh, sheet.moving)
-    mu, lam = (float(value) for value in solution.parameters[0])
-    force, by = [], []
-    for u, du in zip(solution.displacements, slopes.displacements[:, :n_own], strict=True):
-        whole, parts = traction_force(sheet.mesh, edges, (mu, lam), u, du)
-        force.append(sheet.thickness * whole[sheet.axis])
-        by.append(sheet.thickness * parts[:, sheet.axis])
-    return np.array(force), np.array(by)
 
 
 def mass_matrix(mesh: Mesh, cells: BoolArray) -> csr_matrix:

@@ -7,7 +7,7 @@ and Newton, near it with the exact second derivatives, which the sensitivities o
 
     J(m) = sum_k 1/2 int |u_k(m) - u_msr,k|^2 dA + w/2 sum_k (f_k(m) - f_msr,k)^2           (K.3-K.6)
 
-of Sutula and others (2020), with its gradient by du/dm and by an adjoint (K.13-K.16), and its second
+of Sutula and others (2020), with its gradient by du/dm, and its second
 derivatives. Their w is a matter of taste. Here it makes both parts count by their noise: with one
 independent point for the area a and the deviations sigma_u and sigma_f, w = a sigma_u^2 / sigma_f^2, and 2 J
 / (a sigma_u^2) is a chi-square.
@@ -31,10 +31,7 @@ from scipy.sparse.linalg import splu
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.bodies.sheet import Sheet, SheetState, mass_matrix, sheet_state
 from kolsky.bodies.specimen_constants import Constants
-from kolsky.equilibrium.sensitivity import adjoint, second
-
-DIFFERENCE = 1e-4
-"""Relative step of the differences of the gradient that give its second derivatives."""
+from kolsky.equilibrium.sensitivity import second
 
 
 @dataclass(frozen=True)
@@ -130,28 +127,13 @@ class FieldProblem:
         value = float(displacement.sum() + w * force.sum())
         return Cost(displacement, force, value, gradients, curvature, by_force, state)
 
-    def adjoint_gradient(self, cost: Cost) -> FloatArray:
-        """dJ/dm by one transposed system a step, Eqs. (K.13-K.16), shape [p]; of reactions."""
-        apart = cost.state.displacements - self.data.displacements
-        loaded = np.stack([self.mass @ one for one in apart])
-        by_forces = np.zeros_like(loaded)
-        moving = self.sheet.mesh.nodes(self.sheet.moving)
-        misfit = self.data.weight * (cost.state.force - self.data.force)
-        by_forces[:, moving, self.sheet.axis] = misfit[:, None]
-        own = adjoint(cost.state.solution, loaded, by_forces)[0]
-        free = self.constants.start
-        return np.asarray(own @ self.constants.chain(free))
-
     def hessian(self, free: FloatArray) -> FloatArray:
         """Second derivatives of J, those of u and f included, shape [p, p].
 
-        They are exact (`kolsky.equilibrium.sensitivity`); with the force from tractions, whose second
-        derivatives are not known, they are differences of the gradient.
+        They are exact (`kolsky.equilibrium.sensitivity`).
 
         Raises ValueError if a simulation fails.
         """
-        if self.sheet.force_from == "tractions":
-            return self._by_differences(free)
         cost = self.cost(free)
         if isinstance(cost, str):
             raise ValueError(f"second derivatives need a simulation: {cost}")
@@ -171,23 +153,6 @@ class FieldProblem:
         left = np.einsum("nad,nijad->ij", loaded, u_ij)
         left += data.weight * np.einsum("n,nij->ij", state.force - data.force, f_ij)
         return np.asarray(cost.gauss_newton + left)
-
-    def _by_differences(self, free: FloatArray) -> FloatArray:
-        """Second derivatives of J by differences of its gradient."""
-        columns = []
-        for j in range(len(free)):
-            step = DIFFERENCE * max(abs(free[j]), 1e-3)
-            ends = []
-            for sign in (1.0, -1.0):
-                moved = free.copy()
-                moved[j] += sign * step
-                found = self.cost(moved)
-                if isinstance(found, str):
-                    raise ValueError(f"second derivatives need a simulation beside the optimum: {found}")
-                ends.append(found.gradients.sum(axis=0))
-            columns.append((ends[0] - ends[1]) / (2.0 * step))
-        whole = np.stack(columns)
-        return np.asarray(0.5 * (whole + whole.T))
 
 
 SMALLEST_EIGENVALUE = 1e-9
@@ -416,10 +381,7 @@ class FieldFit:
 def fit_field(problem: FieldProblem) -> FieldFit:
     """Fit a sheet by Newton's method, Eq. (K.17).
 
-    Raises
-    ------
-    ValueError
-        If the simulation at the start fails, or the data do not determine the constants.
+    Raises ValueError if the simulation at the start fails, or the data do not determine the constants.
     """
     low, high = problem.constants.bounds
     free = problem.constants.start

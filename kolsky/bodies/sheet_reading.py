@@ -109,7 +109,6 @@ def _sheet(toml: TomlFile, section: FieldSection, constants: Constants, raw: Gms
         "xy".index(section.axis),
         regions,
         held,
-        section.force_from,
     )
 
 
@@ -237,10 +236,7 @@ def plan_sheet(problem: FieldProblem, *, wanted: tuple[str, ...] = ()) -> list[E
     The information of the field is int du/dm_I . du/dm_J / (a sigma_u^2), Eq. (K.30) over the noise of one
     point for the area a, that of the force df/dm_I df/dm_J / sigma_f^2.
 
-    Raises
-    ------
-    ValueError
-        If the simulation fails, with its reason.
+    Raises ValueError if the simulation fails, with its reason.
     """
     cost, data, constants = _simulated(problem), problem.data, problem.constants
     variance = data.area * data.sigma_displacement**2

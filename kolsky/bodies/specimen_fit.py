@@ -15,14 +15,13 @@ alike: with the correlation rho of neighbours n residuals tell as much as n / a 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Literal
 
 import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import qmc
 from scipy.stats import t as student
 
-from doe.uncertainty.covariance import SingularInformationError, inverse_information
+from doe.information import SingularInformationError, inverse_information
 from kolsky.base.arrays import FloatArray
 from kolsky.bodies.errors_in_variables import (
     Linearised,
@@ -31,7 +30,6 @@ from kolsky.bodies.errors_in_variables import (
     SearchOptimum,
     reduce,
     search,
-    search_by_quasi_newton,
 )
 from kolsky.bodies.specimen_constants import Constants
 from kolsky.bodies.specimen_model import SpecimenModel
@@ -263,6 +261,8 @@ def debonding(
 ) -> Debonding | None:
     """Search a series of residuals for the opening of a bond.
 
+    Returns: None if the constants imitate every opening, so that this test cannot say.
+
     Parameters
     ----------
     residual
@@ -275,11 +275,6 @@ def debonding(
         Peeled length of each bond that `shortened` stands for [m].
     scale
         Variance of the residuals over that of the declared noise, >= 1.
-
-    Returns
-    -------
-    Debonding or None
-        None if the constants imitate every opening, so that this test cannot say.
     """
     n = len(residual)
     basis, _ = np.linalg.qr(jacobian)
@@ -302,8 +297,6 @@ def debonding(
 
 DECADES = 1.0
 """Decades to each side of the declared start over which further starts of a modulus are drawn."""
-EQUAL_OPTIMA = 1e-3
-"""Largest difference of two starts' ends, in standard deviations, that counts as one minimum."""
 
 
 @dataclass(frozen=True)
@@ -342,11 +335,6 @@ class TestFit:
     def rmse(self) -> float:
         """Root mean square of simulated less measured force [N]."""
         return float(np.sqrt(np.mean((self.force - self.test.samples.force) ** 2)))
-
-
-Method = Literal["gauss_newton", "quasi_newton"]
-"""How a fit is searched for."""
-_SEARCHES = {"gauss_newton": search, "quasi_newton": search_by_quasi_newton}
 
 
 @dataclass(frozen=True)
@@ -409,9 +397,10 @@ def fit(
     starts: int = 1,
     seed: int = 1,
     bonds: bool = True,
-    method: Method = "gauss_newton",
 ) -> SpecimenFit:
     """Fit one set of constants to tests.
+
+    Raises ValueError if the simulation at the start fails, or there are not more samples than constants.
 
     Parameters
     ----------
@@ -427,14 +416,6 @@ def fit(
         Number of starts, the first as declared and the others drawn around it, and the seed of the draws.
     bonds
         Look for peeling bonds: one more simulation a test.
-    method
-        "gauss_newton" (with Levenberg and Marquardt's damping) or "quasi_newton" (L-BFGS-B), which needs more
-        simulations.
-
-    Raises
-    ------
-    ValueError
-        If the simulation at the start fails, or there are not more samples than constants.
     """
 
     def respond(values: FloatArray, at: tuple[FloatArray, ...]) -> tuple[Linearised, ...] | str:
@@ -450,7 +431,7 @@ def fit(
     ends, refused, limits = [], "", constants.bounds
     for start in _remote_starts(constants, starts, seed):
         try:
-            ends.append(_SEARCHES[method](respond, samples, start, bounds=limits, scales=constants.scales))
+            ends.append(search(respond, samples, start, bounds=limits, scales=constants.scales))
         except ValueError as error:
             refused = str(error)
     if not ends:

@@ -75,10 +75,7 @@ class Shape:
     def shortened(self) -> "Shape":
         """The specimen with each bond one element shorter.
 
-        Raises
-        ------
-        ValueError
-            If the bond is only one element long.
+        Raises ValueError if the bond is only one element long.
         """
         step = self.size[0] / self.elements[0]
         if self.bond < 1.5 * step:

@@ -68,17 +68,8 @@ class Specification:
 def read_specification(path: Path, *, device: str = "cpu") -> Specification:
     """Read a SPEC.toml and the files of its tests.
 
-    Parameters
-    ----------
-    path
-        The file.
-    device
-        Where the element kernels run.
-
-    Raises
-    ------
-    InputError
-        If it declares anything unknown, incomplete or impossible, or a file cannot be read.
+    ``path``: the file. ``device``: where the element kernels run. Raises InputError if it declares anything
+    unknown, incomplete or impossible, or a file cannot be read.
     """
     toml, declared = read_toml(Path(path), SpecimenFile)
     material, numerics = declared.material, declared.numerics

@@ -140,7 +140,6 @@ class FieldSection(Section):
     moving: f.Name
     fixed: f.Name
     axis: Literal["x", "y"] = "x"
-    force_from: Literal["reactions", "tractions"] = "reactions"
     points: PointsSection
     pad: PadSection
     frames: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)]
@@ -154,7 +153,6 @@ class FitSection(Section):
     """[fit]: which tests are fitted together, and from how many starts."""
 
     together: dict[str, list[f.Name]] = Field(default_factory=dict)
-    method: Literal["gauss_newton", "quasi_newton"] = "gauss_newton"
     starts: Annotated[int, Field(ge=1, le=50)] = 1
     seed: Annotated[int, Field(ge=0)] = 1
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from doe.uncertainty.covariance import SingularInformationError, inverse_information
+from doe.information import SingularInformationError, inverse_information
 from kolsky.base.arrays import FloatArray
 from kolsky.bodies.errors_in_variables import Linearised, Samples, reduce
 from kolsky.bodies.specimen_constants import Constants
@@ -37,7 +37,7 @@ class StudyRow:
     """Trial points of the search."""
 
 
-def _row(label: str, found: SpecimenFit) -> StudyRow:
+def study_row(label: str, found: SpecimenFit) -> StudyRow:
     parts = [one for one in found.tests if one.fitted]
     rmse = float(np.sqrt(np.mean([one.rmse**2 for one in parts])))
     unknowns = parts[0].test.model.shape.mesh.points.size
@@ -67,7 +67,7 @@ def resolution_study(
             own = replace(test, model=replace(test.model, shape=shape))
             found = fit(f"{element} {elements}", [own], start, bonds=False)
             label = f"{element} {elements[0]} x {elements[1]} x {elements[2]}"
-            rows.append(_row(label, found))
+            rows.append(study_row(label, found))
             start = found.constants  # of the coarser mesh: fewer steps
     return rows
 
@@ -88,21 +88,7 @@ def noise_study(
             total = float(np.hypot(test.samples.sigma_force, sigma))
             samples = replace(test.samples, force=test.samples.force + added, sigma_force=total)
             found = fit("noise", [replace(test, samples=samples)], constants, bonds=False)
-            rows.append(_row(f"sigma {sigma:g} N, draw {draw + 1}", found))
-    return rows
-
-
-def pulls_study(pulls: Mapping[str, SlowTest], laws: Sequence[Constants]) -> list[StudyRow]:
-    """Several laws fitted to each pull of a softening material (their Fig. 7, the Mullins effect).
-
-    The first pull is the stiffest the material will ever be, the last pull to the largest strain bounds it
-    from below: a design takes both.
-    """
-    rows = []
-    for name, test in pulls.items():
-        for constants in laws:
-            found = fit(name, [test], constants, bonds=False)
-            rows.append(_row(f"{name}, {constants.law}", found))
+            rows.append(study_row(f"sigma {sigma:g} N, draw {draw + 1}", found))
     return rows
 
 

@@ -102,7 +102,7 @@ class _Blocks:
     def __init__(self, problem: FieldProblem, regions: IntArray) -> None:
         self.problem = problem
         self.solid = problem.constants.solid(problem.constants.start)
-        self.sheet = replace(problem.sheet, regions=regions, held={}, force_from="reactions")
+        self.sheet = replace(problem.sheet, regions=regions, held={})
         self.n = int(regions.max()) + 1
 
     def chi2(self, logs: FloatArray) -> tuple[float, FloatArray]:

@@ -85,7 +85,7 @@ def budget(
     from kolsky.inverse.problem import Settings
     from kolsky.report.study_folder import write_budget_results
     from kolsky.studies.budget.budget import budget as budget_of
-    from kolsky.studies.budget.factors import USUAL, factors_of
+    from kolsky.studies.budget.factors import factors_of, usual_sizes
     from kolsky.studies.budget.records import facts, made_with, plan_campaign, printed, shot_sigma
     from kolsky.virtual.specification import read_specification
 
@@ -96,7 +96,7 @@ def budget(
     if truth_mesh:
         finer = quantities.truth.model_copy(update={"mesh": texts.mesh("--truth-mesh", truth_mesh)})
         quantities = quantities.model_copy(update={"truth": finer})
-    sizes = dict(part.partition("=")[::2] for part in size or []) or series.declared.budget or USUAL
+    sizes = dict(part.partition("=")[::2] for part in size or []) or series.declared.budget or usual_sizes()
     numerics = replace(solver, threads=workers.threads(solver.threads)).numerics(analysis)
     settings = Settings(numerics=numerics, refined_mesh=refined, replicates=0)
     if free:

@@ -13,7 +13,7 @@ from kolsky.cli import texts
 from kolsky.cli.options import AsJson, Figures, Out, ShotPath
 
 if TYPE_CHECKING:
-    from dic.calibration import Calibration
+    from dic.calibration.views import Calibration
     from dic.result import StereoResult
 
 

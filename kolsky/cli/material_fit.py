@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from kolsky.material.fits.homogeneous_test import Columns, HomogeneousTest
 
 
-_DEFAULT_LAWS = ("neo_hookean", "reduced_polynomial", "yeoh", "mooney_rivlin", "ogden1")
+_DEFAULT_LAWS = ("neo_hookean", "reduced_polynomial", "yeoh", "mooney_rivlin_2", "ogden1")
 """Laws that are tried if none is named: those that a single compression test may determine."""
 
 _SAME_SIZE = 1e-3

@@ -103,7 +103,6 @@ def specimen_fit(
                     predicted=others,
                     starts=read.declared.fit.starts,
                     seed=read.declared.fit.seed,
-                    method=read.declared.fit.method,
                 )
             )
         except ValueError as error:

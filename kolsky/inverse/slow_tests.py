@@ -156,10 +156,7 @@ class SlowList:
 def read_slow_tests(path: Path) -> Slow:
     """Read a list of slow tests and their files, for shots whose law is their own.
 
-    Raises
-    ------
-    InputError
-        If the list or a file cannot be used; the message names file, line, key and cure.
+    Raises InputError if the list or a file cannot be used; the message names file, line, key and cure.
     """
     toml = parse_toml(path)
     if "law" in toml.content:

@@ -100,6 +100,9 @@ def reference_curve(
 
     Compliance, choice of the ramp, toe, mean with its band, end friction: in this order.
 
+    Raises ValueError if the tests differ in branch, a record has no such ramp, a toe cannot be found, the
+    tests have no range of strain in common, or friction is to be taken out of a tension test or cannot be.
+
     Parameters
     ----------
     tests
@@ -109,12 +112,6 @@ def reference_curve(
     pull
         "first": the first loading ramp of each record. "conditioned": the last of two or more, on the first
         pull's length, so that a permanent set is in its toe's offset.
-
-    Raises
-    ------
-    ValueError
-        If the tests differ in branch, a record has no such ramp, a toe cannot be found, the tests have no
-        range of strain in common, or friction is to be taken out of a tension test or cannot be.
     """
     if not tests:
         raise ValueError("a reference curve needs at least one test")
@@ -262,6 +259,8 @@ def read_uniaxial_test(
 ) -> tuple[UniaxialTest, str]:
     """Read a quasi-static test, positive along its branch, and the SHA-256 of its file.
 
+    Raises InputError if the file cannot be read, or its columns are no such test.
+
     Parameters
     ----------
     path
@@ -278,11 +277,6 @@ def read_uniaxial_test(
         Line of the column names; found if None, 0 for none.
     specimen
         Undeformed size; needed for displacement and force.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or its columns are no such test.
     """
     path = Path(path)
     values, digest = read_columns(

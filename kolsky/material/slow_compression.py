@@ -74,6 +74,9 @@ def slow_tests(
 ) -> SlowTests:
     """Compress one specimen of several materials slowly, in one batch.
 
+    Raises ValueError if the strains are not ascending inside (0, 1), or a simulation does not complete; the
+    message says how, when and where it ended.
+
     Parameters
     ----------
     laws
@@ -90,12 +93,6 @@ def slow_tests(
         Coulomb's coefficient where the law is "coulomb" [-], scalar or shape [n_tests].
     numerics
         Mesh and duration.
-
-    Raises
-    ------
-    ValueError
-        If the strains are not ascending inside (0, 1), or a simulation does not complete; the message says
-        how, when and where it ended.
     """
     numerics = numerics or SlowNumerics()
     if strain.size < 2 or strain[0] <= 0.0 or strain[-1] >= 1.0 or (np.diff(strain) <= 0.0).any():
@@ -215,6 +212,9 @@ def slow_compression(
 ) -> SlowCompression:
     """Compress a specimen slowly, with ramp, drag and duration chosen for a wanted error of the force.
 
+    Raises ValueError if an argument is outside its range, a run does not complete, or the error is not
+    reached with `LONGEST`.
+
     Parameters
     ----------
     law
@@ -234,12 +234,6 @@ def slow_compression(
         Mesh, Poisson's ratio and threads; its duration is where the search begins, `FIRST` if left out.
     progress
         Called with duration and largest error after each run.
-
-    Raises
-    ------
-    ValueError
-        If an argument is outside its range, a run does not complete, or the error is not reached with
-        `LONGEST`.
     """
     if not 1e-4 <= error <= 0.1:
         raise ValueError(f"the wanted error of a slow run must be in [0.0001, 0.1], got {error:g}")

@@ -71,17 +71,9 @@ class UniaxialTest:
     def without_machine(self, compliance: float, *, area: float, length: float) -> "UniaxialTest":
         """The test without the deformation of the machine: u = u_measured - C F.
 
-        Parameters
-        ----------
-        compliance
-            Compliance C of machine, load cell and platens in series [m/N].
-        area, length
-            Undeformed cross-section [m^2] and length [m] of the specimen.
-
-        Raises
-        ------
-        ValueError
-            If the compliance is negative, or so large that the specimen itself would get longer under load.
+        ``compliance``: compliance C of machine, load cell and platens in series [m/N]. ``area``, ``length``:
+        undeformed cross-section [m^2] and length [m] of the specimen. Raises ValueError if the compliance is
+        negative, or so large that the specimen itself would get longer under load.
         """
         if not compliance >= 0.0:
             raise ValueError(f"a compliance must be >= 0 m/N, got {compliance}")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dic.calibration import Calibration
+from dic.calibration.views import Calibration
 from dic.files import text_cell
 from dic.images import PictureError, Pictures
 from dic.images.series import PictureSizeError
@@ -26,7 +26,7 @@ def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
 
     Raises InputError if its kind is unknown, a dimension is missing, has no effect or is impossible.
     """
-    from dic.calibration import TARGETS
+    from dic.calibration.targets import TARGETS
 
     key = "calibration.target"
     if section.kind not in TARGETS:
@@ -77,7 +77,7 @@ def calibration_of(
     """The calibration from the pictures that a file names.
 
     ``toml``, ``section``: the file and its table. ``progress``: told of the pictures done. ``predict``: as of
-    `dic.calibration.calibrate`: False if the cameras alone are wanted. Raises InputError if the pictures
+    `dic.calibrate`: False if the cameras alone are wanted. Raises InputError if the pictures
     cannot be read or do not go together, the target is impossible, or what is seen of it does not determine
     the cameras.
     """
@@ -93,7 +93,7 @@ def calibration_in_background(
 
     Yields: gives what `calibration_of` gives, and raises what that raises.
     """
-    from dic.calibration import detection_begun
+    from dic.calibration.views import detection_begun
 
     assert section.target is not None  # the schema saw to it
     assert section.distortion is not None
@@ -131,8 +131,9 @@ def _solve(
     predict: bool,
 ) -> "Calibration":
     """The calibration from what was seen of the target."""
-    from dic.calibration import Undetermined, calibrate
+    from dic.calibration.bundle import Undetermined
     from dic.calibration.refine import find_order
+    from dic.calibration.solve import calibrate
 
     _refuse_odd_size(toml, series, views)
     sensors = [(pictures.shape[1], pictures.shape[0]) for pictures in series]

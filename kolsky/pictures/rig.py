@@ -21,7 +21,7 @@ from kolsky.pictures.picture_set import CAMERAS, PictureSet, fits_sensor
 from kolsky.schema.pictures import CalibrationSection
 
 if TYPE_CHECKING:
-    from dic.calibration import Calibration
+    from dic.calibration.views import Calibration
 
 
 @dataclass(frozen=True)

@@ -135,19 +135,8 @@ def scan(
 ) -> Scan:
     """Predict the test over a full factorial, the specimen by its static curve.
 
-    Parameters
-    ----------
-    test
-        The test as declared.
-    varied
-        What is varied.
-    progress
-        Called with the runs done and their number.
-
-    Raises
-    ------
-    InputError
-        If a value is not allowed.
+    ``test``: the test as declared. ``varied``: what is varied. ``progress``: called with the runs done and
+    their number. Raises InputError if a value is not allowed.
     """
     design = full_factorial(_box(varied), [one.levels for one in varied])
     tests = [_at(test, varied, point) for point in design.points]  # all are checked before the first run
@@ -162,19 +151,9 @@ def scan(
 def aim(test: PlannedTest, found: Scan, wanted: Mapping[str, float]) -> Aim:
     """The point of a scan's box that does as wanted, by surfaces through its numbers and runs there.
 
-    Parameters
-    ----------
-    test
-        The test as declared.
-    found
-        A scan of it.
-    wanted
-        Numbers of `NAMES` and their values, SI.
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown, a wanted value is not positive, or too few points know the number.
+    ``test``: the test as declared. ``found``: a scan of it. ``wanted``: numbers of `NAMES` and their values,
+    SI. Raises ValueError if a name is unknown, a wanted value is not positive, or too few points know the
+    number.
     """
     for name, value in wanted.items():
         if name not in NAMES:

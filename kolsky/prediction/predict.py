@@ -148,10 +148,7 @@ def _section_of(part: PartTable) -> Section:
 def read_test(path: str | Path) -> PlannedTest:
     """Read and check a test file.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read, is no TOML, or declares anything unknown or impossible.
+    Raises InputError if it cannot be read, is no TOML, or declares anything unknown or impossible.
     """
     return PlannedTest(*read_toml(Path(path), TestFile))
 
@@ -159,18 +156,15 @@ def read_test(path: str | Path) -> PlannedTest:
 def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:
     """Carry a planned test out, from the striker's touch on.
 
+    Raises InputError if a part is too short for the step, a shaper's file holds no law, or the specimen's
+    simulation does not complete or does not agree with the bars' in the passes that are allowed.
+
     Parameters
     ----------
     test
         A test file read.
     quick
         True to let the specimen's static curve stand in for its finite elements: a second, for scans.
-
-    Raises
-    ------
-    InputError
-        If a part is too short for the step, a shaper's file holds no law, or the specimen's simulation does
-        not complete or does not agree with the bars' in the passes that are allowed.
     """
     run = test.declared.run
     try:

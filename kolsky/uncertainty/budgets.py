@@ -27,9 +27,9 @@ from kolsky.inverse.problem import PreparedShot
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.result import Contribution, Route, RouteDifference
 from kolsky.inverse.staged_runs import Replicates
+from kolsky.shot.inputs import INPUTS
 from kolsky.shot.records import Shot
-from kolsky.uncertainty.input_changes import SPECIMEN, height_follows, outline_follows
-from kolsky.uncertainty.inputs import parameter_step
+from kolsky.uncertainty.input_changes import height_follows, outline_follows, parameter_step
 from kolsky.uncertainty.mesh_error import MeshChange, numerical_parts
 
 OUTLINE = "common errors of the outline"
@@ -227,7 +227,7 @@ def declared_parts(problem: JointProblem, found: Optimum, gain: FloatArray) -> d
             i = problem.unknowns.names.index(MOVED)
             parts[key] = np.zeros(len(found.x))
             parts[key][i] = float(sigmas.max()) * float(found.x[i])
-        elif key in SPECIMEN:
+        elif INPUTS[key].specimen:
             parts[key] = _specimen_part(problem, found, gain, base, sigmas, key)
         elif key in ("Z_offset", "y_offset"):
             parts[key] = _outline_place_part(problem, gain, sigmas, key)
@@ -266,8 +266,9 @@ def _specimen_part(
     moved: list[PreparedShot] = []
     for prepared, sigma in zip(problem.runs.prepared, sigmas, strict=True):
         shot = prepared.forward.shot
-        value = getattr(shot.specimen, SPECIMEN[key]) * (1.0 + sigma)
-        changed = replace(shot, specimen=replace(shot.specimen, **{SPECIMEN[key]: value}))
+        applied = INPUTS[key].applied
+        assert applied is not None  # every factor on the specimen has one
+        changed = applied(shot, 1.0 + sigma)
         moved.append(replace(prepared, forward=replace(prepared.forward, shot=changed)))
     change = _changed_vector(problem, _changed_runs(problem, moved, problem.runs.held), found.x) - base
     if key == "specimen_diameter":

@@ -46,10 +46,7 @@ def rig_of(q: Specification, *, shot: int) -> Rig:
     point looked at is ``y = L + (share - 1/2) field``. The focal lengths are such that `field` fills the
     picture.
 
-    Raises
-    ------
-    ValueError
-        If a picture does not fit on its sensor around the point that its camera looks at.
+    Raises ValueError if a picture does not fit on its sensor around the point that its camera looks at.
     """
     c = q.cameras
     middle = np.array([c.aside, q.specimen.length + (c.flyer_share - 0.5) * c.field, 0.0])

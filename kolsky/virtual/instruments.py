@@ -40,14 +40,8 @@ def low_pass(signal: FloatArray, step: float, frequency: float) -> FloatArray:
 def droop(signal: FloatArray, step: float, time_constant: float) -> FloatArray:
     """The signal of a transducer whose charge leaks: a first-order high-pass, the inverse of Eq. (U.6).
 
-    Parameters
-    ----------
-    signal
-        Uniform samples, 0 at rest, shape [n].
-    step
-        Time from sample to sample [s].
-    time_constant
-        Time in which the output of a constant force falls to 1/e [s].
+    ``signal``: uniform samples, 0 at rest, shape [n]. ``step``: time from sample to sample [s].
+    ``time_constant``: time in which the output of a constant force falls to 1/e [s].
     """
     return np.asarray(signal - low_pass(signal, step, 1.0 / (2.0 * np.pi * time_constant)))
 
@@ -64,6 +58,8 @@ def sampled(
 ) -> FloatArray:
     """Samples of a signal that arrives late, taken at times that scatter, of the times' shape.
 
+    Raises ValueError if the recorder goes on after the signal ends.
+
     Parameters
     ----------
     signal
@@ -78,11 +74,6 @@ def sampled(
         Standard deviation of a sample's time [s].
     rng
         Stream of the jitter.
-
-    Raises
-    ------
-    ValueError
-        If the recorder goes on after the signal ends.
     """
     at = times - delay + jitter * rng.standard_normal(len(times))
     known = start + step * np.arange(len(signal))

@@ -40,12 +40,7 @@ def write_shot(
 ) -> None:
     """Write the folder of one shot, whole or not at all; the truth last.
 
-    Raises
-    ------
-    InputError
-        If it cannot be written.
-    ValueError
-        If the specification's instruments cannot be.
+    Raises InputError if it cannot be written; ValueError if the specification's instruments cannot be.
     """
     q, number = shot.quantities, shot.number
     tables = shot_tables(q, truth.surface)
@@ -188,6 +183,9 @@ def make(
 ) -> list[Made]:
     """Make the shots of a specification, those on one mesh together; what is there already is kept.
 
+    Raises InputError if a specification cannot be made, or a folder holds something else. A shot whose
+    simulation ends early or whose pictures cannot be is told of after the others are made.
+
     Parameters
     ----------
     series
@@ -202,12 +200,6 @@ def make(
         Processes that share the shots.
     progress
         Called with each shot when it is complete.
-
-    Raises
-    ------
-    InputError
-        If a specification cannot be made, or a folder holds something else. A shot whose simulation ends
-        early or whose pictures cannot be is told of after the others are made.
     """
     chosen = [series.shot(number) for number in (series.numbers if numbers is None else numbers)]
     places = [(shot, place_of(series, shot, out)) for shot in chosen]

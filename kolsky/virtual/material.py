@@ -39,17 +39,8 @@ def what_relaxes(
 ) -> tuple[RateDependence, ...]:
     """What relaxes in a specimen; empty if nothing does.
 
-    Parameters
-    ----------
-    declared
-        By [relaxation] of its specification.
-    strengths, times
-        By its [material], where there is no [relaxation].
-
-    Raises
-    ------
-    ValueError
-        If the constants cannot be.
+    ``declared``: by [relaxation] of its specification. ``strengths``, ``times``: by its [material], where
+    there is no [relaxation]. Raises ValueError if the constants cannot be.
     """
     if declared is None:
         return relaxation_of(strengths, times)

@@ -26,14 +26,8 @@ from kolsky.virtual.schema import Specification
 def stream(seed: int, shot: int, *subject: str) -> np.random.Generator:
     """The stream of one subject of one shot, whatever else is drawn and however many shots are made.
 
-    Parameters
-    ----------
-    seed
-        The specification's.
-    shot
-        Number of the shot in its population, from 1; 0 without one.
-    subject
-        Words that name what is drawn, e.g. "noise", "transmitted".
+    ``seed``: the specification's. ``shot``: number of the shot in its population, from 1; 0 without one.
+    ``subject``: words that name what is drawn, e.g. "noise", "transmitted".
     """
     return np.random.default_rng([seed, shot, *(crc32(word.encode()) for word in subject)])
 
@@ -226,15 +220,8 @@ class Series:
 def read_specification(path: str | Path) -> Series:
     """Read and check a specification, with the first shot that it draws.
 
-    Parameters
-    ----------
-    path
-        The file, or the folder with a `SPEC.toml`.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, is no TOML, or declares anything unknown or impossible.
+    ``path``: the file, or the folder with a `SPEC.toml`. Raises InputError if it cannot be read, is no TOML,
+    or declares anything unknown or impossible.
     """
     path = Path(path)
     if path.is_dir():

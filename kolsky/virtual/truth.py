@@ -88,10 +88,7 @@ def _elements_of(quantities: Specification) -> list[Specification]:
 def middle(truths: Sequence[Truth | TruthError]) -> Truth | TruthError:
     """The mean of the truths of one shot; the first of those that did not reach their end, if any did not.
 
-    Parameters
-    ----------
-    truths
-        One an element, at the same times.
+    ``truths``: one an element, at the same times.
     """
     found = []
     for truth in truths:

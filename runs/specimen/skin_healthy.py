@@ -4,10 +4,9 @@ Usage: python runs/specimen/skin_healthy.py FOLDER OUT [MESH]
 
 FOLDER holds their repository's `datafiles_unprocessed` and meshes (github.com/danassutula/
 model_parameter_inference, MIT), MESH is the number in a mesh's name (4528). OUT gets points.csv, pad.csv, the
-mesh, and three SPEC files: the published formulation (plane strain, tractions), the same with reactions, and
-plane stress with reactions. What follows are the steps of their preparation: named spurious points, running
-means, the scale from the width of the extensometer, all relative to the fixed pad, force and displacement on
-one origin.
+mesh, and two SPEC files, plane strain and plane stress. What follows are the steps of their preparation:
+named spurious points, running means, the scale from the width of the extensometer, all relative to the fixed
+pad, force and displacement on one origin.
 """
 
 import csv
@@ -44,7 +43,6 @@ mesh = "mesh.msh"
 mesh_unit = "mm"
 thickness = "1 mm"
 kinematics = "{kinematics}"
-force_from = "{force}"
 moving = "moving_pad"
 fixed = "fixed_pad"
 frames = {frames}
@@ -125,14 +123,10 @@ def main(source: Path, out: Path, number: str) -> None:
     rows = [[k, *x[i], *u[k, i]] for k in frames for i in range(len(x))]
     write(out / "points.csv", ["frame", "x (mm)", "y (mm)", "ux (mm)", "uy (mm)"], rows)
     shutil.copyfile(source / f"mesh_{number}.msh", out / "mesh.msh")
-    for name, kinematics, how in (
-        ("published", "plane_strain", "tractions"),
-        ("plane_strain", "plane_strain", "reactions"),
-        ("plane_stress", "plane_stress", "reactions"),
-    ):
-        title = f"Healthy skin: {kinematics.replace('_', ' ')}, force from {how}."
-        text = SPEC.format(title=title, kinematics=kinematics, force=how, frames=frames, gate="gated = false")
-        (out / f"{name}.toml").write_text(text, encoding="utf-8")
+    for kinematics in ("plane_strain", "plane_stress"):
+        title = f"Healthy skin: {kinematics.replace('_', ' ')}."
+        text = SPEC.format(title=title, kinematics=kinematics, frames=frames, gate="gated = false")
+        (out / f"{kinematics}.toml").write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -122,8 +122,7 @@ Found when their tables were recomputed; the tests hold the arithmetic.
   have lost {lost:.0f} % of its volume. With the paper's own constants the sides would then carry
   {across:.2f} MPa (true stress, tension-positive) where they are free, and the axial true stress is
   {along:.2f} MPa instead of {right:.2f} MPa. {{py:func}}`kolsky.material.fits.homogeneous.free_stretch`
-  finds the stretch that leaves the sides free, and {{py:func}}`kolsky.material.fits.homogeneous.side_stretch`
-  has the constant logarithmic ratio λ^−ν.
+  finds the stretch that leaves the sides free.
 - The second invariant is printed with a plus sign, ½ [(tr B)² + tr B²]; it is a minus.
 """
 

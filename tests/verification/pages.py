@@ -44,7 +44,6 @@ TOPICS = [
     "elastic_bar",
     "dispersion",
     "separation",
-    "polymer_bar",
     "impact",
     "soft_forces",
     "contact",

@@ -6,12 +6,12 @@ from functools import cache
 
 import numpy as np
 from matplotlib.figure import Figure
+from monte_carlo import Spread, monte_carlo
 from numpy.typing import NDArray
 from scipy.stats import t as student
 from uncertainty_gum import Example, by_draws, by_sensitivities, quantity
 
 from kolsky.bars.budget import Budget, propagate
-from kolsky.bars.monte_carlo import Spread, monte_carlo
 from kolsky.bars.records import FaceWaves
 from kolsky.bars.reduction.repeated_tests import Curve, average
 from kolsky.bars.reduction.stress_strain import reduce
@@ -235,7 +235,7 @@ By draws:
 {table(result.drawn)}
 
 In JCGM 101, 9.2.4, one rectangular quantity outweighs the others, and the GUM's interval misses that of the
-draws by {result.wide:.2f} u: {{py:func}}`kolsky.bars.monte_carlo.difference` says so.
+draws by {result.wide:.2f} u: `tests/helpers/monte_carlo.py` says so.
 
 ## A bar test
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from monte_carlo import difference, monte_carlo
 
 from kolsky.bars.budget import Budget, propagate
-from kolsky.bars.monte_carlo import difference, monte_carlo
 from kolsky.bars.records import Quantity
 
 

@@ -248,12 +248,6 @@ class FlyerEvents:
         raise KeyError(f"{name!r} is none of {', '.join(event.name for event in self.events)}")
 
     @property
-    def in_order(self) -> tuple[Event, ...]:
-        """The events that were found, in order of time."""
-        found = [event for event in self.events if event.time is not None]
-        return tuple(sorted(found, key=lambda event: event.time or 0.0))
-
-    @property
     def usable(self) -> tuple[float, str]:
         """Until when the data count [s], and what ends them: lost symmetry, second impact or the record."""
         found = [
@@ -276,6 +270,11 @@ def flyer_events(
 ) -> FlyerEvents:
     """Find the events of a flyer's test in what was recorded of it.
 
+    Raises ValueError as `kolsky.bars.flyer.path.fit_flyer`; if `ringing` is negative, or a bar is given
+    without a force.
+
+    Returns: each event with time, sigma and how it was found, or why it was not.
+
     Parameters
     ----------
     motion
@@ -295,16 +294,6 @@ def flyer_events(
         pictures.
     ringing
         Span over which the transducers' signals are averaged [s]; longer than the flyer rings.
-
-    Returns
-    -------
-    FlyerEvents
-        Each event with time, sigma and how it was found, or why it was not.
-
-    Raises
-    ------
-    ValueError
-        As `kolsky.bars.flyer.path.fit_flyer`; if `ringing` is negative, or a bar is given without a force.
     """
     if not ringing >= 0.0:
         raise ValueError(f"ringing is {ringing:g} s, must be >= 0 s")

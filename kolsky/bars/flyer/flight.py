@@ -262,12 +262,7 @@ def flight_of(result: StereoResult, length: float) -> FlightOfSpecimen | str:
     displacement over a tenth of the specimen's length after it, from where on the velocity across is known to
     `SHARE` of the speed. A direction that is never known so well gives no end of symmetry.
 
-    Parameters
-    ----------
-    result
-        What the pictures gave.
-    length
-        Length of the specimen at rest [m].
+    ``result``: what the pictures gave. ``length``: length of the specimen at rest [m].
     """
     if result.axial_displacement is None or result.motion is None:
         return "its travel or its poses are not known"

@@ -53,22 +53,10 @@ def back_force(reduction: Reduction, waves: FaceWaves) -> tuple[ForceHistory, fl
 def front_path(motion: FrontVelocity) -> FlyerPath:
     """Fit the path of a face whose velocity is known.
 
-    Parameters
-    ----------
-    motion
-        The velocity from the wave's arrival on; the path starts a few samples before it.
-
-    Returns
-    -------
-    FlyerPath
-        With the covariance of noise, scale and zero. There are no static frames: `static_scatter` is that of
-        the declared noise, 1.
-
-    Raises
-    ------
-    ValueError
-        If times are not uniform and increasing, a value is not finite, there are fewer than 20 samples, the
-        noise is not positive, or the fit fails.
+    ``motion``: the velocity from the wave's arrival on; the path starts a few samples before it. Raises
+    ValueError if times are not uniform and increasing, a value is not finite, there are fewer than 20
+    samples, the noise is not positive, or the fit fails. Returns: with the covariance of noise, scale and
+    zero. There are no static frames: `static_scatter` is that of the declared noise, 1.
     """
     _check(motion)
     per_mean = -(-motion.time.size // MOST_KNOTS)

@@ -44,17 +44,9 @@ def posterior(y: FloatArray, G: FloatArray) -> tuple[FloatArray, FloatArray, Flo
 
     By QR of the stacked least-squares problem, which the squared condition of G'G would not survive.
 
-    Parameters
-    ----------
-    y
-        Data in units of the noise [-], shape [n_frames].
-    G
-        Response of each datum to each unknown [-], shape [n_frames, n_unknowns].
-
-    Returns
-    -------
-    tuple of NDArray
-        Mean [n_unknowns], covariance [n_unknowns, n_unknowns] and residual [n_frames].
+    ``y``: data in units of the noise [-], shape [n_frames]. ``G``: response of each datum to each unknown
+    [-], shape [n_frames, n_unknowns]. Returns: mean [n_unknowns], covariance [n_unknowns, n_unknowns] and
+    residual [n_frames].
     """
     n, p = G.shape
     stacked = np.zeros((n + p, p + 1), order="F")
@@ -176,6 +168,9 @@ def evidence(
     multiply by `dot`, which takes a third of the time of ``@`` on matrices so small; all else is done for all
     frames at once.
 
+    Returns: the value, with the prior of the changes of log tau, and its gradient, shape [n_parts +
+    n_controls].
+
     Parameters
     ----------
     theta
@@ -195,11 +190,6 @@ def evidence(
         An error that successive frames have in common, a first-order autoregression of variance 1 as one more
         state: its size over sigma in each frame [-], 0 where a frame has no displacement, and what is left of
         it from the frame before [-], shape [n_frames] each; None: there is none.
-
-    Returns
-    -------
-    tuple of float and NDArray
-        The value, with the prior of the changes of log tau, and its gradient, shape [n_parts + n_controls].
     """
     parts = np.ones((y.size, 1)) if parts is None else parts
     scales, tau = np.split(theta, [parts.shape[1]])

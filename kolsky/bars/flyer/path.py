@@ -309,6 +309,11 @@ def fit_flyer(
 ) -> FlyerPath:
     """Fit the path of a flyer that is at rest until `start`.
 
+    Raises ValueError if times are not increasing, a value is not finite, a sigma is not positive, fewer than
+    3 frames are at or before `start`, or fewer than 8 after it, or the covariance is of another shape.
+
+    Returns: from `start` to the last frame.
+
     Parameters
     ----------
     motion : FlyerMotion
@@ -324,17 +329,6 @@ def fit_flyer(
         Just before a blow that changes the flyer's velocity within few frames, the second impact [s]: from
         here on the smoothness is one of its own, with as large jerks at first as at the start. None if there
         is none.
-
-    Returns
-    -------
-    FlyerPath
-        From `start` to the last frame.
-
-    Raises
-    ------
-    ValueError
-        If times are not increasing, a value is not finite, a sigma is not positive, fewer than 3 frames
-        are at or before `start`, or fewer than 8 after it, or the covariance is of another shape.
     """
     _check(motion, start)
     if covariance is not None and covariance.shape != 2 * motion.time.shape:

@@ -108,6 +108,9 @@ def synchronise(
     F_s, is not known; for a short travel it is taken as ``Z v + k x`` plus a part that grows with a, and so
     is the integrals' own response with free factors: the one of a counts as `gain`.
 
+    Raises ValueError if the mass or the travel is not positive, too few frames move within the travel, or the
+    signal does not cover them.
+
     Parameters
     ----------
     motion
@@ -126,12 +129,6 @@ def synchronise(
         Standard uncertainty of the declared clocks against each other [s]; added in quadrature.
     reach
         Largest lag that is looked for, either way [s].
-
-    Raises
-    ------
-    ValueError
-        If the mass or the travel is not positive, too few frames move within the travel, or the signal does
-        not cover them.
     """
     if not mass > 0.0:
         raise ValueError(f"the mass before the transducer is {mass:g} kg, must be > 0 kg")

@@ -282,13 +282,6 @@ def frequency(wavenumber: ArrayLike, poisson: float) -> Array:
     return np.asarray(sign * np.where(moving | (poisson == 0.0), w, turned))
 
 
-def group_velocity(frequency: ArrayLike, poisson: float) -> FloatArray:
-    """Group velocity d(omega) / dk of the first mode over c0 [-], at real frequencies omega a / c0."""
-    size = np.abs(np.asarray(frequency, dtype=float))
-    slowness = dispersion_table(poisson, float(size.max(initial=0.0)))
-    return np.asarray(1.0 / (slowness(size) + size * slowness(size, 1)))
-
-
 def mean_over_surface(frequency: ArrayLike, poisson: float) -> Array:
     """Axial strain averaged over the cross-section over that on the surface [-], where gauges sit.
 

@@ -209,34 +209,6 @@ def propagation(
     )
 
 
-def force_of(strain: Signal, waveguide: Waveguide, *, band: float | None = None) -> Signal:
-    """Force through the section that goes with a strain, Eq. (B.6), component by component [N]."""
-    return _multiplied(strain, waveguide, "N", band)
-
-
-def velocity_of(strain: Signal, waveguide: Waveguide, *, band: float | None = None) -> Signal:
-    """Mean particle velocity that goes with the strain of one wave, along its direction [m/s]."""
-    return _multiplied(strain, waveguide, "m/s", band)
-
-
-def _multiplied(strain: Signal, waveguide: Waveguide, unit: str, band: float | None) -> Signal:
-    _check(strain, 0.0, None, band, _LARGEST_GAIN)
-    n = strain.value.size
-    fade = max(64, n // 4)
-    length = next_fast_len(n + 2 * fade, real=True)
-    frequency = rfftfreq(length, strain.interval)
-    limit = min(waveguide.largest_frequency, np.inf if band is None else band)
-    kept = frequency <= limit
-    omega = 2.0 * pi * frequency[kept]
-    factor = np.zeros(frequency.size, dtype=complex)
-    factor[kept] = waveguide.stiffness(omega) * edge_filter(frequency[kept], limit)
-    if unit == "m/s":
-        factor[kept] /= waveguide.impedance(omega)
-    value = irfft(rfft(fade_ends(strain.value, fade, length, fade=fade)) * factor, length)[fade : fade + n]
-    noise = float(np.sqrt(mean_square(factor, length, strain.memory)))
-    return _with_noise(strain, strain.start, value, noise, abs(factor[0]), unit)
-
-
 def _with_noise(
     signal: Signal, start: float, value: FloatArray, noise: float, at_rest: float, unit: str
 ) -> Signal:
@@ -351,20 +323,11 @@ def wave_speed(
     The pulse at the transmission gauge is the pulse at the incident gauge, dispersed over the way between
     them, times the ratio of what the two channels show of the same strain.
 
-    Parameters
-    ----------
-    incident, transmission : BarSignal
-        The stations; bars of the same diameter, density, modulus and Poisson's ratio.
-    incident_window : tuple of float
-        First and last time of the pulse at the incident gauge [s]: as long as no other wave is there.
-    transmitted_window : tuple of float
-        Times at the transmission gauge over which the pulses are compared [s].
-
-    Raises
-    ------
-    ValueError
-        If the bars or sampling intervals differ, a window is outside its signal, or the speed found is at the
-        edge of the search.
+    ``incident``, ``transmission``: the stations; bars of the same diameter, density, modulus and Poisson's
+    ratio. ``incident_window``: first and last time of the pulse at the incident gauge [s]: as long as no
+    other wave is there. ``transmitted_window``: times at the transmission gauge over which the pulses are
+    compared [s]. Raises ValueError if the bars or sampling intervals differ, a window is outside its signal,
+    or the speed found is at the edge of the search.
     """
     for name in ("diameter", "density", "youngs_modulus", "poisson"):
         first, second = getattr(incident.bar, name), getattr(transmission.bar, name)
@@ -384,20 +347,10 @@ def round_trip(
 ) -> BarsTogether:
     """Fit c0 to a pulse and its echo from a free end at the same gauge.
 
-    Parameters
-    ----------
-    gauge : BarSignal
-        The station.
-    first_window, echo_window : tuple of float
-        Times of the pulse and of its echo [s]; other waves lie in neither.
-    end : str
-        Where it was reflected: "specimen" or "far" for that end of the bar, free; "both" after a whole round
-        trip, c0 = 2 L / T.
-
-    Raises
-    ------
-    ValueError
-        As `wave_speed`; or if `end` is not one of the three.
+    ``gauge``: the station. ``first_window``, ``echo_window``: times of the pulse and of its echo [s]; other
+    waves lie in neither. ``end``: where it was reflected: "specimen" or "far" for that end of the bar, free;
+    "both" after a whole round trip, c0 = 2 L / T. Raises ValueError as `wave_speed`; or if `end` is not one
+    of the three.
     """
     ways = {
         "specimen": 2.0 * gauge.position,

@@ -10,11 +10,10 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
 
 from kolsky.bars.guides import pochhammer
 from kolsky.base.apparatus import Bar
-from kolsky.base.arrays import ComplexArray, FloatArray
+from kolsky.base.arrays import ComplexArray
 
 _SURFACE_BAND = 2.0
 """omega a / c0 up to which a gauge on the surface can stand for the section."""
@@ -45,6 +44,8 @@ class Waveguide(Protocol):
 class ElasticWaveguide:
     """A linear elastic bar in its first longitudinal mode.
 
+    Raises ValueError if a property of the bar is outside its range.
+
     Parameters
     ----------
     bar : Bar
@@ -54,11 +55,6 @@ class ElasticWaveguide:
     surface : bool, keyword-only
         Whether a gauge on the surface shows another strain than the section's mean (M1 of Tyas and Watson).
         The band then ends at omega a / c0 = `SURFACE_BAND`.
-
-    Raises
-    ------
-    ValueError
-        If a property of the bar is outside its range.
     """
 
     bar: Bar
@@ -232,86 +228,3 @@ class ViscoelasticWaveguide:
         return _speed_of(
             omega, self.wavenumber(omega), float(np.sqrt(self.modulus.long_term / self.bar.density))
         )
-
-
-@dataclass(frozen=True)
-class TabulatedWaveguide:
-    """A bar whose propagation coefficient was measured; `kolsky.bars.guides.viscoelastic` measures it.
-
-    Slowness and attenuation are interpolated monotonically; below the first frequency the slowness keeps its
-    first value and the attenuation falls to zero linearly.
-    """
-
-    bar: Bar
-    """The bar: diameter and density."""
-    frequency: FloatArray
-    """Frequencies [Hz], ascending, > 0, shape [n], n >= 2."""
-    phase_velocity: FloatArray
-    """Phase velocity at each [m/s], shape [n]."""
-    attenuation: FloatArray
-    """Attenuation at each [1/m], >= 0, shape [n]."""
-
-    def __post_init__(self) -> None:
-        check_bar(self.bar)
-        f = self.frequency
-        if f.size < 2 or not (f[0] > 0.0 and (np.diff(f) > 0.0).all() and isfinite(f[-1])):
-            raise ValueError(
-                "frequencies of a propagation coefficient must ascend from above 0, two at least"
-            )
-        if not (np.isfinite(self.phase_velocity).all() and (self.phase_velocity > 0.0).all()):
-            raise ValueError(
-                f"phase velocities must be > 0 and finite, got {self.phase_velocity.min():g} m/s"
-            )
-        if not (np.isfinite(self.attenuation).all() and (self.attenuation >= 0.0).all()):
-            raise ValueError(
-                f"attenuations must be >= 0 and finite, got {self.attenuation.min():g} 1/m; a bar does not "
-                "amplify. Cure: tabulate where the signal stands above its noise"
-            )
-
-    @property
-    def wave_speed(self) -> float:
-        """Largest of the phase velocities [m/s]."""
-        return float(self.phase_velocity.max())
-
-    @property
-    def largest_frequency(self) -> float:
-        """Last frequency of the table [Hz]."""
-        return float(self.frequency[-1])
-
-    def wavenumber(self, omega: ArrayLike) -> ComplexArray:
-        """Interpolated wavenumber [rad/m]; small imaginary parts of omega by the first derivative.
-
-        Raises
-        ------
-        ValueError
-            If a frequency lies beyond the table.
-        """
-        w = np.asarray(omega)
-        f = np.abs(w.real) / (2.0 * pi)
-        if f.max(initial=0.0) > self.largest_frequency * (1.0 + 1e-12):
-            raise ValueError(
-                f"the propagation coefficient is known up to {self.largest_frequency:g} Hz, asked for "
-                f"{f.max():g} Hz. Cure: limit the band"
-            )
-        knots = np.concatenate([[0.0], self.frequency])
-        phase = PchipInterpolator(
-            knots, 2.0 * pi * knots / np.concatenate([self.phase_velocity[:1], self.phase_velocity])
-        )
-        fading = PchipInterpolator(knots, np.concatenate([[0.0], self.attenuation]))
-        f = np.minimum(f, self.largest_frequency)
-        sign = np.where(w.real < 0.0, -1.0, 1.0)
-        k = sign * phase(f) - 1j * fading(f)
-        if np.iscomplexobj(w):
-            k = k + 1j * w.imag * (phase(f, 1) - 1j * sign * fading(f, 1)) / (2.0 * pi)
-        return np.asarray(k, dtype=complex)
-
-    def stiffness(self, omega: ArrayLike) -> ComplexArray:
-        """Eq. (B.6): rho A (omega / k)^2 [N]."""
-        return _stiffness_of(self.bar, self._speed(np.asarray(omega)))
-
-    def impedance(self, omega: ArrayLike) -> ComplexArray:
-        """Eq. (B.5): rho A omega / k [N s/m]."""
-        return _impedance_of(self.bar, self._speed(np.asarray(omega)))
-
-    def _speed(self, omega: NDArray[Any]) -> ComplexArray:
-        return _speed_of(omega, self.wavenumber(omega), float(self.phase_velocity[0]))

@@ -189,22 +189,9 @@ def on_one_clock(recordings: Sequence[Recording], offsets: Sequence[float]) -> t
     Recordings of one time base stay as they are. Another recorder's samples are taken between its own where
     they fall between them, as of a band-limited signal, which changes neither its energy nor its noise.
 
-    Parameters
-    ----------
-    recordings
-        One for each channel, each on its recorder's clock.
-    offsets
-        Shot's clock minus recorder's clock of each [s].
-
-    Returns
-    -------
-    tuple of Recording
-        All on the first one's recorder's clock.
-
-    Raises
-    ------
-    ValueError
-        If the intervals differ, or the recordings have hardly a sample in common.
+    ``recordings``: one for each channel, each on its recorder's clock. ``offsets``: shot's clock minus
+    recorder's clock of each [s]. Raises ValueError if the intervals differ, or the recordings have hardly a
+    sample in common. Returns: all on the first one's recorder's clock.
     """
     first = recordings[0]
     start, interval = uniform_clock(first)

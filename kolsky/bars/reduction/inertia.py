@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from kolsky.bars.audit import Switches, correction_key
 from kolsky.bars.flyer.path import FlyerPath
-from kolsky.bars.records import BarSignal, Correction, History, Quantity, Reduction
+from kolsky.bars.records import Correction, History, Quantity, Reduction
 from kolsky.bars.reduction.validity import Validity, validity
 from kolsky.bars.signals.arrival import moving_mean
 from kolsky.base.apparatus import Bar, Specimen
@@ -258,21 +258,9 @@ def correct_inertia(
 ) -> tuple[Reduction, tuple[Correction, ...]]:
     """The stresses without the inertia of the specimen, where that is asked for.
 
-    Parameters
-    ----------
-    reduction
-        The reduction.
-    specimen
-        The specimen before the test; its density counts here.
-    bars
-        The bars by side.
-    acts
-        As `corrections_that_act` gave it for the test as declared.
-
-    Returns
-    -------
-    tuple of Reduction and Correction
-        Both entries of the log, applied or not; their sizes are those of the stress by three waves.
+    ``reduction``: the reduction. ``specimen``: the specimen before the test; its density counts here.
+    ``bars``: the bars by side. ``acts``: as `corrections_that_act` gave it for the test as declared. Returns:
+    both entries of the log, applied or not; their sizes are those of the stress by three waves.
     """
     motion = specimen_motion(reduction, bars)
     strain = reduction.strain[WAY]
@@ -341,40 +329,6 @@ def path_acceleration(path: FlyerPath, time: ArrayLike) -> History:
     return History(value, sigma, "m/s^2")
 
 
-def gradient_acceleration(
-    near: BarSignal, far: BarSignal, time: ArrayLike, *, sigma_gain: float, sigma_distance: float = 0.0
-) -> History:
-    """Acceleration of a bar midway between two gauges, from the gradient of its strain.
-
-    Newton's second law for the piece of bar between them: ``rho A d dv/dt = E A (eps_up - eps_down)``, so
-    ``a = c0^2 (eps_up - eps_down) / d``, upstream minus downstream. The difference stands for the gradient
-    up to ``(omega d / c0)^2 / 24`` of it.
-    """
-    t = np.asarray(time, dtype=np.float64)
-    d = far.position - near.position
-    if near.side != far.side or near.bar != far.bar or not d > 0.0:
-        raise ValueError(
-            f"the two gauges must be on one bar, `near` nearer to the specimen; got {near.side} bar at"
-            f" {near.position:g} m and {far.side} bar at {far.position:g} m"
-        )
-    _not_negative(sigma_gain=sigma_gain, sigma_distance=sigma_distance)
-    values = []
-    for signal in (near, far):
-        s = signal.strain
-        if t.size and not (s.start <= t.min() and t.max() <= s.end):
-            raise ValueError(
-                f"{s.name or 'a gauge'} spans {s.start:.9g} to {s.end:.9g} s, asked for {t.min():.9g} to"
-                f" {t.max():.9g} s; keep the times inside both records"
-            )
-        values.append(np.interp(t, s.time, s.value))
-    speed2 = near.bar.wave_speed**2
-    sign = 1.0 if near.side == "incident" else -1.0
-    a = sign * speed2 * (values[1] - values[0]) / d
-    noise = speed2 / d * np.hypot(near.strain.sigma, far.strain.sigma)
-    gain = speed2 / d * sigma_gain * 0.5 * np.abs(values[0] + values[1])
-    return History(a, np.sqrt(noise**2 + gain**2 + (a * sigma_distance / d) ** 2), "m/s^2")
-
-
 def compensate_mass(
     time: ArrayLike,
     force: History,
@@ -390,6 +344,8 @@ def compensate_mass(
 
     ``F = F_gauge - m a`` before the specimen and ``F = F_gauge + m a`` behind it, where the mass is pushed
     by the specimen.
+
+    Raises ValueError if shapes differ, the mass is not positive, a sigma is negative, or the side is unknown.
 
     Parameters
     ----------
@@ -409,11 +365,6 @@ def compensate_mass(
         False leaves the force as it is; the correction is measured all the same.
     source
         Where the acceleration is from, for the audit log.
-
-    Raises
-    ------
-    ValueError
-        If shapes differ, the mass is not positive, a sigma is negative, or the side is unknown.
     """
     t = np.asarray(time, dtype=np.float64)
     _one_shape(t, (force, acceleration))

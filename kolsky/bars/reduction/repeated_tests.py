@@ -89,18 +89,9 @@ def average(curves: Sequence[Curve], *, points: int | None = None) -> Repeats:
     Curves are interpolated linearly to a uniform axis from the latest start to the earliest end; what lies
     outside is cut off, and a remark says so.
 
-    Parameters
-    ----------
-    curves
-        The tests, at least two.
-    points
-        Points of the common axis, at least 2; by default as many as the test with the fewest has there.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two tests, an axis does not increase, lengths differ, a value is not finite,
-        or the tests have no range in common.
+    ``curves``: the tests, at least two. ``points``: points of the common axis, at least 2; by default as many
+    as the test with the fewest has there. Raises ValueError if there are fewer than two tests, an axis does
+    not increase, lengths differ, a value is not finite, or the tests have no range in common.
     """
     if len(curves) < 2:
         raise ValueError(f"a scatter needs at least 2 tests, got {len(curves)}")
@@ -196,6 +187,8 @@ def repeated_tests(
     same bars, gauges and instruments, are taken as shared, their noise with them: where it matters, the band
     is on the safe side by it.
 
+    Raises ValueError if an option is unknown, or as `kolsky.bars.reduction.repeated_tests.average`.
+
     Parameters
     ----------
     reductions
@@ -208,11 +201,6 @@ def repeated_tests(
         "one wave", "two waves" or "three waves".
     points
         Points of the common axis; see `kolsky.bars.reduction.repeated_tests.average`.
-
-    Raises
-    ------
-    ValueError
-        If an option is unknown, or as `kolsky.bars.reduction.repeated_tests.average`.
     """
     if quantity not in QUANTITIES or over not in AXES or quantity == over:
         raise ValueError(

@@ -137,6 +137,11 @@ def reduce(
     differ, "one wave" needs a share of the transmitted one too, Eqs. (R.7) to (R.9). In tension all of it
     holds with negative strains.
 
+    Raises ValueError if the specimen's sizes are not positive or it is wider than the bars.
+
+    Returns: each sigma is that of the gauges' noise alone, white and independent, carried exactly through the
+    linear combinations and the trapezoidal sum, Eq. (R.12).
+
     Parameters
     ----------
     faces
@@ -151,17 +156,6 @@ def reduce(
     average
         Time over which the forces are averaged for R [s]; without it the time a wave needs to cross the
         diameter of the thicker bar.
-
-    Returns
-    -------
-    Reduction
-        Each sigma is that of the gauges' noise alone, white and independent, carried exactly through the
-        linear combinations and the trapezoidal sum, Eq. (R.12).
-
-    Raises
-    ------
-    ValueError
-        If the specimen's sizes are not positive or it is wider than the bars.
     """
     _check(faces, specimen)
     bars = BarWaves(faces, guides)

@@ -90,6 +90,8 @@ def summarise(
 ) -> Summary:
     """Summary of a reduction.
 
+    Raises ValueError if the analysis has another name.
+
     Parameters
     ----------
     reduction
@@ -104,15 +106,6 @@ def summarise(
         |R| up to which the forces count as balanced [-].
     share
         Least balanced length of the plateau as a share of the incident pulse's [-].
-
-    Returns
-    -------
-    Summary
-
-    Raises
-    ------
-    ValueError
-        If the analysis has another name.
     """
     if analysis not in reduction.strain:
         raise ValueError(f"analysis = {analysis!r} must be one of {', '.join(map(repr, reduction.strain))}")
@@ -136,18 +129,6 @@ def summarise(
         modulus_reason=reason,
         energy=energy_balance(reduction, faces, specimen),
     )
-
-
-def mean_over(
-    history: History, time: FloatArray, span: tuple[float, float], name: str, *, alike: float = 1.0
-) -> Quantity:
-    """Mean of a history over a time span, with the sigma of the mean."""
-    inside = (time >= span[0]) & (time <= span[1])
-    n = int(inside.sum())
-    if n == 0:
-        raise ValueError(f"no sample between {span[0]:.6g} s and {span[1]:.6g} s")
-    sigma = sqrt(alike * float((history.sigma[inside] ** 2).sum())) / n
-    return Quantity(name, float(history.value[inside].mean()), sigma, history.unit, "A")
 
 
 def energy_balance(reduction: Reduction, faces: FaceWaves, specimen: Specimen) -> EnergyBalance:
@@ -339,10 +320,7 @@ def numbers(reduction: Reduction, summary: Summary, span: Span | None) -> dict[s
     Where a varied input leaves no plateau, and so no span, the means are those over the summary's own span:
     they say what the input does to the test's values, plateau or not.
 
-    Raises
-    ------
-    ValueError
-        If the summary has means and neither has a span.
+    Raises ValueError if the summary has means and neither has a span.
     """
     way = summary.analysis
     strain, stress = reduction.strain[way].value, reduction.stress[way].value

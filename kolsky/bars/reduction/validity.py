@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from math import ceil, hypot, log, sqrt
+from math import hypot, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,19 +41,9 @@ def imbalance(
 ) -> FloatArray:
     """R(t) = 2 (F1 - F2) / (F1 + F2), Eq. (R.10), of forces averaged over `width` samples.
 
-    Parameters
-    ----------
-    front, back
-        Forces at the two faces [N], shape [n].
-    sigma_front, sigma_back
-        Standard deviations of one sample's noise [N].
-    width
-        Samples over which the forces are averaged first, >= 1.
-
-    Returns
-    -------
-    ndarray
-        R [-], shape [n]; inf where the mean force is below `LEAST_FORCE` times its own noise.
+    ``front``, ``back``: forces at the two faces [N], shape [n]. ``sigma_front``, ``sigma_back``: standard
+    deviations of one sample's noise [N]. ``width``: samples over which the forces are averaged first, >= 1.
+    Returns: R [-], shape [n]; inf where the mean force is below `LEAST_FORCE` times its own noise.
     """
     first, second = moving_mean(front, width), moving_mean(back, width)
     mean = 0.5 * (first + second)
@@ -70,26 +60,9 @@ def balanced_span(
 ) -> tuple[float, float] | None:
     """Longest span in which |R| stays within the allowance.
 
-    Parameters
-    ----------
-    time
-        Times [s], shape [n].
-    ratio
-        R [-], shape [n].
-    allowance
-        Largest |R| [-], > 0.
-    bridge
-        Excursions no longer than this do not end a span [s].
-
-    Returns
-    -------
-    tuple of float or None
-        First and last time [s].
-
-    Raises
-    ------
-    ValueError
-        If the allowance is not greater than 0.
+    ``time``: times [s], shape [n]. ``ratio``: r [-], shape [n]. ``allowance``: largest |R| [-], > 0.
+    ``bridge``: excursions no longer than this do not end a span [s]. Raises ValueError if the allowance is
+    not greater than 0. Returns: first and last time [s].
     """
     if not allowance > 0.0:
         raise ValueError(f"the allowance of R = {allowance} must be greater than 0")
@@ -104,25 +77,6 @@ def balanced_span(
         return None
     first, last = max(merged, key=lambda run: run[1] - run[0])
     return (float(time[first]), float(time[last])) if last > first else None
-
-
-def elastic_transits(impedance_ratio: float, *, allowance: float = ALLOWANCE) -> int:
-    """Transits after which an elastic specimen under a step is in equilibrium.
-
-    Eq. (R.11): with r = (1 - beta) / (1 + beta), equal bars and a step of the incident wave, the forces at
-    the faces after m transits are 1 - r^m and 1 - r^(m + 1) of the last, and
-    R = 2 r^m (1 - r) / (2 - r^m (1 + r)). A slower rise takes fewer transits from its end, more from its
-    beginning.
-    """
-    if not 0.0 < impedance_ratio <= 1.0:
-        raise ValueError(f"the impedance ratio of specimen and bars = {impedance_ratio} must be in (0, 1]")
-    if not allowance > 0.0:
-        raise ValueError(f"the allowance of R = {allowance} must be greater than 0")
-    r = (1.0 - impedance_ratio) / (1.0 + impedance_ratio)
-    if r == 0.0:
-        return 1
-    power = 2.0 * allowance / (2.0 * (1.0 - r) + allowance * (1.0 + r))
-    return max(0, ceil(log(power) / log(r) - 1e-9))
 
 
 def report_equilibrium(
@@ -255,6 +209,8 @@ def find_span(
     |R| is within the allowance, not at all beyond twice the allowance, and in proportion between. Ends and
     weights are continuous in all inputs, so that a small change of an input moves the means a little.
 
+    Returns: None if no sample has a weight.
+
     Parameters
     ----------
     reduction
@@ -267,11 +223,6 @@ def find_span(
         Samples over which the stress is averaged.
     shift
         Times by which beginning and end are moved [s].
-
-    Returns
-    -------
-    Span or None
-        None if no sample has a weight.
     """
     time, strain, stress = reduction.time, reduction.strain[analysis].value, reduction.stress[analysis].value
     last = int(np.abs(strain).argmax())
@@ -301,18 +252,8 @@ def judge_plateau(
 ) -> Plateau:
     """The plateau of a test, if it is long enough, and whether stress and rate are flat on it.
 
-    Parameters
-    ----------
-    reduction, analysis, allowance
-        As for `find_span`.
-    faces
-        The waves it was made from.
-    share
-        Least balanced length as a share of the incident pulse's [-].
-
-    Returns
-    -------
-    Plateau
+    ``reduction``, ``analysis``, ``allowance``: as for `find_span`. ``faces``: the waves it was made from.
+    ``share``: least balanced length as a share of the incident pulse's [-].
     """
     width = averaging_width(faces)
     span = find_span(reduction, analysis=analysis, allowance=allowance, width=width)
@@ -466,6 +407,9 @@ def validity(
     not cut the window. An interval counts if the difference of the forces over their mean, and the inertial
     stress over the mean stress, are within `share`, and `COVERAGE` sigmas of both sides are too.
 
+    Raises ValueError if shapes differ, an option is outside its range, or the averaging leaves fewer than 3
+    intervals.
+
     Parameters
     ----------
     time
@@ -483,11 +427,6 @@ def validity(
         Share of the stress that may be inertia, and that the forces may differ by [-], in (0, 1).
     average
         Length of the averaging intervals [s]; each sample by itself if 0. Noise is taken as white.
-
-    Raises
-    ------
-    ValueError
-        If shapes differ, an option is outside its range, or the averaging leaves fewer than 3 intervals.
     """
     t, extra = np.asarray(time, dtype=np.float64), np.asarray(inertial_stress, dtype=np.float64)
     _check(t, (front_force.value, back_force.value, strain.value, extra), area, share, average)

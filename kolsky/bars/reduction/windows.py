@@ -249,15 +249,8 @@ def check_windows(
     A delayed or early reflected pulse indicates a wrong distance or wave speed; a specimen that does not
     touch the bars, or is slow to load, delays the transmitted one.
 
-    Parameters
-    ----------
-    incident, transmission, tension, transit
-        As for `find_windows`.
-
-    Returns
-    -------
-    tuple of PulseCheck
-        Of the reflected and of the transmitted pulse.
+    ``incident``, ``transmission``, ``tension``, ``transit``: as for `find_windows`. Returns: of the reflected
+    and of the transmitted pulse.
     """
     sign = -1 if tension else 1
     arrival = incident_arrival(incident, tension=tension)
@@ -372,24 +365,10 @@ def alignments(
 ) -> tuple[dict[str, Alignment], dict[str, str]]:
     """Alignment of each wave whose pulse was observed, and why another has none.
 
-    Parameters
-    ----------
-    arrival
-        Arrival of the incident pulse at its gauge.
-    checks
-        Predicted and observed arrival of the reflected and the transmitted pulse.
-    switches
-        An alignment that is on must be possible.
-
-    Returns
-    -------
-    tuple of dict
-        Wave -> alignment, applied or not, and wave -> reason.
-
-    Raises
-    ------
-    ValueError
-        If an alignment is switched on and its pulse was not found.
+    ``arrival``: arrival of the incident pulse at its gauge. ``checks``: predicted and observed arrival of the
+    reflected and the transmitted pulse. ``switches``: an alignment that is on must be possible. Raises
+    ValueError if an alignment is switched on and its pulse was not found. Returns: wave -> alignment, applied
+    or not, and wave -> reason.
     """
     found, missing = {}, {}
     for (wave, key), check in zip(KEYS.items(), checks, strict=True):

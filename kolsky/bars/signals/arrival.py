@@ -73,10 +73,6 @@ def find_arrival(
     smallest
         A pulse must exceed this too, in the signal's unit, >= 0.
 
-    Returns
-    -------
-    Arrival
-
     Raises
     ------
     ValueError

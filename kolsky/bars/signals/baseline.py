@@ -18,10 +18,7 @@ from kolsky.base.arrays import FloatArray, IntArray
 class Noise:
     """Stationary Gaussian noise on uniform samples.
 
-    Raises
-    ------
-    ValueError
-        If sigma is negative, or the correlation does not start at 1 or belongs to no noise.
+    Raises ValueError if sigma is negative, or the correlation does not start at 1 or belongs to no noise.
     """
 
     sigma: float
@@ -161,21 +158,9 @@ def measure_signal_zero(
 ) -> SignalZero:
     """Zero, noise and drift of a signal at rest.
 
-    Parameters
-    ----------
-    time
-        Uniform sample times [s], shape [n].
-    value
-        Samples, shape [n].
-    span
-        First and last time of the rest [s].
-    name
-        Whose baseline it is, for messages.
-
-    Raises
-    ------
-    ValueError
-        If the span is reversed, holds fewer than 20 samples, or all its samples are the same.
+    ``time``: uniform sample times [s], shape [n]. ``value``: samples, shape [n]. ``span``: first and last
+    time of the rest [s]. ``name``: whose baseline it is, for messages. Raises ValueError if the span is
+    reversed, holds fewer than 20 samples, or all its samples are the same.
     """
     first, last = span
     if not first < last:
@@ -348,16 +333,8 @@ def drift_quantities(gauge: str, strength: float, length: float, unit: str = "1"
     variance 2 D length / ((k - 1/2) pi)^2, Eq. (U.18), raised so that `MODES` of them hold all of the walk's
     variance over the time.
 
-    Parameters
-    ----------
-    gauge
-        Whose drift it is; begins the names.
-    strength
-        D [unit^2/s].
-    length
-        Time from the baseline's end to the last sample that is used [s], > 0.
-    unit
-        Unit of the signal.
+    ``gauge``: whose drift it is; begins the names. ``strength``: d [unit^2/s]. ``length``: time from the
+    baseline's end to the last sample that is used [s], > 0. ``unit``: unit of the signal.
     """
     k = np.arange(1, MODES + 1)
     share = 2.0 / ((k - 0.5) * pi) ** 2

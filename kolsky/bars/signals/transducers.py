@@ -15,14 +15,11 @@ from numpy.typing import NDArray
 
 from kolsky.bars.audit import AuditLog, Switches
 from kolsky.bars.records import Correction, Quantity, Signal, uniform_clock
-from kolsky.bars.signals.baseline import estimate_noise, measure_signal_zero
+from kolsky.bars.signals.baseline import measure_signal_zero
 from kolsky.bars.signals.bridge import check_fields
 from kolsky.base.apparatus import Transducer
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.records import ForceHistory, Recording
-
-_FEWEST_TAIL = 50
-"""Samples of a tail; fewer say little about its shape."""
 
 
 def compensate_droop(
@@ -53,60 +50,10 @@ def droop_sigma(time: FloatArray, sigma: float, time_constant: float, *, start: 
     return sigma * factor
 
 
-def fit_time_constant(
-    time: FloatArray, value: FloatArray, span: tuple[float, float], *, name: str
-) -> Quantity:
-    """Time constant of a transducer from the tail after a force that stays, v = A exp(-t / tau)."""
-    inside = (time >= span[0]) & (time <= span[1])
-    t, v = time[inside], value[inside]
-    place = f"the tail {span[0]:.9g} to {span[1]:.9g} s"
-    if t.size < _FEWEST_TAIL:
-        raise ValueError(
-            f"{name}: {place} holds {t.size} samples, at least {_FEWEST_TAIL} are needed; widen it"
-        )
-    from scipy.optimize import OptimizeWarning, curve_fit  # loaded where it is of use
-
-    x = (t - t[0]) / (t[-1] - t[0])
-    slope, level = np.polyfit(x, v, 1)
-    rate = -slope / (level + 0.5 * slope)
-    try:
-        (A, rate), covariance = curve_fit(_tail, x, v, p0=(level, rate), jac=_tail_slopes)
-    except (RuntimeError, OptimizeWarning) as error:
-        raise ValueError(f"{name}: {place} is no exponential decay ({error}); choose another tail") from None
-    residual = v - _tail(x, A, rate)
-    memory = 1.0
-    if np.ptp(residual) > 0.0:
-        memory = max(estimate_noise(residual, freedom_lost=2).memory, 1.0)
-    sigma = float(np.sqrt(covariance[1, 1] * memory))
-    if not rate > 2.0 * sigma:
-        raise ValueError(
-            f"{name}: {place} falls by {rate:.3g} +- {sigma:.2g} of its height, which must be more than twice"
-            " its uncertainty; record a longer tail of a constant force, or state the time constant"
-        )
-    length = float(t[-1] - t[0])
-    return Quantity(
-        name=name,
-        value=length / float(rate),
-        sigma=length / float(rate) ** 2 * sigma,
-        unit="s",
-        kind="A",
-        freedom=max(t.size / memory - 2.0, 1.0),
-    )
-
-
 def _check_time_constant(time_constant: float) -> None:
     """Check that a time constant is finite and positive."""
     if not (np.isfinite(time_constant) and time_constant > 0.0):
         raise ValueError(f"the time constant of a droop must be finite and > 0 s, got {time_constant}")
-
-
-def _tail(x: FloatArray, A: float, rate: float) -> FloatArray:
-    return A * np.exp(-rate * x)
-
-
-def _tail_slopes(x: FloatArray, A: float, rate: float) -> FloatArray:
-    e = np.exp(-rate * x)
-    return np.stack([e, -A * x * e], axis=1)
 
 
 _FEWEST_BASELINE = 20
@@ -139,29 +86,14 @@ def force_history(
 ) -> ForceHistory:
     """Turn a recording in volts into a force.
 
-    Parameters
-    ----------
-    recording : Recording
-        The channel, in volts, on the recorder's clock.
-    transducer : Transducer
-        Sensitivity, sign and full scale.
-    baseline : tuple of float
-        First and last time of the stretch that gives zero and noise, on the shot's clock [s].
-    clock_offset : float
-        Shot's clock minus recorder's clock [s].
-
-    Returns
-    -------
-    ForceHistory
-        Force = sign * (V - mean baseline V) / sensitivity at every sample; sigma is the baseline's standard
-        deviation (with n - 1), the same for each sample. A finite time constant of the transducer is
-        compensated from the end of the baseline on, Eq. (U.6), and sigma grows by Eq. (U.7).
-
-    Raises
-    ------
-    ValueError
-        If the unit is not V, a value is not finite, times do not increase, a sample reaches full scale,
-        the baseline holds fewer than 20 samples or no scatter at all, or the transducer is impossible.
+    ``recording``: the channel, in volts, on the recorder's clock. ``transducer``: sensitivity, sign and full
+    scale. ``baseline``: first and last time of the stretch that gives zero and noise, on the shot's clock
+    [s]. ``clock_offset``: shot's clock minus recorder's clock [s]. Raises ValueError if the unit is not V, a
+    value is not finite, times do not increase, a sample reaches full scale, the baseline holds fewer than 20
+    samples or no scatter at all, or the transducer is impossible. Returns: force = sign * (V - mean baseline
+    V) / sensitivity at every sample; sigma is the baseline's standard deviation (with n - 1), the same for
+    each sample. A finite time constant of the transducer is compensated from the end of the baseline on, Eq.
+    (U.6), and sigma grows by Eq. (U.7).
     """
     _check_transducer(transducer)
     _check_recording(recording, transducer)

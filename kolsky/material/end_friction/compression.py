@@ -307,6 +307,8 @@ def compress(
 ) -> Compression:
     """Compress a cylinder between platens.
 
+    Raises NoEquilibriumError if no equilibrium lies near the last one.
+
     Parameters
     ----------
     laws
@@ -327,11 +329,6 @@ def compress(
         Coulomb's coefficient of face and side if they are not; infinity: they do not slip [-].
     by_friction
         True if the coefficient is one more parameter, the last.
-
-    Raises
-    ------
-    NoEquilibriumError
-        If no equilibrium lies near the last one.
     """
     if strain.size < 1 or strain[0] <= 0.0 or strain[-1] >= 1.0 or (np.diff(strain) <= 0.0).any():
         raise ValueError("strains of a compression must ascend inside (0, 1)")

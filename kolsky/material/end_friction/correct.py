@@ -94,7 +94,7 @@ def _remarks_on(
     return tuple(said)
 
 
-_LAWS_TRIED = ("yeoh", "mooney_rivlin", "ogden2", "gent")
+_LAWS_TRIED = ("yeoh", "mooney_rivlin_2", "ogden2", "gent")
 """Laws of the library beside the curves of nodes: of the first invariant with two ways to go on, of both
 invariants, of the stretches."""
 LARGEST_LIKENESS = 0.9
@@ -113,6 +113,9 @@ def correct_friction(
 ) -> FrictionCorrection:
     """Find the uniaxial curve behind a compression test with friction at its ends.
 
+    Raises ValueError if friction is free without a measured radius, the stress is not positive, no
+    equilibrium exists, or no law meets the test; the message says which, and where.
+
     Parameters
     ----------
     band
@@ -128,12 +131,6 @@ def correct_friction(
     laws
         Laws of the library that are tried beside the curves of nodes, names of
         `kolsky.material.fits.compare.candidates`.
-
-    Raises
-    ------
-    ValueError
-        If friction is free without a measured radius, the stress is not positive, no equilibrium exists, or
-        no law meets the test; the message says which, and where.
     """
     test = checked_test(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
     try:
@@ -322,6 +319,8 @@ def fit_specimen(
     simulated test, on a coarse mesh; the optimum is then moved to the refined one, and a share of that change
     is in the uncertainties.
 
+    Raises ValueError if no law can be fitted; the message has each one's reason.
+
     Parameters
     ----------
     band
@@ -336,11 +335,6 @@ def fit_specimen(
         Radius at mid-height [m], shape [n], and its standard deviation [m].
     numerics
         Meshes and Poisson's ratio.
-
-    Raises
-    ------
-    ValueError
-        If no law can be fitted; the message has each one's reason.
     """
     test = checked_test(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
     near = fit_nodes(test, continuations=("exponential",))[0]

@@ -229,6 +229,10 @@ def fit_law(
 ) -> Fit:
     """Fit a law to one or several homogeneous tests at once.
 
+    Raises ValueError if the tests and the law cannot be fitted to each other; the message says why.
+
+    Returns: the best minimum of all starts; `outcome` says whether the data determine it.
+
     Parameters
     ----------
     law
@@ -252,16 +256,6 @@ def fit_law(
         Seed of the starts.
     name
         How the fit is called; the law's name with what is held, if not given.
-
-    Returns
-    -------
-    Fit
-        The best minimum of all starts; `outcome` says whether the data determine it.
-
-    Raises
-    ------
-    ValueError
-        If the tests and the law cannot be fitted to each other; the message says why.
     """
     if starts < 1:
         raise ValueError(f"starts must be >= 1, got {starts}")

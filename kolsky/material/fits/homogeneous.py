@@ -1,6 +1,6 @@
 """Nominal stress of a hyperelastic law in homogeneous deformations, incompressible and compressible.
 
-Tension is positive. Modes, and the strain and stress measures of a uniaxial test, stand here too.
+Tension is positive. The modes stand here too.
 
 With beta_i = lam_i dW/dlam_i the Kirchhoff stress of an incompressible solid is tau_i = beta_i - p; the free
 face 3 has tau_3 = 0, so p = beta_3 and the nominal stress is
@@ -104,55 +104,6 @@ def check_deformation(mode: Mode, deformation: FloatArray) -> None:
         raise ValueError(f"{mode.value}: {what} must be {allowed}, got {worst}")
 
 
-def stretch_of_nominal(strain: ArrayLike) -> FloatArray:
-    """Stretch 1 + e of a nominal strain e > -1 [-], shape [...]."""
-    return _checked(1.0 + np.asarray(strain, dtype=float))
-
-
-def stretch_of_logarithmic(strain: ArrayLike) -> FloatArray:
-    """Stretch exp(e) of a logarithmic strain [-], shape [...]."""
-    return _checked(np.exp(np.asarray(strain, dtype=float)))
-
-
-def logarithmic_strain(stretch: ArrayLike) -> FloatArray:
-    """Logarithmic ("true") strain ln(stretch) [-], shape [...]."""
-    return np.asarray(np.log(_checked(np.asarray(stretch, dtype=float))))
-
-
-def side_stretch(stretch: ArrayLike, *, poisson: float = 0.5) -> FloatArray:
-    """Stretch across the load at a constant logarithmic Poisson's ratio, lam^-nu [-], shape [...].
-
-    That ratio is 0.5 for an incompressible solid at any stretch. The linear rule 1 - nu e holds for small
-    strains only: at e = 1.28 and nu = 0.44 it takes away 56 % of the volume, this one adds 10 %.
-    """
-    if not 0.0 <= poisson <= 0.5:
-        raise ValueError(f"poisson must be in [0, 0.5], got {poisson}")
-    return np.asarray(_checked(np.asarray(stretch, dtype=float)) ** -poisson)
-
-
-def true_of_nominal(nominal: ArrayLike, stretch: ArrayLike, *, side: ArrayLike | None = None) -> FloatArray:
-    """True (Cauchy) stress T / lam_t^2 of a nominal stress T [Pa], shape [...], Eq. (Q.5)."""
-    return np.asarray(np.asarray(nominal, dtype=float) / _section(stretch, side))
-
-
-def nominal_of_true(true: ArrayLike, stretch: ArrayLike, *, side: ArrayLike | None = None) -> FloatArray:
-    """Nominal stress sigma lam_t^2 of a true stress; see `true_of_nominal`."""
-    return np.asarray(np.asarray(true, dtype=float) * _section(stretch, side))
-
-
-def _section(stretch: ArrayLike, side: ArrayLike | None) -> FloatArray:
-    """Deformed over undeformed section [-]."""
-    lam = _checked(np.asarray(stretch, dtype=float))
-    if side is None:
-        return np.asarray(1.0 / lam)
-    return np.asarray(_checked(np.asarray(side, dtype=float)) ** 2)
-
-
-def _checked(stretch: FloatArray) -> FloatArray:
-    check_deformation(Mode.UNIAXIAL, np.atleast_1d(stretch))
-    return stretch
-
-
 def incompressible_stress(law: Stretches, mode: Mode, deformation: ArrayLike) -> FloatArray:
     """Nominal stress of an incompressible solid, Eqs. (Q.2) and (Q.3).
 
@@ -188,10 +139,8 @@ def compressible_stress(
 def free_stretch(law: Stretches, volume: VolumetricLaw, mode: Mode, deformation: ArrayLike) -> FloatArray:
     """Stretch of the free faces of a compressible solid [-], shape [...]: the root of tau_3 = 0.
 
-    Raises
-    ------
-    ValueError
-        If a stretch is not > 0, the mode has no free face, or no stretch leaves the face without stress.
+    Raises ValueError if a stretch is not > 0, the mode has no free face, or no stretch leaves the face
+    without stress.
     """
     if mode is Mode.SIMPLE_SHEAR:
         raise ValueError("simple shear prescribes the whole deformation: no face is free")

@@ -70,10 +70,7 @@ class HomogeneousTest:
     def within(self, low: float, high: float) -> Self:
         """The part between two nominal strains (or amounts of shear).
 
-        Raises
-        ------
-        ValueError
-            If it has fewer than 3 points.
+        Raises ValueError if it has fewer than 3 points.
         """
         kept = (self.strain >= low) & (self.strain <= high)
         return replace(
@@ -171,6 +168,8 @@ def read_homogeneous_test(
 ) -> tuple[HomogeneousTest, str]:
     """Read a homogeneous test, positive in tension, and the SHA-256 of its file.
 
+    Raises InputError if the file cannot be read, or its columns are no test of this mode.
+
     Parameters
     ----------
     path
@@ -179,11 +178,6 @@ def read_homogeneous_test(
         Which columns hold stress and deformation, in which units and with which sign.
     mode
         Deformation of the test.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or its columns are no test of this mode.
     """
     path = Path(path)
     if columns.force:

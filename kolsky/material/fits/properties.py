@@ -60,17 +60,9 @@ class Recovery:
 def youngs_modulus(strain: FloatArray, stress: FloatArray, *, upto: float = _INITIAL) -> Measured | None:
     """Slope of the regression line of stress over strain, |strain| <= `upto`.
 
-    Parameters
-    ----------
-    strain, stress
-        Nominal, of one sign convention [-] and [Pa], shape [n].
-    upto
-        End of the range [-].
-
-    Returns
-    -------
-    Measured or None
-        Modulus [Pa] with the regression's standard error; None with fewer than `FEWEST` strains in the range.
+    ``strain``, ``stress``: nominal, of one sign convention [-] and [Pa], shape [n]. ``upto``: end of the
+    range [-]. Returns: modulus [Pa] with the regression's standard error; None with fewer than `FEWEST`
+    strains in the range.
     """
     inside = np.abs(strain) <= upto * (1.0 + 1e-9)
     x, y = strain[inside], stress[inside]
@@ -168,19 +160,9 @@ def healing(
 ) -> Healing:
     """Compare specimens that were cut and healed with undamaged ones.
 
-    Parameters
-    ----------
-    undamaged, healed
-        Uniaxial tensile tests, one a specimen.
-    law
-        Law of `explicit.materials.LAWS` whose constants are compared.
-    poisson
-        Its Poisson's ratio at rest; incompressible if not given.
-
-    Raises
-    ------
-    ValueError
-        If a group is empty, or a test is none of uniaxial tension.
+    ``undamaged``, ``healed``: uniaxial tensile tests, one a specimen. ``law``: law of
+    `explicit.materials.LAWS` whose constants are compared. ``poisson``: its Poisson's ratio at rest;
+    incompressible if not given. Raises ValueError if a group is empty, or a test is none of uniaxial tension.
     """
     if not undamaged or not healed:
         raise ValueError("a healing efficiency needs undamaged and healed specimens")

@@ -259,22 +259,10 @@ def search(residuals: Residuals, *, bounded: bool, starts: int, seed: int) -> Se
 
     A search without bounds begins at the bounded optimum too, so it is never worse.
 
-    Parameters
-    ----------
-    residuals
-        The problem.
-    bounded
-        Keep within the bounds in which the energy is positive; otherwise in those in which the law exists.
-    starts
-        Starts that are polished.
-    seed
-        Of the draws.
-
-    Raises
-    ------
-    ValueError
-        If the least squares lie where there is no law: its initial shear modulus would not be > 0, or it
-        has no stress at a point.
+    ``residuals``: the problem. ``bounded``: keep within the bounds in which the energy is positive; otherwise
+    in those in which the law exists. ``starts``: starts that are polished. ``seed``: of the draws. Raises
+    ValueError if the least squares lie where there is no law: its initial shear modulus would not be > 0, or
+    it has no stress at a point.
     """
     lower, upper = _bounds(residuals, bounded)
     known = []

@@ -108,21 +108,9 @@ class HistoryTest:
     ) -> "HistoryTest":
         """A stretch reached within `rise` [s] at a constant rate, then held.
 
-        Parameters
-        ----------
-        time : array, shape [n]
-            Times after the beginning of the rise, ascending, all >= `rise` [s].
-        stress, sigma : array, shape [n]
-            Nominal stress and its standard uncertainty [Pa].
-        stretch : float
-            The stretch held [-].
-        rise : float
-            Time of the rise [s]; 0 for a step.
-
-        Raises
-        ------
-        ValueError
-            If a time lies within the rise.
+        ``time``: times after the beginning of the rise, ascending, all >= `rise` [s]. ``stress``, ``sigma``:
+        nominal stress and its standard uncertainty [Pa]. ``stretch``: the stretch held [-]. ``rise``: time of
+        the rise [s]; 0 for a step. Raises ValueError if a time lies within the rise.
         """
         t = np.asarray(time, dtype=float)
         if not rise >= 0.0 or not (t >= rise).all():

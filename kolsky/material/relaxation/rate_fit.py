@@ -71,10 +71,7 @@ class RateFit:
     def interval(self, name: str, *, coverage_factor: float = 2.0) -> tuple[float, float]:
         """Interval of a parameter, from the covariance of the logarithms.
 
-        Raises
-        ------
-        ValueError
-            If the fit has no such parameter.
+        Raises ValueError if the fit has no such parameter.
         """
         if name not in self.names:
             raise ValueError(f"parameter must be one of {', '.join(self.names)}, got {name!r}")
@@ -321,10 +318,7 @@ def required_branches(
 ) -> RateVerdict:
     """Fit 0, 1, ... `at_most` branches and judge each by what it improves.
 
-    Raises
-    ------
-    ValueError
-        As of `fit_prony`.
+    Raises ValueError as of `fit_prony`.
     """
     fits = [fit_prony(law, evidence, 0)]
     for n in range(1, at_most + 1):
@@ -432,19 +426,9 @@ def fitted_modulus(
 ) -> tuple[FloatArray, FloatArray]:
     """E(t) of a fit over the same axis, with its standard uncertainty [Pa].
 
-    Parameters
-    ----------
-    fit : RateFit
-        From `kolsky.material.relaxation.rate_fit`.
-    young : float
-        Initial modulus of the long-term law, 3 mu_0 [Pa].
-    age : array, shape [n]
-        Times after a step of strain [s].
-
-    Returns
-    -------
-    tuple of array, shape [n]
-        Modulus and standard uncertainty, by the covariance of the logarithms.
+    ``fit``: from `kolsky.material.relaxation.rate_fit`. ``young``: initial modulus of the long-term law, 3
+    mu_0 [Pa]. ``age``: times after a step of strain [s]. Returns: modulus and standard uncertainty, by the
+    covariance of the logarithms.
     """
     t = np.asarray(age, dtype=float)
     n = len(fit.values) // 2

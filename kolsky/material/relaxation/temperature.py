@@ -34,7 +34,6 @@ UNDETERMINED = 0.5
 """Standard uncertainty of a shift from which on it is not determined [decades]."""
 UNLIKELY = 0.01
 """Probability below which chance does not explain what a law of fewer constants leaves."""
-LN10 = float(np.log(10.0))
 
 
 @dataclass(frozen=True)

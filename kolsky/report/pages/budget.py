@@ -121,10 +121,9 @@ def _warnings(result: Budget) -> list[str]:
 
 def _campaign(campaign: Campaign) -> list[tuple[str, str]]:
     rates = campaign.rates
-    where = "half at either end" if campaign.layout == "ends" else "evenly in the logarithm"
     return [
         ("shots", str(campaign.shots)),
-        ("nominal strain rates", f"{rates[0]:.4g} to {rates[-1]:.4g} 1/s, {where}"),
+        ("nominal strain rates", f"{rates[0]:.4g} to {rates[-1]:.4g} 1/s, half at either end"),
         ("standard deviation of one shot about the line", numbers.plain(campaign.sigma, 3)),
         ("expanded uncertainty of the slope per decade", numbers.plain(campaign.half_width, 3)),
     ]

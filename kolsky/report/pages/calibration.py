@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from dic.calibration import Calibration
+from dic.calibration.views import Calibration
 from kolsky.report.figures import CALIBRATION
 from kolsky.report.pages.rendering import draw_figures, render_page, write_html
 from kolsky.results import numbers

@@ -18,8 +18,7 @@ from markupsafe import Markup
 from explicit import Ending
 from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.base.arrays import FloatArray
-from kolsky.diagnosis.cause_inputs import CANDIDATES, WITHOUT_TRACE
-from kolsky.diagnosis.causes import DISPLAY_UNITS
+from kolsky.diagnosis.cause_inputs import WITHOUT_TRACE
 from kolsky.inverse.parameters import PARAMETERS, has_effect, reference_words
 from kolsky.inverse.result import CauseFinding, Estimate, Identification, Verdict, worst_imbalance
 from kolsky.report.figures import RECORDINGS, REGISTRY
@@ -36,6 +35,7 @@ from kolsky.results import display, nomenclature, numbers
 from kolsky.results.display import in_display_units
 from kolsky.results.identification_rows import fit_tables, held_line
 from kolsky.results.nomenclature import in_words, name_of, route_label
+from kolsky.shot.inputs import SHOWN, causes
 from kolsky.shot.recordings import ShotRecordings
 
 _NUMERICS = {"mesh": "mesh and step", "roughness": "roughness of the response"}
@@ -269,11 +269,11 @@ def cause_table(result: Identification) -> dict[str, Any]:
 
 
 def _cause_row(result: Identification, cause: CauseFinding) -> dict[str, Any]:
-    factor, unit = DISPLAY_UNITS.get(cause.unit, (1.0, "" if cause.unit == "1" else cause.unit))
+    factor, unit = SHOWN.get(cause.unit, (1.0, "" if cause.unit == "1" else cause.unit))
     unit = unit.replace("u", "µ", 1) if unit in ("us", "um") else unit
     value, half = numbers.measured(factor * cause.value, 2.0 * factor * cause.sigma)
     declared = numbers.plain(factor * cause.exact, 6) if cause.exact == cause.exact else numbers.NOTHING
-    check = next((c.check for c in CANDIDATES if c.key == cause.key), cause.key)
+    check = next((c.check for c in causes() if c.key == cause.key), cause.key)
     words = cause.words + (f", beside {cause.beside}" if cause.beside else "")
     return {
         "words": words,

@@ -102,7 +102,6 @@ def printed(shown: SpecimenView | SheetView) -> dict[str, str]:
         data = found.problem.data
         return {
             "kinematics": found.problem.sheet.kinematics.replace("_", " "),
-            "force from": found.problem.sheet.force_from,
             "steps": str(len(data.pad)),
             "misfit of the displacements": f"{numbers.percent(float(found.misfit.min()))} to "
             f"{numbers.percent(float(found.misfit.max()))}",

@@ -103,21 +103,9 @@ def whole_search(shot: Shot, settings: Settings) -> Estimate:
 def refit(shot: Shot, settings: Settings, start: Mapping[str, float]) -> Estimate:
     """The optimum next to a start, on the refined mesh, with the weights of `whole_search`.
 
-    The path of the flyer stays as fitted to its record, as with `settings.replicates` of 0.
-
-    Parameters
-    ----------
-    shot
-        The test.
-    settings
-        As those of the whole search; what is free is what the start names.
-    start
-        Free parameters and where they begin, SI.
-
-    Raises
-    ------
-    ValueError
-        If no run at the start completes.
+    The path of the flyer stays as fitted to its record, as with `settings.replicates` of 0. ``settings``: as
+    those of the whole search; what is free is what the start names. ``start``: free parameters and where they
+    begin, SI. Raises ValueError if no run at the start completes.
     """
     free = {name: (settings.free or {}).get(name) for name in start}
     freed = choose(replace(settings, free=free), shot)

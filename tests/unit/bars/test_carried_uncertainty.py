@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from elastic_layer import Layer
+from monte_carlo import Spread, difference
 from softflyer import Flight
 
 from kolsky.bars.budget import propagate
@@ -13,29 +14,14 @@ from kolsky.bars.flyer.flight import Flight as Paths
 from kolsky.bars.flyer.flight import symmetry_end
 from kolsky.bars.flyer.path import FlyerPath, fit_flyer
 from kolsky.bars.guides.propagation import wave_speed
-from kolsky.bars.monte_carlo import Spread, difference
 from kolsky.bars.records import BarSignal, FaceWaves, Quantity, Signal
 from kolsky.bars.reduction.faces import face_waves
 from kolsky.bars.reduction.stress_strain import reduce
 from kolsky.bars.reduction.windows import find_windows
-from kolsky.bars.signals.transducers import fit_time_constant
 from kolsky.base.apparatus import Bar, Specimen
 
 BAR = Bar(diameter=20e-3, length=2.0, youngs_modulus=200e9, density=8000.0, poisson=0.0)
 SPECIMEN = Specimen(diameter=10e-3, length=4e-3, density=1000.0)
-
-
-def test_a_tail_with_correlated_noise_is_known_half_as_well():
-    """Each of 1000 draws held over four samples: their memory is 1 + 2 (3 + 2 + 1) / 4 = 4."""
-    t = 1e-6 * np.arange(4000)
-    tail = 40.0 * np.exp(-t / 2e-3)
-    draws = 0.4 * np.random.default_rng(0).standard_normal(1000)
-    white = tail + 0.4 * np.random.default_rng(1).standard_normal(4000)
-    one, four = (
-        fit_time_constant(t, v, (0.0, 4e-3), name="tau") for v in (white, tail + np.repeat(draws, 4))
-    )
-    assert four.sigma / one.sigma == pytest.approx(2.0, rel=0.3)  # a memory is estimated to 15 %
-    assert four.freedom == pytest.approx(one.freedom / 4.0, rel=0.5)
 
 
 def stations(slow=0.0, sigma=0.0, memory=1.0):

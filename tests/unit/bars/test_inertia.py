@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from kolsky.bars.records import BarSignal, History, Quantity, Signal
+from kolsky.bars.records import History, Quantity
 from kolsky.bars.reduction.inertia import (
     axial_stress,
     compensate_mass,
     correct_axial_inertia,
     correct_radial_inertia,
-    gradient_acceleration,
     radial_pressure,
 )
 from kolsky.base.apparatus import Bar, Specimen
@@ -121,33 +120,3 @@ def test_a_mass_before_and_behind_the_specimen():
         compensate_mass(t, gauge, moved, Quantity("platen", 0.0, 0.0, "kg", "B"))
     with pytest.raises(ValueError, match="'left'"):
         compensate_mass(t, gauge, moved, mass, side="left")
-
-
-@pytest.mark.parametrize("side", ["incident", "transmission"])
-def test_the_gradient_of_a_travelling_wave_is_its_acceleration(side):
-    """A wave in the incident wave's direction moves the bar with c0 eps, so a = c0 eps'."""
-    c, width, near, far = BAR.wave_speed, 100e-6, 0.05, 0.09
-
-    def strain(t):
-        return 1e-4 * np.exp(-(((t - 400e-6) / width) ** 2))
-
-    def gauge(position):
-        # Specimen at x = 0; incident gauges lie at -position, transmission gauges at +position.
-        delay = -position / c if side == "incident" else position / c
-        t = 1e-7 * np.arange(10000)
-        return BarSignal(Signal(0.0, 1e-7, strain(t - delay), 1e-8, "1", "gauge"), BAR, position, side)
-
-    t = np.linspace(100e-6, 900e-6, 500)
-    middle = (-1 if side == "incident" else 1) * 0.5 * (near + far) / c
-    h = 1e-9
-    exact = c * (strain(t - middle + h) - strain(t - middle - h)) / (2 * h)
-    found = gradient_acceleration(gauge(near), gauge(far), t, sigma_gain=0.0)
-    # (omega d / c)^2 / 24 with omega ~ 2 / width: 1.1e-3 of the acceleration; twice that at the crest's bend.
-    np.testing.assert_allclose(found.value, exact, atol=3e-3 * np.abs(exact).max())
-    assert found.sigma[0] == pytest.approx(c**2 / 0.04 * np.sqrt(2) * 1e-8, rel=1e-3)
-    uneven = gradient_acceleration(gauge(near), gauge(far), np.array([400e-6]), sigma_gain=0.01)
-    assert uneven.sigma[0] == pytest.approx(c**2 / 0.04 * 0.01 * 1e-4, rel=0.05)  # strain near its crest
-    with pytest.raises(ValueError, match="nearer to the specimen"):
-        gradient_acceleration(gauge(far), gauge(near), t, sigma_gain=0.0)
-    with pytest.raises(ValueError, match="inside both records"):
-        gradient_acceleration(gauge(near), gauge(far), np.array([2e-3]), sigma_gain=0.0)

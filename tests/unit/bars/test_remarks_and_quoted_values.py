@@ -9,7 +9,7 @@ import pytest
 from kolsky.bars.budget import propagate
 from kolsky.bars.records import BudgetTable, Contribution, FaceWaves, History, Quantity, Reduction
 from kolsky.bars.reduction import summary as quoted
-from kolsky.bars.reduction.summary import EnergyBalance, Summary, mean_over, spread_of, summarise, way_sigmas
+from kolsky.bars.reduction.summary import EnergyBalance, Summary, spread_of, summarise, way_sigmas
 from kolsky.bars.reduction.validity import Span
 from kolsky.bars.reduction.windows import PulseCheck
 from kolsky.bars.signals.arrival import Arrival
@@ -234,11 +234,6 @@ def test_no_modulus_where_equilibrium_begins_when_the_stress_has_fallen():
     found = summarise(r, faces(41), SPECIMEN)
     assert found.modulus is None
     assert "begins after the largest stress" in found.modulus_reason
-
-
-def test_a_mean_needs_a_sample():
-    with pytest.raises(ValueError, match="no sample between 3 s and 4 s"):
-        mean_over(history([1.0, 2.0], 0.1), np.array([0.0, 1.0]), (3.0, 4.0), "x")
 
 
 def test_spread_of_the_largest_strains():

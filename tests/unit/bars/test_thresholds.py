@@ -10,7 +10,7 @@ from kolsky.bars.flyer.events import Event, end_of_dip, find_kink, find_push_bac
 from kolsky.bars.flyer.path import FlyerPath, path_strain
 from kolsky.bars.flyer.synchronisation import Agreement, Synchronisation, synchronise_velocity
 from kolsky.bars.records import BarSignal, History, Signal
-from kolsky.bars.reduction.inertia import correct_axial_inertia, gradient_acceleration, path_acceleration
+from kolsky.bars.reduction.inertia import correct_axial_inertia, path_acceleration
 from kolsky.bars.reduction.stress_strain import correct_punching, punching_compliance
 from kolsky.bars.reduction.validity import Reason, imbalance, validity
 from kolsky.bars.reduction.windows import check_windows, find_windows, incident_arrival, usable_limits
@@ -275,15 +275,6 @@ def test_axial_inertia_carries_the_noise_of_the_back_face():
     )
     assert found.value[0] == pytest.approx(1000.0 * 6e-3 * 200.0 / 2)
     assert found.sigma[0] == pytest.approx(5.0)  # 3 and 1000 * 6e-3 / 2 * 4 / 3 = 4 Pa
-
-
-def test_gradient_acceleration_carries_gain_and_distance():
-    """Strains 1e-4 and 3e-4, 50 mm apart: a = c^2 2e-4 / 0.05."""
-    near, far = (gauge(np.full(10, level), position=x, sigma=0.0) for level, x in ((1e-4, 0.5), (3e-4, 0.55)))
-    a = C**2 * 2e-4 / 0.05
-    found = gradient_acceleration(near, far, [0.5 * US], sigma_gain=0.01, sigma_distance=1e-3)
-    assert found.value[0] == pytest.approx(a)
-    assert found.sigma[0] == pytest.approx(np.hypot(C**2 / 0.05 * 0.01 * 2e-4, a * 1e-3 / 0.05))
 
 
 def flyer_path():

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from monte_carlo import monte_carlo
 
 from kolsky.bars.budget import budget_table, merge_quantities, propagate
-from kolsky.bars.monte_carlo import monte_carlo
 from kolsky.bars.records import Quantity
 from kolsky.bars.signals.baseline import Noise
 

@@ -11,7 +11,6 @@ from kolsky.bars.budget import propagate
 from kolsky.bars.signals.transducers import (
     compensate_droop,
     droop_sigma,
-    fit_time_constant,
     force_history,
     force_signal,
 )
@@ -135,25 +134,3 @@ def test_uncertainties_without_effect_are_refused():
         ValueError, match="'time_constant' has no effect on the force; allowed: 'sensitivity'"
     ):
         force(transducer=still, uncertainty={"time_constant": 1e-4})
-
-
-def test_time_constant_from_a_tail():
-    rng = np.random.default_rng(5)
-    tail = np.where(TIME >= STEP, 40.0 * np.exp(-(TIME - STEP) / TAU), 0.0)
-    found = [
-        fit_time_constant(TIME, tail + 0.4 * rng.standard_normal(TIME.size), (600e-6, 4e-3), name="tau")
-        for _ in range(150)
-    ]
-    values = np.array([q.value for q in found])
-    sigma = np.mean([q.sigma for q in found])
-    assert values.std() == pytest.approx(sigma, rel=0.25)  # 150 draws: 5.8 %, four of them
-    assert abs(values.mean() - TAU) < 4.0 * sigma / np.sqrt(150)
-    assert (found[0].kind, found[0].unit) == ("A", "s")
-
-
-def test_tails_without_a_decay_are_refused():
-    rng = np.random.default_rng(6)
-    with pytest.raises(ValueError, match=r"tau: the tail .* falls by .* must be more than twice"):
-        fit_time_constant(TIME, 40.0 + rng.standard_normal(TIME.size), (0.0, 1e-3), name="tau")
-    with pytest.raises(ValueError, match=r"holds 11 samples, at least 50"):
-        fit_time_constant(TIME, np.exp(-TIME / TAU), (0.0, 1.05e-5), name="tau")

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from kolsky.diagnosis import cause_model
-from kolsky.diagnosis.cause_inputs import Alteration, Changed
 from kolsky.diagnosis.cause_model import MOST_KEPT, CauseModel, Point
+from kolsky.shot.inputs import Change
 
 
 class Counted(CauseModel):
@@ -47,7 +47,7 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> list[list[list[float]]]:
 
 
 def at(x: float, **changed: Any) -> Point:
-    return Point(np.array([x]), Changed(**changed))
+    return Point(np.array([x]), Change(**changed))
 
 
 def test_a_launch_for_each_model_and_a_run_for_all_that_is_made_of_it(
@@ -58,7 +58,7 @@ def test_a_launch_for_each_model_and_a_run_for_all_that_is_made_of_it(
     asked = [
         at(1.0),
         at(2.0),
-        at(1.0, alteration=Alteration(force_factor=2.0)),
+        at(1.0, force_factor=2.0),
         at(1.0, **longer),
         at(9.0),
         at(3.0, **longer),
@@ -88,7 +88,7 @@ def test_what_was_run_lately_is_not_run_again(launched: list[list[list[float]]])
 def test_what_is_run_ahead_is_not_run_again(threads: int, launched: list[list[list[float]]]) -> None:
     model: Any = Counted(threads)
     model.respond([at(1.0)])
-    with model.ahead([at(1.0), at(2.0), at(9.0), at(2.0, alteration=Alteration(force_factor=2.0))]):
+    with model.ahead([at(1.0), at(2.0), at(9.0), at(2.0, force_factor=2.0)]):
         assert model.respond([at(1.0), at(3.0)]) == [1.0, 3.0]  # what is at work is no matter
     assert sorted(launched[1:]) == [[[2.0, 9.0]], [[3.0]]]
     assert model.respond([at(2.0), at(9.0), at(1.0), at(3.0)]) == [2.0, None, 1.0, 3.0]

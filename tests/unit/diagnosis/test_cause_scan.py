@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from kolsky.diagnosis.cause_fit import fit_linear
-from kolsky.diagnosis.cause_inputs import CandidateInput, Changed
 from kolsky.diagnosis.cause_model import Point
 from kolsky.diagnosis.cause_search import FINER, CauseSearch, scan_inputs
+from kolsky.shot.inputs import Cause, Change
 from tests.unit.diagnosis.test_declared_causes import K, LinearModel, candidate, expected, stages
 
 NARROW, WIDE, ALTERED = "narrow", "wide", "altered"
@@ -43,7 +43,7 @@ class Ahead(LinearModel):
         return found
 
 
-def inputs() -> list[CandidateInput]:
+def inputs() -> list[Cause]:
     coarse = tuple(0.5 * n for n in range(-8, 9))
     return [
         replace(candidate(ALTERED), scan=coarse),
@@ -66,12 +66,12 @@ def search(*, beside: bool) -> tuple[CauseSearch, Ahead]:
     return CauseSearch(stages(), one, expected(), np.ones(K, dtype=bool), inputs()), model
 
 
-def one_by_one(one: CauseSearch, tried: list[tuple[CandidateInput, float]]) -> dict[float, float]:
+def one_by_one(one: CauseSearch, tried: list[tuple[Cause, float]]) -> dict[float, float]:
     """Loss of each value, by a whole fit of its own."""
     losses = {}
     for c, u in tried:
         if c.lowest <= u <= c.highest:
-            vector = one.model.vectors([Point(one.x, Changed(values={c.key: u}))])[0]
+            vector = one.model.vectors([Point(one.x, Change(values={c.key: u}))])[0]
             fit = fit_linear(one.residual(vector), one.slope, one.expected, one.allowed(c))
             losses[u] = one.loss(one.expected.misfits(fit.residual))
     return losses

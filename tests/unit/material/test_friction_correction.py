@@ -70,7 +70,7 @@ def band(noise=0.0, mode=None):
 @pytest.fixture
 def plain(monkeypatch):
     row = SimpleNamespace(weight=1.0)
-    monkeypatch.setattr(correct, "described", lambda *a: row)
+    monkeypatch.setattr(correct, "model_fit", lambda *a: row)
 
 
 def test_the_curve_moves_to_the_refined_mesh_with_a_share_in_the_band(plain):
@@ -224,7 +224,7 @@ def test_a_law_without_stress_at_some_strain_is_a_failed_one(monkeypatch):
     monkeypatch.setattr(correct, "checked_test", lambda *a: test)
     monkeypatch.setattr(correct, "on_refined_mesh", lambda found, test: (found, test))
     monkeypatch.setattr(correct, "fit_nodes", lambda test: [found(test), bad])
-    monkeypatch.setattr(correct, "described", lambda *a: SimpleNamespace(weight=1.0))
+    monkeypatch.setattr(correct, "model_fit", lambda *a: SimpleNamespace(weight=1.0))
     made = correct_friction(band(), SPECIMEN, EndFriction("bonded"), laws=())
     assert np.isfinite(made.band.stress).all()
     assert [m.name for m in made.models[1:]] == ["falling"]
@@ -269,7 +269,7 @@ def test_a_test_that_no_law_meets_is_refused(misfit, refused, monkeypatch):
     monkeypatch.setattr(correct, "checked_test", lambda *a: test)
     monkeypatch.setattr(correct, "on_refined_mesh", lambda found, test: (found, test))
     monkeypatch.setattr(correct, "fit_nodes", lambda test: [found(test, theta=misfit)])
-    monkeypatch.setattr(correct, "described", lambda *a: SimpleNamespace(weight=1.0))
+    monkeypatch.setattr(correct, "model_fit", lambda *a: SimpleNamespace(weight=1.0))
     if refused:
         with pytest.raises(ValueError, match="no law meets the test: the best, factor, misses it by 3 %"):
             correct_friction(band(), SPECIMEN, EndFriction("bonded"), laws=())

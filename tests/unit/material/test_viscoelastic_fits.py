@@ -1,4 +1,4 @@
-"""Fits of Prony series and of the creeping network to made histories with known answers."""
+"""Fits of Prony series to made histories with known answers."""
 
 from dataclasses import replace
 
@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from explicit.materials import neo_hookean
-from explicit.relaxation import BergstromBoyce, PronySeries, bergstrom_boyce_stress
-from kolsky.material.relaxation.creep_fit import NAMES, fit_bergstrom_boyce
+from explicit.relaxation import PronySeries
 from kolsky.material.relaxation.evidence import DynamicTest, Evidence, HistoryTest, RateModel
 from kolsky.material.relaxation.rate_fit import fit_prony, required_branches
 
@@ -75,22 +74,6 @@ def test_a_time_that_no_test_reaches_is_said_to_be_at_its_bound() -> None:
     fast = RateModel(1.0, PronySeries((0.5,), (1e-4,)))
     made = replace(slow, stress=slow.predict(LAW, [fast])[0])
     assert required_branches(LAW, [made], at_most=1).branches == 0
-
-
-@pytest.mark.slow
-def test_the_creeping_network_is_found_from_four_rates() -> None:
-    network, rng, tests = BergstromBoyce(1.2, 6e3, 3.5, -0.5, 0.05), np.random.default_rng(0), []
-    for rate in (1e-3, 1e-1, 10.0, 500.0):
-        lam = np.concatenate([np.linspace(1.0, 0.6, 25), np.linspace(0.6, 0.95, 15)[1:]])
-        time = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(lam)))]) / rate
-        stress = bergstrom_boyce_stress(LAW, network, time, lam)[0] + 100.0 * rng.standard_normal(len(time))
-        tests.append(HistoryTest(time, lam, stress, np.full(len(time), 100.0)))
-    fit = fit_bergstrom_boyce(LAW, tests)
-    errors = (np.log(fit.values) - np.log([1.0, 1.2, 6e3, 3.5])) / np.sqrt(np.diag(fit.covariance))
-    assert np.abs(errors).max() < 3.5  # four normal numbers
-    assert NAMES[2] == "resistance"
-    assert not fit.at_bound
-    assert 110.0 < fit.chi_square < 205.0  # 152 +- 3 sqrt(304)
 
 
 def test_errors_name_what_is_wrong() -> None:

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from kolsky.cli.commandline import app
-from tests.unit.specimen.test_reading import _field_folder
+from tests.unit.bodies.test_reading import _field_folder
 
 SPEC = """
 [material]

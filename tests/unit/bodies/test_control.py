@@ -16,7 +16,7 @@ from kolsky.bodies.actuator_control import (
 )
 from kolsky.equilibrium.reduction import ReducedState
 from kolsky.equilibrium.solution import Outcome
-from tests.unit.actuator.small import DOWN, MOST, actuator
+from tests.unit.bodies.small import DOWN, MOST, actuator
 
 MODEL_SLOPE = 1e-5
 

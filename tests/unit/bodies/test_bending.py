@@ -11,7 +11,7 @@ from kolsky.bodies.actuator_model import bend_of, bend_slope, touching
 from kolsky.equilibrium.model import SelfContact
 from kolsky.equilibrium.solve import Newton
 from kolsky.equilibrium.surface_contact import surface_contacts
-from tests.unit.actuator.small import DOWN, MOST, actuator
+from tests.unit.bodies.small import DOWN, MOST, actuator
 
 SMALL = actuator()
 

@@ -6,7 +6,7 @@ import pytest
 from kolsky.bodies.sheet import Sheet
 from kolsky.bodies.sheet_fit import FieldData, FieldProblem, fit_field
 from kolsky.bodies.sheet_reading import MeasuredField, plan_sheet, simulate_sheet
-from tests.unit.specimen.sheets import PAD, constants, made, small_mesh
+from tests.unit.bodies.sheets import PAD, constants, made, small_mesh
 
 
 def _problem(**start: float) -> FieldProblem:

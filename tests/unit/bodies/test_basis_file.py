@@ -10,7 +10,7 @@ from kolsky.base.errors import InputError
 from kolsky.bodies import actuator_control
 from kolsky.bodies.actuator_control import basis_key
 from kolsky.bodies.actuator_reading import ControlSection
-from tests.unit.actuator.small import DOWN, MOST, actuator
+from tests.unit.bodies.small import DOWN, MOST, actuator
 
 SECTION = ControlSection.model_construct(
     angles=[0.02], hold=0.5, rate=20.0, gain=0.3, most=MOST, modes=4, tolerance=1e-3, snapshots=3,

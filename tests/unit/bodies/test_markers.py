@@ -22,7 +22,7 @@ from kolsky.bodies.actuator_markers import (
     marker_positions,
     marker_weights,
 )
-from tests.unit.actuator.small import DOWN, actuator
+from tests.unit.bodies.small import DOWN, actuator
 
 SIZE = (900, 700)
 TRUE = PlaneCamera(

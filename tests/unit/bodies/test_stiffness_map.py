@@ -9,7 +9,7 @@ from kolsky.bodies.sheet import ENDS, Sheet, mass_matrix
 from kolsky.bodies.sheet_fit import FieldData, FieldProblem
 from kolsky.bodies.stiffness_map import SMOOTHING, _Blocks, blocks_of, stiffness_map, total_variation
 from kolsky.equilibrium.solve import solve
-from tests.unit.specimen.sheets import PAD, constants, made, small_mesh
+from tests.unit.bodies.sheets import PAD, constants, made, small_mesh
 
 SHEET = Sheet(small_mesh(), "plane_stress", 1e-3, "moving", "rest")
 

@@ -10,7 +10,6 @@ from kolsky.bodies.errors_in_variables import (
     chi_square,
     reduce,
     search,
-    search_by_quasi_newton,
 )
 
 INFINITE = (np.array([0.0]), np.array([np.inf]))
@@ -24,10 +23,6 @@ def _spring(stiffness: np.ndarray, x: np.ndarray) -> Linearised:
 
 def _samples(x: object, force: object, sd: float, sf: float) -> Samples:
     return Samples(np.array(x, dtype=float)[:, None], np.array(force, dtype=float)[:, None], sd, sf)
-
-
-def test_weight_of_the_force() -> None:
-    assert _samples([1.0], [1.0], 2e-3, 0.5).weight_force == pytest.approx(1.6e-5)
 
 
 def test_objective_adds_both_errors() -> None:
@@ -108,49 +103,3 @@ def test_a_failed_simulation_shortens_the_step() -> None:
     assert found.simulations == len(tried) > 2
     with pytest.raises(ValueError, match="start failed: no way"):
         search(lambda p, at: "no way", samples, np.array([1.0]), bounds=INFINITE, scales=np.array([1.0]))
-
-
-def _two_constants(p: np.ndarray, x: np.ndarray) -> Linearised:
-    """f = p0 x + p1 x^3, one end."""
-    f = p[0] * x + p[1] * x**3
-    return Linearised(f, np.stack([x, x**3], axis=-1), (p[0] + 3.0 * p[1] * x**2)[..., None])
-
-
-@pytest.mark.parametrize("sd", [0.0, 0.02])
-def test_quasi_newton_ends_where_gauss_newton_does(sd: float) -> None:
-    rng = np.random.default_rng(4)
-    x = np.linspace(0.1, 2.0, 20)
-    samples = _samples(x + sd * rng.standard_normal(20), 3.0 * x + 0.5 * x**3, sd, 0.05)
-
-    def respond(p, at):
-        return (_two_constants(p, at[0]),)
-
-    given = {"bounds": (np.zeros(2), np.full(2, np.inf)), "scales": np.ones(2)}
-    first = search(respond, (samples,), np.array([1.0, 1.0]), **given)
-    found = search_by_quasi_newton(respond, (samples,), np.array([1.0, 1.0]), **given)
-    assert found.converged
-    sigma = np.sqrt(np.diag(np.linalg.inv(first.reduced.jacobian.T @ first.reduced.jacobian)))
-    np.testing.assert_allclose(found.constants, first.constants, atol=0.02 * sigma.max())
-    assert found.chi2 == pytest.approx(first.chi2, rel=1e-4, abs=1e-4)
-    assert found.simulations > first.simulations
-
-
-def test_quasi_newton_keeps_bounds_and_says_what_failed() -> None:
-    x = np.linspace(0.1, 2.0, 20)
-    samples = _samples(x, 3.0 * x - 0.2 * x**3, 0.0, 0.05)
-    given = {"bounds": (np.zeros(2), np.full(2, np.inf)), "scales": np.ones(2)}
-    start = np.array([1.0, 1.0])
-    found = search_by_quasi_newton(lambda p, at: (_two_constants(p, at[0]),), (samples,), start, **given)
-    assert found.at_bound == (False, True)
-    # p1 = 0 leaves a line through the origin: p0 = sum x F / sum x^2
-    expected = float((x * samples.force[:, 0]).sum() / (x**2).sum())
-    assert found.constants[0] == pytest.approx(expected, rel=1e-5)
-    calls = []
-
-    def fragile(p, at):
-        calls.append(p)
-        return "no equilibrium" if len(calls) > 3 else (_two_constants(p, at[0]),)
-
-    broken = search_by_quasi_newton(fragile, (samples,), start, **given)
-    assert not broken.converged
-    assert "no equilibrium" in broken.ended

@@ -1,12 +1,12 @@
-"""Sheets: forces, mass, tractions in closed form; adjoint against direct; planted constants come back."""
+"""Sheets: forces and mass in closed form; planted constants come back."""
 
 import numpy as np
 import pytest
 
-from kolsky.bodies.sheet import Sheet, boundary_edges, cells_inside, mass_matrix, sheet_state, traction_force
+from kolsky.bodies.sheet import Sheet, cells_inside, mass_matrix, sheet_state
 from kolsky.bodies.sheet_fit import FieldFit, FieldProblem, fit_field, fit_steps
 from kolsky.equilibrium.meshes import Mesh, rectangle
-from tests.unit.specimen.sheets import PAD, TRUE, constants, made, small_mesh
+from tests.unit.bodies.sheets import PAD, TRUE, constants, made, small_mesh
 
 
 def _sheet(**options: object) -> Sheet:
@@ -27,37 +27,6 @@ def test_cells_inside_take_whole_cells() -> None:
     assert inside.sum() == 2
 
 
-def test_traction_of_a_uniform_strain() -> None:
-    # P = mu (F - F^-T) + lambda ln J F^-T with F = diag(a, b) on a face of length 0.02 and normal (-1, 0).
-    mesh, (a, b), (mu, lam) = small_mesh(), (1.2, 0.9), (1e4, 2e4)
-    mesh = mesh.with_set("face", lambda x: x[:, 0] < 1e-9)
-    u = mesh.points * (np.array([a, b]) - 1.0)
-    force, slopes = traction_force(mesh, boundary_edges(mesh, "face"), (mu, lam), u, np.zeros((2, *u.shape)))
-    by_mu, by_lam = a - 1.0 / a, np.log(a * b) / a
-    assert force == pytest.approx([-0.02 * (mu * by_mu + lam * by_lam), 0.0], abs=1e-9)
-    assert slopes[:, 0] == pytest.approx([-0.02 * by_mu, -0.02 * by_lam])
-
-
-def test_traction_slopes_follow_the_displacements() -> None:
-    mesh = small_mesh().with_set("face", lambda x: x[:, 0] < 1e-9)
-    edges = boundary_edges(mesh, "face")
-    rng = np.random.default_rng(1)
-    u, du = (1e-4 * rng.standard_normal((n, *mesh.points.shape)) for n in (1, 2))
-    _, slopes = traction_force(mesh, edges, (1e4, 2e4), u[0], du)
-    for k in range(2):
-        ends = [
-            traction_force(
-                mesh,
-                edges,
-                (1e4 + (h if k == 0 else 0.0), 2e4 + (h if k == 1 else 0.0)),
-                u[0] + h * du[k],
-                du,
-            )[0]
-            for h in (1e-4, -1e-4)
-        ]
-        assert slopes[k] == pytest.approx((ends[0] - ends[1]) / 2e-4, rel=1e-5)
-
-
 def test_the_sheet_in_tension_pulls_back() -> None:
     state = sheet_state(_sheet(), constants(), constants().start, -PAD)
     assert not isinstance(state, str)
@@ -65,13 +34,6 @@ def test_the_sheet_in_tension_pulls_back() -> None:
     # Under prescribed displacements the force is proportional to E and the field does not see it.
     assert state.force_by_constants[:, 0] == pytest.approx(state.force / TRUE["E"], rel=1e-6)
     assert np.abs(state.by_constants[:, 0]).max() * TRUE["E"] < 1e-6 * np.abs(state.displacements).max()
-
-
-def test_adjoint_gradient_is_the_direct_one() -> None:
-    problem = made(_sheet(kinematics="plane_strain"))
-    cost = problem.cost(problem.constants.start)
-    assert not isinstance(cost, str)
-    assert problem.adjoint_gradient(cost) == pytest.approx(cost.gradients.sum(axis=0), rel=1e-7)
 
 
 def test_gradient_is_that_of_the_cost() -> None:
