@@ -19,7 +19,7 @@ from dic.bodies.follow import TrackedBody
 from dic.chain.outliers import gate_epipolar, gate_residual, gate_surface
 from dic.outcome import PointOutcome
 from dic.surfaces.cylinder import SpecimenFrame
-from dic.synthetic.speckles import RenderedCylinder
+from tests.helpers.speckle_pictures import RenderedCylinder
 
 SIGMAS = 6.0
 KINDS = ("highlight", "lost paint", "both", "right pictures")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dic.synthetic.speckles import render, speckle_pattern
+from tests.helpers.speckle_pictures import render, speckle_pattern
 
 FloatArray = NDArray[np.float64]
 

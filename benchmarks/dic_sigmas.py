@@ -23,10 +23,11 @@ from dic.bodies.region import Region
 from dic.full_field.measure import FullFieldSettings, measure_plane, noise_at_rest
 from dic.images.series import PicturesInMemory
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.surfaces import outline, to_surface
 from dic.surfaces.cylinder import SpecimenFrame
-from dic.synthetic.speckles import RenderedCylinder
+from dic.surfaces.outline import outline
+from dic.surfaces.surface_history import to_surface
 from dic.tracking import Tracking
+from tests.helpers.speckle_pictures import RenderedCylinder
 
 QUANTITIES = ("x", "y", "Z", "outline")
 STATES = ("rest", "moved")

@@ -23,6 +23,7 @@ from kolsky.inverse.forward import Numerics
 from kolsky.inverse.problem import Settings, prepare_shot
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.search import search_shot
+from kolsky.inverse.work import Work
 from kolsky.uncertainty.mesh_error import ELEMENT_ORDER, MeshChange, mesh_change
 
 NAMES = ("stiffness_factor", "poisson", "damping")
@@ -52,7 +53,7 @@ def errors(study: Study, folder: Path, number: int) -> dict[str, Any]:
         refined_mesh=study.refined_mesh,
         seed=study.seed + number,
     )
-    found = search_shot(prepare_shot(shot), settings, lambda stage, done, total: None)
+    found = search_shot(prepare_shot(shot), settings, Work())
     true = np.array([float(getattr(truth, name)) for name in found.stages.box.names])
     change = mesh_change(found.stages, found.fine)
     order = [found.stages.box.names.index(name) for name in NAMES]

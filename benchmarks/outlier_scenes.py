@@ -1,7 +1,7 @@
 """Drawn scenes for the outlier gates: two cameras before a specimen that is pressed, and what spoils its
 pictures.
 
-A round specimen is shortened evenly while its volume is kept, ray by ray (`dic.synthetic.speckles`), so that
+A round specimen is shortened evenly while its volume is kept, ray by ray (`speckle_pictures.py`), so that
 the place of every material point is known in closed form. Into the pictures go a highlight that moves over
 the surface, at another place for each camera, and paint that is lost from a frame on.
 """
@@ -18,8 +18,8 @@ from dic.bodies.region import Region
 from dic.camera import Camera, StereoRig
 from dic.correlation import Correlation, Noise, Shape
 from dic.outcome import FrameOutcome
-from dic.synthetic.speckles import RenderedCylinder, Speckles
 from dic.tracking import Tracking
+from tests.helpers.speckle_pictures import RenderedCylinder, Speckles
 
 SHAPE = (112, 112)
 RADIUS = 4.75e-3

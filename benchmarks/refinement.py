@@ -19,6 +19,7 @@ from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import design_box
 from kolsky.inverse.problem import Settings, prepare_shot
 from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.work import Work
 from kolsky.shot.load import load_shot
 
 WAYS = {"second designs": second_design, "adaptive refinement": adaptive_design}
@@ -36,7 +37,7 @@ def main() -> None:
         prepared.observations, np.ones(len(prepared.observations.centre_line.Z), dtype=bool)
     )
     for name, way in WAYS.items():
-        stages, started = StagedRuns(prepared, settings, box, lambda stage, done, total: None), perf_counter()
+        stages, started = StagedRuns(prepared, settings, box, Work()), perf_counter()
         try:
             found = way(stages, stages.simulate("design", stages.design(box), settings.numerics))
         except ValueError as error:

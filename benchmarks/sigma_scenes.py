@@ -1,7 +1,7 @@
 """Drawn scenes for stated standard deviations: a plane before one camera, a cylinder before two.
 
-Every place is known in closed form: planes are rendered from a sum of Gaussians (`dic.synthetic.speckles`),
-cylinders ray by ray (`dic.synthetic.speckles`). After frames at rest the surface is shifted as a rigid body,
+Every place is known in closed form: planes are rendered from a sum of Gaussians (`speckle_pictures.py`),
+cylinders ray by ray (`speckle_pictures.py`). After frames at rest the surface is shifted as a rigid body,
 or stretched or pressed by up to a fifth. Pictures have eight bits.
 """
 
@@ -14,7 +14,7 @@ from benchmarks.outlier_scenes import DISTANCE, PIXEL, RADIUS, SHAPE, rig
 from dic.basics import FloatArray
 from dic.camera import StereoRig
 from dic.correlation import Correlation, Shape
-from dic.synthetic.speckles import RenderedCylinder, Speckles, render, speckle_pattern
+from tests.helpers.speckle_pictures import RenderedCylinder, Speckles, render, speckle_pattern
 
 WHITE = 255.0
 STATIC, MOVED = 4, 4

@@ -22,6 +22,7 @@ from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import design_box
 from kolsky.inverse.problem import Settings, prepare_shot
 from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.work import Work
 from kolsky.shot.load import load_shot
 
 FloatArray = NDArray[np.float64]
@@ -62,7 +63,7 @@ def main() -> None:
     given = parser.parse_args()
     settings = Settings(free=ranges("--free", given.free))
     box, prepared = design_box(settings.free), prepare_shot(load_shot(given.shot))
-    stages = StagedRuns(prepared, settings, box, lambda stage, done, total: None)
+    stages = StagedRuns(prepared, settings, box, Work())
     tests = stages.simulate("held out", sobol(box, HELD_OUT, rng=3), settings.numerics)
     designs = [
         stages.simulate("design", latin_hypercube(box, n * box.dimension, rng=5), settings.numerics)

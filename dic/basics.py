@@ -34,6 +34,13 @@ def median(values: FloatArray, axis: int = 0) -> FloatArray:
     return np.asarray(ordered[half] if len(ordered) % 2 else 0.5 * (ordered[half - 1] + ordered[half]))
 
 
+def zncc(f: FloatArray, g: FloatArray) -> float:
+    """Zero-normalised cross-correlation of two samples [-], shape [n] each; -1 if one of them is constant."""
+    f, g = f - f.mean(), g - g.mean()
+    scale = float(np.sqrt((f @ f) * (g @ g)))
+    return float(f @ g) / scale if scale > 0.0 else -1.0
+
+
 class OpenCVMissing(ModuleNotFoundError):
     """OpenCV is not installed."""
 

@@ -28,10 +28,7 @@ def scratch(folder: Path) -> Iterator[Path]:
     It is locked for as long as this process lives, so that the next one that writes here can tell what a
     killed process left behind from what another one is writing: the former it removes first.
 
-    Parameters
-    ----------
-    folder
-        Where the results go; it must exist.
+    ``folder``: where the results go; it must exist.
     """
     remove_abandoned(folder)
     while True:

@@ -10,6 +10,7 @@ import csv
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -49,12 +50,8 @@ def reporting_table(result: StereoResult) -> tuple[Row, ...]:
 def geometry(result: StereoResult) -> dict[str, float]:
     """Geometry of the cameras about the specimen.
 
-    Returns
-    -------
-    dict
-        "scale_x", "scale_y": pixels of camera 0 per metre across and along the specimen; "stereo_angle"
-        [rad];
-        "distance" of camera 0 from the surface [m].
+    Returns: "scale_x", "scale_y": pixels of camera 0 per metre across and along the specimen; "stereo_angle"
+    [rad]; "distance" of camera 0 from the surface [m].
     """
     first, second = result.rig.cameras
     frame = result.placement.frame
@@ -232,10 +229,9 @@ def write_frames(folder: Path, body: Body, *, strain: FloatArray | None = None) 
     [mm], the epipolar distance e [px], and exx, eyy, exy, the Green-Lagrange strain, if it is given. A column
     more names the outcome; a point that was lost has its row, its numbers are empty.
 
-    ``folder``: where to; made if absent. The files are ``frame_0000.csv`` and so on. ``body``: the points.
-    ``strain``: strain of every point, NaN where it has none [-], shape [n_frames, n_points, 3]. Raises
-    ValueError: a strain of another shape. Raises OSError if a file cannot be written; an older one is then
-    unchanged.
+    ``folder``: where to; made if absent. The files are ``frame_0000.csv`` and so on. ``strain``: strain of
+    every point, NaN where it has none [-], shape [n_frames, n_points, 3]. Raises ValueError: a strain of
+    another shape. Raises OSError if a file cannot be written; an older one is then unchanged.
     """
     surface = body.surface
     shape = (surface.n_frames, surface.n_points, 3)
@@ -298,8 +294,6 @@ def write_full_field_frames(folder: Path, result: FullField) -> list[Path]:
     sigma_U, sigma_V, sigma_W in the unit that the heads of the columns name; the Green-Lagrange strains exx,
     eyy, exy with their sigmas; the lowest correlation of the cameras; the epipolar distance; the outcome. A
     number that is not known is an empty cell.
-
-    ``folder``: where to; made if absent. ``result``: the result.
     """
     folder.mkdir(parents=True, exist_ok=True)
     surface, unit, written = result.surface, result.unit, []
@@ -323,10 +317,7 @@ def write_full_field_frames(folder: Path, result: FullField) -> list[Path]:
 
 
 def write_full_field_history(path: Path, result: FullField) -> None:
-    """Write one row a frame: points found, mean strains, and what extensometers and cylinder say.
-
-    ``path``: the file. ``result``: the result.
-    """
+    """Write one row a frame: points found, mean strains, and what extensometers and cylinder say."""
     unit, mean = result.unit, result.mean_strain
     columns = {
         "frame": np.arange(result.surface.n_frames),
@@ -360,27 +351,20 @@ CURE = "pip install 'kolsky[notebook]'"
 
 
 def pandas() -> Any:
-    """The package pandas.
-
-    Raises ImportError if it is not installed; the message says how to get it.
-    """
-    try:
-        import pandas
-    except ImportError:
-        raise ImportError(f"this needs pandas: {CURE}") from None
-    return pandas
+    """The package pandas; an ImportError says how to get it."""
+    return _optional("pandas")
 
 
 def xarray() -> Any:
-    """The package xarray.
+    """The package xarray; an ImportError says how to get it."""
+    return _optional("xarray")
 
-    Raises ImportError if it is not installed; the message says how to get it.
-    """
+
+def _optional(name: str) -> Any:
     try:
-        import xarray
+        return import_module(name)
     except ImportError:
-        raise ImportError(f"this needs xarray: {CURE}") from None
-    return xarray
+        raise ImportError(f"this needs {name}: {CURE}") from None
 
 
 def html_table(caption: str, rows: list[tuple[str, str]]) -> str:

@@ -1,10 +1,8 @@
 """Parallel work in forks of this process, and a worker process that waits for its task.
 
-Threads that run only Python share one interpreter lock, so work is divided between forks, each with its own
-lock. A fork copies one thread only: a lock that another thread holds at that moment stays locked in the copy.
-Therefore the caller declares where forks are safe; everywhere else threads do the same work. Work that a fork
-does not deliver is repeated in this process, with the same result. A worker process is forked before its task
-is known, for example because a GPU is opened in between; its task is sent to it.
+Threads that run only Python share one interpreter lock, so work is divided between forks. A lock that another
+thread holds at a fork stays locked in the copy; therefore the caller declares where forks are safe, and
+threads work elsewhere. Work that a fork does not deliver is repeated here, with the same result.
 """
 
 import multiprocessing
@@ -13,7 +11,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from functools import partial
 from multiprocessing import Pipe
@@ -28,7 +26,7 @@ _FORKS_ALLOWED: ContextVar[bool] = ContextVar("forking", default=False)
 
 @contextmanager
 def allow_forks() -> Iterator[None]:
-    """Let `beside` and `side_by_side` fork this process: for the one thread that works in it."""
+    """Let `background` and `run_parallel` fork this process: for the one thread that works in it."""
     before = _FORKS_ALLOWED.set(True)
     try:
         yield
@@ -47,7 +45,7 @@ def can_fork() -> bool:
 
 
 def may_fork() -> bool:
-    """Return True within `forking`, where `can_fork`."""
+    """Return True within `allow_forks`, where `can_fork`."""
     return _FORKS_ALLOWED.get() and can_fork()
 
 
@@ -79,8 +77,8 @@ def background(work: Callable[[], Result], *, fork: bool | None = None) -> Itera
     """Do work beside the block: in a fork, or else in a thread. It ends with the block, wanted or not.
 
     ``work``: the work. In a fork it sees everything as it stands now, and changes nothing here; its result is
-    copied, so let it be small. ``fork``: whether in a fork; None: within `forking`, where `can_fork`. Yields:
-    gives the result, or raises what the work raised.
+    copied, so let it be small. ``fork``: whether in a fork; None: within `allow_forks`, where `can_fork`.
+    Yields: gives the result, or raises what the work raised.
     """
     if not ((_FORKS_ALLOWED.get() if fork is None else fork) and can_fork()):
         with ThreadPoolExecutor(1) as pool:
@@ -113,14 +111,16 @@ def background_pool(
 ) -> Iterator[Callable[..., list[Result]]]:
     """Begin several works in forks, if there are some, while this process does something else.
 
-    ``works``, ``processes``: as of `side_by_side`. Yields: joins in the work and gives what `side_by_side`
+    ``works``, ``processes``: as of `run_parallel`. Yields: joins in the work and gives what `run_parallel`
     gives; takes its `progress`.
     """
-    if processes is None and not (_FORKS_ALLOWED.get() and can_fork()):
-        yield lambda progress=None: _by_threads(works, progress or _no_progress)
+    forked = can_fork() and (processes is not None or _FORKS_ALLOWED.get())
+    workers = min(cores() if processes is None else processes, len(works)) if forked else 1
+    if workers < 2:
+        threads = cores() if processes is None and not forked else 1
+        yield lambda progress=None: _by_threads(works, threads, progress or _no_progress)
         return
-    workers = min(cores() if processes is None else processes, len(works)) if can_fork() else 1
-    taken = multiprocessing.get_context("fork").Value("i", 0) if workers > 1 else _Counter()
+    taken = multiprocessing.get_context("fork").Value("i", 0)
     with ExitStack() as stack:
         some = partial(_run_claimed, works, taken)
         others = [stack.enter_context(background(some, fork=True)) for _ in range(workers - 1)]
@@ -152,31 +152,24 @@ def run_parallel(
     """Do several works, each of which takes the next one that nobody has begun, and return their results in
     order.
 
-    ``works``: as for `beside`. ``processes``: processes that work, this one among them. With None as many as
-    there are cores within `forking`, and else this one alone, with a thread a core. ``progress``: told here
-    of the works done, or begun where forks work, and their number.
+    ``works``: as for `background`. ``processes``: processes that work, this one among them. With None as many
+    as there are cores within `allow_forks`, and else this one alone, with a thread a core. ``progress``: told
+    here of the works done, or begun where forks work, and their number.
     """
     with background_pool(works, processes=processes) as joined:
         return joined(progress)
 
 
-def _by_threads(works: Sequence[Callable[[], Result]], told: Callable[[int, int], None]) -> list[Result]:
+def _by_threads(
+    works: Sequence[Callable[[], Result]], threads: int, told: Callable[[int, int], None]
+) -> list[Result]:
+    """Do the works in threads of this process; one thread is the caller's own."""
     found = []
-    with ThreadPoolExecutor(cores()) as pool:
-        for result in pool.map(lambda work: work(), works):
+    with ThreadPoolExecutor(threads) as pool:
+        for result in (map if threads == 1 else pool.map)(lambda work: work(), works):
             found.append(result)
             told(len(found), len(works))
     return found
-
-
-class _Counter:
-    """Number of works begun, of a process that works alone."""
-
-    def __init__(self) -> None:
-        self.value = 0
-
-    def get_lock(self) -> AbstractContextManager[None]:
-        return nullcontext()
 
 
 def _claim_works(works: Sequence[Callable[[], Result]], taken: Any) -> Iterator[tuple[int, Result]]:

@@ -16,8 +16,24 @@ from dic.surfaces.cylinder import SpecimenFrame
 from dic.surfaces.surface_history import SMALLEST_SERIES, CentrePoints, NoiseFloor, SurfaceHistory
 
 
+class _Surfaced:
+    """Counts of the points of a result that has a surface."""
+
+    surface: SurfaceHistory
+
+    @property
+    def n_valid(self) -> IntArray:
+        """Valid points of each frame, shape [n_frames]."""
+        return np.asarray(self.surface.valid.sum(axis=1), dtype=np.int64)
+
+    def outcomes(self) -> dict[PointOutcome, int]:
+        """Number of points of each outcome, over all frames; outcomes without points are left out."""
+        numbers, counts = np.unique(self.surface.outcome, return_counts=True)
+        return {PointOutcome(int(n)): int(c) for n, c in zip(numbers, counts, strict=True)}
+
+
 @dataclass(frozen=True)
-class Body:
+class Body(_Surfaced):
     """Points of one body: where they went, where the cameras saw them and how well."""
 
     surface: SurfaceHistory
@@ -37,20 +53,10 @@ class Body:
     """Column and row of each point in the grid, shape [n_points, 2]."""
 
     @property
-    def n_valid(self) -> IntArray:
-        """Valid points of each frame, shape [n_frames]."""
-        return np.asarray(self.surface.valid.sum(axis=1), dtype=np.int64)
-
-    @property
     def epipolar_rms(self) -> float:
         """Root mean square of the epipolar distances of valid points [px]; NaN if there are none."""
         valid = self.epipolar[self.surface.valid]
         return float(np.sqrt(np.mean(valid**2))) if valid.size else float("nan")
-
-    def outcomes(self) -> dict[PointOutcome, int]:
-        """Number of points of each outcome, over all frames; outcomes without points are left out."""
-        numbers, counts = np.unique(self.surface.outcome, return_counts=True)
-        return {PointOutcome(int(n)): int(c) for n, c in zip(numbers, counts, strict=True)}
 
 
 @dataclass(frozen=True)
@@ -183,7 +189,7 @@ class FittedCylinder:
 
 
 @dataclass(frozen=True)
-class FullField:
+class FullField(_Surfaced):
     """Displacements and strains of a surface.
 
     Coordinates: of a plane x to the right and y down, as in its picture; of a surface x to the right and y up
@@ -226,22 +232,12 @@ class FullField:
     """Settings and facts, as JSON can hold them."""
 
     @property
-    def n_valid(self) -> IntArray:
-        """Valid points of each frame, shape [n_frames]."""
-        return np.asarray(self.surface.valid.sum(axis=1), dtype=np.int64)
-
-    @property
     def mean_strain(self) -> FloatArray:
         """Mean strain of the valid points, NaN in frames without any [-], shape [n_frames, 3]."""
         valid = np.asarray(np.isfinite(self.strain.value).all(axis=2))
         count = valid.sum(axis=1)[:, None]
         total = np.where(valid[..., None], self.strain.value, 0.0).sum(axis=1)
         return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-    def outcomes(self) -> dict[PointOutcome, int]:
-        """Number of points of each outcome, over all frames; outcomes without points are left out."""
-        numbers, counts = np.unique(self.surface.outcome, return_counts=True)
-        return {PointOutcome(int(n)): int(c) for n, c in zip(numbers, counts, strict=True)}
 
     def bad_frames(self) -> dict[int, FrameOutcome]:
         """Frames that gave no points, by number."""

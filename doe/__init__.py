@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from doe.box import Box
     from doe.designs import DESIGNS, Design, DesignKind, from_points, full_factorial, latin_hypercube, sobol
     from doe.ledger import Ledger, run_chunks
-    from doe.search import SearchOutcome, SearchResult, multi_start, nelder_mead
+    from doe.search import SearchOutcome, SearchResult, nelder_mead
     from doe.sensitivity import morris, sobol_indices
     from doe.surrogates import (
         SURROGATES,
@@ -41,7 +41,6 @@ _HOME = {
     "full_factorial": "doe.designs",
     "latin_hypercube": "doe.designs",
     "morris": "doe.sensitivity",
-    "multi_start": "doe.search",
     "nelder_mead": "doe.search",
     "profile_likelihoods": "doe.uncertainty",
     "run_chunks": "doe.ledger",

@@ -85,19 +85,9 @@ class Box:
 
     @classmethod
     def of(cls, bounds: Mapping[str, tuple[float, float]], *, logarithmic: Sequence[str] = ()) -> Box:
-        """A box from a table of bounds.
+        """A box from lower and upper bounds by name, and the names of what is uniform in its logarithm.
 
-        Parameters
-        ----------
-        bounds
-            Lower and upper bound by parameter name.
-        logarithmic
-            Names of the parameters that are uniform in their logarithm.
-
-        Raises
-        ------
-        ValueError
-            If `logarithmic` names a parameter that `bounds` does not, or the box is not valid.
+        Raises ValueError if `logarithmic` names a parameter that `bounds` does not, or the box is not valid.
         """
         unknown = sorted(set(logarithmic) - set(bounds))
         if unknown:
@@ -115,25 +105,11 @@ class Box:
         return len(self.names)
 
     def scale(self, unit_points: ArrayLike) -> FloatArray:
-        """Points of the unit box in parameter units; 0 and 1 give the bounds to the last bit.
+        """Points of the unit box in parameter units, shape [..., d]; 0 and 1 give the bounds to the last bit.
 
         A linear parameter is x = (1 - u) a + u b, a logarithmic one x = a^(1 - u) b^u, with a and b the
-        bounds. Nothing is clipped: u outside [0, 1] gives x outside the box.
-
-        Parameters
-        ----------
-        unit_points
-            Coordinates in the unit box [-], shape [..., d].
-
-        Returns
-        -------
-        points
-            In parameter units, shape [..., d].
-
-        Raises
-        ------
-        ValueError
-            If the last axis is not d long or a coordinate is not finite.
+        bounds. Nothing is clipped: u outside [0, 1] gives x outside the box. Raises ValueError if the last
+        axis is not d long or a coordinate is not finite.
         """
         u = self._checked(unit_points)
         x = np.empty_like(u)
@@ -143,22 +119,10 @@ class Box:
         return x
 
     def unit(self, points: ArrayLike) -> FloatArray:
-        """Points in parameter units as coordinates of the unit box, the inverse of `scale`.
+        """Points in parameter units as coordinates of the unit box, shape [..., d], the inverse of `scale`.
 
-        Parameters
-        ----------
-        points
-            In parameter units, shape [..., d].
-
-        Returns
-        -------
-        unit_points
-            Coordinates in the unit box [-], shape [..., d]; outside [0, 1] for a point outside the box.
-
-        Raises
-        ------
-        ValueError
-            If the last axis is not d long, a value is not finite, or a logarithmic parameter is <= 0.
+        Raises ValueError if the last axis is not d long, a value is not finite, or a logarithmic parameter is
+        <= 0.
         """
         x = self._checked(points)
         u = np.empty_like(x)
@@ -173,40 +137,19 @@ class Box:
         return u
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Mask of the points in the box, its faces included (within 1e-12 of the edge, for round-off).
+        """Mask of points, shape [..., d], in the box, its faces included (within 1e-12 of the edge, for
+        round-off).
 
-        Parameters
-        ----------
-        points
-            In parameter units, shape [..., d].
-
-        Returns
-        -------
-        inside
-            Shape [...].
-
-        Raises
-        ------
-        ValueError
-            If the last axis is not d long or a value is not finite.
+        Raises ValueError if the last axis is not d long or a value is not finite.
         """
         return np.asarray(self._inside(self._checked(points)).all(axis=-1))
 
     def require(self, points: ArrayLike, *, what: str) -> FloatArray:
         """The points as an array [n, d], refused if one lies outside the box.
 
-        Parameters
-        ----------
-        points
-            In parameter units, shape [n, d].
-        what
-            What a row is, for the error message, e.g. "run".
-
-        Raises
-        ------
-        ValueError
-            If the shape is not [n, d], a value is not finite, or a point lies outside; the message names
-            the row, the parameter, the value and the bounds.
+        ``what``: what a row is, for the message, e.g. "run". Raises ValueError if the shape is not [n, d], a
+        value is not finite, or a point lies outside; the message names the row, the parameter, the value and
+        the bounds.
         """
         x = self._checked(points)
         if x.ndim != 2:
@@ -221,23 +164,12 @@ class Box:
         return x
 
     def around(self, centre: ArrayLike, fraction: float) -> Box:
-        """A smaller box about a point, intersected with this one.
+        """A smaller box about a point, shape [d], with `fraction` of this box's edges, intersected with this
+        one.
 
-        Its edges are `fraction` of this box's edges (in the unit box, so a logarithmic parameter keeps
-        its ratio). The part that would stick out of this box is cut off, not moved inwards: near a face
-        the new box is shorter and `centre` is not its middle.
-
-        Parameters
-        ----------
-        centre
-            A point of this box in parameter units, shape [d].
-        fraction
-            Edge of the new box over the edge of this one, in (0, 1].
-
-        Raises
-        ------
-        ValueError
-            If `centre` is outside this box or `fraction` outside (0, 1].
+        Edges count in the unit box, so a logarithmic parameter keeps its ratio. The part that would stick out
+        of this box is cut off, not moved inwards: near a face the new box is shorter and `centre` is not its
+        middle. Raises ValueError if `centre` is outside this box or `fraction` outside (0, 1].
         """
         if not 0.0 < fraction <= 1.0:
             raise ValueError(f"fraction must be in (0, 1], got {fraction}")

@@ -25,7 +25,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe.arrays import FloatArray
-from doe.uncertainty.covariance import inverse_information
+
+SMALLEST_SHARE = 1e-12
+"""Smallest over largest eigenvalue of the information in unit-box parameters: with derivatives good to
+1e-8, a smaller one is not told from zero."""
+
+
+class SingularInformationError(ValueError):
+    """Some direction of the parameters does not move the data; a covariance does not exist."""
+
+
+def inverse_information(jacobian: FloatArray) -> FloatArray:
+    """(J^T J)^-1 of a whitened Jacobian, shape [k, d] -> [d, d].
+
+    Raises SingularInformationError if a direction of the parameters is not seen; the message names it.
+    """
+    _, singular, right = np.linalg.svd(jacobian, full_matrices=False)
+    values = singular**2
+    if values[-1] <= SMALLEST_SHARE * values[0]:
+        raise SingularInformationError(
+            f"the data do not move along {np.round(right[-1], 3).tolist()} (unit-box coordinates): hold one "
+            "of these parameters, or read the profile likelihood, which needs no inverse"
+        )
+    return np.asarray((right.T / values) @ right)
 
 
 @dataclass(frozen=True)
@@ -74,7 +96,7 @@ class LinearData:
     def covariance(self) -> FloatArray:
         """H^-1, in parameter units, shape [d, d].
 
-        Raises doe.uncertainty.covariance.SingularInformationError if some direction of the parameters does
+        Raises SingularInformationError if some direction of the parameters does
         not move the data.
         """
         return inverse_information(self.rows) * np.outer(self.scale, self.scale)
@@ -118,19 +140,6 @@ class LinearData:
         total = squares.sum(axis=0)
         return np.divide(squares, total, out=np.zeros_like(squares), where=total > 0.0)
 
-    def directions(self) -> tuple[FloatArray, FloatArray]:
-        """Directions that the data determine best and least, without an inverse.
-
-        Returns: standard deviation along each direction in units of the scales [-], the largest first,
-        infinite for what is not seen, shape [d]. Returns: the directions in parameters over their scale,
-        length one, shape [d, d], one a row.
-        """
-        values, vectors = np.linalg.eigh(self.information)
-        seen = values > 1e-12 * values[-1]
-        deviations = np.full(len(values), np.inf)
-        deviations[seen] = 1.0 / np.sqrt(values[seen])
-        return deviations, vectors.T
-
     def select(self, kept: NDArray[np.bool_]) -> LinearData:
         """Some of the data, `kept` of shape [k]."""
         return LinearData(self.names, self.jacobian[kept], self.sigma[kept], self.scale)
@@ -156,8 +165,6 @@ class Placement:
     """-ln det H, or the trace of H^-1, with the base included."""
     information: FloatArray
     """H of base and chosen groups together [-], shape [d, d]."""
-    exhaustive: bool
-    """Whether all subsets were compared; else no single exchange gains."""
 
 
 def costs(information: FloatArray, criterion: Criterion) -> FloatArray:
@@ -189,14 +196,13 @@ def best_groups(
     if not 1 <= count <= n:
         raise ValueError(f"count must be in [1, {n}], got {count}")
     start = np.zeros((d, d)) if base is None else base
-    exhaustive = comb(n, count) <= ALL
-    if exhaustive:
+    if comb(n, count) <= ALL:
         subsets = np.array(list(combinations(range(n), count)))
         cost = costs(start + groups[subsets].sum(axis=1), criterion)
         chosen = [int(i) for i in subsets[int(np.argmin(cost))]]
     else:
         chosen = _exchanged(groups, count, start, criterion)
-    return _placed(groups, chosen, start, criterion, exhaustive)
+    return _placed(groups, chosen, start, criterion)
 
 
 def best_window(
@@ -214,7 +220,7 @@ def best_window(
     total = np.concatenate([np.zeros((1, d, d)), np.cumsum(groups, axis=0)])
     cost = costs(start + total[length:] - total[:-length], criterion)
     first = int(np.argmin(cost))
-    return _placed(groups, list(range(first, first + length)), start, criterion, True)
+    return _placed(groups, list(range(first, first + length)), start, criterion)
 
 
 def _exchanged(groups: FloatArray, count: int, start: FloatArray, criterion: Criterion) -> list[int]:
@@ -241,11 +247,9 @@ def _exchanged(groups: FloatArray, count: int, start: FloatArray, criterion: Cri
     return chosen
 
 
-def _placed(
-    groups: FloatArray, chosen: list[int], start: FloatArray, criterion: Criterion, exhaustive: bool
-) -> Placement:
+def _placed(groups: FloatArray, chosen: list[int], start: FloatArray, criterion: Criterion) -> Placement:
     information = start + groups[chosen].sum(axis=0)
     cost = float(costs(information, criterion))
     if not np.isfinite(cost):
         raise UndecidedError("no choice decides all parameters: choose more groups, or hold a parameter")
-    return Placement(tuple(sorted(chosen)), cost, information, exhaustive)
+    return Placement(tuple(sorted(chosen)), cost, information)

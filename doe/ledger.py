@@ -182,19 +182,11 @@ class Ledger:
             return int(self._sql.execute("SELECT count(*) FROM runs").fetchone()[0])
 
     def find(self, points: ArrayLike) -> list[Run | None]:
-        """The runs at some points of this model, None where there is none or the row is damaged.
+        """The runs at some points of this model, shape [n, d]; None where there is none or the row is
+        damaged.
 
-        A damaged row is named in `damaged`; to `record` the run again replaces it.
-
-        Parameters
-        ----------
-        points
-            Parameter values, shape [n, d].
-
-        Raises
-        ------
-        LedgerError
-            If the file cannot be read.
+        A damaged row is named in `damaged`; to `record` the run again replaces it. Raises LedgerError if the
+        file cannot be read.
         """
         found: list[Run | None] = []
         with self._refusing():
@@ -208,19 +200,10 @@ class Ledger:
         return found
 
     def record(self, points: ArrayLike, runs: Sequence[Run]) -> None:
-        """Write a chunk of runs, all or none; a run recorded before at the same point is replaced.
+        """Write a chunk of runs at points, shape [n, d], all or none; what was recorded at a point is
+        replaced.
 
-        Parameters
-        ----------
-        points
-            Parameter values, shape [n, d].
-        runs
-            What became of them, length n.
-
-        Raises
-        ------
-        LedgerError
-            If the file cannot be written.
+        Raises LedgerError if the file cannot be written.
         """
         rows = [
             row_of(
@@ -239,20 +222,11 @@ class Ledger:
             self._sql.executemany(f"INSERT OR REPLACE INTO runs ({COLUMNS}) VALUES ({MARKS})", rows)
 
     def merge(self, path: Path) -> int:
-        """Take over the runs of another ledger, of every model in it, all or none.
+        """Take over the runs of another ledger, of every model in it, all or none, and return their number.
 
-        A completed run replaces one that did not complete, and nothing replaces a completed one.
-
-        Returns
-        -------
-        int
-            Number of runs taken over.
-
-        Raises
-        ------
-        LedgerError
-            If the other file does not exist, is no ledger or holds a damaged row, or if the two hold
-            different results of one completed run.
+        A completed run replaces one that did not complete, and nothing replaces a completed one. Raises
+        LedgerError if the other file does not exist, is no ledger or holds a damaged row, or if the two hold
+        different results of one completed run.
         """
         if not Path(path).is_file():
             raise LedgerError(f"{path}: there is no such ledger")

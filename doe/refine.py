@@ -41,30 +41,10 @@ def choose(
     size: int,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """The optimum, and the candidates with the lowest bound of the misfit, one after the other.
+    """The optimum, and the candidates with the lowest bound of the misfit, one after the other, shape [n, d].
 
-    After each choice the surrogate is believed to have been right there, so that its error about the
-    point no longer counts (the kriging believer).
-
-    Parameters
-    ----------
-    surrogate
-        Predicts the response and its error.
-    region
-        Where to choose.
-    best
-        The surrogate's optimum in it, in parameter units, shape [d].
-    misfit
-        What is to be small.
-    size
-        Points wanted; fewer are chosen if no more have room in the region.
-    rng
-        Of the candidates and the drawn responses.
-
-    Returns
-    -------
-    points
-        The optimum first, in parameter units, shape [n, d].
+    After each choice the surrogate is believed to have been right there, so that its error about the point no
+    longer counts (the kriging believer). Fewer than ``size`` are chosen if no more have room in the region.
     """
     unit = np.concatenate([region.unit(best)[None], _candidates(region, best, rng)])
     x = region.scale(unit)
@@ -176,9 +156,6 @@ def refine(
     misfit: Misfit,
     locate: Locate,
     scale: ArrayLike,
-    about: ArrayLike | None = None,
-    edge: float = 1.0,
-    batch: int | None = None,
     max_rounds: int = 10,
     rng: int = 0,
 ) -> Refinement:
@@ -198,11 +175,6 @@ def refine(
         Finds the optimum of a surrogate.
     scale
         What an entry's deviations are measured by, in response units: a number or shape [k].
-    about, edge
-        Middle of the first region in parameter units, shape [d], and its edge in the unit box: to go on
-        from an earlier refinement. Left out, it is the whole box.
-    batch
-        Runs a round; 2 d + 2 if left out.
     max_rounds
         Most rounds, at least 1.
     rng
@@ -211,19 +183,16 @@ def refine(
     Raises
     ------
     ValueError
-        If `batch` or `max_rounds` is below 1, `edge` outside (0, 1], or shapes do not match.
+        If `max_rounds` is below 1, or shapes do not match.
     doe.surrogates.protocol.SurrogateError
         If the runs do not carry a surrogate.
     """
-    size = 2 * box.dimension + 2 if batch is None else batch
-    if size < 1 or max_rounds < 1:
-        raise ValueError(f"batch and max_rounds must be at least 1, got {size} and {max_rounds}")
+    if max_rounds < 1:
+        raise ValueError(f"max_rounds must be at least 1, got {max_rounds}")
+    size = 2 * box.dimension + 2
     x, y = np.asarray(points, dtype=np.float64), np.asarray(responses, dtype=np.float64)
-    if not 0.0 < edge <= 1.0:
-        raise ValueError(f"edge must be in (0, 1], got {edge}")
-    values, zoom = misfit(y), _Zoom(edge)
-    start = x[int(np.argmin(values))] if about is None else np.asarray(about, dtype=np.float64)
-    region = box if about is None else _around(box, start, np.full(box.dimension, edge))
+    values, zoom, region = misfit(y), _Zoom(), box
+    start = x[int(np.argmin(values))]
     surrogate = _about(box, region, x, y, scale)
     best, sigma = locate(surrogate, region, start)
     rounds: list[Round] = []
@@ -258,8 +227,8 @@ def refine(
 class _Zoom:
     """The edge of the region: smaller round by round, until that no longer makes the surrogate better."""
 
-    def __init__(self, edge: float) -> None:
-        self.edge = edge
+    def __init__(self) -> None:
+        self.edge = 1.0
         self.errors: dict[float, float] = {}
         self.rough = False
 

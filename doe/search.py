@@ -1,4 +1,4 @@
-"""Nelder-Mead in the unit box, from one start or several, with an outcome for every search."""
+"""Nelder-Mead in the unit box, with an outcome for every search."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from scipy.optimize import minimize
 
 from doe.arrays import FloatArray
 from doe.box import Box
-from doe.designs import Design
 
 
 class SearchOutcome(Enum):
@@ -97,7 +96,11 @@ class _Recorder:
 
     def __call__(self, unit_point: FloatArray) -> float:
         point = self.box.scale(unit_point)
-        value = evaluate(self.function, self.box, point)
+        # A copy: a function that writes into its argument must not move the simplex or the trace.
+        value = float(self.function(point.copy()))
+        if not np.isfinite(value):
+            where = ", ".join(f"{name} = {x:.12g}" for name, x in self.box.as_dict(point).items())
+            raise ValueError(f"the function is {value} at {where}; it must be finite everywhere in the box")
         self.unit.append(np.array(unit_point))
         self.points.append(point)
         self.values.append(value)
@@ -106,19 +109,6 @@ class _Recorder:
     @property
     def best(self) -> int:
         return int(np.argmin(self.values))
-
-
-def evaluate(function: Objective, box: Box, point: FloatArray) -> float:
-    """The function at one point, refused if it is not a finite number.
-
-    Raises ValueError if the value is NaN or infinite; the message names the point.
-    """
-    # A copy: a function that writes into its argument must not move the simplex or the trace.
-    value = float(function(point.copy()))
-    if not np.isfinite(value):
-        where = ", ".join(f"{name} = {x:.12g}" for name, x in box.as_dict(point).items())
-        raise ValueError(f"the function is {value} at {where}; it must be finite everywhere in the box")
-    return value
 
 
 def nelder_mead(
@@ -242,75 +232,3 @@ def _result(recorder: _Recorder, converged: bool, margin: float) -> SearchResult
         trace_points=np.stack(recorder.points),
         trace_values=np.array(recorder.values),
     )
-
-
-@dataclass(frozen=True)
-class MultiStart:
-    """Searches from several starts, none thrown away."""
-
-    results: tuple[SearchResult, ...]
-    """One result a start, best value first."""
-    distances: FloatArray
-    """Largest coordinate difference of each result from the best, in the unit box [-], shape [n_starts]."""
-    excesses: FloatArray
-    """Value of each result minus the best, shape [n_starts]."""
-    agreement: float
-    """Distance in the unit box below which two results are one [-]."""
-
-    @property
-    def best(self) -> SearchResult:
-        """The result with the smallest value."""
-        return self.results[0]
-
-    @property
-    def disagreeing(self) -> tuple[SearchResult, ...]:
-        """Results that ended elsewhere than the best: other minima, or searches cut short."""
-        return tuple(r for r, away in zip(self.results, self.distances, strict=True) if away > self.agreement)
-
-    @property
-    def agree(self) -> bool:
-        """True when all starts ended at one point."""
-        return not self.disagreeing
-
-
-def multi_start(
-    function: Objective,
-    design: Design,
-    *,
-    n_starts: int = 3,
-    tolerance: float = 1e-6,
-    max_evaluations: int = 2000,
-) -> MultiStart:
-    """Searches from the best points of a design.
-
-    Parameters
-    ----------
-    function
-        Takes a point in parameter units, shape [d], and returns a finite number.
-    design
-        Where to look first; its box is searched.
-    n_starts
-        Number of searches, between 1 and the number of points in the design.
-    tolerance, max_evaluations
-        Of each search, see `doe.search.nelder_mead`; the evaluations at the design's points are not counted.
-
-    Raises
-    ------
-    ValueError
-        If `n_starts` is outside its range, or for what `doe.search.nelder_mead` refuses.
-    """
-    if not 1 <= n_starts <= len(design):
-        raise ValueError(f"n_starts must be in [1, {len(design)}] (points in the design), got {n_starts}")
-    box = design.box
-    values = [evaluate(function, box, point) for point in design.points]
-    starts = design.points[np.argsort(values, kind="stable")[:n_starts]]
-    results = [
-        nelder_mead(function, box, start=start, tolerance=tolerance, max_evaluations=max_evaluations)
-        for start in starts
-    ]
-    results.sort(key=lambda result: result.value)
-    ends = box.unit(np.stack([result.x for result in results]))
-    distances = np.abs(ends - ends[0]).max(axis=1)
-    excesses = np.array([result.value - results[0].value for result in results])
-    # Two ends, each within AGREEMENT tolerances of the same optimum.
-    return MultiStart(tuple(results), distances, excesses, 2.0 * AGREEMENT * tolerance)

@@ -35,7 +35,6 @@ from scipy.stats import qmc
 from doe.arrays import FloatArray
 from doe.box import Box
 from doe.designs.design import Design, Rng, seed_of
-from doe.information import LinearData, Placement, best_groups, best_window
 from doe.surrogates.pca import PrincipalComponents
 
 Function = Callable[[FloatArray], FloatArray]
@@ -43,6 +42,11 @@ Function = Callable[[FloatArray], FloatArray]
 
 CHUNK = 1024
 """Points at which a function is asked at once."""
+RESAMPLES = 500
+"""Draws of the bootstrap."""
+ENDS = 0.5 * (1.0 - 0.95), 0.5 * (1.0 + 0.95)
+"""Quantiles at the ends of an interval. The points of a Sobol' sequence cover the box more evenly than the
+bootstrap knows, so the intervals are wide rather than narrow."""
 
 
 @dataclass(frozen=True)
@@ -133,8 +137,6 @@ def sobol_indices(
     outputs: tuple[str, ...],
     n: int = 1024,
     rng: Rng,
-    confidence: float = 0.95,
-    resamples: int = 500,
 ) -> SobolIndices:
     """Variance-based sensitivity of some scalar outputs, e.g. of a verified surrogate.
 
@@ -150,11 +152,6 @@ def sobol_indices(
         Points of each of the d + 2 samples, a power of two.
     rng
         Integer seed or generator, of the sample and of the bootstrap.
-    confidence
-        Share of the bootstrap inside an interval, in (0, 1). The points of a Sobol' sequence cover the box
-        more evenly than the bootstrap knows, so the intervals are wide rather than narrow.
-    resamples
-        Draws of the bootstrap, at least 100.
 
     Raises
     ------
@@ -172,35 +169,25 @@ def sobol_indices(
     first = (at_B - mean) * (at_AB - at_A)
     total = 0.5 * (at_A - at_AB) ** 2
     square = 0.5 * ((at_A - mean) ** 2 + (at_B - mean) ** 2)
-    draws = _resampled([first, total, square[None]], resamples, seed)
-    ends = _interval_ends(confidence)
+    draws = _resampled([first, total, square[None]], seed)
     return SobolIndices(
         names=box.names,
         outputs=outputs,
         first=(first.mean(axis=1) / variance).T,
         total=(total.mean(axis=1) / variance).T,
-        first_interval=np.moveaxis(np.quantile(draws[0] / draws[2], ends, axis=0), 0, -1).swapaxes(0, 1),
-        total_interval=np.moveaxis(np.quantile(draws[1] / draws[2], ends, axis=0), 0, -1).swapaxes(0, 1),
+        first_interval=np.moveaxis(np.quantile(draws[0] / draws[2], ENDS, axis=0), 0, -1).swapaxes(0, 1),
+        total_interval=np.moveaxis(np.quantile(draws[1] / draws[2], ENDS, axis=0), 0, -1).swapaxes(0, 1),
         mean=mean,
         variance=variance,
         evaluations=n * (box.dimension + 2),
     )
 
 
-def _resampled(terms: list[FloatArray], resamples: int, seed: int) -> list[FloatArray]:
+def _resampled(terms: list[FloatArray], seed: int) -> list[FloatArray]:
     """Means over the rows of a sample drawn again, the same rows for all terms."""
-    if resamples < 100:
-        raise ValueError(f"resamples must be at least 100, got {resamples}")
     n = terms[0].shape[-2]
-    counts = np.random.default_rng(seed).multinomial(n, np.full(n, 1.0 / n), size=resamples) / n
+    counts = np.random.default_rng(seed).multinomial(n, np.full(n, 1.0 / n), size=RESAMPLES) / n
     return [np.tensordot(counts, term, axes=(1, term.ndim - 2)) for term in terms]
-
-
-def _interval_ends(confidence: float) -> tuple[float, float]:
-    """Quantiles at the ends of an interval."""
-    if not 0.0 < confidence < 1.0:
-        raise ValueError(f"confidence must be in (0, 1), got {confidence}")
-    return 0.5 * (1.0 - confidence), 0.5 * (1.0 + confidence)
 
 
 def _moments(at_A: FloatArray, at_B: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -219,6 +206,8 @@ def _refuse_constant(outputs: tuple[str, ...], mean: FloatArray, variance: Float
 
 PILOT = 256
 """Points from which the components are taken."""
+KEPT_VARIANCE = 1.0 - 1e-6
+"""Share of a history's scaled variance that its components keep."""
 SILENT = 1e-6
 """An entry whose variance is a smaller share of the largest one has no indices: those of a point that the
 disturbance has not reached would be shares of round-off."""
@@ -240,10 +229,8 @@ class HistoryIndices:
     """Generalised first-order index [-], shape [d]."""
     aggregated_total: FloatArray
     """Generalised total index [-], shape [d]."""
-    aggregated_first_interval: FloatArray
-    """Ends of its bootstrap interval [-], shape [d, 2]."""
     aggregated_total_interval: FloatArray
-    """Likewise of the total index."""
+    """Ends of the bootstrap interval of the total one [-], shape [d, 2]."""
     components: int
     """Number of components kept."""
     kept_variance: float
@@ -257,23 +244,19 @@ def history_indices(
     scale: ArrayLike = 1.0,
     n: int = 1024,
     rng: Rng,
-    variance: float = 1.0 - 1e-6,
-    confidence: float = 0.95,
-    resamples: int = 500,
 ) -> HistoryIndices:
     """Variance-based sensitivity of a history, e.g. `Surrogate.predict`.
 
     ``box``: where the parameters vary, uniformly and independently. ``function``: the histories at points,
     shape [n, d] -> [n, k]. ``scale``: what entries are measured by when they are put together, > 0, in their
     units: a number or shape [k]. ``n``: points of each of the d + 2 samples, a power of two. ``rng``: integer
-    seed or generator. ``variance``: share of the scaled variance that the components keep, in (0, 1].
-    ``confidence``, ``resamples``: as in `doe.sensitivity.sobol_indices`. Raises ValueError if an argument is
-    outside its range, an answer is unusable, or the history does not vary at all.
+    seed or generator. Raises ValueError if an argument is outside its range, an answer is unusable, or the
+    history does not vary at all.
     """
     seed = seed_of(rng)
     sample = SaltelliSample.draw(box.dimension, n, seed)
     pilot = evaluate(function, box, sample.A[:PILOT])
-    reduction = PrincipalComponents.fit(pilot, scale=scale, variance=variance)
+    reduction = PrincipalComponents.fit(pilot, scale=scale, variance=KEPT_VARIANCE)
     if not reduction.singular_values[0] > 1e-12 * np.abs(pilot / reduction.scale).max():
         raise ValueError("the history is the same all over the box: nothing to explain")
     at_A, at_B, at_AB = sample.ask(lambda x: reduction.scores(function(x)), box)
@@ -294,14 +277,11 @@ def history_indices(
     share = np.divide(reduction.scale**2, spread, out=np.full_like(spread, np.nan), where=alive)
     traces = _resampled(
         [
-            (at_B * change).sum(axis=-1, keepdims=True),
             0.5 * (change**2).sum(axis=-1, keepdims=True),
             0.5 * (at_A**2 + at_B**2).sum(axis=-1, keepdims=True)[None],
         ],
-        resamples,
         seed,
     )
-    ends = _interval_ends(confidence)
     size = float(np.trace(whole))
     return HistoryIndices(
         names=box.names,
@@ -310,8 +290,7 @@ def history_indices(
         variance=spread,
         aggregated_first=np.trace(of_first, axis1=1, axis2=2) / size,
         aggregated_total=np.trace(of_total, axis1=1, axis2=2) / size,
-        aggregated_first_interval=np.quantile((traces[0] / traces[2])[..., 0], ends, axis=0).T,
-        aggregated_total_interval=np.quantile((traces[1] / traces[2])[..., 0], ends, axis=0).T,
+        aggregated_total_interval=np.quantile((traces[0] / traces[1])[..., 0], ENDS, axis=0).T,
         components=reduction.n_components,
         kept_variance=reduction.kept_variance,
     )
@@ -335,12 +314,6 @@ class ElementaryEffects:
     def size(self) -> FloatArray:
         """Mean size mu* of the effect, in the outputs' units, shape [s, d]."""
         return np.abs(self.effects).mean(axis=0).T
-
-    @property
-    def size_sigma(self) -> FloatArray:
-        """Standard uncertainty of `size` from the scatter of the trajectories, shape [s, d]."""
-        scatter = np.abs(self.effects).std(axis=0, ddof=1).T
-        return np.asarray(scatter / np.sqrt(len(self.effects)))
 
     @property
     def scatter(self) -> FloatArray:
@@ -417,17 +390,3 @@ def morris(box: Box, trajectories: int, *, levels: int = 4, rng: Rng) -> Traject
     unit_points = (low[:, None, :] + delta * (after ^ down[:, None, :])).reshape(-1, d)
     settings = {"trajectories": r, "levels": p, "rng": seed}
     return Trajectories(Design(box.scale(unit_points), box, "morris", settings), order)
-
-
-__all__ = [
-    "ElementaryEffects",
-    "HistoryIndices",
-    "LinearData",
-    "Placement",
-    "SobolIndices",
-    "best_groups",
-    "best_window",
-    "history_indices",
-    "morris",
-    "sobol_indices",
-]

@@ -6,10 +6,8 @@
 
 The last line is for shots of bonded specimens with `--relaxation prony`, which are compared with the same
 without it. `ahead_of_time` does the same from Python. The folder holds machine code (cubin) of one
-architecture, or PTX, which the driver of that and any later architecture finishes. A file's name carries
-the
-hash of the kernel's source and options, and its folder the version of Warp: a file of other sources is
-never
+architecture, or PTX, which the driver of that and any later architecture finishes. A file's name carries the
+hash of the kernel's source and options, and its folder the version of Warp: a file of other sources is never
 loaded.
 """
 

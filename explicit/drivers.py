@@ -1,8 +1,7 @@
 """Drivers of a batch's time loops: packs of SIMD lanes on the cores of a CPU, thread blocks on a GPU.
 
-A GPU writes small results into page-locked memory at the speed of the bus. Histories of a large batch go
-to the
-host in pieces through page-locked memory, while other simulations still run.
+A GPU writes small results into page-locked memory at the speed of the bus. Histories of a large batch go to
+the host in pieces through page-locked memory, while other simulations still run.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -2,8 +2,7 @@
 
 The element is the uniform-strain quadrilateral of Flanagan and Belytschko (1981), carried to axial symmetry
 with volume-averaged gradients: the deformation gradient of an element is the volume average of the bilinear
-field's. It is exact for every homogeneous deformation, and its nodal forces pass the patch test to
-round-off,
+field's. It is exact for every homogeneous deformation, and its nodal forces pass the patch test to round-off,
 also on the axis. All integrals are over a full turn (2 pi R dA).
 """
 

@@ -1,7 +1,6 @@
 """The constant side of a batch: what is simulated, with which parameters, and what is recorded.
 
-`Stencil` is the difference formula of second order for one parameter of `Samples`: central, or one-sided
-near
+`Stencil` is the difference formula of second order for one parameter of `Samples`: central, or one-sided near
 a bound.
 """
 

@@ -1,7 +1,6 @@
 """Results of a batch: histories, energy ledger, and the outcome of each simulation.
 
-Arrays are NumPy float64, one row a simulation. A simulation that fails ends with a named cause, its time,
-its
+Arrays are NumPy float64, one row a simulation. A simulation that fails ends with a named cause, its time, its
 element and its cure.
 """
 
@@ -261,6 +260,13 @@ class Response:
     def endings(self) -> tuple[Ending, ...]:
         """End of every simulation: outcome, time and place, length n_samples."""
         return tuple(self.ending(i) for i in range(self.n_samples))
+
+    def require_completed(self) -> None:
+        """Raise RuntimeError, with cause and cure, if a simulation did not reach its end."""
+        for i, outcome in enumerate(self.outcomes):
+            if not outcome.ok:
+                time = 1e6 * self.end_times[i]
+                raise RuntimeError(f"simulation {i} ended at {time:.1f} us: {outcome.cause}; {outcome.cure}")
 
     def describe(self, sample: int) -> str:
         """The sentence of `ending`, e.g. "INVERTED at 280.3 us in element 87 (R = 4.45 mm, Y = 6.21 mm): an

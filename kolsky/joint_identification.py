@@ -2,23 +2,19 @@
 
 1. What is shared and free: what every shot frees alone (`kolsky.inverse.problem`).
 2. Scans of the stiffness, of relaxation and of Poisson's valleys on the mesh of the search, then least
-   squares
-   over all shots and slow tests together (`kolsky.inverse.joint_problem`).
+   squares over all shots and slow tests together (`kolsky.inverse.joint_problem`).
 3. The weights learn the front faces' noise, clocks and scales at that point; least squares again.
-4. The optimum is moved to the refined mesh (`kolsky.inverse.joint_search`). A model that relaxes is
-   compared
+4. The optimum is moved to the refined mesh (`kolsky.inverse.joint_search`). A model that relaxes is compared
    with the same shots without it (`kolsky.diagnosis.relaxation`). The noise patterns are computed again at
-   the
-   optimum, and the scatter between the shots is estimated; the weights contain it from then on.
+   the optimum, and the scatter between the shots is estimated; the weights contain it from then on.
 5. The answer: shared values with intervals (weights, residuals correlated in time, the curve's noise, the
-   mesh,
-   declared inputs), each shot's own part, and the curve, if it is free.
+   mesh, declared inputs), each shot's own part, and the curve, if it is free.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +52,7 @@ from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import MOVED, PARAMETERS, checked_value, reference_words, require_declared
 from kolsky.inverse.problem import Freed, PreparedShot, choose, prepare_shot
 from kolsky.inverse.result import Estimate
-from kolsky.inverse.staged_runs import Progress
+from kolsky.inverse.work import Progress
 from kolsky.shot.records import Shot
 from kolsky.uncertainty.budgets import declared_parts
 from kolsky.uncertainty.mesh_error import joint_mesh_change, numerical_parts
@@ -314,7 +310,24 @@ def identify_shots(
     prepared = [prepare_shot(shot) for shot in shots]
     freed = [choose(settings.of_one(), shot) for shot in shots]
     said: list[str] = []
-    problem = _problem(prepared, freed, settings, slow, ledger, progress, said)
+    bounds = _shared_bounds(prepared, freed, settings, said)
+
+    def problem_of(
+        shots: Sequence[PreparedShot], free: Mapping[str, tuple[float, float] | None]
+    ) -> JointProblem:
+        runs = JointRuns(
+            shots,
+            Unknowns(free, settings.curve_nodes),
+            held=settings.held,
+            ledger=ledger,
+            replicates=settings.replicates,
+            seed=settings.seed,
+            **({} if progress is None else {"progress": progress}),
+        )
+        own = replace(freed[0], settings=replace(freed[0].settings, free=dict(free)))
+        return JointProblem(runs, settings, slow, own.prior(shots[0].forward.shot) if free else None)
+
+    problem = problem_of(prepared, bounds)
     relaxing = [name for name in problem.unknowns.bounds if PARAMETERS[name].relaxes]
     kept = {n: b for n, b in problem.unknowns.bounds.items() if n not in relaxing}
     if not relaxing or not (kept or settings.curve_nodes) or not settings.choose:
@@ -324,7 +337,7 @@ def identify_shots(
         replace(p, forward=replace(p.forward, shot=replace(p.forward.shot, relaxation=None)))
         for p in prepared
     ]
-    elastic = _build_problem(bare, kept, freed[0], settings, slow, ledger, progress)
+    elastic = problem_of(bare, kept)
     without = _search_joint(elastic)
     found = _search_joint(problem, beside=weak_branch(problem, elastic, without.start))
     found = _not_above(problem, found, elastic, without)
@@ -338,17 +351,17 @@ def _search_joint(problem: JointProblem, *, beside: FloatArray | None = None) ->
     numerics = problem.mesh
     x, _ = problem.search(starts(problem, numerics), numerics, FIRST_STEPS)
     problem.learn_noise(x, numerics)
-    found = _refined_from(problem, x)
+    found = refined_optimum(problem, *_search_again(problem, x))
     if beside is None:
         return found
-    end = _search_again(problem, problem.search(beside[None], numerics, FIRST_STEPS)[0])
-    if _distance(problem, found, end.x) <= SAME_VALLEY:
+    end, slopes = _search_again(problem, problem.search(beside[None], numerics, FIRST_STEPS)[0])
+    if _distance(problem, found, end) <= SAME_VALLEY:
         return found
-    other = refined_optimum(problem, end.x, end.slopes)
+    other = refined_optimum(problem, end, slopes)
     if not problem.deviance(other.vector) < problem.deviance(found.vector):
         return found
     problem.learn_noise(other.start, numerics)  # the patterns are those of a point
-    return _refined_from(problem, other.start)
+    return refined_optimum(problem, *_search_again(problem, other.start))
 
 
 def _not_above(problem: JointProblem, found: Optimum, elastic: JointProblem, without: Optimum) -> Optimum:
@@ -364,24 +377,10 @@ def _not_above(problem: JointProblem, found: Optimum, elastic: JointProblem, wit
     return replace(refined_optimum(problem, nothing.x, slopes), start=nothing.start)
 
 
-@dataclass(frozen=True)
-class _End:
-    """Where a search on its own mesh ended, and the slopes there."""
-
-    x: FloatArray
-    slopes: FloatArray
-
-
-def _search_again(problem: JointProblem, x: FloatArray) -> _End:
-    """The search once more, with the weights of now, from a point near the optimum on its mesh."""
+def _search_again(problem: JointProblem, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The optimum and slopes on the search's mesh, with the weights of now, from a point near it."""
     x, sigma = problem.search(x[None], problem.mesh, LATER_STEPS)
-    return _End(x, problem.slopes(x, sigma, problem.mesh)[1])
-
-
-def _refined_from(problem: JointProblem, x: FloatArray) -> Optimum:
-    """The optimum on the refined mesh from a point near that on the search's mesh."""
-    end = _search_again(problem, x)
-    return refined_optimum(problem, end.x, end.slopes)
+    return x, problem.slopes(x, sigma, problem.mesh)[1]
 
 
 def _distance(problem: JointProblem, found: Optimum, x: FloatArray) -> float:
@@ -391,16 +390,10 @@ def _distance(problem: JointProblem, found: Optimum, x: FloatArray) -> float:
     return float(np.sqrt(away @ information(rows, problem.unknowns.widths) @ away))
 
 
-def _problem(
-    prepared: Sequence[PreparedShot],
-    freed: Sequence[Freed],
-    settings: JointSettings,
-    slow: Slow,
-    ledger: Path | None,
-    progress: Progress | None,
-    said: list[str],
-) -> JointProblem:
-    """The problem of all shots; what some shot holds is held, and said."""
+def _shared_bounds(
+    prepared: Sequence[PreparedShot], freed: Sequence[Freed], settings: JointSettings, said: list[str]
+) -> dict[str, tuple[float, float] | None]:
+    """Free parameters of all shots and their bounds; what some shot holds is held, and said."""
     bounds = dict(freed[0].free)
     for one in freed:
         for name in [n for n in bounds if n not in one.free]:
@@ -414,31 +407,7 @@ def _problem(
         checked_value(name, value)
     if not bounds and not settings.curve_nodes:
         raise ValueError("nothing is free in all of the shots")
-    return _build_problem(prepared, bounds, freed[0], settings, slow, ledger, progress)
-
-
-def _build_problem(
-    prepared: Sequence[PreparedShot],
-    bounds: Mapping[str, tuple[float, float] | None],
-    freed: Freed,
-    settings: JointSettings,
-    slow: Slow,
-    ledger: Path | None,
-    progress: Progress | None,
-) -> JointProblem:
-    unknowns = Unknowns(bounds, settings.curve_nodes)
-    runs = JointRuns(
-        prepared,
-        unknowns,
-        held=settings.held,
-        ledger=ledger,
-        replicates=settings.replicates,
-        seed=settings.seed,
-        **({} if progress is None else {"progress": progress}),
-    )
-    kept = replace(freed, settings=replace(freed.settings, free=dict(bounds)))
-    prior = kept.prior(prepared[0].forward.shot) if bounds else None
-    return JointProblem(runs, settings, slow, prior)
+    return bounds
 
 
 def _check_joinable(shots: Sequence[Shot], settings: JointSettings, slow: Slow) -> None:

@@ -18,7 +18,7 @@ from dic.correlation.subsets import apply, overlap_matrix
 from dic.images import Pictures
 from dic.outcome import PointOutcome
 from dic.stereo.geometry import pixels_per_length, projection_slope
-from dic.surfaces import SpecimenFrame
+from dic.surfaces.cylinder import SpecimenFrame
 from dic.tracking import Track
 
 FREE = 9.0
@@ -353,32 +353,14 @@ def axial_displacement(
     the translation is then the one that fits all pixels of both cameras best, in their covariances; where one
     camera alone sees the body, its place across the axis is held to that of the nearest frame that both saw.
 
-    Parameters
-    ----------
-    body
-        The flyer, followed.
-    rig
-        The cameras.
-    frame
-        The test frame.
-    t
-        Frame times [s], shape [n_frames].
-    static
-        Frames in which the flyer rests, shape [n_frames].
-    subset
-        Side of the subsets [px]: those that overlap share their noise.
-    pictures
-        Both series, to look for the edge strip of the body (`dic.bodies.edge_registration`) in the
-        frames before its first point came into view, where that is after the static ones; None: do not.
-    geometry
-        The specimen at rest: where the body is in view in no static frame, its rim then gives the place at
-        rest (`dic.bodies.rest_from_rim`); None: it is not known.
-
-    Returns
-    -------
-    AxialDisplacement or None
-        None if no point was ever seen by both cameras, or the place at rest, which displacements count from,
-        is not known: the body is seen in no static frame, and its rim in too few.
+    ``body``: the flyer, followed. ``rig``: the cameras. ``frame``: the test frame. ``t``: frame times [s],
+    shape [n_frames]. ``static``: frames in which the flyer rests, shape [n_frames]. ``subset``: side of the
+    subsets [px]: those that overlap share their noise. ``pictures``: both series, to look for the edge strip
+    of the body (`dic.bodies.edge_registration`) in the frames before its first point came into view, where
+    that is after the static ones; None: do not. ``geometry``: the specimen at rest: where the body is in view
+    in no static frame, its rim then gives the place at rest (`dic.bodies.rest_from_rim`); None: it is not
+    known. Returns: None if no point was ever seen by both cameras, or the place at rest, which displacements
+    count from, is not known: the body is seen in no static frame, and its rim in too few.
     """
     seen = translations(body, rig, frame, t, static, subset=subset, pictures=pictures)
     rim = None if pictures is None or geometry is None else rim_of(body, rig, frame, pictures, geometry)
@@ -477,10 +459,7 @@ def combine_rest(seen: tuple[float, float], by_end: tuple[float, float]) -> tupl
     By least squares; two that disagree by more than `MOST_APART` standard deviations are not joined, and
     what was seen counts.
 
-    Parameters
-    ----------
-    seen, by_end
-        Place and standard deviation [m].
+    ``seen``, ``by_end``: place and standard deviation [m].
     """
     apart = seen[0] - by_end[0]
     if abs(apart) > MOST_APART * float(np.hypot(seen[1], by_end[1])):

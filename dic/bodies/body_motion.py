@@ -1,12 +1,8 @@
 """Motion of a rigid body whose points come into view and leave it: poses and points by least squares.
 
-Poses of all frames and places of all points on the body are found together, by least squares over every
-valid observation of every point: points first seen in a late frame are tied to the body by the points seen
-together with them, backward and forward in time, and the covariance contains every link of such a chain.
-
-``x_ik = R_k X_i + p_k`` is the place of point i in frame k. The places X_i on the body are eliminated by
-Schur's complement; what remains has six unknowns a frame, and six combinations of them are open until a
-frame of the body is chosen.
+The poses of all frames and the places of all points on the body are found together from every valid
+observation: ``x_ik = R_k X_i + p_k``. The places X_i are eliminated by Schur's complement. Six unknowns a
+frame remain; six combinations of them are free until a frame of the body is chosen.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,87 +24,6 @@ from dic.tracking.inputs import Track
 FEWEST_POINTS = 3
 
 
-@dataclass(frozen=True)
-class _RigidMotion:
-    """The motion ``x = R (X - centre) + centre + translation`` and how well it is known."""
-
-    rotation: FloatArray
-    """R, shape [3, 3]."""
-    translation: FloatArray
-    """Displacement of `centre` [m], shape [3]."""
-    centre: FloatArray
-    """The weighted mean of the points at rest [m], shape [3]."""
-    covariance: FloatArray
-    """Of a small rotation after R about the three axes [rad] and of the translation [m], shape [6, 6];
-    `noise_scale` is in it."""
-    used: BoolArray
-    """Points the motion rests on; the others lie too far off, shape [n]."""
-    chi2_per_dof: float
-    """Sum of squared residuals in their declared sigmas over the degrees of freedom [-]."""
-    noise_scale: float
-    """Noise used over noise declared, at least 1 [-]."""
-
-    @property
-    def rotation_vector(self) -> FloatArray:
-        """Axis of the rotation times its angle [rad], shape [3]."""
-        return np.asarray(Rotation.from_matrix(self.rotation).as_rotvec())
-
-    def moved(self, X: FloatArray) -> FloatArray:
-        """Moved points of the body [m], shape [..., 3]."""
-        return np.asarray((X - self.centre) @ self.rotation.T + self.centre + self.translation)
-
-
-def rigid_motion(
-    X: ArrayLike,
-    x: ArrayLike,
-    covariance: ArrayLike,
-    *,
-    overlap: ArrayLike | None = None,
-    reject: float = 4.0,
-) -> _RigidMotion:
-    """Find the rigid motion from points at rest to their places now.
-
-    The start is Kabsch's rotation by singular values with scalar weights; Gauss-Newton steps then weigh
-    with the whole covariances.
-    """
-    rest, now = np.asarray(X, dtype=np.float64), np.asarray(x, dtype=np.float64)
-    C = np.asarray(covariance, dtype=np.float64)
-    n = len(rest)
-    if rest.shape != (n, 3) or now.shape != (n, 3) or C.shape != (n, 3, 3):
-        raise ValueError(
-            f"X, x and covariance must be [n, 3], [n, 3], [n, 3, 3], got {rest.shape}, {now.shape}, {C.shape}"
-        )
-    if n < FEWEST_POINTS or not reject > 0.0:
-        raise ValueError(f"a rigid motion needs {FEWEST_POINTS} points and reject > 0, got {n} and {reject}")
-    if not (np.isfinite(rest).all() and np.isfinite(now).all() and np.isfinite(C).all()):
-        raise ValueError("points and covariances must be finite: leave out the points that are not valid")
-    if np.linalg.eigvalsh(C).min() <= 0.0:
-        raise ValueError("every point's covariance must be positive definite")
-    own = np.linalg.inv(C)
-    factor = np.ones(n) if overlap is None else np.asarray(overlap, dtype=np.float64)
-    W = np.asarray(own / factor[:, None, None], dtype=np.float64)
-    weight = np.asarray(np.trace(W, axis1=1, axis2=2))
-    centre = np.average(rest, axis=0, weights=weight)
-    used = np.ones(n, dtype=bool)
-    R, d = _kabsch(rest - centre, now - centre, weight)
-    for _ in range(30):
-        R, d, step, A = _newton_step(rest[used] - centre, now[used] - centre, W[used], R, d)
-        off = now - centre - d - (rest - centre) @ R.T
-        size = np.sqrt(np.einsum("ni,nij,nj->n", off, own, off) / 3.0)
-        kept = size <= reject * max(1.0, MAD * float(np.median(size)))
-        if (kept == used).all() and step < 1e-10:
-            break
-        if kept.sum() < FEWEST_POINTS:
-            raise ValueError(f"only {int(kept.sum())} of {n} points move as one rigid body")
-        used = kept
-    dof = 3 * int(used.sum()) - 6
-    chi2 = float(3.0 * np.sum(size[used] ** 2)) / dof if dof else 1.0
-    scale = float(np.sqrt(max(1.0, chi2)))
-    unit = np.sqrt(np.diag(A))
-    V = scale**2 * np.linalg.inv(A / np.outer(unit, unit)) / np.outer(unit, unit)
-    return _RigidMotion(R, d, centre, V, used, chi2, scale)
-
-
 def _kabsch(X: FloatArray, x: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Rotation and translation of least weighted squares from X to x, both [n, 3] about any origin."""
     w = weight / weight.sum()
@@ -127,27 +42,6 @@ def lever(r: FloatArray) -> FloatArray:
     J[..., 2, 0], J[..., 2, 1] = r[..., 1], -r[..., 0]
     J[..., 3:] = np.eye(3)
     return J
-
-
-def _newton_step(
-    X: FloatArray, x: FloatArray, W: FloatArray, R: FloatArray, d: FloatArray
-) -> tuple[FloatArray, FloatArray, float, FloatArray]:
-    """New rotation, new translation, angle of the step [rad], normal matrix."""
-    turned = X @ R.T
-    J = lever(turned)
-    A = np.einsum("nia,nij,njb->ab", J, W, J, optimize=True)
-    b = np.einsum("nia,nij,nj->a", J, W, x - turned - d, optimize=True)
-    unit = np.sqrt(np.diag(A))
-    scaled = A / np.outer(unit, unit)
-    if not np.linalg.eigvalsh(scaled)[0] > 1e-12:
-        raise ValueError("the points lie on one line: their rotation about it is open; use more points")
-    step = np.linalg.solve(scaled, b / unit) / unit
-    return (
-        Rotation.from_rotvec(step[:3]).as_matrix() @ R,
-        d + step[3:],
-        float(np.linalg.norm(step[:3])),
-        A,
-    )
 
 
 MOST_ROUNDS = 12
@@ -221,9 +115,8 @@ class Poses:
 def adjust(observations: Observations, prior: MotionPrior, reject: float) -> Poses:
     """Poses of all frames that are connected with the one that sees most points.
 
-    ``observations``: what was seen. ``habits``: what is known of the motion. ``reject``: observations farther
-    off than this many (robust) sigmas are left out. Raises ValueError if no frame sees enough points, or the
-    iteration does not settle.
+    ``habits``: what is known of the motion. ``reject``: observations farther off than this many (robust)
+    sigmas are left out. Raises ValueError if no frame sees enough points, or the iteration does not settle.
     """
     frames, points, R, p, X = _chain(observations)
     tolerance = ROUGH
@@ -459,22 +352,8 @@ class BodyMotion:
     def covariance_of(self, component: int, frames: IntArray) -> FloatArray:
         """Covariance between frames of one component of rotation (0 to 2) or displacement (3 to 5).
 
-        Parameters
-        ----------
-        component
-            0 to 5.
-        frames
-            Frames that have a pose, shape [k].
-
-        Returns
-        -------
-        NDArray
-            [rad²] or [m²], shape [k, k].
-
-        Raises
-        ------
-        ValueError
-            If a frame has none.
+        ``component``: 0 to 5. ``frames``: frames that have a pose, shape [k]. Returns: [rad²] or [m²], shape
+        [k, k]. Raises ValueError if a frame has none.
         """
         posed = self.frames
         at = np.searchsorted(posed, frames)
@@ -495,12 +374,8 @@ class BodyMotion:
     def along(self, direction: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Displacement along a unit direction of the test frame and its covariance between frames.
 
-        Returns
-        -------
-        NDArray
-            Displacements [m], shape [n_frames].
-        NDArray
-            Covariance [m²], shape [n_frames, n_frames]; NaN for a frame without a pose.
+        Returns: displacements [m], shape [n_frames]. Returns: covariance [m²], shape [n_frames, n_frames];
+        NaN for a frame without a pose.
         """
         unit = np.asarray(direction, dtype=np.float64)
         if unit.shape != (3,) or not abs(np.linalg.norm(unit) - 1.0) < 1e-9:
@@ -533,42 +408,22 @@ def body_motion(
 ) -> BodyMotion:
     """Find the motion of a rigid body from points on it.
 
-    Parameters
-    ----------
-    reconstructions
-        Points of the body, all in the same frames; one for each material picture that points were chosen
-        in, if there are several.
-    frame
-        The test frame.
-    at
-        The body's point whose displacement is wanted, at rest, in the test frame [m], shape [3].
-    rest
-        Frames in which the body rests; their mean is the zero of displacement and rotation.
-    overlaps
-        For each reconstruction the variance factors of points whose subsets overlap,
-        `dic.surfaces.overlap_factor`; shape [n_points] or [n_frames, n_points].
-    shared
-        Share of a point's variance that is the same in all frames, being the noise of its material
-        picture: it moves the point on the body, not the body [-].
-    rig, tracks
-        The cameras, and for each reconstruction the tracks it was made from: then a frame in which only
-        one camera sees a point counts too, with what that camera knows. Such frames need
-        `rotation_change` and `lateral_change`, or they know little along the view.
-    rotation_change
-        Standard deviation of the change of attitude from one frame to the next, about each axis [rad],
-        by which narrow views of the body borrow their attitude from wide ones; None: every frame has its
-        own.
-    lateral_change
-        Standard deviation of the displacement across y from one frame to the next, along x and Z [m];
-        None: any.
-    reject
-        Observations farther off than this many sigmas, or this many robust standard deviations if the scatter
-        is larger than the sigmas say, are left out [-].
-
-    Raises
-    ------
-    ValueError
-        No frame at rest that is connected with the others, shapes that do not fit, options out of range.
+    ``reconstructions``: points of the body, all in the same frames; one for each material picture that points
+    were chosen in, if there are several. ``frame``: the test frame. ``at``: the body's point whose
+    displacement is wanted, at rest, in the test frame [m], shape [3]. ``rest``: frames in which the body
+    rests; their mean is the zero of displacement and rotation. ``overlaps``: for each reconstruction the
+    variance factors of points whose subsets overlap, `overlap_factor`; shape [n_points] or
+    [n_frames, n_points]. ``shared``: share of a point's variance that is the same in all frames, being the
+    noise of its material picture: it moves the point on the body, not the body [-]. ``rig``, ``tracks``: the
+    cameras, and for each reconstruction the tracks it was made from: then a frame in which only one camera
+    sees a point counts too, with what that camera knows. Such frames need `rotation_change` and
+    `lateral_change`, or they know little along the view. ``rotation_change``: standard deviation of the
+    change of attitude from one frame to the next, about each axis [rad], by which narrow views of the body
+    borrow their attitude from wide ones; None: every frame has its own. ``lateral_change``: standard
+    deviation of the displacement across y from one frame to the next, along x and Z [m]; None: any.
+    ``reject``: observations farther off than this many sigmas, or this many robust standard deviations if the
+    scatter is larger than the sigmas say, are left out [-]. Raises ValueError: no frame at rest that is
+    connected with the others, shapes that do not fit, options out of range.
     """
     point = np.asarray(at, dtype=np.float64)
     _check(reconstructions, point, rest, shared, (rotation_change, lateral_change), reject, overlaps)

@@ -1,10 +1,8 @@
 """Edge between two bodies in strips of pictures, by maximum likelihood of the rows' covariance.
 
-Speckles are wider than a pixel, so that rows of one body correlate, and rows of two bodies do not. Rows of a
-strip lie across the edge, its columns along it. A column's grey values are taken for a draw of a Gaussian
-process: each body's paint has a covariance of its own, it ends at the edge, and the optics blur what is
-left. Only how columns differ from each other counts: each row's mean and its shading are taken out, so that
-neither body's brightness matters, nor that of the platen's face which may lie between them as a band.
+Rows of a strip lie across the edge, its columns along it. Each column is a draw of a Gaussian process: the
+paint of each body has its own covariance, which ends at the edge, and the optics blur the result. The mean
+and the shading of each row are removed, so that the brightness of the bodies does not matter.
 """
 
 from collections.abc import Iterable, Iterator
@@ -18,7 +16,7 @@ from scipy.special import ndtr
 
 from dic.basics import BoolArray, FloatArray, IntArray
 from dic.camera import Camera
-from dic.surfaces import SpecimenFrame
+from dic.surfaces.cylinder import SpecimenFrame
 
 CELL = 0.5
 """Distance of the places of paint that a pixel is summed over [px]."""
@@ -111,8 +109,7 @@ def with_slopes(p: FloatArray, u: FloatArray, width: FloatArray, free: bool) -> 
     ``p``: place of the edge [px]; logarithms of blur, of the lengths of the paint on the body and beyond
     [px], of the contrasts of body and beyond and of the noise [-], of the shape; the band's parameter. ``u``:
     places of the rows [px], shape [n_rows]. ``width``: band for parameter 0, and what parameter 1 adds [px].
-    ``free``: whether the parameter counts. Returns: covariance, shape [n_rows, n_rows], and slopes, shape [9,
-    n_rows, n_rows].
+    Returns: covariance, shape [n_rows, n_rows], and slopes, shape [9, n_rows, n_rows].
     """
     return next(of_bands(p, u, [width], free))
 

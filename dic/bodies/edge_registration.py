@@ -1,14 +1,8 @@
-"""Position of a body at rest, and before it comes into view, of which pictures show only an edge strip.
+"""Position of a body of which the pictures at rest show only an edge strip.
 
-A subset needs several rows of speckle around its point; a body that only just reaches into the pictures at
-rest has none. But its whole edge strip moves as one: the static pictures are compared, pixel by pixel and
-both cameras together, with the material picture, in which the body's points were chosen. One unknown is left,
-its translation along the axis.
-
-The last rows of a picture are not like the others: optics and electronics, or whatever filtered the pictures,
-blur them from one side only, so that they show a place a fraction of a pixel further in. This offset of each
-row is measured in frames in which enough of the body is in view to know its translation
-(`EdgeRegistration.fit_row_offsets`).
+The strip has too few rows for a subset, but it moves as one. The static pictures of both cameras are compared
+pixel by pixel with the material picture; the one unknown is the translation along the axis. The last rows of
+a picture show a place a fraction of a pixel further in; `EdgeRegistration.fit_row_offsets` measures this.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -17,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from dic.basics import BoolArray, FloatArray, IntArray
+from dic.basics import BoolArray, FloatArray, IntArray, zncc
 from dic.bodies.follow import TrackedBody
 from dic.camera import Camera, StereoRig
 from dic.images import PictureError, Pictures
 from dic.stereo.geometry import pixels_per_length
-from dic.surfaces import SpecimenFrame
+from dic.surfaces.cylinder import SpecimenFrame
 
 EDGE_ROWS = 12
 """Rows of pixels that are compared, from the border that the body comes in by."""
@@ -87,18 +81,13 @@ def _zncc_of(parts: list[VisiblePixels]) -> float:
     reference = np.concatenate([part.reference for part in parts])
     if len(grey) < FEWEST:
         return -1.0
-    f, g = grey - grey.mean(), reference - reference.mean()
-    energy = float((f @ f) * (g @ g))
-    return float(f @ g) / float(np.sqrt(energy)) if energy > 0.0 else -1.0
+    return zncc(grey, reference)
 
 
 def least_zncc(known: Sequence[float]) -> float:
     """Least ZNCC at which a strip is taken for the body.
 
-    Parameters
-    ----------
-    known
-        Those of frames in which its translation is known.
+    ``known``: those of frames in which its translation is known.
     """
     if not known:
         return LEAST_ZNCC
@@ -224,19 +213,11 @@ class RegisteredEdge:
 class EdgeRegistration:
     """Registration of the edge strip of a body of revolution with its material picture, in any frame.
 
-    Parameters
-    ----------
-    material
-        Pictures of camera 0 and camera 1 at the time when the body's points were chosen, shape
-        [rows, columns] each.
-    mask
-        Pixels of the body in camera 0's picture of that time, shape [rows, columns].
-    rig, frame
-        The cameras and the test frame, about whose y the body is one of revolution.
-    places
-        Points of its surface at translation zero, in the test frame [m], shape [n, 3].
-    move
-        Translation at the time of `material` [m], shape [3].
+    ``material``: pictures of camera 0 and camera 1 at the time when the body's points were chosen, shape
+    [rows, columns] each. ``mask``: pixels of the body in camera 0's picture of that time, shape [rows,
+    columns]. ``rig``, ``frame``: the cameras and the test frame, about whose y the body is one of revolution.
+    ``places``: points of its surface at translation zero, in the test frame [m], shape [n, 3]. ``move``:
+    translation at the time of `material` [m], shape [3].
     """
 
     def __init__(
@@ -267,18 +248,9 @@ class EdgeRegistration:
         """Offset with which each row at the border shows the body; `register` then subtracts it, and accepts
         no strip that looks much less like the body than these frames.
 
-        Parameters
-        ----------
-        known
-            Pairs of pictures, shape [rows, columns] each, with the body's translation in them [m], shape [3].
-
-        Returns
-        -------
-        offset : array
-            Of each camera's rows from the border inward, along y [m], shape [2, `EDGE_ROWS`]; 0 where
-            unknown.
-        sigma : array
-            Its standard deviation, from the scatter of the frames [m], same shape.
+        ``known``: pairs of pictures, shape [rows, columns] each, with the body's translation in them [m],
+        shape [3]. Returns: of each camera's rows from the border inward, along y [m], shape [2, `EDGE_ROWS`];
+        0 where unknown. Returns: its standard deviation, from the scatter of the frames [m], same shape.
         """
         seen = [self._row_offsets(pictures, move) for pictures, move in known]
         self._least = least_zncc([zncc for _, zncc in seen if zncc > 0.0])
@@ -297,19 +269,10 @@ class EdgeRegistration:
     ) -> RegisteredEdge | None:
         """Translation of the body in a pair of pictures.
 
-        Parameters
-        ----------
-        pictures
-            Of camera 0 and camera 1, shape [rows, columns] each.
-        near
-            A translation across the axis (x and Z count) [m], shape [3].
-        tried
-            Translations along the axis to begin with, increasing or decreasing [m], shape [n].
-
-        Returns
-        -------
-        Rim or None
-            None if too few pixels show the body, or no place tried looks like it.
+        ``pictures``: of camera 0 and camera 1, shape [rows, columns] each. ``near``: a translation across the
+        axis (x and Z count) [m], shape [3]. ``tried``: translations along the axis to begin with, increasing
+        or decreasing [m], shape [n]. Returns: None if too few pixels show the body, or no place tried looks
+        like it.
         """
         whole, clear = self._masks
         score = np.array([_zncc_of(self._visible(pictures, near, y, whole)) for y in tried])
@@ -335,16 +298,9 @@ class EdgeRegistration:
     def end_error(self, known: Iterable[tuple[tuple[FloatArray, FloatArray], FloatArray]]) -> float | None:
         """Error with which the row at the region's end shows the body where its translation is known [m].
 
-        Parameters
-        ----------
-        known
-            Pairs of pictures with the body's translation, as `fit_row_offsets`; that row is in view there.
-
-        Returns
-        -------
-        float or None
-            Root mean square, its mean included; None if fewer than `FEWEST_FRAMES` frames show it, or it is
-            more than `LARGEST_EDGE`.
+        ``known``: pairs of pictures with the body's translation, as `fit_row_offsets`; that row is in view
+        there. Returns: root mean square, its mean included; None if fewer than `FEWEST_FRAMES` frames show
+        it, or it is more than `LARGEST_EDGE`.
         """
         end = self._masks[0] & ~self._masks[1]
         steps = []

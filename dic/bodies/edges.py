@@ -1,20 +1,8 @@
 """Edges between bodies in a picture: by rigid motion, by correlation of rows; the arc of a rim.
 
-The rows at the border by which the flyer comes in are followed from the last frame backward, by one shift
-along the axis a frame. Pictures shifted by it agree row by row where they show the flyer, whatever its
-speckles look like, and do not where they show a specimen that is compressed: the standard deviation over the
-frames rises from that of the noise to that of the speckles within the width of an edge. The edge is then
-followed to rest, or to the frame in which too few rows of the flyer are in view.
-
-Speckles are several pixels wide, so a row of pixels across the axis looks like the row but one beside it.
-Where one body ends and another begins it does not: there the correlation of two rows, one between them, falls
-from 0.7 or more to about nothing, even if both bodies carry the same kind of speckles. At rest this gives the
-specimen's ends. The flyer's edge is then followed through all frames as the path of least correlation.
-
-A camera that does not stand in the plane of the end sees a circle as an ellipse: several pixels higher in the
-middle than at the flanks. Columns are taken in blocks; in each, rows of the specimen depart from the platen's
-grey level, whether their paint is dark or bright, and rows of the platen do not. A parabola through the
-blocks' edges, robust against one in which a spot ends early, is the arc.
+Pictures that are shifted with the flyer agree row by row where they show the flyer, and disagree where they
+show the specimen. At rest, two rows of pixels on either side of an end do not correlate, as rows of one body
+do. A camera outside the plane of an end sees its circle as an arc, to which a robust parabola is fitted.
 """
 
 from collections.abc import Sequence
@@ -24,7 +12,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import least_squares
 
-from dic.basics import FloatArray, IntArray
+from dic.basics import FloatArray, IntArray, zncc
 from dic.images import PictureError, Pictures
 
 STRIP = 8
@@ -116,7 +104,10 @@ def _coarse_travel(pictures: FloatArray) -> tuple[FloatArray, int]:
     for k in range(n - 2, -1, -1):
         here, next_one = pictures[k, :STRIP], pictures[k + 1]
         score = np.array(
-            [_zncc(here, next_one[max(s, 0) : STRIP + s], max(-s, 0)) for s in range(-1, farthest)]
+            [
+                zncc(here[max(-s, 0) :].ravel(), next_one[max(s, 0) : STRIP + s].ravel())
+                for s in range(-1, farthest)
+            ]
         )
         best = int(np.argmax(score))
         if score[best] < LEAST_ZNCC or travel[k + 1] > LARGEST_SPAN * rows:
@@ -130,14 +121,6 @@ def _coarse_travel(pictures: FloatArray) -> tuple[FloatArray, int]:
         fine = _fine_shift(pictures[k], pictures[-1], rough, STRIP)
         travel[k] = rough if fine is None or abs(fine - rough) > 1.0 else fine
     return travel, 0
-
-
-def _zncc(f: FloatArray, g: FloatArray, skipped: int) -> float:
-    """Correlation of two strips, the first without as many first rows as the second lacks."""
-    a, b = f[skipped:].ravel(), g.ravel()
-    a, b = a - a.mean(), b - b.mean()
-    scale = float(np.sqrt((a @ a) * (b @ b)))
-    return float(a @ b) / scale if scale > 0.0 else -1.0
 
 
 def _fine_shift(picture: FloatArray, last: FloatArray, guess: float, in_view: int) -> float | None:
@@ -355,17 +338,9 @@ SPREAD = 0.4
 def end_arc(picture: FloatArray, edge: float) -> FloatArray | None:
     """Row of a specimen's end in every column.
 
-    Parameters
-    ----------
-    picture
-        Mean picture at rest, the specimen above a bare platen, without its flanks, shape [rows, columns].
-    edge
-        Row at which the specimen ends in the mean of the columns [px].
-
-    Returns
-    -------
-    array or None
-        Shape [columns]; None where too little of the platen is in view, or too few columns.
+    ``picture``: mean picture at rest, the specimen above a bare platen, without its flanks, shape [rows,
+    columns]. ``edge``: row at which the specimen ends in the mean of the columns [px]. Returns: shape
+    [columns]; None where too little of the platen is in view, or too few columns.
     """
     rows, columns = picture.shape
     platen = int(np.ceil(edge)) + RIM_CLEARANCE

@@ -1,12 +1,10 @@
 """Tracking of bodies by two cameras: points matched between them, tracked in each, reconstructed.
 
-With a GPU, camera 1's points are tracked in a separate process: two threads would share one interpreter
-lock, and for some hundred points Python takes most of the time. That process is forked before the GPU is
-opened and opens it for itself. Both use the same kernels, so the tracks have the same bits.
+The two cameras are tracked side by side: in two processes on a CPU, in two threads on a GPU, which a fork
+cannot use. The tracks have the same bits.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -18,12 +16,12 @@ from dic.basics import BoolArray, FloatArray, IntArray
 from dic.bodies.region import Region, grid_points, polygon_mask
 from dic.camera import StereoRig
 from dic.correlation import Correlation, Noise
-from dic.correlation.kernels.device import open_device, warp_started
 from dic.correlation.subsets import identity
 from dic.images import Pictures
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.processes import PendingResult, WorkerProcess, background, may_fork, run_parallel, worker_process
-from dic.stereo import Reconstruction, StereoMatch, match_stereo, reconstruct
+from dic.processes import background, run_parallel
+from dic.stereo.match import StereoMatch, match_stereo
+from dic.stereo.reconstruction import Reconstruction, reconstruct
 from dic.tracking import Track, Tracking, track
 from dic.tracking.matcher import in_material, shares
 from dic.tracking.rigid import track_rigid
@@ -182,49 +180,6 @@ def _all_points(fields: dict[str, Any], points: FloatArray, match: StereoMatch) 
     return Track(**{**fields, "points": points, "outcome": outcome})
 
 
-class SecondCamera:
-    """The process that follows camera 1.
-
-    ``pictures``: the series that it has, of camera 0 and camera 1. ``process``: the process.
-    """
-
-    def __init__(self, pictures: tuple[Pictures, Pictures], process: WorkerProcess[list[Track]]) -> None:
-        self._pictures, self._process, self._told = pictures, process, False
-
-    def can_follow(self, bodies: Sequence[MatchedBody]) -> bool:
-        """Whether it has followed nothing yet, and has these bodies' pictures."""
-        return not self._told and all(body.pictures is self._pictures for body in bodies)
-
-    def follow(self, bodies: Sequence[MatchedBody]) -> PendingResult[list[Track]]:
-        """Follow bodies in camera 1, as `dic.bodies.follow.track_body`: one result, once."""
-        self._told = True
-        self._process.tell([{**vars(body), "pictures": None} for body in bodies])
-        return self._process.result
-
-
-@contextmanager
-def second_camera(pictures: tuple[Pictures, Pictures], device: str) -> Iterator[SecondCamera | None]:
-    """Fork the process; it ends with the block.
-
-    ``pictures``: the series of camera 0 and camera 1; best are those that are in memory
-    (`dic.images.series`). ``device``: where pictures are correlated. Yields: None on a CPU, where forks are
-    not allowed (`dic.processes.allow_forks`), and where Warp has begun.
-    """
-    if device == "cpu" or not may_fork() or warp_started():
-        yield None
-        return
-
-    def tracks(told: list[dict[str, Any]]) -> list[Track]:
-        return [track_body(MatchedBody(**{**fields, "pictures": pictures}), 1) for fields in told]
-
-    def work(take: Callable[[], list[dict[str, Any]]]) -> list[Track]:
-        open_device(device)  # while the points are chosen and matched
-        return tracks(take())
-
-    with worker_process(work, lambda told: tracks(told[-1])) as process:
-        yield SecondCamera(pictures, process)
-
-
 Progress = Callable[[str, int, int], None]
 """Called as ``progress(stage, done, total)``."""
 
@@ -253,7 +208,7 @@ class TrackedBody:
     reconstruction: Reconstruction
     """Places in the rig's frame."""
     common: FloatArray | None
-    """Noise that both tracks share (`dic.stereo.reconstruct`) [px²], shape [n_frames, n_points, 2, 2]."""
+    """Noise that both tracks share (`dic.reconstruct`) [px²], shape [n_frames, n_points, 2, 2]."""
 
 
 def follow_body(
@@ -275,42 +230,14 @@ def follow_body(
 ) -> TrackedBody:
     """Follow the points of a region through both series.
 
-    Parameters
-    ----------
-    pictures
-        The series of camera 0 and camera 1.
-    rig
-        The cameras, for pictures with their crop.
-    region
-        Where the body is. If a camera has no usable picture at its frame, the nearest frame with one is
-        taken.
-    step
-        Distance of the points [px].
-    margin
-        Least distance from a point to the region's rim [px].
-    tracking
-        How points are followed in time.
-    stereo
-        How they are matched between the cameras.
-    noise
-        Of the grey values of the cameras.
-    health
-        `FrameOutcome` of the pictures of the cameras, each of shape [n_frames].
-    mask
-        Pixels of the body in the region's picture, shape [rows, columns]; None: those within its corners.
-    rigid
-        True for a body that only translates.
-    device
-        Where pictures are correlated.
-    name
-        What the stages are called to `progress`.
-    progress
-        Told of the frames done.
-
-    Raises
-    ------
-    ValueError
-        A region outside the picture, or no frame that both cameras saw.
+    ``pictures``: the series of camera 0 and camera 1. ``region``: where the body is. If a camera has no
+    usable picture at its frame, the nearest frame with one is taken. ``step``: distance of the points [px].
+    ``margin``: least distance from a point to the region's rim [px]. ``tracking``: how points are followed in
+    time. ``stereo``: how they are matched between the cameras. ``health``: `FrameOutcome` of the pictures of
+    the cameras, each of shape [n_frames]. ``mask``: pixels of the body in the region's picture, shape [rows,
+    columns]; None: those within its corners. ``rigid``: True for a body that only translates. ``name``: what
+    the stages are called to `progress`. Raises ValueError: a region outside the picture, or no frame that
+    both cameras saw.
     """
     matched = match_body(
         pictures, rig, region, step=step, margin=margin, tracking=tracking, stereo=stereo, noise=noise,
@@ -325,22 +252,11 @@ def follow_bodies(
     stereo: Correlation,
     *,
     progress: Progress | None = None,
-    second: SecondCamera | None = None,
 ) -> list[TrackedBody]:
     """Follow bodies that were matched, the two cameras side by side.
 
-    Parameters
-    ----------
-    bodies
-        The bodies, on one device.
-    rig
-        The cameras, for pictures with their crop.
-    stereo
-        How they were matched between the cameras.
-    progress
-        Told of the frames done; of those of camera 1 when all are.
-    second
-        A process that can follow camera 1, see `dic.bodies.follow`.
+    ``stereo``: how they were matched between the cameras. ``progress``: told of the frames done; of those of
+    camera 1 when all are.
     """
     told = progress or (lambda stage, done, total: None)
 
@@ -351,14 +267,9 @@ def follow_bodies(
         ]
 
     small = sum(body.size for body in bodies) <= MOST_SENT
-    if small and second is not None and second.can_follow(bodies):
-        later = second.follow(bodies)
+    forked = small and all(body.device == "cpu" for body in bodies)
+    with background(partial(seen_by, 1), fork=None if forked else False) as later:
         tracks = list(zip(seen_by(0), later(), strict=True))
-    else:
-        # a fork cannot use the GPU that this process has opened
-        forked = small and all(body.device == "cpu" for body in bodies)
-        with background(partial(seen_by, 1), fork=None if forked else False) as later:
-            tracks = list(zip(seen_by(0), later(), strict=True))
     for body in bodies:
         told(f"{body.name}, camera 1", len(body.health[1]), len(body.health[1]))
     common = [_common_of(body, stereo, found) for body, found in zip(bodies, tracks, strict=True)]

@@ -1,13 +1,8 @@
 """Regions of bodies in pictures: polygons, regions carried to another frame or detected automatically.
 
-The flyer is what moves rigidly into the picture (`dic.bodies.edges`). Followed back to rest, its
-edge is the specimen's upper end; where its last rows leave the picture before, the end is one of the few
-rows that are left, or out of view. Where so few rows of it come into view that nothing can be followed,
-looks alone must tell (`dic.bodies.edges`).
-
-The body is taken to move without turning: the pixels of the region are compared with every picture on the
-way, shifted by whole pixels. The region is carried only if those in view correlate with the declared picture
-in every frame, the last one among them.
+The flyer is what moves rigidly into the picture; its edge, followed back to rest, is the specimen's upper end
+(`dic.bodies.edges`). A declared region is carried to another frame by shifts of whole pixels, and only if its
+pixels correlate with the declared picture in every frame on the way.
 """
 
 from collections.abc import Sequence
@@ -16,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from dic.basics import BoolArray, FloatArray, IntArray
+from dic.basics import BoolArray, FloatArray, IntArray, zncc
 from dic.bodies.edges import (
     CLEAR_CORRELATION,
     EVEN,
@@ -153,21 +148,10 @@ class FoundRegions:
 def find_regions(pictures: Pictures, static: BoolArray, usable: BoolArray, *, toward: str) -> FoundRegions:
     """Find specimen, flyer and the transmission platen's edge.
 
-    Parameters
-    ----------
-    pictures
-        The series of camera 0.
-    static
-        Frames in which both bodies rest, shape [n_frames].
-    usable
-        Frames with a usable picture, shape [n_frames].
-    toward
-        Where the flyer lies: a key of `TURNS`.
-
-    Raises
-    ------
-    ValueError
-        If an edge is not in view or not clear; the message says which, and to declare the region.
+    ``pictures``: the series of camera 0. ``static``: frames in which both bodies rest, shape [n_frames].
+    ``usable``: frames with a usable picture, shape [n_frames]. ``toward``: where the flyer lies: a key of
+    `TURNS`. Raises ValueError if an edge is not in view or not clear; the message says which, and to declare
+    the region.
     """
     if toward not in TURNS:
         raise ValueError(f"toward must be one of {', '.join(TURNS)}, got {toward!r}")
@@ -302,10 +286,7 @@ def _lower_end(mean: FloatArray) -> tuple[int, float]:
 
 
 def _painted(contrast: FloatArray) -> float:
-    """Contrast of the rows that show speckles: the median over those with half that of the best tenth.
-
-    An even platen may fill more rows than the specimen.
-    """
+    """Contrast of the rows that show speckles: the median over those with half that of the best tenth."""
     return float(np.median(contrast[contrast >= BAND * np.percentile(contrast, 90.0)]))
 
 
@@ -355,9 +336,8 @@ def carry_region(
     """Carry a region to another frame by following what it shows.
 
     ``pictures``: the series of camera 0. ``health``: `FrameOutcome` of its pictures, shape [n_frames].
-    ``region``: where the body is; its frame must be usable. ``frame``: where it is wanted. ``direction``:
-    axis of the motion in the pictures (right, down). Returns: None if the declared frame is not usable, or
-    the body could not be followed.
+    ``region``: where the body is; its frame must be usable. ``direction``: axis of the motion in the pictures
+    (right, down). Returns: None if the declared frame is not usable, or the body could not be followed.
     """
     if health[region.frame] != FrameOutcome.VALID:
         return None
@@ -379,7 +359,7 @@ def carry_region(
             for i in range(-reach[0], reach[0] + 1)
             for j in range(-reach[1], reach[1] + 1)
         ]
-        scores = [_zncc(declared, picture, x, y, shift) for shift in tried]
+        scores = [_at_shift(declared, picture, x, y, shift) for shift in tried]
         best = int(np.argmax(scores))
         if scores[best] < LEAST_ZNCC:
             return None
@@ -390,14 +370,11 @@ def carry_region(
     return replace(region, corners=tuple((float(a), float(b)) for a, b in corners), frame=frame)
 
 
-def _zncc(declared: FloatArray, picture: FloatArray, x: IntArray, y: IntArray, move: IntArray) -> float:
+def _at_shift(declared: FloatArray, picture: FloatArray, x: IntArray, y: IntArray, move: IntArray) -> float:
     """Correlation of the region's pixels with a picture in which they moved; -1 if too few are in view."""
     rows, columns = picture.shape
     u, v = x + move[0], y + move[1]
     seen = (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
     if seen.sum() < FEWEST:
         return -1.0
-    f, g = declared[y[seen], x[seen]], picture[v[seen], u[seen]]
-    f, g = f - f.mean(), g - g.mean()
-    scale = float(np.sqrt((f @ f) * (g @ g)))
-    return float(f @ g) / scale if scale > 0.0 else -1.0
+    return zncc(declared[y[seen], x[seen]], picture[v[seen], u[seen]])

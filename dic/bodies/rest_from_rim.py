@@ -1,12 +1,8 @@
 """Rest position of the flyer from its rim: before contact moves it, its face is the specimen's upper end.
 
-The flyer is held still: every picture of it is sampled at the same places on its cylinder. Its paint ends at
-the rim in all of them, and beyond begins that of the specimen, which is another in each; where the rim
-stands above a camera, the face is seen at a glance between the two, as wide as the geometry says. The rim is
-where rows of pixels cease to correlate (`dic.bodies.edge_fit`), with all frames of a camera together.
-
-With the rim's place on the body, the specimen's declared length and its lower end, the translation at rest
-follows without a picture that shows the flyer there.
+Every picture is sampled at the same places on the flyer's cylinder, so that its paint ends at the rim in all
+frames of a camera (`dic.bodies.edge_fit`). The rim's place on the body, the specimen's declared length and
+its lower end give the translation at rest without a picture that shows the flyer there.
 """
 
 from dataclasses import dataclass
@@ -20,7 +16,7 @@ from dic.bodies.follow import TrackedBody
 from dic.camera import Camera, StereoRig
 from dic.images import PictureError, Pictures
 from dic.stereo.geometry import pixels_per_length
-from dic.surfaces import SpecimenFrame
+from dic.surfaces.cylinder import SpecimenFrame
 
 MODEL = 0.12
 """Standard deviation of a rim for what the model leaves out: printed dots that end before it, a shadow, a

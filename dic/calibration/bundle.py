@@ -1,31 +1,10 @@
 """Bundle adjustment of two cameras and the target's poses, with exact covariance.
 
-Least squares over all points of all pictures, weighted with their sigma, by Levenberg and Marquardt's
-method. Every pose is seen in its own pictures only, so the poses are eliminated pair by pair (Schur's
-complement) and the system that is solved has the size of the rig's parameters [Triggs2000]_.
-
-.. [Triggs2000] B. Triggs, P. McLauchlan, R. Hartley, A. Fitzgibbon, Bundle adjustment - a modern synthesis,
-   in Vision Algorithms: Theory and Practice, Springer, 2000, doi:10.1007/3-540-44480-7_21.
-
-A flat disc of radius r about X, with unit normal n, is seen as an ellipse whose centre is not the image of
-X. On the plane z = 1 the dual of its outline is C* = H diag(1, 1, -1) Hᵀ with H = [r e1, r e2, X], so that
-the centre is
-
-    c = (X X_z - r² (ẑ - n n_z)) / (X_z² - r² (1 - n_z²))                                         (C.1)
-
-in closed form [Heikkilä2000]_. The centroid of any flat, symmetric patch moves, to the order kept by (C.1),
-with its second moment s per axis: r² = 4 s, with s = (r² + h²)/4 for a ring of radii r and h and a²/12 for
-a square of side a.
-
-On a surface of curvature κ in the direction b the patch also bends back from its tangent plane, and its far
-side is seen more obliquely than its near side. Both together move the centroid as if its middle were at
-
-    X + s κ (b (b · v) / (n · v) - n / 2)                                                           (C.2)
-
-with v from X to the camera.
-
-.. [Heikkilä2000] J. Heikkilä, Geometric camera calibration using circular control points, IEEE Trans.
-   PAMI 22 (2000) 1066-1077, doi:10.1109/34.879788.
+Weighted least squares over all points of all pictures by Levenberg and Marquardt's method. The poses are
+eliminated pair by pair (Schur's complement; Triggs et al. 2000, doi:10.1007/3-540-44480-7_21). The centre of
+a dot's image is that of an ellipse in closed form (Heikkilä 2000, doi:10.1109/34.879788), and on a curved
+target it moves further: Eqs. (C.1) and (C.2) of docs/theory/calibration.md. A patch with the second moment s
+per axis counts as a disc of r² = 4 s: s = (r² + h²)/4 for a ring, a²/12 for a square.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -128,9 +107,8 @@ def project_points(
 ) -> FloatArray:
     """Pixels of a target's points in a camera, shape [n, 2]; NaN behind it.
 
-    ``camera``: with its pose in the rig's frame. ``view``: whose points. ``R``, ``t``: from the target's
-    frame to the rig's, shapes [3, 3] and [3], or one a point. ``patches``: centroids of the patches, as they
-    are measured; False: the points themselves.
+    ``R``, ``t``: from the target's frame to the rig's, shapes [3, 3] and [3], or one a point. ``patches``:
+    centroids of the patches, as they are measured; False: the points themselves.
     """
     inside = camera.in_camera(_turned(view.points, R) + t)
     inside = np.where(inside[:, 2:] > 0.0, inside, np.nan)
@@ -145,12 +123,8 @@ def derivatives(camera: Camera, view: View, R: FloatArray, t: FloatArray) -> tup
 
     The small changes of (C.1) and (C.2) with the pose are left out: they are (r/z)² and s κ/z of what stays.
 
-    Returns
-    -------
-    shared
-        Shape [n, 2, SHARED], in the order of `StereoRig.parameter_names`.
-    pose
-        After a small rotation applied after R, and t, shape [n, 2, 6].
+    Returns: shape [n, 2, SHARED], in the order of `StereoRig.parameter_names`. Returns: after a small
+    rotation applied after R, and t, shape [n, 2, 6].
     """
     n = len(view.points)
     turned = _turned(view.points, R)

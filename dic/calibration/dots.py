@@ -265,10 +265,7 @@ def _scale(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _model(p: FloatArray, xx: Single, yy: Single, J: Single) -> Single:
-    """Grey values, Eq. (C.3), shape [n, pixels]; their derivatives go to J, shape [n, 10, pixels].
-
-    In fp32: a rounding of a grey value is some hundred thousandth of its noise.
-    """
+    """Grey values, Eq. (C.3), shape [n, pixels]; their derivatives go to J, shape [n, 10, pixels]."""
     x0, y0, a, b, c, s, B, Bx, By, D = (p[:, k : k + 1].astype(np.float32) for k in range(10))
     dx, dy = xx - x0, yy - y0
     mx, my = a * dx + b * dy, b * dx + c * dy

@@ -1,23 +1,9 @@
 """Repairs of a calibration: the relative pose refined from matched points, the order of picture pairs.
 
-The rays of a matched point must meet, whatever the surface. For the epipolar distances d_i of n points with
-their standard deviations s_i the pose is moved to
-
-    min Σ ρ((d_i(x) / s_i)²) + xᵀ C⁻¹ x                                                             (C.5)
-
-x three turns and two tilts of the baseline, ρ(z) = 2 (√(1 + z) - 1) so that single false matches pull little.
-The prior C is the calibration's covariance of x and, for what has moved since, (D / f)² in each direction, D
-the standard deviation of the distances as they are and f the focal length: over a small specimen some
-combinations of turns and tilts are hardly seen, and without a prior of the size of the fault they follow the
-noise. The length of the baseline, and with it the scale, is not seen at all and stays; so do the cameras' own
-parameters.
-
-Whether it helps is judged on points that it was not fitted to (`Refinement.helps`).
-
-Each camera's pictures give the poses of the target in its own frame. If pictures i and j belong together,
-they give the relative pose of the cameras, and with it camera 0's other poses say where camera 1 saw the
-target. The relative pose under which most of these places are taken by one picture each is that of the
-cameras.
+The rays of a matched point must meet. The relative pose minimises the epipolar distances robustly, Eq. (C.5)
+of docs/theory/calibration.md; the calibration's covariance is the prior. The length of the baseline is not
+observable and is kept. `Refinement.helps` judges the result on points that were not fitted. The order of
+picture pairs is the one under which the target's poses in camera 0 predict most places in camera 1.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,9 +19,9 @@ from dic.calibration.solve import focal_start, in_camera_1, relative, resection
 from dic.calibration.views import all_views
 from dic.camera import Camera, StereoRig
 from dic.correlation import Correlation, Noise
-from dic.stereo import match_stereo
 from dic.stereo.epipolar_search import StereoGates
 from dic.stereo.geometry import Rays, epipolar_sigma, slopes_between
+from dic.stereo.match import match_stereo
 
 LEAST_POINTS = 40
 """Points that a refinement needs."""
@@ -95,19 +81,10 @@ class Refinement:
 def refine(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray, sigma: FloatArray) -> Refinement:
     """Refine the relative pose from matched points.
 
-    Parameters
-    ----------
-    rig
-        The cameras; their covariance, if it is known, is the prior.
-    pixels0, pixels1
-        The same points in both pictures [px], shape [n, 2].
-    sigma
-        Standard deviations of their epipolar distances [px], shape [n].
-
-    Raises
-    ------
-    ValueError
-        Fewer than `LEAST_POINTS` points, shapes that do not fit, a sigma that is not positive.
+    ``rig``: the cameras; their covariance, if it is known, is the prior. ``pixels0``, ``pixels1``: the same
+    points in both pictures [px], shape [n, 2]. ``sigma``: standard deviations of their epipolar distances
+    [px], shape [n]. Raises ValueError: fewer than `LEAST_POINTS` points, shapes that do not fit, a sigma that
+    is not positive.
     """
     n = len(pixels0)
     if n < LEAST_POINTS or pixels1.shape != pixels0.shape or np.shape(sigma) != (n,):
@@ -201,11 +178,9 @@ def refine_from_pictures(
 ) -> Refinement:
     """Match points of one pair of pictures with a wide epipolar gate, and refine the pose from them.
 
-    ``pictures``: one instant, camera 0 and camera 1, each of shape [rows, columns]. ``rig``: the cameras, for
-    these pictures. ``points``: places in camera 0's picture [px], shape [n, 2]; some `MOST_POINTS` of them
-    are matched. ``settings``: of the match. ``noise``: of the grey values of the cameras. ``mask``: pixels of
-    the body in camera 0's picture. ``device``: where pictures are correlated. Raises ValueError as `refine`,
-    if too few points are matched.
+    ``pictures``: one instant, camera 0 and camera 1, each of shape [rows, columns]. ``points``: places in
+    camera 0's picture [px], shape [n, 2]; some `MOST_POINTS` of them are matched. ``mask``: pixels of the
+    body in camera 0's picture. Raises ValueError as `refine`, if too few points are matched.
     """
     rows = np.unique(np.linspace(0, len(points) - 1, MOST_POINTS).astype(int))
     match = match_stereo(
@@ -239,7 +214,7 @@ def find_order(
 ) -> list[int] | None:
     """Find which picture of camera 1 belongs to each of camera 0.
 
-    ``detections``: what each camera saw, one entry a picture, as `dic.calibration.calibrate` takes it; as
+    ``detections``: what each camera saw, one entry a picture, as `dic.calibrate` takes it; as
     many of both. ``targets``: the target of each pair. ``sensors``: columns and rows of the two cameras'
     pictures [px]. Returns: a picture of camera 1 for each of camera 0, every one once; pictures without a
     detection take what is left. None if no order fits `LEAST_SHARE` of them.

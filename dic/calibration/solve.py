@@ -83,11 +83,6 @@ def misfit(camera: Camera, view: View, pose: Pose) -> float:
     return value if np.isfinite(value) else np.inf
 
 
-def camera_at_origin(camera: Camera) -> Camera:
-    """The camera in its own frame."""
-    return replace(camera, rotation=np.eye(3), translation=np.zeros(3))
-
-
 def focal_start(sensor: tuple[int, int], views: Sequence[View]) -> Camera:
     """A camera without distortion, its principal point in the middle of the picture.
 
@@ -134,17 +129,9 @@ def start(
 ) -> tuple[Rig, dict[tuple[int, int], View]]:
     """Cameras, relative pose and the target's poses, and which of its equivalent numberings each view has.
 
-    Parameters
-    ----------
-    sensors
-        Columns and rows of the two cameras' pictures [px].
-    views
-        (pair, camera) -> the view, once in each equivalent numbering.
-
-    Raises
-    ------
-    Undetermined
-        If a camera saw nothing, or no target was seen by both.
+    ``sensors``: columns and rows of the two cameras' pictures [px]. ``views``: (pair, camera) -> the view,
+    once in each equivalent numbering. Raises Undetermined if a camera saw nothing, or no target was seen by
+    both.
     """
     cameras = []
     for camera in (0, 1):
@@ -277,7 +264,7 @@ def triangulate_target(rig: Rig, views: Sequence[View]) -> tuple[FloatArray, Flo
     The offset of a dot's centroid from its centre's image is taken off first.
     """
     # not with the module: the search for a target needs none of what this brings along
-    from dic.stereo import triangulate
+    from dic.stereo.geometry import triangulate
 
     first, second = views
     _, rows0, rows1 = np.intersect1d(first.ids, second.ids, return_indices=True)
@@ -370,13 +357,7 @@ class Verdicts:
 def _solve_without_bad(
     rig: Rig, views: Sequence[View], columns: tuple[FloatArray, FloatArray], *, reject: bool
 ) -> tuple[Fit, Verdicts]:
-    """The least squares of the pairs and points that agree.
-
-    The first verdict is that of a robust solution (`_robust`). Then the worst pair is left out as long as it
-    is bad; after each solution every pair that is out is tried
-    again with nothing but its pose adjusted, and comes back if it fits. So one bad pair cannot take good
-    ones with it, and the verdict on a pair never rests on a solution that it took part in spoiling.
-    """
+    """The least squares of the pairs and points that agree."""
     pairs = _group_by_pair([s for s in views if s.pair in rig.poses])
     bad: dict[int, str] = {}
     if reject:

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import partial
 
 import numpy as np
@@ -14,6 +13,7 @@ from dic.calibration.bundle import Rig, View, project_points
 from dic.calibration.targets.base import Detection, Target, TargetNotFound
 from dic.camera import StereoRig
 from dic.images import PictureError, Pictures
+from dic.outcome import Outcome
 from dic.processes import background_pool
 
 
@@ -25,7 +25,7 @@ def detect(picture: NDArray[np.generic], target: Target) -> Detection:
     picture
         Grey values of any depth, shape [rows, columns].
     target
-        One of `dic.calibration.TARGETS`.
+        One of `dic.calibration.targets.TARGETS`.
 
     Raises
     ------
@@ -44,18 +44,11 @@ be used."""
 
 @contextmanager
 def detection_begun(series: Sequence[Pictures], targets: Sequence[Target]) -> Iterator[Callable[..., Views]]:
-    """Begin to look for a target, in processes beside this one if there are some
-    (`dic.processes.background_pool`).
+    """Look for a target in all pictures of several cameras (`dic.processes.background_pool`).
 
-    Parameters
-    ----------
-    series, targets
-        As of `detect_series`.
-
-    Yields
-    ------
-    callable
-        Joins in the work and gives what `detect_series` gives; takes its `progress`.
+    ``series``: of each camera its pictures. ``targets``: as each camera is to look for it. Yields: joins in
+    the work and gives the detections as `calibrate` takes them, the same for any number of processes; it can
+    be given a `progress`, see `dic.processes.run_parallel`.
     """
     jobs = [
         (camera, index)
@@ -82,77 +75,30 @@ def detection_begun(series: Sequence[Pictures], targets: Sequence[Target]) -> It
         yield views
 
 
-def detect_series(
-    series: Sequence[Pictures],
-    targets: Sequence[Target],
-    *,
-    progress: Callable[[int, int], None] | None = None,
-) -> Views:
-    """Points of a target in all pictures of several cameras, as `calibrate` takes them.
-
-    Parameters
-    ----------
-    series
-        Of each camera its pictures.
-    targets
-        As each camera is to look for it.
-    progress
-        Told of the pictures done and their number, as `dic.processes.run_parallel` does.
-
-    Returns
-    -------
-    tuple
-        Of each camera a list, one entry a picture: what was detected, why nothing was, or why the picture
-        cannot be used. It does not depend on the number of threads or processes.
-
-    Raises
-    ------
-    ValueError
-        If a picture is not one grey picture.
-    """
-    with detection_begun(series, targets) as views:
-        return views(progress)
-
-
-class PairOutcome(IntEnum):
+class PairOutcome(Outcome):
     """The end of one pair of calibration pictures."""
 
-    VALID = 0
-    NOT_FOUND = 1
-    INCONSISTENT = 2
-    ONE_CAMERA = 3
+    VALID = 0, "both cameras saw the target where the others put it", "nothing to do"
+    NOT_FOUND = (
+        1,
+        "the target was recognised by neither camera",
+        "look at the pictures: all fiducials in view, in focus, free of glare",
+    )
+    INCONSISTENT = (
+        2,
+        "what the two cameras saw does not fit the cameras that all other pairs agree on",
+        "look for a target that moved between the two exposures, pictures that are no pair, or blur",
+    )
+    ONE_CAMERA = (
+        3,
+        "one camera alone recognised the target: used for that camera's own parameters",
+        "keep the target in both fields of view",
+    )
 
     @property
     def used(self) -> bool:
         """True when the pair took part in the solution."""
         return self in (PairOutcome.VALID, PairOutcome.ONE_CAMERA)
-
-    @property
-    def cause(self) -> str:
-        """Cause of the outcome, in one sentence."""
-        return _CAUSES[self][0]
-
-    @property
-    def cure(self) -> str:
-        """Cure for a user, in one sentence."""
-        return _CAUSES[self][1]
-
-
-_CAUSES = {
-    PairOutcome.VALID: ("both cameras saw the target where the others put it", "nothing to do"),
-    PairOutcome.NOT_FOUND: (
-        "the target was recognised by neither camera",
-        "look at the pictures: all fiducials in view, in focus, free of glare",
-    ),
-    PairOutcome.INCONSISTENT: (
-        "what the two cameras saw does not fit the cameras that all other pairs agree on",
-        "look for a target that moved between the two exposures, pictures that are no pair, or blur",
-    ),
-    PairOutcome.ONE_CAMERA: (
-        "one camera alone recognised the target: used for that camera's own parameters",
-        "keep the target in both fields of view",
-    ),
-}
 
 
 def _rms(residual: FloatArray) -> float:

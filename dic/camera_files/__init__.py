@@ -44,19 +44,13 @@ class CameraFormat(Protocol):
     def read(self, source: Source, length_unit: float) -> StereoRig:
         """The rig of a file whose lengths are multiples of `length_unit` [m], unless it says otherwise.
 
-        Raises
-        ------
-        CameraFileError
-            If the text is not what it should be.
+        Raises CameraFileError if the text is not what it should be.
         """
 
     def write(self, rig: StereoRig, length_unit: float) -> str:
         """The text of a file with lengths in multiples of `length_unit` [m].
 
-        Raises
-        ------
-        ValueError
-            If the format cannot hold the rig.
+        Raises ValueError if the format cannot hold the rig.
         """
 
 

@@ -1,18 +1,11 @@
 """DICe's calibrations: camera system files (.xml, Teuchos parameter lists) and the older text files (.txt).
 
-Poses are world to camera, ``X_cam = R X + t`` with R given, or R = Rz(γ) Ry(β) Rx(α) in degrees; with
-``extrinsics_relative_camera_to_camera`` that of camera 1 is from camera 0. Lengths have the unit of the
-calibration target, which the file does not name. FS is taken as a skew in px, as DICe does where it uses it.
-
-Lens models: ``OPENCV_LENS_DISTORTION`` and ``K1R3_K2R5_K3R7`` are Brown's. The two whose powers of the radius
-are others, and DICe's own assumption about VIC-3D (``K1 R + K2 R²`` on the radius), are not: coefficients of
-a system of the type VIC3D are read as VIC-3D means them (`dic.camera_files.vic3d`), other systems with such
-a model are refused.
-
-cx cy fx fy fs k1 k2 k3 of camera 0, the same of camera 1, then alpha beta gamma [degrees] or R11 to R33, then
-tx ty tz, then height and width: ``X_1 = R X_0 + t``, R = Rz(γ) Ry(β) Rx(α). What follows a # is a comment.
-Such files were made from calibrations of VIC-3D or OpenCV, and their coefficients are read as those programs
-mean them, 1 + k1 r² + k2 r⁴ + k3 r⁶ (DICe's reader assumes K1 R + K2 R² + K3 R³ on the radius instead).
+Poses are world to camera, ``X_cam = R X + t`` with R given, or R = Rz(γ) Ry(β) Rx(α) in degrees. With
+``extrinsics_relative_camera_to_camera``, and in text files, that of camera 1 is from camera 0. Lengths have
+the unit of the target, which the file does not name. A text file holds cx cy fx fy fs k1 k2 k3 of each
+camera, alpha beta gamma [degrees] or R11 to R33, tx ty tz, height and width; a # begins a comment.
+FS is a skew in px. Brown's lens models are read; coefficients of VIC-3D are read as VIC-3D means them, also
+in text files, where DICe itself assumes K1 R + K2 R² + K3 R³ on the radius. Other models are refused.
 """
 
 import numpy as np

@@ -10,7 +10,7 @@ from time import perf_counter
 from typing import Any, TypeVar
 
 from dic.basics import BoolArray, FloatArray
-from dic.bodies.follow import MatchedBody, Progress, SecondCamera
+from dic.bodies.follow import MatchedBody, Progress
 from dic.bodies.region import Region
 from dic.camera import StereoRig
 from dic.chain import remarks
@@ -93,7 +93,6 @@ def measure(
     progress: Progress | None = None,
     idle: Callable[[], None] = lambda: None,
     inspection: Inspection | None = None,
-    second: SecondCamera | None = None,
 ) -> StereoResult:
     """Measure surfaces, outline and the flyer's displacement in two series of pictures.
 
@@ -121,8 +120,6 @@ def measure(
         Work of the caller's for the time in which this process waits for another one.
     inspection
         Of these pictures and static frames, if the caller has made it (`inspect_pictures`).
-    second
-        A process that follows camera 1 in the pictures of the inspection (`dic.bodies.follow`).
 
     Returns
     -------
@@ -142,7 +139,7 @@ def measure(
     findings = clock("cameras", lambda: check_cameras(inputs, specimen))
     try:
         matched = clock("match between the cameras", lambda: _matched(inputs, specimen, flyer))
-        body, *others = clock("tracking", lambda: follow(inputs, matched, progress, second))
+        body, *others = clock("tracking", lambda: follow(inputs, matched, progress))
         tracked_flyer = others[0] if others else None
         rest_state = clock("test frame", partial(fit_test_frame, inputs, body, tracked_flyer))
     except ChainError as error:

@@ -1,9 +1,8 @@
 """Tracking of specimen and flyer through both series; the flyer's region, displacement and poses.
 
-A camera that stands below the face sees it at a glance between the rim and the specimen. The face moves with
-the flyer, so that no motion tells it from the side, and a region found or drawn may hold some of it; but the
-other camera sees specimen at the same places of the cylinder. Where much of the flyer is in view that is one
-row of many; at rest, with a few rows in view, it moves the match by half a pixel.
+A camera below the flyer's face sees the face between the rim and the specimen. The face moves with the
+flyer, so a region may hold some of it, but the other camera sees the specimen there. With a few rows in view
+this moves the match by half a pixel.
 """
 
 from collections.abc import Sequence
@@ -25,7 +24,6 @@ from dic.bodies.edge_registration import rays_on_body
 from dic.bodies.follow import (
     MatchedBody,
     Progress,
-    SecondCamera,
     TrackedBody,
     follow_bodies,
     match_body,
@@ -35,10 +33,11 @@ from dic.bodies.region import Region, carry_region
 from dic.bodies.rest_from_rim import RestGeometry, Rim
 from dic.camera import Camera, StereoRig
 from dic.chain.inputs import ChainError, Inputs
+from dic.correlation.subsets import overlap_factor
 from dic.outcome import PointOutcome, Remark
 from dic.result import Placement
 from dic.stereo.geometry import pixels_per_length
-from dic.surfaces import SpecimenFrame, overlap_factor
+from dic.surfaces.cylinder import SpecimenFrame
 from dic.tracking import Track, Tracking
 
 CLEAR = 1.0
@@ -192,13 +191,10 @@ def match_flyer(inputs: Inputs, region: Region, mask: BoolArray | None = None) -
 
 
 def follow(
-    inputs: Inputs,
-    bodies: Sequence[MatchedBody],
-    progress: Progress | None = None,
-    second: SecondCamera | None = None,
+    inputs: Inputs, bodies: Sequence[MatchedBody], progress: Progress | None = None
 ) -> list[TrackedBody]:
-    """The bodies through both series, camera 1 by a process of its own if there is one."""
-    return follow_bodies(bodies, inputs.rig, inputs.settings.stereo, progress=progress, second=second)
+    """Track the bodies through both series."""
+    return follow_bodies(bodies, inputs.rig, inputs.settings.stereo, progress=progress)
 
 
 def _matched(

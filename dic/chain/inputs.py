@@ -148,18 +148,9 @@ class Inspection:
 def inspect_pictures(pictures: tuple[Pictures, Pictures], static: BoolArray) -> Inspection:
     """Inspect every picture: its outcome, and the noise of each camera's grey values.
 
-    Parameters
-    ----------
-    pictures
-        The series of camera 0 and camera 1.
-    static
-        Frames in which specimen and flyer rest, shape [n_frames].
-
-    Raises
-    ------
-    ChainError
-        If there are not as many pictures as frame times, or a camera has fewer than two usable static
-        pictures.
+    ``pictures``: the series of camera 0 and camera 1. ``static``: frames in which specimen and flyer rest,
+    shape [n_frames]. Raises ChainError if there are not as many pictures as frame times, or a camera has
+    fewer than two usable static pictures.
     """
     started = perf_counter()
     series = (decode_once(pictures[0]), decode_once(pictures[1]))

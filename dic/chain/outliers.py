@@ -1,18 +1,9 @@
 """Removal of outliers from the tracked specimen: changed patches, false matches, rough points, ends.
 
-A gate changes the body that it is given, whose arrays are the largest of a measurement, and returns it.
-
-A match whose only error is noise leaves a residual as large as the noise says. A highlight, lost paint or a
-shadow leaves one many times as large, over all subsets that it touches; and a reference that is taken there
-hands its error on when the residual is small again. The largest residual along a point's references
-(`dic.tracking.Track.excess`) is therefore compared with that of the same frame's better points, whose
-residual holds what all have in common: coarse sampling, haze, blur.
-
-The side of the specimen rolls onto the platens as it is compressed, and its material passes the ends. Before
-that, a camera that stands beyond the plane of an end looks at it over the platen: the rim, wider than the
-specimen, hides the last of its side. What a subset matches there is partly the platen, and it is pulled
-along; where the cameras stand one above the other, that moves the match along the epipolar line, and no
-epipolar distance tells it.
+A gate changes the body that it is given, whose arrays are the largest of a measurement, and returns it. A
+highlight, lost paint or a shadow leaves a residual far above the noise; the largest residual along a point's
+references (`dic.tracking.Track.excess`) is compared with that of better points in the same frame. Points that
+have rolled onto a platen, or that a platen's rim hides from a camera, are removed by their place.
 """
 
 from dataclasses import replace
@@ -30,9 +21,9 @@ from dic.chain.test_frame import RestState
 from dic.correlation.subsets import neighbour_warp
 from dic.outcome import PointOutcome
 from dic.processes import parts, run_parallel
-from dic.stereo import reconstruct
-from dic.stereo.reconstruction import GATE, end_points, narrow_gates
-from dic.surfaces import SpecimenFrame, static_mean
+from dic.stereo.reconstruction import GATE, end_points, narrow_gates, reconstruct
+from dic.surfaces.cylinder import SpecimenFrame
+from dic.surfaces.surface_history import static_mean
 from dic.tracking import Track
 
 MARGIN = 0.5

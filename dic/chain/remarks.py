@@ -304,26 +304,10 @@ def speckles(
 ) -> Speckles:
     """Judge the speckles between the points that a camera sees of a body at rest.
 
-    Parameters
-    ----------
-    pictures
-        The camera's series.
-    frames
-        Static frames with a usable picture.
-    noise
-        Of its grey values.
-    pixels
-        Where it sees the body's points at rest [px], shape [n, 2]; NaN where it does not. Their convex hull
-        is what is judged.
-    subset
-        Side of the subsets [px].
-    wanted
-        Predicted standard deviation that a subset should reach [px].
-
-    Raises
-    ------
-    ValueError
-        Fewer than three points, not on one line, or no contrast between them.
+    ``frames``: static frames with a usable picture. ``pixels``: where it sees the body's points at rest [px],
+    shape [n, 2]; NaN where it does not. Their convex hull is what is judged. ``subset``: side of the subsets
+    [px]. ``wanted``: predicted standard deviation that a subset should reach [px]. Raises ValueError: fewer
+    than three points, not on one line, or no contrast between them.
     """
     chosen = list(frames)[:MOST_AVERAGED]
     seen = pixels[np.isfinite(pixels).all(axis=1)]
@@ -363,8 +347,7 @@ def speckles_of(
 ) -> tuple[Speckles | None, Speckles | None]:
     """The speckles of both cameras of a stereo result; None where they cannot be judged.
 
-    ``result``: what the pictures gave; its table says why a camera's speckles cannot be judged. ``pictures``:
-    the series it was made from.
+    ``result``: what the pictures gave; its table says why a camera's speckles cannot be judged.
     """
     found: list[Speckles | None] = []
     rest = np.flatnonzero(result.static & result.specimen.surface.valid.any(axis=1)).tolist()

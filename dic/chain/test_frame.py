@@ -10,26 +10,16 @@ from dic.bodies.edge_fit import HALF, fit_edge, in_view, sampled, strip_places
 from dic.bodies.follow import TrackedBody
 from dic.camera import Camera, StereoRig
 from dic.chain.inputs import ChainError, ChainSettings, Inputs
+from dic.correlation.subsets import overlap_factor
 from dic.images import Pictures
 from dic.outcome import PointOutcome
 from dic.processes import run_parallel
 from dic.result import Body, Placement, SurfaceStrain
 from dic.stereo.geometry import pixels_per_length
-from dic.surfaces import (
-    Cylinder,
-    SpecimenFrame,
-    StrainGauge,
-    fit_cylinder,
-    on_cylinder,
-    outline,
-    overlap_factor,
-    referenced,
-    static_mean,
-    strains,
-    test_frame,
-    to_surface,
-)
-from dic.surfaces.surface_history import CentrePoints
+from dic.surfaces.cylinder import Cylinder, SpecimenFrame, fit_cylinder, on_cylinder, test_frame
+from dic.surfaces.outline import outline
+from dic.surfaces.strains import StrainGauge, strains
+from dic.surfaces.surface_history import CentrePoints, referenced, static_mean, to_surface
 
 MODEL = 0.06
 """Standard deviation of an edge for what the model leaves out [px]."""
@@ -197,9 +187,8 @@ class RestState:
 def fit_test_frame(inputs: Inputs, body: TrackedBody, flyer: TrackedBody | None = None) -> RestState:
     """Fit the test frame to the specimen at rest.
 
-    ``inputs``: the pictures and cameras. ``body``: the specimen, followed. ``flyer``: the flyer, followed:
-    both platens are taken to have its radius; None: not known. Raises ChainError if no point was found by
-    both cameras at rest, or the points lie on no cylinder.
+    ``flyer``: the flyer, followed: both platens are taken to have its radius; None: not known. Raises
+    ChainError if no point was found by both cameras at rest, or the points lie on no cylinder.
     """
     rig, settings = inputs.rig, inputs.settings
     rest = _rest_frames(inputs, body)

@@ -1,16 +1,11 @@
 """Subsets of pictures: shape functions, settings and result of a match, prepared pictures, shared pixels.
 
-A point's subset is a square of pixels ξ = (ξx, ξy) around the point's place x0 in the *material picture*
-(the one the points were chosen in). Wherever that subset is found later, in whatever picture of whatever
-camera, is written with the same ξ::
+A point's subset is a square of pixels ξ around its place x0 in the *material picture*, the one that the
+points were chosen in. A warp is always a total one, from the material picture to any picture of any camera::
 
     W(ξ) = x0 + ξ + (u, v) + ∇(u, v) ξ + ½ ξᵀ ∇∇(u, v) ξ
 
-so a warp is always a total one, from the material picture. Twelve numbers, in the order of `NAMES`; a shape
-function of lower order leaves its later ones zero.
-
-A `PictureStack` holds the spline coefficients of pictures on a device, with the noise of their grey values.
-Subsets that overlap share pixels, so the mean of their points is noisier than that of independent points.
+with twelve numbers in the order of `NAMES`; a lower shape function leaves the later ones zero.
 """
 
 from collections.abc import Iterable, Sequence
@@ -185,10 +180,7 @@ TOGETHER = 64 * 2**20
 class Noise:
     """Noise of grey values, independent from pixel to pixel: variance = floor² + gain × grey value.
 
-    Raises
-    ------
-    ValueError
-        A number that is negative or not finite.
+    Raises ValueError: a number that is negative or not finite.
     """
 
     floor: float
@@ -240,23 +232,12 @@ class PictureStack:
     ) -> "PictureStack":
         """Smooth pictures, if asked, and turn them into spline coefficients.
 
-        Parameters
-        ----------
-        pictures
-            Grey values, shape [rows, columns] or [n, rows, columns], or pictures of one shape one after the
-            other, of which no more are held than go to the device at a time.
-        noise
-            Standard deviation of a grey value, the same in all pictures or one a picture [grey].
-        prefilter
-            Standard deviation of the Gaussian [px], 0 to 5; that of the `Correlation` used later.
-        device
-            "cpu" or "cuda".
-
-        Raises
-        ------
-        ValueError
-            No picture, pictures of several shapes or smaller than 8 x 8, grey values that are not finite, a
-            noise for another number of pictures, a device that is not there.
+        ``pictures``: grey values, shape [rows, columns] or [n, rows, columns], or pictures of one shape one
+        after the other, of which no more are held than go to the device at a time. ``noise``: standard
+        deviation of a grey value, the same in all pictures or one a picture [grey]. ``prefilter``: standard
+        deviation of the Gaussian [px], 0 to 5; that of the `Correlation` used later. ``device``: "cpu" or
+        "cuda". Raises ValueError: no picture, pictures of several shapes or smaller than 8 x 8, grey values
+        that are not finite, a noise for another number of pictures, a device that is not there.
         """
         if not 0.0 <= prefilter <= 5.0:
             raise ValueError(f"prefilter must be from 0 to 5 px, got {prefilter}")
@@ -310,10 +291,7 @@ class PictureStack:
     def join(cls, stacks: Sequence["PictureStack"]) -> "PictureStack":
         """One stack of the pictures of several, one after the other; the coefficients are shared.
 
-        Raises
-        ------
-        ValueError
-            No stack, or stacks of several shapes, prefilters or devices.
+        Raises ValueError: no stack, or stacks of several shapes, prefilters or devices.
         """
         kinds = {(stack.shape, stack.prefilter, stack.device) for stack in stacks}
         if len(kinds) != 1:
@@ -371,19 +349,8 @@ def overlap_correlation(
     from -1 to 1 over the subset: less than nothing in the corners, so that the errors of neighbours are less
     alike, and opposite farther apart.
 
-    Parameters
-    ----------
-    first, second
-        Places in the material picture [px], shapes [n, 2] and [m, 2].
-    subset
-        Side of the subsets [px].
-    shape
-        Shape function of the match.
-
-    Returns
-    -------
-    NDArray
-        Shape [n, m].
+    ``first``, ``second``: places in the material picture [px], shapes [n, 2] and [m, 2]. ``subset``: side of
+    the subsets [px]. ``shape``: shape function of the match. Returns: shape [n, m].
     """
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     return _alike(a[:, None, :] - b[None, :, :], subset, shape)
@@ -430,24 +397,9 @@ def overlap_factor(points: ArrayLike, subset: float, valid: ArrayLike | None = N
     It is the sum of a point's correlations with all others that are valid in the frame. For a mean with
     equal weights the variance then comes out exactly; for slopes a little too large.
 
-    Parameters
-    ----------
-    points
-        Places in the material picture [px], shape [n_points, 2].
-    subset
-        Side of the subsets [px].
-    valid
-        Which points are used together, shape [..., n_points]; None: all.
-
-    Returns
-    -------
-    NDArray
-        Factors >= 1, shape [n_points] or that of `valid`; 1 where not valid.
-
-    Raises
-    ------
-    ValueError
-        If `subset` is not positive.
+    ``points``: places in the material picture [px], shape [n_points, 2]. ``subset``: side of the subsets
+    [px]. ``valid``: which points are used together, shape [..., n_points]; None: all. Returns: factors >= 1,
+    shape [n_points] or that of `valid`; 1 where not valid. Raises ValueError if `subset` is not positive.
     """
     if not subset > 0.0:
         raise ValueError(f"subset must be a positive number of pixels, got {subset}")

@@ -126,19 +126,9 @@ def extension(
     ends, w of the second less w of the first, and n the unit vector between them the sigma is that of
     ``n · Σ g x`` for errors of the points that correlate as their subsets overlap.
 
-    Parameters
-    ----------
-    surface
-        The surface; elongations refer to its reference positions.
-    points
-        Places of its points in the reference picture [px], shape [n_points, 2].
-    extensometer
-        Its ends and window.
-    step, subset
-        Distance of neighbouring points, and side of the subsets [px].
-    reference_sigma
-        Standard deviations of the reference positions, independent of the frames' [m], shape [n_points, 3];
-        None: they are exact.
+    ``points``: places of its points in the reference picture [px], shape [n_points, 2]. ``step``, ``subset``:
+    distance of neighbouring points, and side of the subsets [px]. ``reference_sigma``: standard deviations of
+    the reference positions, independent of the frames' [m], shape [n_points, 3]; None: they are exact.
     """
     near = [_near(points, end, extensometer.window, step) for end in extensometer.ends]
     rows = np.flatnonzero(near[0] | near[1])
@@ -226,9 +216,8 @@ def noise_at_rest(
 ) -> tuple[Noise, float] | None:
     """Noise from the static frames, and its standard deviation [grey]; None if fewer than two are usable.
 
-    ``pictures``: one camera's series. ``health``: `FrameOutcome` of its pictures, shape [n_frames].
-    ``static``: frames at the beginning in which nothing moves. ``mask``: pixels that count, shape [rows,
-    columns]; None: all.
+    ``health``: `FrameOutcome` of its pictures, shape [n_frames]. ``static``: frames at the beginning in which
+    nothing moves. ``mask``: pixels that count, shape [rows, columns]; None: all.
     """
     rest = np.flatnonzero(health[:static] == FrameOutcome.VALID)
     if rest.size < 2:

@@ -1,15 +1,9 @@
 """Full-field measurement by two cameras: a curved surface, or a cylinder corrected for the bias of curvature.
 
-Camera 1 sees the pixels of camera 0's subset displaced by a field u(ξ) that a polynomial of first or second
-order, the shape function, cannot follow: what is left of it moves the fitted centre,
-
-    b = c₀ - u(0),        c = argmin Σ_ξ |u(ξ) - Σ_j c_j φ_j(ξ)|²
-
-φ_j the terms of the shape function, φ₀ = 1, ξ the pixels of the subset that lie in the mask. For u = a x⁴
-over [-h, h] and a second order, b = 3/35 a h⁴ in size; for u = a x² and a first order, a h²/3. At the rim of
-a mask half of a subset is missing, its centre is extrapolated, and b is many times as large. A radius that is
-free over a part of the circumference changes by many times what the points do. With a cylinder near the true
-one, u is known in closed form from the rays and b is taken off.
+Camera 1 sees a subset displaced by a field u(ξ) that the shape function cannot follow. The misfit moves the
+fitted centre by ``b = c₀ - u(0)``, ``c = argmin Σ_ξ |u(ξ) - Σ_j c_j φ_j(ξ)|²``; φ_j are the terms of the
+shape function (φ₀ = 1), ξ the pixels in the mask. With a cylinder near the true one u is known in closed form
+from the rays, and b is subtracted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +19,7 @@ from dic.camera import Camera, StereoRig
 from dic.chain.outliers import GATE_SIGMAS, LEAST_GATE, OWN_SIGMAS
 from dic.chain.remarks import of_findings
 from dic.correlation import Noise
-from dic.correlation.subsets import Shape, gradient
+from dic.correlation.subsets import Shape, gradient, overlap_factor
 from dic.full_field.measure import (
     Extensometer,
     FullFieldSettings,
@@ -45,10 +39,11 @@ from dic.full_field.measure import (
 from dic.images import Pictures, frame_health
 from dic.outcome import PointOutcome
 from dic.result import FittedCylinder, FullField
-from dic.stereo import Reconstruction, match_stereo, reconstruct
 from dic.stereo.diagnose import check_setup
-from dic.surfaces import fit_cylinder, overlap_factor, referenced, static_mean, to_surface
-from dic.surfaces.cylinder import Cylinder, SpecimenFrame, test_frame
+from dic.stereo.match import match_stereo
+from dic.stereo.reconstruction import Reconstruction, reconstruct
+from dic.surfaces.cylinder import Cylinder, SpecimenFrame, fit_cylinder, test_frame
+from dic.surfaces.surface_history import referenced, static_mean, to_surface
 from dic.tracking import Track
 
 

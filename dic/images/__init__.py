@@ -44,10 +44,8 @@ class _DeclaredPictures:
     def frame(self, index: int) -> Grey:
         """Grey values of one frame as recorded, shape [rows, columns].
 
-        Raises
-        ------
-        PictureError
-            If the file has no such frame, it cannot be read, or a grey value needs more than `bits`.
+        Raises PictureError if the file has no such frame, it cannot be read, or a grey value needs more than
+        `bits`.
         """
         if checked_index(self.n_frames, index) >= self.pictures.n_frames:
             raise PictureError(
@@ -69,23 +67,10 @@ def declared(
 ) -> _DeclaredPictures:
     """A series with facts declared that its file does not hold.
 
-    Parameters
-    ----------
-    pictures
-        The series.
-    bits
-        Bits that carry the grey value: 12 for a 12-bit camera whose values lie in 16 bits.
-    crop_offset
-        Where the top left pixel lies on the sensor (x, y) [px].
-    times
-        Times of the frames [s], rising; one a frame.
-    n_frames
-        How many frames there should be, if the file was cut off: those missing raise a PictureError each.
-
-    Raises
-    ------
-    ValueError
-        A value outside its range; the message names it.
+    ``bits``: bits that carry the grey value: 12 for a 12-bit camera whose values lie in 16 bits.
+    ``crop_offset``: where the top left pixel lies on the sensor (x, y) [px]. ``times``: times of the frames
+    [s], rising; one a frame. ``n_frames``: how many frames there should be, if the file was cut off: those
+    missing raise a PictureError each. Raises ValueError: a value outside its range; the message names it.
     """
     count = pictures.n_frames if n_frames is None else int(n_frames)
     if not pictures.n_frames <= count <= MOST_FRAMES:
@@ -113,13 +98,7 @@ def declared(
 
 
 def of_colours(series: Sequence[Pictures]) -> tuple[Remark, ...]:
-    """Remarks on series whose pictures have colours, which became grey by a rule.
-
-    Parameters
-    ----------
-    series
-        The pictures of each camera.
-    """
+    """Remarks on series whose pictures have colours, which became grey by a rule."""
     return tuple(
         Remark(
             name="colour pictures",

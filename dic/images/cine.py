@@ -72,20 +72,10 @@ class CinePictures:
             (start,) = struct.unpack("<q" if self.entry == 8 else "<I", place)
             (notes,) = _NUMBER.unpack(self._bytes(file, index, start, 4))
             if notes < 8:
-                raise PictureError(
-                    self.path,
-                    f"its annotation has {notes} bytes, at least 8",
-                    frame=index,
-                    cure="copy or export it again",
-                )
+                raise PictureError(self.path, f"its annotation has {notes} bytes, at least 8", frame=index)
             (size,) = _NUMBER.unpack(self._bytes(file, index, start + notes - 4, 4))
             if size < need:
-                raise PictureError(
-                    self.path,
-                    f"it has {size} bytes, {need} are needed",
-                    frame=index,
-                    cure="copy or export it again",
-                )
+                raise PictureError(self.path, f"it has {size} bytes, {need} are needed", frame=index)
             self._bytes(file, index, start + notes + need - 1, 1)
         raw = np.memmap(self.path, dtype=np.uint8, mode="r", offset=start + notes, shape=(need,))
         return checked_frame(self.path, index, self._grey(raw), self.shape, self.bits)
@@ -126,10 +116,8 @@ def read(path: Path) -> CinePictures:
     of the time stamps, from the trigger on; a file without stamps gets them from its frame rate and first
     image number, and one whose stamps are not one a picture none.
 
-    Raises
-    ------
-    PictureError
-        If its headers are cut off or contradict themselves, or it holds compressed or colour pictures.
+    Raises PictureError if its headers are cut off or contradict themselves, or it holds compressed or colour
+    pictures.
     """
     size = path.stat().st_size
     with open(regular(path), "rb") as file:
@@ -140,18 +128,10 @@ def read(path: Path) -> CinePictures:
         bitmap = _BITMAP.unpack(_piece(file, path, "bitmap header", at_bitmap, _BITMAP.size))
         mark, length = struct.unpack("<2sH", _piece(file, path, "SETUP", at_setup + _MARK, 4))
         if mark != b"ST":
-            raise PictureError(
-                path,
-                f"its SETUP block at byte {at_setup} has the mark {mark!r}, not b'ST'",
-                cure="copy or export it again",
-            )
+            raise PictureError(path, f"its SETUP block at byte {at_setup} has the mark {mark!r}, not b'ST'")
         setup = _piece(file, path, "SETUP", at_setup, length)
         if table >= size:
-            raise PictureError(
-                path,
-                f"its table of pictures is at byte {table} of {size}: it is cut off",
-                cure="copy or export it again",
-            )
+            raise PictureError(path, f"its table of pictures is at byte {table} of {size}: it is cut off")
         stamps = _stamps(_piece(file, path, "tagged blocks", at_setup + length, table - at_setup - length))
     _, columns, height, _, container, packing, *_ = bitmap
     colours = _field(setup, _CFA)

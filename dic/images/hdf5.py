@@ -55,9 +55,7 @@ class Hdf5Pictures:
             with h5py.File(regular(self.path), "r") as file:
                 picture = np.asarray(file[self.dataset][index])
         except Exception as error:  # whatever the library makes of a damaged file is the file's fault
-            raise PictureError(
-                self.path, f"cannot be read ({error})", frame=index, cure="copy or export it again"
-            ) from error
+            raise PictureError(self.path, f"cannot be read ({error})", frame=index) from error
         return checked_frame(self.path, index, picture, self.shape, self.bits)
 
 
@@ -69,17 +67,8 @@ def sniff(path: Path, start: bytes) -> bool:
 def read(path: Path, dataset: str | None = None) -> Hdf5Pictures:
     """Open an HDF5 file.
 
-    Parameters
-    ----------
-    path
-        The file.
-    dataset
-        Name of the dataset; without it the file must have just one of three dimensions and whole numbers.
-
-    Raises
-    ------
-    PictureError
-        If the file cannot be read, or has no such dataset or more than one.
+    ``dataset``: name of the dataset; without it the file must have just one of three dimensions and whole
+    numbers. Raises PictureError if the file cannot be read, or has no such dataset or more than one.
     """
     import h5py
 
@@ -98,7 +87,7 @@ def read(path: Path, dataset: str | None = None) -> Hdf5Pictures:
     except PictureError:
         raise
     except Exception as error:  # see Hdf5Pictures.frame
-        raise PictureError(path, f"cannot be read ({error})", cure="copy or export it again") from error
+        raise PictureError(path, f"cannot be read ({error})") from error
 
 
 def _pictures_in(file: "h5py.File") -> dict[str, "h5py.Dataset"]:

@@ -72,21 +72,10 @@ def frame_health(
     `noise`, or below `least_contrast` of the series' median contrast. It is REPEATED when every pixel is as
     in the frame before: noise alone would differ.
 
-    Parameters
-    ----------
-    pictures
-        The series.
-    mask
-        The pixels that count, shape [rows, columns]; all if None.
-    noise
-        Standard deviation of a pixel's noise, if it is known [grey].
-    most_saturated, least_contrast, flash_share
-        Limits, each from 0 to 1; a frame flashed if its `flash` exceeds the last.
-
-    Raises
-    ------
-    ValueError
-        A limit out of range, or a mask of another shape or without two neighbouring pixels.
+    ``pictures``: the series. ``mask``: the pixels that count, shape [rows, columns]; all if None. ``noise``:
+    standard deviation of a pixel's noise, if it is known [grey]. ``most_saturated``, ``least_contrast``,
+    ``flash_share``: limits, each from 0 to 1; a frame flashed if its `flash` exceeds the last. Raises
+    ValueError: a limit out of range, or a mask of another shape or without two neighbouring pixels.
     """
     for name, limit in (("most_saturated", most_saturated), ("least_contrast", least_contrast)):
         if not 0.0 < limit <= 1.0:
@@ -145,14 +134,8 @@ def frame_health(
 def saturated_mask(picture: NDArray[np.generic], ceiling: int, *, grow: int = 1) -> NDArray[np.bool_]:
     """Pixels at or above the ceiling, and those within `grow` pixels of one, shape [rows, columns].
 
-    Parameters
-    ----------
-    picture
-        Grey values, shape [rows, columns].
-    ceiling
-        `FrameHealth.ceiling`, or 2**bits - 1.
-    grow
-        How far a saturated pixel spoils its neighbours through interpolation [px].
+    ``picture``: grey values, shape [rows, columns]. ``ceiling``: `FrameHealth.ceiling`, or 2**bits - 1.
+    ``grow``: how far a saturated pixel spoils its neighbours through interpolation [px].
     """
     from dic.basics import cv2
 

@@ -259,7 +259,7 @@ def _decode(file: Path, index: int) -> tuple[NDArray[np.generic], int]:
         return _page(file, index)
     what = _missing_end(data)
     if what:
-        raise PictureError(file, what, frame=index, cure="copy or export it again")
+        raise PictureError(file, what, frame=index)
     size_given = _stated_size(data)
     if size_given is None:
         raise PictureError(
@@ -293,15 +293,11 @@ def _by_opencv(file: Path, index: int, data: bytes) -> tuple[NDArray[np.generic]
         picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
     except cv2.error as error:
         why = " ".join(error.err.split())
-        raise PictureError(
-            file, f"cannot be decoded ({why})", frame=index, cure="copy or export it again"
-        ) from error
+        raise PictureError(file, f"cannot be decoded ({why})", frame=index) from error
     finally:
         cv2.utils.logging.setLogLevel(before)
     if picture is None:
-        raise PictureError(
-            file, "cannot be decoded: damaged, or no picture", frame=index, cure="copy or export it again"
-        )
+        raise PictureError(file, "cannot be decoded: damaged, or no picture", frame=index)
     return np.asarray(picture), picture.dtype.itemsize * 8
 
 

@@ -203,10 +203,8 @@ def read(path: Path) -> MrawPictures:
     The times are (Start Frame + i)/Record Rate, on the trigger's clock; none if the header gives no rate or a
     step between saved frames that it does not define for both of its forms.
 
-    Raises
-    ------
-    PictureError
-        If one of the two files is missing, or the header contradicts itself or promises colours.
+    Raises PictureError if one of the two files is missing, or the header contradicts itself or promises
+    colours.
     """
     pixels, header = _pair(path)
     colours, kind = header.word("Color Type", "mono"), header.word("File Format", "mraw")

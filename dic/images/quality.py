@@ -121,15 +121,8 @@ _SLOPE = np.array([-1.0, -10.0, 0.0, 10.0, 1.0]) / 24.0
 def gradient(picture: NDArray[np.generic]) -> tuple[FloatArray, FloatArray]:
     """Derivatives along x (columns) and y (rows) at the pixel centres [grey/px].
 
-    Parameters
-    ----------
-    picture
-        Grey values, shape [rows, columns].
-
-    Returns
-    -------
-    tuple
-        The two derivatives, each of shape [rows, columns].
+    ``picture``: grey values, shape [rows, columns]. Returns: the two derivatives, each of shape [rows,
+    columns].
     """
     from scipy import ndimage
 
@@ -190,21 +183,10 @@ def grey_noise(
     picture does not count as noise. Its median over the pairs is ``sigma²``; the line is fitted to its mean
     over pixels of like brightness, weighted by how well each is known.
 
-    Parameters
-    ----------
-    pictures
-        A series, or pictures of shape [rows, columns].
-    frames
-        Numbers of the static frames, at least two.
-    mask
-        The pixels that count, shape [rows, columns]; all if None. Leave saturated pixels out.
-
-    Raises
-    ------
-    ValueError
-        Fewer than two frames, a mask of other shape or of fewer than 100 pixels, or no noise at all.
-    PictureError
-        A frame that cannot be read.
+    ``pictures``: a series, or pictures of shape [rows, columns]. ``frames``: numbers of the static frames, at
+    least two. ``mask``: the pixels that count, shape [rows, columns]; all if None. Leave saturated pixels
+    out. Raises ValueError: fewer than two frames, a mask of other shape or of fewer than 100 pixels, or no
+    noise at all. Raises PictureError: a frame that cannot be read.
     """
     if len(frames) < 2:
         raise ValueError(f"noise needs at least 2 static frames, got {len(frames)}")
@@ -327,25 +309,12 @@ def speckle_quality(
     (Serra, Image Analysis and Mathematical Morphology, 1982, ch. XIII): with a share p covered, their
     chords have the mean ``π d/4 · p/((1 - p) ln(1/(1 - p)))``.
 
-    Parameters
-    ----------
-    picture
-        Grey values, shape [rows, columns]; best the mean of static frames.
-    mask
-        The pixels of the specimen, shape [rows, columns]; all if None.
-    subset
-        Side of the square subset [px]: odd, 5 to 101.
-    noise
-        Standard deviation of a pixel of one frame [grey], or how it depends on the grey value.
-    averaged
-        How many frames the picture is the mean of.
-    wanted
-        Floor to be reached [px]; asks for `SpeckleQuality.needed`.
-
-    Raises
-    ------
-    ValueError
-        A value outside its range, or a picture without contrast in the mask.
+    ``picture``: grey values, shape [rows, columns]; best the mean of static frames. ``mask``: the pixels of
+    the specimen, shape [rows, columns]; all if None. ``subset``: side of the square subset [px]: odd, 5 to
+    101. ``noise``: standard deviation of a pixel of one frame [grey], or how it depends on the grey value.
+    ``averaged``: how many frames the picture is the mean of. ``wanted``: floor to be reached [px]; asks for
+    `SpeckleQuality.needed`. Raises ValueError: a value outside its range, or a picture without contrast in
+    the mask.
     """
     f = np.asarray(picture, dtype=np.float64)
     used = np.ones(f.shape, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)

@@ -24,7 +24,9 @@ class PictureError(ValueError):
     Its text names file, frame (if it is about one), what is wrong and the cure.
     """
 
-    def __init__(self, path: Path | str, what: str, *, frame: int | None = None, cure: str = "") -> None:
+    def __init__(
+        self, path: Path | str, what: str, *, frame: int | None = None, cure: str = "copy or export it again"
+    ) -> None:
         where = f"{path}" if frame is None else f"{path}, frame {frame}"
         super().__init__(one_line(f"{where}: {what}" + (f"; {cure}" if cure else "")))
         self.path, self.frame, self.what, self.cure = Path(path), frame, what, cure
@@ -155,7 +157,7 @@ def checked_frame(
     if picture.shape != shape:
         size = " x ".join(str(side) for side in picture.shape)
         raise PictureSizeError(
-            path, f"is {size}, the series {shape[0]} x {shape[1]} (rows x columns)", frame=index
+            path, f"is {size}, the series {shape[0]} x {shape[1]} (rows x columns)", frame=index, cure=""
         )
     if picture.dtype not in (np.uint8, np.uint16):
         raise PictureError(
@@ -239,38 +241,10 @@ class DecodedPictures:
 
     def __init__(self, pictures: Pictures, *, most: int = MOST_DECODED) -> None:
         self.pictures, self.most = pictures, most
+        self.path, self.n_frames, self.shape = pictures.path, pictures.n_frames, pictures.shape
+        self.bits, self.crop_offset, self.times = pictures.bits, pictures.crop_offset, pictures.times
         self._kept: dict[int, Grey] = {}
         self._size = 0
-
-    @property
-    def path(self) -> Path:
-        """The file, or the folder of a numbered series."""
-        return self.pictures.path
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames that the headers promise."""
-        return self.pictures.n_frames
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns [px]."""
-        return self.pictures.shape
-
-    @property
-    def bits(self) -> int:
-        """Bits that carry the grey value."""
-        return self.pictures.bits
-
-    @property
-    def crop_offset(self) -> tuple[float, float]:
-        """Place of the top left pixel on the sensor (x, y) [px]."""
-        return self.pictures.crop_offset
-
-    @property
-    def times(self) -> NDArray[np.float64] | None:
-        """Times of the frames [s], shape [n_frames]; None if not recorded."""
-        return self.pictures.times
 
     @property
     def held(self) -> Mapping[int, Grey]:

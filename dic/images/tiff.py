@@ -1,10 +1,8 @@
 """Multi-page TIFF and BigTIFF: 8, 12 and 16-bit grey values, a page a frame.
 
-Opening walks the chain of page headers and reads the first of them; a frame is decoded when it is asked for.
-A file that was cut off keeps the pages before the cut. How many were to follow it, only a description
-written by tifffile or ImageJ says; without one, one page more than are there is known to have been promised.
-Both write uncompressed pages one after the other behind the first header, and the other headers after all of
-them, or none (ImageJ, above 4 GB); then the grey values are found without their headers.
+Opening reads the chain of page headers; a frame is decoded when it is asked for. A file that was cut off
+keeps the pages before the cut; the number of lost pages is known only from a description by tifffile or
+ImageJ. Both write uncompressed pages in one block, so that the grey values are found without page headers.
 """
 
 import logging
@@ -76,7 +74,6 @@ class TiffPictures:
                 self.path,
                 f"the file is cut off, {len(self.offsets)} of {self.n_frames} frames or more are there",
                 frame=index,
-                cure="copy or export it again",
             )
         try:
             picture = _decode(self.path, index, self.offsets[index])
@@ -97,7 +94,6 @@ class TiffPictures:
                 self.path,
                 f"the file has {size} bytes, {max(size - start, 0) // need} of {self.n_frames} frames",
                 frame=index,
-                cure="copy or export it again",
             )
         page = np.memmap(self.path, dtype=dtype, mode="r", offset=start + index * need, shape=self.shape)
         return np.array(page, dtype=dtype.newbyteorder("="))
@@ -114,16 +110,13 @@ def read(path: Path) -> TiffPictures:
     The grey range is that of the stored numbers, unless the first page states a smaller one: in the
     `MaxSampleValue` tag, or as `SignificantBits` in an OME description.
 
-    Raises
-    ------
-    PictureError
-        If it is not a TIFF of grey pictures, or not even its first page's header is there.
+    Raises PictureError if it is not a TIFF of grey pictures, or not even its first page's header is there.
     """
     import tifffile
 
     offsets, beyond = _chain(path)
     if not offsets:
-        raise PictureError(path, "it is cut off before its first page", cure="copy or export it again")
+        raise PictureError(path, "it is cut off before its first page")
     try:
         with tifffile.TiffFile(path) as file:
             file.filehandle.seek(offsets[0])
@@ -132,9 +125,7 @@ def read(path: Path) -> TiffPictures:
             largest, description = page.tags.valueof(281), page.description
             stack = _stack(file, page, beyond) if len(offsets) == 1 else None
     except Exception as error:  # see TiffPictures.frame
-        raise PictureError(
-            path, f"its first page cannot be read ({error})", cure="copy or export it again"
-        ) from error
+        raise PictureError(path, f"its first page cannot be read ({error})") from error
     if not isinstance(stored, int) or not 8 <= stored <= 16:
         raise PictureError(
             path,
@@ -170,20 +161,14 @@ def _chain(path: Path) -> tuple[tuple[int, ...], int | None]:
             if offset == 0:
                 return tuple(offsets), None if offsets else size
             if offset < first or offset in offsets or len(offsets) >= MOST_FRAMES:
-                raise PictureError(
-                    path,
-                    f"page {len(offsets)} starts at byte {offset}, where none can be",
-                    cure="copy or export it again",
-                )
+                raise PictureError(path, f"page {len(offsets)} starts at byte {offset}, where none can be")
             if offset + struct.calcsize(count) > size:
                 return tuple(offsets), offset
             file.seek(offset)
             (tags,) = struct.unpack(order + count, file.read(struct.calcsize(count)))
             if not 1 <= tags <= _MOST_TAGS:
                 raise PictureError(
-                    path,
-                    f"page {len(offsets)} has {tags} tags, allowed are 1 to {_MOST_TAGS}",
-                    cure="copy or export it again",
+                    path, f"page {len(offsets)} has {tags} tags, allowed are 1 to {_MOST_TAGS}"
                 )
             file.seek(tags * entry, 1)
             raw = file.read(struct.calcsize(link))
@@ -195,11 +180,7 @@ def _chain(path: Path) -> tuple[tuple[int, ...], int | None]:
 def _stack(
     file: "tifffile.TiffFile", page: "tifffile.TiffPage", beyond: int | None
 ) -> tuple[int, str] | None:
-    """Start and type of the grey values if they follow the only header page after page.
-
-    So they do in a stack for which ImageJ wrote one header, and in one whose other headers were cut off if
-    the next would stand behind the grey values of all.
-    """
+    """Start and type of the grey values if they follow the only header page after page."""
     pages, bits = _promised(page.description), page.bitspersample
     if pages < 2 or page.compression != 1 or page.photometric != _MIN_IS_BLACK or bits not in (8, 16):
         return None

@@ -1,21 +1,9 @@
 """Diagnosis of a stereo test whose rays do not meet: exchanged cameras, crop offset, synchronisation.
 
-The epipolar distance of a correct match is the noise of the match plus the error of the calibration, some
-hundredths of a pixel. Where it is more, one explanation after another is tried, in the order of what a
-laboratory gets wrong: cameras exchanged, a crop offset wrong or left out, frames out of step. An explanation
-holds if with it the distances are what they should be; if none does, the calibration is named.
-
-A picture cropped at another place of the sensor than its calibration was told shows every point δ pixels
-away. The epipolar distance feels most of that across the epipolar lines; along them it feels only what
-perspective and lens distortion vary over the field. So δ is sought by least squares (Gauss-Newton on
-`epipolar_distance`, points that do not fit weighted down by Cauchy's function), and a component that the
-points do not determine is left at zero.
-
-Camera 1 late by τ frames sees every point where it will be τ frames later. Across the epipolar lines that
-shows as an epipolar distance ``τ w``, with w the motion of the point across its line in one frame. Motion
-along the lines only changes depth and tells nothing. A constant distance of a point, from the calibration, is
-left free, so w has to vary: a rest before the motion is best. τ is the slope of a regression of the distances
-over w with an intercept for each point, outliers weighted down by Cauchy's function.
+Explanations are tried in the order of what a laboratory gets wrong; one holds if with it the epipolar
+distances are as small as expected. A crop offset is found by robust Gauss-Newton; components that the points
+do not determine stay zero. If camera 1 is late by τ frames, a point has the epipolar distance ``τ w``, w its
+motion across its epipolar line in one frame: τ is a robust slope with an intercept for each point.
 """
 
 from dataclasses import dataclass, replace
@@ -191,25 +179,10 @@ def synchronisation(
 ) -> Synchronisation:
     """Find by how many frames the two cameras are apart.
 
-    Parameters
-    ----------
-    rig
-        The cameras.
-    pixels0, pixels1
-        The same points in the frames of each camera (x, y) [px], NaN where lost, shapes
-        [n_frames, n_points, 2].
-    farthest
-        Shifts up to this many frames, either way, are tried.
-
-    Returns
-    -------
-    Synchronisation
-        Its `late` means something where it is `decided`.
-
-    Raises
-    ------
-    ValueError
-        Shapes that do not fit, fewer than `farthest` + 3 frames, a lens distortion that cannot be undone.
+    ``rig``: the cameras. ``pixels0``, ``pixels1``: the same points in the frames of each camera (x, y) [px],
+    NaN where lost, shapes [n_frames, n_points, 2]. ``farthest``: shifts up to this many frames, either way,
+    are tried. Returns: its `late` means something where it is `decided`. Raises ValueError: shapes that do
+    not fit, fewer than `farthest` + 3 frames, a lens distortion that cannot be undone.
     """
     if pixels0.shape != pixels1.shape or pixels0.ndim != 3:
         raise ValueError(
@@ -258,10 +231,7 @@ def _without_jumps(pixels: FloatArray) -> FloatArray:
 
 
 def _shifted(rig: StereoRig, aim0: Rays, aim1: Rays, shift: int) -> tuple[FloatArray, FloatArray]:
-    """Distances [n_frames, n_points] with camera 1 late by `shift`, and their slopes by its pixels.
-
-    Rows are the frames of camera 0; those without a partner are NaN.
-    """
+    """Distances [n_frames, n_points] with camera 1 late by `shift`, and their slopes by its pixels."""
     e, _, slope1 = slopes_between(rig, aim0, Rays(*(_moved(part, shift) for part in aim1)))
     return e, slope1
 
@@ -364,32 +334,15 @@ def diagnose(
 ) -> tuple[Finding, ...]:
     """Name what makes the epipolar distances of matched points too large.
 
-    Parameters
-    ----------
-    rig
-        The cameras as they were assumed, cropped.
-    pixels0, pixels1
-        The same points in the frames of each camera (x, y) [px], NaN where lost, shapes
-        [n_frames, n_points, 2]; `Reconstruction.pixels` fits. The matches must not have been chosen by their
-        epipolar distance.
-    tolerance
-        Median magnitude of the epipolar distances that a good calibration stays below [px].
-    farthest
-        Shifts between the frames of the cameras that are tried, either way; the series needs three frames
-        more, and is not examined for them otherwise.
-
-    Returns
-    -------
-    tuple of Finding
-        Empty if nothing is wrong that epipolar distances show. They do not show a motion along the epipolar
-        lines, or the exchange of cameras that are aligned to `tolerance`; an offset along them of some
-        pixels only from `LEAST_FAINT` on (`dic.stereo.diagnose.faint_offset`).
-
-    Raises
-    ------
-    ValueError
-        Shapes that do not fit, fewer than 20 pairs, a tolerance that is not positive, a lens distortion that
-        cannot be undone.
+    ``pixels0``, ``pixels1``: the same points in the frames of each camera (x, y) [px], NaN where lost, shapes
+    [n_frames, n_points, 2]; `Reconstruction.pixels` fits. The matches must not have been chosen by their
+    epipolar distance. ``tolerance``: median magnitude of the epipolar distances that a good calibration stays
+    below [px]. ``farthest``: shifts between the frames of the cameras that are tried, either way; the series
+    needs three frames more, and is not examined for them otherwise. Returns: empty if nothing is wrong that
+    epipolar distances show. They do not show a motion along the epipolar lines, or the exchange of cameras
+    that are aligned to `tolerance`; an offset along them of some pixels only from `LEAST_FAINT` on
+    (`dic.stereo.diagnose.faint_offset`). Raises ValueError: shapes that do not fit, fewer than 20 pairs, a
+    tolerance that is not positive, a lens distortion that cannot be undone.
     """
     if not tolerance > 0.0:
         raise ValueError(f"tolerance must be positive, got {tolerance} px")
@@ -542,9 +495,8 @@ def free_pairs(
 
     ``pictures``: one instant, camera 0 and camera 1, each of shape [rows, columns]. ``points``: places in
     camera 0's picture [px], shape [n, 2]. ``tracking``: how subsets are matched; an affine shape function at
-    least is used. ``noise``: standard deviation of the grey values. ``mask``: pixels of the body in camera
-    0's picture. ``device``: where pictures are correlated. Returns: the same points in both pictures, NaN
-    where not found, shape [1, n, 2].
+    least is used. ``mask``: pixels of the body in camera 0's picture. Returns: the same points in both
+    pictures, NaN where not found, shape [1, n, 2].
     """
     rows = np.unique(np.linspace(0, len(points) - 1, MOST_POINTS).astype(int))
     subset = tracking.correlation

@@ -1,25 +1,14 @@
 """Candidates for a stereo match: a pair of pictures, templates compared along the whole epipolar curve.
 
-For each point the subset is laid on camera 1's picture at every step of its epipolar curve, deformed as a
-facet there would be seen, and correlated (ZNCC). The best place is an initial guess; the best of all other
-places is the *second peak*; their ratio says how unique it is. Nothing here starts from a neighbour or an
-earlier match.
+At every step of a point's epipolar curve the subset is deformed as a facet there would be seen, and
+correlated (ZNCC). The best place is an initial guess; the ratio to the second peak says how unique it is. No
+neighbour or earlier match is used. The part of a curve inside the picture follows from linear inequalities of
+1/s, s the distance along the ray. A facet at X = C0 + s d with normal n is seen by camera 1 as ::
 
-With s the distance along a ray d from camera 0's centre C, camera 1 sees ``(q e + v) / z`` in its own frame,
-where q = 1/s, ``v = R_1 d`` and ``e = R_1 C + t_1``. Each side of a box of ideal image points, and that the
-place lies in front of the camera, is a linear inequality of q. So the piece is known before the curve is
-walked, however short it is: the crop of a long lens shows a small part of a curve.
+    A = s P B - s (P d) (qᵀ B),        B = ∂d/∂p,   P = ∂π1/∂X,   q = n / n·d
 
-A facet at X = C0 + s d, seen by camera 0 along the unit vector d(p) of its pixel p, with normal n. A step
-of p moves the point on the plane by ::
-
-    dX = s (I - d nᵀ / n·d) B dp,         B = ∂d/∂p
-
-and what camera 1 sees of it by A dp with ``A = P (dX/dp)``, P = ∂π1/∂X: the homography of the plane to
-first order (Hartley and Zisserman, Multiple View Geometry, 2nd ed., section 13.1), lens distortion included.
-With q = n / n·d this is ``A = s P B - s (P d) (qᵀ B)``. The last term lies along the epipolar line P d: only
-there can a surface's slope show. Across it every surface gives the same two numbers, a test of any match
-that knows nothing of where the match lies.
+(Hartley and Zisserman, Multiple View Geometry, 2nd ed., section 13.1, lens distortion included). The slope of
+a surface shows only along the epipolar line P d; across it all surfaces look alike, which tests any match.
 """
 
 from dataclasses import dataclass, replace
@@ -50,10 +39,7 @@ from dic.stereo.geometry import (
 class StereoSearch:
     """Search for initial guesses.
 
-    Raises
-    ------
-    ValueError
-        A value outside its range; the message names it.
+    Raises ValueError: a value outside its range; the message names it.
     """
 
     distances: tuple[float, float] | None = None
@@ -107,10 +93,7 @@ class StereoSearch:
 class StereoGates:
     """Gates that a match must pass; each by itself, none knows another's number.
 
-    Raises
-    ------
-    ValueError
-        A value outside its range; the message names it.
+    Raises ValueError: a value outside its range; the message names it.
     """
 
     sigmas: float = 4.0
@@ -195,14 +178,8 @@ def normals(rig: StereoRig, X: FloatArray, turns: FloatArray) -> FloatArray:
 def gradient(seen: FacetGeometry, distance: FloatArray, normal: FloatArray) -> FloatArray:
     """A: how camera 1's pixel of a facet changes with camera 0's [-], shape [..., 2, 2].
 
-    Parameters
-    ----------
-    seen
-        The facets' geometry.
-    distance
-        Along camera 0's rays [m], shape [...].
-    normal
-        The facets' normals, shape [..., 3]; of any length, not across the ray.
+    ``seen``: the facets' geometry. ``distance``: along camera 0's rays [m], shape [...]. ``normal``: the
+    facets' normals, shape [..., 3]; of any length, not across the ray.
     """
     q = normal / np.sum(normal * seen.d, axis=-1, keepdims=True)
     plane = seen.B - seen.d[..., :, None] * (q[..., None, :] @ seen.B)
@@ -514,30 +491,11 @@ def search(
 ) -> Candidates:
     """The best place of each subset on its epipolar curve, and the second peak.
 
-    Parameters
-    ----------
-    rig
-        The cameras.
-    wanted
-        What to look for.
-    picture1
-        Camera 1's picture, shape [rows, columns].
-    limits
-        Nearest and farthest distance along camera 0's rays [m]; None: the whole curve.
-    turns
-        Turns of the facet that are tried at every place (`facet.normals`) [rad], shape [h, 2].
-    gradients
-        Instead of `turns`: the gradient of camera 1's pixel by camera 0's, one for each point, shape
-        [n, 2, 2], the same all along its curve.
-    device
-        Where the curves are walked, "cpu" or "cuda".
-    threads
-        CPU threads; None: all cores the process may use. A result does not depend on it.
-
-    Returns
-    -------
-    Candidates
-        One row a point.
+    ``picture1``: camera 1's picture, shape [rows, columns]. ``limits``: nearest and farthest distance along
+    camera 0's rays [m]; None: the whole curve. ``turns``: turns of the facet that are tried at every place
+    (`facet.normals`) [rad], shape [h, 2]. ``gradients``: instead of `turns`: the gradient of camera 1's pixel
+    by camera 0's, one for each point, shape [n, 2, 2], the same all along its curve. ``threads``: CPU
+    threads; None: all cores the process may use. A result does not depend on it. Returns: one row a point.
     """
     n, places = len(wanted.points), wanted.places
     if not n:

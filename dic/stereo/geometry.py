@@ -1,17 +1,12 @@
 """Geometry of two cameras: rays, epipolar distance with its uncertainty, triangulation with covariance.
 
-With the relative pose ``X_1 = R X_0 + t`` the ray of camera 0's ideal image point x0 spans with the baseline
-a plane, which camera 1 sees as the line ``l . x1 = 0``, ``l = t × R x0`` (Hartley and Zisserman, Multiple
-View Geometry, 2nd ed., eq. 9.11). A lens bends that line into a curve. Distances are those in the picture
-as it was taken: ``d = g / |∇g|`` with ``g(p1) = l . undistort(p1)`` and its gradient by the pixel p1.
-
-The point sought is the one whose two projections lie nearest to what was seen, with the weights that the
-noise of the matches gives (Hartley and Zisserman, Multiple View Geometry, 2nd ed., section 12.3)::
+The ray of camera 0's ideal point x0 is the line ``l . x1 = 0``, ``l = t × R x0`` for camera 1 (Hartley and
+Zisserman, Multiple View Geometry, 2nd ed., eq. 9.11); distances are ``d = g / |∇g|`` in the picture as taken,
+``g(p1) = l . undistort(p1)``. A point in space minimises (section 12.3 there) ::
 
     X = argmin Σ_k (p_k - π_k(X))ᵀ C_k⁻¹ (p_k - π_k(X)),      cov X = (Σ_k J_kᵀ C_k⁻¹ J_k)⁻¹
 
-with J_k = ∂π_k/∂X. It is found by Gauss-Newton steps from the middle between the two lines; its covariance
-is the first-order propagation of the C_k, exact for noise that is small against the distance.
+with J_k = ∂π_k/∂X, by Gauss-Newton steps from the middle between the two lines.
 """
 
 from typing import NamedTuple
@@ -43,22 +38,8 @@ def largest_eigenvalue(M: FloatArray) -> FloatArray:
 def directions(camera: Camera, pixels: FloatArray) -> FloatArray:
     """Unit vectors from the camera's centre toward what it sees at `pixels`, in the rig's frame [-].
 
-    Parameters
-    ----------
-    camera
-        The camera.
-    pixels
-        Places in its picture (x, y) [px], shape [..., 2].
-
-    Returns
-    -------
-    NDArray
-        Shape [..., 3]; NaN where the pixel is.
-
-    Raises
-    ------
-    ValueError
-        If the lens distortion cannot be undone there.
+    ``camera``: the camera. ``pixels``: places in its picture (x, y) [px], shape [..., 2]. Returns: shape
+    [..., 3]; NaN where the pixel is. Raises ValueError if the lens distortion cannot be undone there.
     """
     return towards(camera, inside(camera, pixels))
 
@@ -113,22 +94,9 @@ def epipolar_distance(rig: StereoRig, pixels0: FloatArray, pixels1: FloatArray) 
     first order in the distance: exact on the curve, off it only as the curve bends and the lens's
     magnification varies within the distance.
 
-    Parameters
-    ----------
-    rig
-        The cameras.
-    pixels0, pixels1
-        One point seen by both, a row each (x, y) [px], shapes [..., 2].
-
-    Returns
-    -------
-    NDArray
-        Shape [...]; NaN where a pixel is.
-
-    Raises
-    ------
-    ValueError
-        If the cameras have one centre, or a lens distortion cannot be undone.
+    ``rig``: the cameras. ``pixels0``, ``pixels1``: one point seen by both, a row each (x, y) [px], shapes
+    [..., 2]. Returns: shape [...]; NaN where a pixel is. Raises ValueError if the cameras have one centre, or
+    a lens distortion cannot be undone.
     """
     return epipolar_slopes(rig, pixels0, pixels1)[0]
 
@@ -261,25 +229,11 @@ def triangulate(
 ) -> Triangulation:
     """Points in space from points in two pictures, with covariances.
 
-    Parameters
-    ----------
-    rig
-        The cameras.
-    pixels0, pixels1
-        One point seen by both, a row each (x, y) [px], shapes [..., 2].
-    covariance0, covariance1
-        Of the pixels, independent between the cameras [px²], shapes [..., 2, 2] or [2, 2], wherever the
-        pixels are finite; zero for a place that was chosen, as a material point's in its own picture.
-
-    Returns
-    -------
-    Triangulation
-        Position, covariance, epipolar distance and its sigma.
-
-    Raises
-    ------
-    ValueError
-        Shapes that do not fit, a covariance that is none, a lens distortion that cannot be undone.
+    ``rig``: the cameras. ``pixels0``, ``pixels1``: one point seen by both, a row each (x, y) [px], shapes
+    [..., 2]. ``covariance0``, ``covariance1``: of the pixels, independent between the cameras [px²], shapes
+    [..., 2, 2] or [2, 2], wherever the pixels are finite; zero for a place that was chosen, as a material
+    point's in its own picture. Returns: position, covariance, epipolar distance and its sigma. Raises
+    ValueError: shapes that do not fit, a covariance that is none, a lens distortion that cannot be undone.
     """
     pixels0, pixels1 = (np.asarray(p, dtype=np.float64) for p in (pixels0, pixels1))
     if pixels0.shape != pixels1.shape or pixels0.shape[-1:] != (2,):
@@ -299,29 +253,6 @@ def triangulate(
     weights = inverse(noise[0] + EXACT * np.eye(2)), inverse(noise[1] + EXACT * np.eye(2))
     position[seen], covariance[seen] = _nearest(rig, _middle(rig, d0, d1), pixels, weights)
     return Triangulation(position, covariance, epipolar, sigma)
-
-
-def projection_error(
-    rig: StereoRig, position: FloatArray, pixels0: FloatArray, pixels1: FloatArray
-) -> FloatArray:
-    """Distance of the points' projections from what was seen: rms over the cameras [px], shape [...].
-
-    It is what the epipolar distance leaves in both pictures, about |d|/2.
-
-    Parameters
-    ----------
-    rig
-        The cameras.
-    position
-        Points in the rig's frame [m], shape [..., 3].
-    pixels0, pixels1
-        What was seen [px], shapes [..., 2].
-    """
-    square = [
-        np.sum((camera.project(position) - pixels) ** 2, axis=-1)
-        for camera, pixels in zip(rig.cameras, (pixels0, pixels1), strict=True)
-    ]
-    return np.asarray(np.sqrt((square[0] + square[1]) / 2.0))
 
 
 def _covariances(covariance: FloatArray, seen: NDArray[np.bool_], camera: int) -> FloatArray:

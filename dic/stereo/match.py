@@ -57,25 +57,11 @@ def propagate(
 ) -> BoolArray:
     """Match the points that are not found yet, from neighbours; `match` and `found` are filled in place.
 
-    Parameters
-    ----------
-    match
-        Of all points; rows of points not found yet are overwritten by their last attempt.
-    points
-        Places in the material picture [px], shape [n, 2].
-    near
-        `neighbourhood` of the points.
-    attempts
-        Guesses that a point tries before it is given up.
-    attempt
-        Matches the points of these rows from these guesses, and which of them are accepted.
-    found
-        Points that may propagate their warps, shape [n].
-
-    Returns
-    -------
-    NDArray
-        Points that had a guess, shape [n].
+    ``match``: of all points; rows of points not found yet are overwritten by their last attempt. ``points``:
+    places in the material picture [px], shape [n, 2]. ``near``: `neighbourhood` of the points. ``attempts``:
+    guesses that a point tries before it is given up. ``attempt``: matches the points of these rows from these
+    guesses, and which of them are accepted. ``found``: points that may propagate their warps, shape [n].
+    Returns: points that had a guess, shape [n].
     """
     guessed, spent = found.copy(), np.zeros(len(points), dtype=np.int64)
     used = near < 0  # neighbours that have been tried, or are not there

@@ -1,19 +1,9 @@
 """Positions in space from two tracks of the same points, and the errors that positions share.
 
-The parameters θ of a rig are known with a covariance C_θ. A wrong θ moves a point by S δθ with S = ∂X/∂θ at
-fixed pixels, the same δθ for every point and frame. So ``S C_θ Sᵀ`` is the covariance of a position, but it
-does not average out over points, and a difference of two positions has ``(S_a - S_b) C_θ (S_a - S_b)ᵀ``.
-
-A match has an error of its own, the noise of its grey values, and one in common with its neighbours in space
-and time. Of the second kind no residual of a body's motion shows the size: it looks like motion. But it moves
-the two cameras' places apart as much across the epipolar lines as along them, and across them nothing else
-does. So the epipolar distances d of points that were followed are the witness. About its mean over time at
-each point, d has the covariance
-
-    s^2 exp(-(r / l)^2) exp(-|dt| / tau)
-
-between points that are r apart in the picture and frames that are dt apart; the own errors are left out by
-comparing points whose subsets have no pixel in common. What is subtracted with the mean over time is counted.
+A wrong calibration moves every position by S δθ, S = ∂X/∂θ: ``S C_θ Sᵀ`` does not average out over points.
+Errors that neighbours in space and time share are found from the epipolar distances, which nothing else
+moves. About its mean over time a point's distance has the covariance ``s² exp(-(r / l)²) exp(-|dt| / tau)``
+between points r apart and frames dt apart; points whose subsets share pixels are not compared.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -162,8 +152,7 @@ def narrow_gates(found: Reconstruction, *, gate: float, gate_sigmas: float) -> N
 def end_points(found: Reconstruction, points: BoolArray, outcome: PointOutcome) -> None:
     """End points of a reconstruction with an outcome, in place: a copy would be as large as all there is.
 
-    ``found``: the reconstruction. ``points``: which points of which frames, shape [n_frames, n_points].
-    ``outcome``: their outcome.
+    ``points``: which points of which frames, shape [n_frames, n_points].
     """
     found.position[points], found.covariance[points] = np.nan, np.nan
     found.outcome[points] = int(outcome)
@@ -261,17 +250,8 @@ def perturbed(rig: StereoRig, change: FloatArray) -> StereoRig:
 def calibration_slopes(rig: StereoRig, points: FloatArray) -> FloatArray:
     """Derivatives of positions by the rig's parameters at fixed pixels, by central differences.
 
-    Parameters
-    ----------
-    rig
-        The cameras.
-    points
-        Positions in the rig's frame, before both cameras [m], shape [..., 3].
-
-    Returns
-    -------
-    NDArray
-        S, in m per unit of each of `StereoRig.parameter_names`, shape [..., 3, 26].
+    ``rig``: the cameras. ``points``: positions in the rig's frame, before both cameras [m], shape [..., 3].
+    Returns: S, in m per unit of each of `StereoRig.parameter_names`, shape [..., 3, 26].
     """
     points = np.asarray(points, dtype=np.float64)
     pixels = [camera.project(points) for camera in rig.cameras]
@@ -291,23 +271,10 @@ def calibration_slopes(rig: StereoRig, points: FloatArray) -> FloatArray:
 def calibration_sigma(rig: StereoRig, points: FloatArray) -> FloatArray:
     """Standard deviations of positions that the calibration's covariance alone causes, common to all points.
 
-    Parameters
-    ----------
-    rig
-        The cameras, with a covariance.
-    points
-        Positions in the rig's frame, before both cameras [m], shape [..., 3]. The result is smooth over the
-        field and the same in all frames: the places of one frame, or some of them, tell all.
-
-    Returns
-    -------
-    NDArray
-        By component [m], shape [..., 3].
-
-    Raises
-    ------
-    ValueError
-        A rig without a covariance, or one of another size than its parameters.
+    ``rig``: the cameras, with a covariance. ``points``: positions in the rig's frame, before both cameras
+    [m], shape [..., 3]. The result is smooth over the field and the same in all frames: the places of one
+    frame, or some of them, tell all. Returns: by component [m], shape [..., 3]. Raises ValueError: a rig
+    without a covariance, or one of another size than its parameters.
     """
     n = len(rig.parameter_names)
     if rig.covariance is None:
@@ -378,22 +345,11 @@ NONE = SharedError(0.0, 1.0, 1.0)
 def shared_error(epipolar: FloatArray, valid: BoolArray, points: FloatArray, *, subset: float) -> SharedError:
     """Find the size, the length and the memory of what the errors of matches have in common.
 
-    Parameters
-    ----------
-    epipolar
-        Signed distances of camera 1's points from the epipolar lines of camera 0's [px], shape [n_frames,
-        n_points].
-    valid
-        Which of them are known, same shape.
-    points
-        Places in the material picture [px], shape [n_points, 2].
-    subset
-        Side of the subsets [px]: points nearer than that, across and along, share their noise.
-
-    Returns
-    -------
-    SharedError
-        `NONE` where too few points were followed, or their distances have nothing in common.
+    ``epipolar``: signed distances of camera 1's points from the epipolar lines of camera 0's [px], shape
+    [n_frames, n_points]. ``valid``: which of them are known, same shape. ``points``: places in the material
+    picture [px], shape [n_points, 2]. ``subset``: side of the subsets [px]: points nearer than that, across
+    and along, share their noise. Returns: `NONE` where too few points were followed, or their distances have
+    nothing in common.
     """
     steady = np.flatnonzero(valid.mean(axis=0) > 0.5)
     steady = steady[:: max(-(-steady.size // MOST_POINTS), 1)]

@@ -1,12 +1,8 @@
 """The circular cylinder that fits measured points best, and the test frame on it.
 
-The test frame has y along the specimen's axis, Z out of plane toward the cameras, and x right-handed. The
-positive direction of the axis and the place of y = 0 are declared: the pictures do not show them.
-
-Weighted orthogonal distances: a point of covariance C whose normal to the cylinder is n lies off the
-surface by the noise sigma² = nᵀ C n, all that matters to first order when the noise is small beside the
-radius. From a part of the circumference the radius and the place of the axis along the view are known
-poorly and nearly only together; the covariance says so.
+The test frame has y along the specimen's axis, Z toward the cameras, and x right-handed; the direction of
+the axis and y = 0 are declared. Distances are weighted with the noise ``nᵀ C n`` along the normal n. From a
+part of the circumference radius and depth of the axis are known nearly only together; the covariance says so.
 """
 
 from dataclasses import dataclass
@@ -20,11 +16,7 @@ from dic.camera import Camera, StereoRig
 
 
 def _candidate_axes(X: FloatArray) -> list[FloatArray]:
-    """Directions worth starting a fit from, unit vectors.
-
-    The direction of least curvature of the paraboloid over the plane that fits best, right for any arc
-    up to a half circle; the principal directions of the points, right for a long cylinder.
-    """
+    """Directions worth starting a fit from, unit vectors."""
     _, vectors = np.linalg.eigh(X.T @ X)
     normal, first, second = vectors.T
     size = float(np.sqrt(np.mean(X**2)))
@@ -180,27 +172,13 @@ def fit_cylinder(
 ) -> Cylinder:
     """Fit a cylinder to points by weighted orthogonal distances.
 
-    Parameters
-    ----------
-    positions
-        Points on the surface [m], shape [n, 3]; any frame.
-    covariance
-        Of the points [m²], shape [n, 3, 3].
-    radius
-        A radius known beforehand [m]; None to leave it free.
-    radius_sigma
-        Its standard uncertainty [m]; 0 holds the radius exactly.
-    overlap
-        Variance factors of points whose subsets overlap, `dic.surfaces.overlap_factor`, shape [n].
-    reject
-        Points farther off than this many sigmas, or this many robust standard deviations if the scatter
-        is larger than the sigmas say, are left out and marked in `Cylinder.used` [-].
-
-    Raises
-    ------
-    ValueError
-        Fewer than 6 points, shapes that do not fit, a number that is not finite or positive, points that
-        lie on a plane rather than a cylinder.
+    ``positions``: points on the surface [m], shape [n, 3]; any frame. ``covariance``: of the points [m²],
+    shape [n, 3, 3]. ``radius``: a radius known beforehand [m]; None to leave it free. ``radius_sigma``: its
+    standard uncertainty [m]; 0 holds the radius exactly. ``overlap``: variance factors of points whose
+    subsets overlap, `overlap_factor`, shape [n]. ``reject``: points farther off than this many
+    sigmas, or this many robust standard deviations if the scatter is larger than the sigmas say, are left out
+    and marked in `Cylinder.used` [-]. Raises ValueError: fewer than 6 points, shapes that do not fit, a
+    number that is not finite or positive, points that lie on a plane rather than a cylinder.
     """
     X, C = _checked(positions, covariance, radius, radius_sigma, reject)
     factor = np.ones(len(X)) if overlap is None else np.asarray(overlap, dtype=np.float64)
@@ -340,15 +318,8 @@ class SpecimenFrame:
     def sigma(self, x: FloatArray) -> FloatArray:
         """Standard deviation that the frame's own uncertainty adds at points of it, common to all of them.
 
-        Parameters
-        ----------
-        x
-            Points in this frame [m], shape [..., 3].
-
-        Returns
-        -------
-        NDArray
-            Standard uncertainties by component [m], shape [..., 3].
+        ``x``: points in this frame [m], shape [..., 3]. Returns: standard uncertainties by component [m],
+        shape [..., 3].
         """
         x = np.asarray(x, dtype=np.float64)
         J = np.zeros((*x.shape, 6))  # a frame turned by r and shifted by d sees x at x - r × x - d
@@ -373,26 +344,12 @@ def test_frame(
     axis of the direction from the axis to the midpoint between the cameras. The origin lies on the axis
     in the plane y = 0.
 
-    Parameters
-    ----------
-    cylinder
-        Of the undeformed specimen, from points in the rig's frame.
-    rig
-        The cameras the points were measured with.
-    toward_flyer
-        Direction from the transmission side toward the flyer in camera 0's picture (right, down), of
-        any length; (0, -1) is up.
-    zero
-        A point of the plane y = 0, the transmission platen's face, in the rig's frame [m], shape [3];
-        `on_cylinder` finds it from a pixel.
-    zero_sigma
-        Standard uncertainty of its place along the axis [m].
-
-    Raises
-    ------
-    ValueError
-        A direction that the axis does not have in camera 0's picture within 45°, or numbers that are
-        not finite.
+    ``cylinder``: of the undeformed specimen, from points in the rig's frame. ``rig``: the cameras the points
+    were measured with. ``toward_flyer``: direction from the transmission side toward the flyer in camera 0's
+    picture (right, down), of any length; (0, -1) is up. ``zero``: a point of the plane y = 0, the
+    transmission platen's face, in the rig's frame [m], shape [3]; `on_cylinder` finds it from a pixel.
+    ``zero_sigma``: standard uncertainty of its place along the axis [m]. Raises ValueError: a direction that
+    the axis does not have in camera 0's picture within 45°, or numbers that are not finite.
     """
     zero = np.asarray(zero, dtype=np.float64)
     declared = np.asarray(toward_flyer, dtype=np.float64)
@@ -426,19 +383,8 @@ test_frame.__test__ = False  # type: ignore[attr-defined]  # a name that test ru
 def on_cylinder(camera: Camera, pixel: ArrayLike, cylinder: Cylinder) -> FloatArray:
     """The point of the cylinder that a camera sees at a pixel [m], in the rig's frame, shape [3].
 
-    Parameters
-    ----------
-    camera
-        One camera of the rig that measured the cylinder.
-    pixel
-        Place in its picture (x, y) [px].
-    cylinder
-        Where the pixel's ray meets it first.
-
-    Raises
-    ------
-    ValueError
-        If the ray passes the cylinder by.
+    ``camera``: one camera of the rig that measured the cylinder. ``pixel``: place in its picture (x, y) [px].
+    ``cylinder``: where the pixel's ray meets it first. Raises ValueError if the ray passes the cylinder by.
     """
     ideal = camera.undistort(np.asarray(pixel, dtype=np.float64))
     ray = camera.rotation.T @ np.array([ideal[0], ideal[1], 1.0])

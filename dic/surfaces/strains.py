@@ -8,7 +8,6 @@ same at rest and now and cancels; a homogeneous deformation comes out exactly, o
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import partial
 
 import numpy as np
@@ -17,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from dic.basics import BoolArray, FloatArray, IntArray
 from dic.correlation.subsets import overlap_correlation
+from dic.outcome import Outcome
 from dic.processes import parts, run_parallel
 from dic.surfaces.surface_history import SurfaceHistory
 
@@ -48,7 +48,7 @@ class StrainHistory:
     covariance: FloatArray
     """Of the components 11, 22, 12 of C = FᵀF [-], shape [n_frames, n_points, 3, 3]."""
     outcome: IntArray
-    """`dic.surfaces.StrainOutcome`, shape [n_frames, n_points]."""
+    """`dic.surfaces.strains.StrainOutcome`, shape [n_frames, n_points]."""
     share: FloatArray
     """Points used over points of the full window [-], shape [n_frames, n_points]."""
     centre: FloatArray
@@ -96,11 +96,6 @@ class StrainHistory:
         with np.errstate(divide="ignore"):
             return angle, np.sqrt(variance) / (c[..., 0] - c[..., 1])
 
-    @property
-    def area_ratio(self) -> FloatArray:
-        """Area of the surface over its area at rest [-], shape [n_frames, n_points]."""
-        return np.sqrt(np.linalg.det(self._C()))
-
     def _C(self) -> FloatArray:
         return np.asarray(np.swapaxes(self.F, -1, -2) @ self.F)
 
@@ -141,37 +136,16 @@ FEWEST = {1: 4, 2: 8}
 """Fewest points of a window by the order of its polynomial."""
 
 
-class StrainOutcome(IntEnum):
+class StrainOutcome(Outcome):
     """The end of the strain at one point in one frame."""
 
-    VALID = 0
-    POINT_LOST = 1
-    TOO_FEW_NEIGHBOURS = 2
-
-    @property
-    def ok(self) -> bool:
-        """True when the strain may be used."""
-        return self is StrainOutcome.VALID
-
-    @property
-    def cause(self) -> str:
-        """Cause of the outcome, in one sentence."""
-        return _CAUSES[self][0]
-
-    @property
-    def cure(self) -> str:
-        """Cure for a user, in one sentence."""
-        return _CAUSES[self][1]
-
-
-_CAUSES = {
-    StrainOutcome.VALID: ("a strain was fitted", "nothing to do"),
-    StrainOutcome.POINT_LOST: ("the point itself was not found", "see the point's own outcome"),
-    StrainOutcome.TOO_FEW_NEIGHBOURS: (
+    VALID = 0, "a strain was fitted", "nothing to do"
+    POINT_LOST = 1, "the point itself was not found", "see the point's own outcome"
+    TOO_FEW_NEIGHBOURS = (
+        2,
         "too few valid neighbours of the same region, or all of them nearly on a line",
         "enlarge the window, or choose a smaller step",
-    ),
-}
+    )
 
 
 @dataclass(frozen=True)

@@ -193,26 +193,9 @@ def static_mean(
     The noise of the material picture is the same in every frame and does not average out. In a match of
     two pictures of the same noise it is half the variance.
 
-    Parameters
-    ----------
-    reconstruction
-        Points in the rig's frame.
-    frames
-        The static frames.
-    shared
-        Share of the variance that all frames have in common [-].
-
-    Returns
-    -------
-    NDArray
-        Positions [m], shape [n_points, 3]; NaN for a point that is valid in none of the frames.
-    NDArray
-        Covariances [m²], shape [n_points, 3, 3]; likewise.
-
-    Raises
-    ------
-    ValueError
-        No frames, or `shared` outside [0, 1].
+    ``shared``: share of the variance that all frames have in common [-]. Returns: positions [m], shape
+    [n_points, 3]; NaN for a point that is valid in none of the frames. Returns: covariances [m²], shape
+    [n_points, 3, 3]; likewise. Raises ValueError: no frames, or `shared` outside [0, 1].
     """
     if not len(frames) or not 0.0 <= shared <= 1.0:
         raise ValueError(f"frames must be given and shared be in [0, 1], got {list(frames)} and {shared}")
@@ -234,29 +217,12 @@ def to_surface(
 ) -> SurfaceHistory:
     """Express reconstructed points in the test frame.
 
-    Parameters
-    ----------
-    reconstruction
-        Points in the rig's frame.
-    frame
-        The test frame.
-    t
-        Times of the frames on the shot's clock [s], shape [n_frames].
-    reference
-        Frames, static ones, whose mean gives the reference positions.
-    points
-        Which points to take, shape [n_points]; None takes all. `referenced` tells which can be taken.
-
-    Returns
-    -------
-    SurfaceHistory
-        With the noise of the matches as sigma; what all points have in common through the frame is
-        `SpecimenFrame.sigma`, and through the calibration the covariance of the rig.
-
-    Raises
-    ------
-    ValueError
-        If a point has no valid position in any reference frame, or shapes do not fit.
+    ``reconstruction``: points in the rig's frame. ``frame``: the test frame. ``t``: times of the frames on
+    the shot's clock [s], shape [n_frames]. ``reference``: frames, static ones, whose mean gives the reference
+    positions. ``points``: which points to take, shape [n_points]; None takes all. `referenced` tells which
+    can be taken. Returns: with the noise of the matches as sigma; what all points have in common through the
+    frame is `SpecimenFrame.sigma`, and through the calibration the covariance of the rig. Raises ValueError
+    if a point has no valid position in any reference frame, or shapes do not fit.
     """
     known = referenced(reconstruction, reference)
     taken = np.ones(known.size, dtype=bool) if points is None else np.asarray(points, dtype=bool)

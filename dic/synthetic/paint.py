@@ -83,18 +83,8 @@ def waves(
 ) -> Texture:
     """Sum of cosines ``level + height Σ cos(2π (kx around + ky along) + φ)``, with a known integral.
 
-    Parameters
-    ----------
-    area
-        What it covers.
-    pitch
-        Of the texels [m].
-    vectors
-        (kx, ky) [1/m], shape [n, 2].
-    phases
-        φ [rad], shape [n].
-    level, height
-        Mean and amplitude [-].
+    ``area``: what it covers. ``pitch``: of the texels [m]. ``vectors``: (kx, ky) [1/m], shape [n, 2].
+    ``phases``: φ [rad], shape [n]. ``level``, ``height``: mean and amplitude [-].
     """
     across, along = area.grid(pitch)
     grey = np.full((len(along), len(across)), level)

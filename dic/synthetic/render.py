@@ -41,12 +41,11 @@ def picture_series(
     the
     integral over its square of the rays, smeared by the lens.
 
-    ``scene``: bodies at the instants of the frames. ``camera``: the camera, cropped to the pictures.
-    ``shape``: rows and columns [px]. ``lens``: point spread and rays a pixel; default `Lens()`. ``haze``:
-    displacements of the picture by the air [px], as `dic.synthetic.scene.haze` makes them; None: none.
-    ``haze_pitch``: distance of its nodes [px]. ``device``: "cpu" or a GPU, "cuda:0". ``threads``: threads on
-    a CPU. Yields: the next frames, in their order. Raises ValueError: an unknown device; a lens distortion
-    that cannot be undone.
+    ``scene``: bodies at the instants of the frames. ``shape``: rows and columns [px]. ``lens``: point spread
+    and rays a pixel; default `Lens()`. ``haze``: displacements of the picture by the air [px], as
+    `dic.synthetic.scene.haze` makes them; None: none. ``haze_pitch``: distance of its nodes [px]. ``device``:
+    "cpu" or a GPU, "cuda:0". Yields: the next frames, in their order. Raises ValueError: an unknown device; a
+    lens distortion that cannot be undone.
     """
     lens = lens or Lens()
     start = select_device(device)
@@ -71,8 +70,7 @@ def board_series(
     """Light on the pixels of one camera of a flat board, one pose a frame; see `picture_series`.
 
     ``board``: its texture, by x (around) and y (along) of the board's frame; of the rest nothing is used.
-    ``poses``: R and t of each frame, from the board's frame to the rig's, `X = R x + t`. ``background``:
-    light beside the board.
+    ``poses``: R and t of each frame, from the board's frame to the rig's, `X = R x + t`.
     """
     lens = lens or Lens()
     start = select_device(device)
@@ -181,8 +179,7 @@ class Sensor:
         Photons are Poisson's, read noise is Gaussian; the sum is rounded, and clipped at 0 and the largest.
 
         ``light``: light on the pixels, 1 of white paint, shape [rows, columns]. ``pattern``: what `pattern`
-        gave for this camera. ``brightness``: of the lamp in this frame, 1 on average. ``rng``: random
-        numbers.
+        gave for this camera. ``brightness``: of the lamp in this frame, 1 on average.
         """
         mean = np.maximum(self.electrons(light) * pattern * brightness, 0.0)
         caught = rng.poisson(mean) + self.read_noise * rng.standard_normal(mean.shape)
@@ -219,12 +216,7 @@ def write_numbered(path: Path, picture: NDArray[np.uint16], *, bits: int) -> Non
 
 
 def _write_cine(path: Path, pictures: Stack, *, bits: int, times: NDArray[np.float64], rate: float) -> None:
-    """Write a Phantom cine of 16-bit values, with time stamps from its trigger at t = 0 on.
-
-    After Vision Research's "Cine File Format": file header, bitmap header, SETUP, one tagged block of time
-    stamps,
-    table of positions, pictures, bottom row first.
-    """
+    """Write a Phantom cine of 16-bit values, with time stamps from its trigger at t = 0 on."""
     n, rows, columns = pictures.shape
     trigger = 1 << 31  # half a second: stamps before it need no borrowing from the seconds
     setup = bytearray(_SETUP)

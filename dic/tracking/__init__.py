@@ -62,14 +62,8 @@ class LatestFrame:
 def enlarged_subset(subset: int, warp: FloatArray, limit: float) -> IntArray:
     """Side that keeps the shortest side of a flattened subset in the picture [px], shape [n].
 
-    Parameters
-    ----------
-    subset
-        Side of the subset at rest [px].
-    warp
-        Total warps, shape [n, 12].
-    limit
-        Largest growth [-].
+    ``subset``: side of the subset at rest [px]. ``warp``: total warps, shape [n, 12]. ``limit``: largest
+    growth [-].
     """
     if limit == 1.0:
         return np.full(len(warp), subset)

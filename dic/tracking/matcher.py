@@ -1,27 +1,14 @@
 """Matches of one frame, each point with its own reference, and their uncertainty.
 
-A point's references form a chain. Its root is the material picture (or the frame that tracking starts from);
-every later reference is a frame in which the point was found, with the total warp found there. Since the
-template of reference B is sampled at the very places where the match A → B ended, T_B(ξ) = g_B(W_B(ξ)), the
-noise of picture B enters the match A → B and the match B → C with opposite signs::
+A point's references form a chain from the material picture. The noise of a reference in the middle enters the
+matches before and after it with opposite signs, so that to first order the chain has the error of one match::
 
     Σ ∇T_A (T_A − T_B) = 0  and  Σ ∇T_B (T_B − T_C) = 0   give   Σ ∇T (T_A − T_C) ≈ 0
 
-so that to first order the chain has the error of the one match A → C. What is carried along a chain is
-therefore the part of the covariance that comes from the root's template, mapped by the deformation since;
-added is, of the last match, the part that comes from the picture searched in. What remains of a change of
-reference is of second order: the gradients of the new template hold noise of their own. Its share in them
-goes as the variance of a match times its samples, and so does what is carried along (`dic.tracking.matcher`).
-
-A pattern flattened until its speckles are hardly wider than a pixel is sampled too coarsely: what lies beyond
-half a period per pixel comes back as another pattern, which changes from frame to frame. It is not noise of
-the pixels, but it shows in the correlation: a match whose only error is noise of variance σ² per picture ends
-at ``2 (1 - ZNCC) var f = 2 σ²``. How much a larger residual moves the point was measured on rendered pictures
-(verification page of the tracking): its covariance grows by ``1 + κ e``, e the excess of the residual over
-the noise, with κ = `ALONG` in the direction that is flattened most, to half its length or less, and `ACROSS`
-at right angles to it. What residual a subset has that is not flattened, from interpolation or the shape
-function, moves it by less than noise would: both begin with `EVEN`, and change as the shortest side shrinks
-to half. The match itself scales both directions by ``1 + e``.
+Carried along is the covariance from the root's template, mapped by the deformation; added is that of the
+picture searched in. Where speckles are flattened to a pixel the residual e beyond the noise counts: the
+covariance grows by ``1 + κ e``, κ = `ALONG` in the flattened direction and `ACROSS` at right angles, both
+from `EVEN` without flattening (docs/theory/tracking.md). The match itself scales both directions by 1 + e.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -208,16 +195,8 @@ def local_variance(picture: Picture, places: FloatArray, side: int) -> FloatArra
 def excess(zncc: FloatArray, variance: FloatArray, noise: Noise, grey: float) -> FloatArray:
     """Excess of the residual's variance over that of the noise, over the latter [-], shape [n].
 
-    Parameters
-    ----------
-    zncc
-        Correlations, shape [n].
-    variance
-        Of the templates' grey values [grey²], shape [n].
-    noise
-        Of the pictures.
-    grey
-        Mean grey value [grey].
+    ``zncc``: correlations, shape [n]. ``variance``: of the templates' grey values [grey²], shape [n].
+    ``noise``: of the pictures. ``grey``: mean grey value [grey].
     """
     expected = noise.floor**2 + noise.gain * grey
     if expected <= 0.0:
@@ -299,9 +278,8 @@ class Matcher:
     ) -> Match:
         """Find points `rows` in a picture.
 
-        ``deformed``: the picture, prepared. ``rows``: points, shape [m]. ``guess``: total warps to start
-        from, shape [m, 12]. ``template``: their references. ``current``: whether those are the ones that the
-        points have now, whose templates are kept.
+        ``rows``: points, shape [m]. ``guess``: total warps to start from, shape [m, 12]. ``current``: whether
+        those are the ones that the points have now, whose templates are kept.
         """
         stack, picture = self.references.prepared(template.frame)
 
@@ -361,14 +339,8 @@ def inherited_covariance(start: FloatArray, template: FloatArray, warp: FloatArr
     whose errors have its own variance for their covariance with any other's (Gauss and Markov); so the
     difference of the two variances remains.
 
-    Parameters
-    ----------
-    start
-        Of the match [px²], shape [n, 2, 2].
-    template
-        What that picture's noise gives as the template of the track [px²], shape [n, 2, 2].
-    warp
-        Total warps of the match, shape [n, 12].
+    ``start``: of the match [px²], shape [n, 2, 2]. ``template``: what that picture's noise gives as the
+    template of the track [px²], shape [n, 2, 2]. ``warp``: total warps of the match, shape [n, 12].
     """
     own, searched = (share[:, None, None] for share in shares(warp, np.zeros_like(warp)))
     size, axes = np.linalg.eigh(searched * start - template)
@@ -382,9 +354,8 @@ def compose(
     """Covariance of places found through a chain of references (`dic.tracking.matcher`).
 
     ``match_covariance``: of the last match alone [px²], shape [n, 2, 2]. ``warp``: total warps found, shape
-    [n, 12]. ``template``: references they were matched with. ``beyond``: excess of the residuals, shape [n].
-    Returns: the covariance of the places, and what a chain that takes this match as its next reference
-    carries [px²], each of shape [n, 2, 2].
+    [n, 12]. ``beyond``: excess of the residuals, shape [n]. Returns: the covariance of the places, and what a
+    chain that takes this match as its next reference carries [px²], each of shape [n, 2, 2].
     """
     reference, searched = shares(warp, template.warp)
     F = relative(warp, template.warp)

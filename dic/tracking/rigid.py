@@ -52,14 +52,12 @@ def track_rigid(
     of a picture is matched by the part inside, `Correlation.least_pixels` of it at least; the outermost
     pixels are left out.
 
-    ``pictures``: the series. ``points``: places in the material picture (x, y) [px], shape [n_points, 2].
-    ``settings``: how a subset is matched; its shape function is taken as RIGID. ``noise``: standard deviation
-    of the grey values. ``mask``: pixels of the body in the material picture, shape [rows, columns].
-    ``start``: total warps of the points in frame `first`, shape [n_points, 12]; None: it is the material
-    picture. ``start_covariance``: of the places that `start` gives [px²], shape [n_points, 2, 2]. ``first``:
-    frame in which the points are known. ``frame_outcome``: `FrameOutcome` of the pictures, shape [n_frames].
-    ``device``: where matches are computed. ``progress``: called with the frames done and their number. Raises
-    PictureError if the picture of frame `first` cannot be read.
+    ``points``: places in the material picture (x, y) [px], shape [n_points, 2]. ``settings``: how a subset is
+    matched; its shape function is taken as RIGID. ``mask``: pixels of the body in the material picture, shape
+    [rows, columns]. ``start``: total warps of the points in frame `first`, shape [n_points, 12]; None: it is
+    the material picture. ``start_covariance``: of the places that `start` gives [px²], shape [n_points, 2,
+    2]. ``first``: frame in which the points are known. ``frame_outcome``: `FrameOutcome` of the pictures,
+    shape [n_frames]. Raises PictureError if the picture of frame `first` cannot be read.
     """
     n_frames, n = len(frame_outcome), len(points)
     root = identity(n) if start is None else np.asarray(start, dtype=np.float64)
@@ -135,10 +133,7 @@ def _step(
     predicted: FloatArray,
     most: float,
 ) -> FloatArray | None:
-    """Find the points in one frame; the body's motion since the reference, None if they agree on none.
-
-    Points whose median of 1 - ZNCC is beyond `most` show another body.
-    """
+    """Find the points in one frame; the body's motion since the reference, None if they agree on none."""
     beside = [predicted + off * np.eye(2)[axis] for off in SEARCHED for axis in (1, 0)]
     best, matches = None, _matches(stack, here, points, root, [predicted], settings, mask, templates)
     for k in range(1 + len(SEARCHED)):
@@ -208,10 +203,7 @@ def _matches(
 def _in_view(
     points: FloatArray, warp: FloatArray, shape: tuple[int, int], settings: Correlation
 ) -> BoolArray:
-    """Points of whose subsets enough may be in a picture of this shape, where these warps put them, [n].
-
-    Of a parallelogram that reaches r from its centre along an axis, less than (1 - d/r)/2 lies beyond d.
-    """
+    """Points of whose subsets enough may be in a picture of this shape, where these warps put them, [n]."""
     half = 0.5 * settings.subset
     bend = np.abs(warp[:, 6:].reshape(-1, 2, 3)) @ np.array([0.5, 1.0, 0.5])
     share = max(1.0 - 2.0 * settings.least_pixels, 0.0)

@@ -3,9 +3,9 @@
 A line ``<!-- rooms -->`` of a page becomes the table of the rooms of `kolsky` (docs/rooms.toml, which the
 test of imports reads too), ``<!-- public kolsky -->`` the public names of a package, each with its first
 line, ``<!-- commands kolsky -->`` the commands of the command line,
-``<!-- parameters kolsky -->`` rows of the parameters of a simulation, ``<!-- law KNOWLES -->`` the material
-law that the tests of the doors make up, ``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a
-registry of the solver, ``<!-- causes kolsky -->`` the inputs that are tried as causes of a misfit,
+``<!-- parameters kolsky -->`` rows of the parameters of a simulation,
+``<!-- table laws -->`` (`contact_laws`, `elements`) the members of a registry of the solver,
+``<!-- causes kolsky -->`` the inputs that are tried as causes of a misfit,
 ``<!-- wrong NAME -->`` the table of a study of wrong inputs, ``<!-- budget NAME -->`` that of an error
 budget, ``<!-- drawn NAME -->`` that of a population of drawn shots, ``<!-- answers NAME -->`` and ``<!--
 changes NAME -->`` answers of known shots now and before, ``<!-- pooled NAME -->`` shots and their mean,
@@ -19,7 +19,6 @@ benchmarks/results/NAME.json, ``<!-- named inputs -->`` inputs that were once an
 (tests/fuzz/named.py). Anywhere in a line, ``<!-- names laws -->`` becomes their names.
 """
 
-import ast
 import importlib
 import inspect
 import json
@@ -105,18 +104,9 @@ def parameters(package: str) -> str:
     return "\n".join(f"| ${p.tex}$ | `{p.name}` | {p.unit} | {p.words} |" for p in records)
 
 
-def law(name: str) -> str:
-    """The source of a law that the tests of the doors write to a file: a text of that name there."""
-    tests = ast.parse((DOCS.parent / "tests" / "unit" / "explicit" / "test_doors.py").read_text("utf-8"))
-    for node in tests.body:
-        if isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == [name]:
-            return f"```python\n{ast.literal_eval(node.value).strip()}\n```"
-    raise ValueError(f"tests/unit/explicit/test_doors.py has no text {name}")
-
-
 def causes(package: str) -> str:
     """The inputs that are tried as causes of a misfit, a row each."""
-    records = importlib.import_module(f"{package}.diagnosis.cause_inputs").CANDIDATES
+    records = importlib.import_module(f"{package}.shot.inputs").causes()
     lines = ["| what is changed | what to do if it is named |", "| --- | --- |"]
     return "\n".join(lines + [f"| {c.words} (`{c.key}`) | {c.check} |" for c in records])
 
@@ -153,7 +143,7 @@ def budget(name: str) -> str:
     made = _results(name)
     if made is None:
         return f"There is no `benchmarks/results/{name}.json`: the budget was not made yet."
-    from kolsky.studies.budget.factors import WORDS
+    from kolsky.studies.budget.factors import Factor
 
     one = made["budgets"][0]
     other = made.get("against")
@@ -166,7 +156,7 @@ def budget(name: str) -> str:
         u, share = (f"{2.0 * source['u']:.4f}", f"{100.0 * source['share']:.2g} %") if known else ("", "")
         if known and None not in (ends := source.get("share_interval", [None])):
             share += f" ({100.0 * ends[0]:.2g} to {100.0 * ends[1]:.2g} %)"
-        row = f"| {WORDS.get(key, key)} | {size} | {u} | {share} |"
+        row = f"| {Factor(key, 0.0).words} | {size} | {u} | {share} |"
         if other is not None:
             row += f" {_of(source['u'], other['U'])} |" if known else " |"
         lines.append(row)
@@ -393,7 +383,6 @@ TABLES = {
     "rooms": rooms,
     "public": public,
     "commands": commands,
-    "law": law,
     "parameters": parameters,
     "table": table,
 }

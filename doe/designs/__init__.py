@@ -51,10 +51,7 @@ __all__ = [
 def design_kind(option: str) -> DesignKind:
     """Look a design up by its name at a command line.
 
-    Raises
-    ------
-    ValueError
-        If there is no such design; the message lists those there are.
+    Raises ValueError if there is no such design; the message lists those there are.
     """
     for kind in DESIGNS.values():
         if kind.option == option:

@@ -50,10 +50,6 @@ class Design:
         """The points in the unit box [-], shape [n, d]."""
         return self.box.unit(self.points)
 
-    def as_dicts(self) -> list[dict[str, float]]:
-        """The points as values by parameter name, length n."""
-        return [self.box.as_dict(point) for point in self.points]
-
 
 def count_of(n: int) -> int:
     """A number of points.
@@ -115,27 +111,10 @@ class DesignKind:
     ) -> Design:
         """The design by options that are the same for all kinds; those it does not need are not looked at.
 
-        Parameters
-        ----------
-        box
-            Where.
-        levels
-            Number of levels, one for all parameters or one each.
-        runs
-            Number of points.
-        rng
-            Integer seed or NumPy generator.
-        generators
-            Words of a fractional factorial.
-        candidates
-            Points to choose from, in parameter units, shape [c, d]; the kind's own if None.
-        points
-            Points chosen elsewhere, in parameter units, shape [n, d].
-
-        Raises
-        ------
-        ValueError
-            If an option does not fit the box or the kind.
+        ``levels``: one number for all parameters or one each. ``runs``: number of points. ``rng``: integer
+        seed or NumPy generator. ``generators``: words of a fractional factorial. ``candidates``: points to
+        choose from, in parameter units, shape [c, d]; the kind's own if None. ``points``: points chosen
+        elsewhere, likewise. Raises ValueError if an option does not fit the box or the kind.
         """
         given = {
             "levels": levels,

@@ -18,6 +18,8 @@ from doe.designs.design import Design, Rng, count_of, seed_of
 
 IntArray = NDArray[np.intp]
 
+STARTS = 10
+"""Random starts."""
 GAIN = 1e-9
 """Smallest relative gain in the determinant that an exchange is made for: round-off is far below."""
 
@@ -29,39 +31,20 @@ def d_optimal(
     rng: Rng,
     candidates: ArrayLike | None = None,
     degree: int = 2,
-    starts: int = 10,
 ) -> Design:
     """The n distinct candidates that fix a polynomial best, as far as exchanges find them.
 
-    Each start is a random choice, from which one point at a time is exchanged for the candidate that
-    raises the determinant most, until none does. The best of the starts is taken.
-
-    Parameters
-    ----------
-    box
-        Where; the polynomial is one in the unit box's coordinates.
-    n
-        Number of points, at least the number of terms and at most that of the candidates.
-    rng
-        Integer seed or NumPy generator of the starts.
-    candidates
-        In parameter units, shape [c, d], constraints met; a grid of five levels a parameter if left out.
-    degree
-        Of the polynomial, all terms up to it.
-    starts
-        Number of random starts.
-
-    Raises
-    ------
-    ValueError
-        If a candidate is outside the box, n is outside its range, degree or starts is below 1, or the
-        candidates do not fix the polynomial.
-    TypeError
-        If `rng` is neither an integer nor a generator.
+    Each start is a random choice, from which one point at a time is exchanged for the candidate that raises
+    the determinant most, until none does. The best of the starts is taken. ``n``: at least the number of
+    terms and at most that of the candidates. ``rng``: integer seed or NumPy generator of the starts.
+    ``candidates``: in parameter units, shape [c, d], constraints met; a grid of five levels a parameter if
+    left out. ``degree``: of the polynomial in the unit box's coordinates, all terms up to it. Raises
+    ValueError if a candidate is outside the box, n is outside its range, the degree is below 1, or the
+    candidates do not fix the polynomial.
     """
     n, seed = count_of(n), seed_of(rng)
-    if degree < 1 or starts < 1:
-        raise ValueError(f"degree and starts must be at least 1, got {degree} and {starts}")
+    if degree < 1:
+        raise ValueError(f"degree must be at least 1, got {degree}")
     if candidates is None:
         candidates = grid(box)
     points = np.unique(box.require(np.asarray(candidates, dtype=np.float64), what="candidate"), axis=0)
@@ -76,9 +59,9 @@ def d_optimal(
             f"the candidates do not fix a polynomial of degree {degree}: give more levels or a lower degree"
         )
     generator = np.random.default_rng(seed)
-    found = [_exchange(model, _start(model, n, generator)) for _ in range(starts)]
+    found = [_exchange(model, _start(model, n, generator)) for _ in range(STARTS)]
     best = max(found, key=lambda rows: _log_det(model[rows]))
-    settings = {"n": n, "candidates": len(points), "degree": degree, "starts": starts, "rng": seed}
+    settings = {"n": n, "candidates": len(points), "degree": degree, "starts": STARTS, "rng": seed}
     return Design(points[np.sort(best)], box, "d_optimal", settings)
 
 
@@ -130,39 +113,17 @@ def _log_det(model: FloatArray) -> float:
     return float(np.linalg.slogdet(model.T @ model)[1])
 
 
-LinearConstraint = tuple[dict[str, float], float]
-"""Coefficients by parameter name and a bound b: sum of coefficient times parameter <= b."""
-
-
-def keep(design: Design, *constraints: LinearConstraint | Callable[[FloatArray], ArrayLike]) -> Design:
+def keep(design: Design, *constraints: Callable[[FloatArray], ArrayLike]) -> Design:
     """The points of a design that meet all constraints; how many did not is in ``settings["refused"]``.
 
-    Parameters
-    ----------
-    design
-        Any design.
-    constraints
-        Linear ones as coefficients by name and a bound, in parameter units; others as a function that
-        takes points, shape [n, d], and returns True where one may be run, shape [n].
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown, a function returns another shape, or no point is left.
+    A constraint takes points in parameter units, shape [n, d], and returns True where one may be run, shape
+    [n]. Raises ValueError if it returns another shape, or no point is left.
     """
     kept = np.ones(len(design), dtype=bool)
-    names = design.box.names
     for constraint in constraints:
-        if callable(constraint):
-            allowed = np.asarray(constraint(design.points.copy()))
-            if allowed.shape != kept.shape or allowed.dtype != bool:
-                raise ValueError(f"a constraint must return {len(kept)} truth values, got {allowed!r}")
-        else:
-            coefficients, bound = constraint
-            unknown = sorted(set(coefficients) - set(names))
-            if unknown:
-                raise ValueError(f"a constraint names {unknown}, but the parameters are {list(names)}")
-            allowed = design.points @ [coefficients.get(name, 0.0) for name in names] <= bound
+        allowed = np.asarray(constraint(design.points.copy()))
+        if allowed.shape != kept.shape or allowed.dtype != bool:
+            raise ValueError(f"a constraint must return {len(kept)} truth values, got {allowed!r}")
         kept &= allowed
     if not kept.any():
         raise ValueError(f"no point of the {len(design)} of the {design.kind} meets the constraints")

@@ -20,19 +20,10 @@ GENERATOR = re.compile(r"[+-]?[a-z]+")
 def fractional_factorial(box: Box, generators: str) -> Design:
     """A two-level fractional factorial, 2^(d-p) of the box's corners.
 
-    Parameters
-    ----------
-    box
-        Where; the levels are the bounds.
-    generators
-        One word a parameter: a letter alone is a factor of its own, a word of letters the product of
-        theirs, a minus before it turns its levels round. "a b ab" is half of 2^3 corners.
-
-    Raises
-    ------
-    ValueError
-        If there is not one word a parameter, a word is not of letters a to z, a letter in a word is no
-        factor, or a letter alone stands twice.
+    ``generators``: one word a parameter: a letter alone is a factor of its own, a word of letters the product
+    of theirs, a minus before it turns its levels round. "a b ab" is half of 2^3 corners. Raises ValueError if
+    there is not one word a parameter, a word is not of letters a to z, a letter in a word is no factor, or a
+    letter alone stands twice.
     """
     words = generators.split()
     if len(words) != box.dimension:
@@ -56,18 +47,9 @@ def fractional_factorial(box: Box, generators: str) -> Design:
 def central_composite(box: Box, *, shape: Literal["faced", "inscribed"] = "faced") -> Design:
     """Corners, two points on each axis and the centre, once (a simulation has no scatter to average).
 
-    Parameters
-    ----------
-    box
-        Where, of two parameters or more.
-    shape
-        "faced": corners of the box, axis points in the middle of its faces. "inscribed": axis points in
-        the middle of the faces, corners drawn in so that the design is rotatable, alpha = 2^(d/4).
-
-    Raises
-    ------
-    ValueError
-        If the box has fewer than two parameters or the shape is unknown.
+    ``shape``: "faced", corners of the box, axis points in the middle of its faces; or "inscribed", axis
+    points in the middle of the faces, corners drawn in so that the design is rotatable, alpha = 2^(d/4).
+    Raises ValueError if the box has fewer than two parameters or the shape is unknown.
     """
     if box.dimension < 2:
         raise ValueError("a central composite design needs two parameters or more, got 1")
@@ -82,10 +64,7 @@ def central_composite(box: Box, *, shape: Literal["faced", "inscribed"] = "faced
 def box_behnken(box: Box) -> Design:
     """Middles of the box's edges and its centre, once: a quadratic design without the corners.
 
-    Raises
-    ------
-    ValueError
-        If the box has fewer than three parameters.
+    Raises ValueError if the box has fewer than three parameters.
     """
     if index(box.dimension) < 3:
         raise ValueError(f"a Box-Behnken design needs three parameters or more, got {box.dimension}")

@@ -127,19 +127,9 @@ def from_points(box: Box, points: ArrayLike) -> Design:
 
 
 def halton(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
-    """The first n points of a Halton sequence, any n; more points can follow without moving these.
+    """The first n >= 2 points of a Halton sequence; more points can follow without moving these.
 
-    Parameters
-    ----------
-    box, n, rng, scramble
-        As of `sobol`, n >= 2; unscrambled it is the radical inverse in the first d primes.
-
-    Raises
-    ------
-    ValueError
-        If n is below 2.
-    TypeError
-        If `rng` is neither an integer nor a generator.
+    Options as of `sobol`; unscrambled it is the radical inverse in the first d primes.
     """
     n, seed = count_of(n), seed_of(rng)
     sampler = scipy.stats.qmc.Halton(box.dimension, scramble=scramble, rng=seed)
@@ -148,21 +138,8 @@ def halton(box: Box, n: int, *, rng: Rng, scramble: bool = True) -> Design:
 
 
 def maximin(box: Box, n: int, *, rng: Rng, tries: int = 200) -> Design:
-    """Of many Latin hypercubes the one whose two nearest points are farthest apart in the unit box.
-
-    Parameters
-    ----------
-    box, n, rng
-        As of `latin_hypercube`.
-    tries
-        Number of hypercubes drawn.
-
-    Raises
-    ------
-    ValueError
-        If n is below 2 or `tries` below 1.
-    TypeError
-        If `rng` is neither an integer nor a generator.
+    """Of ``tries`` Latin hypercubes of n >= 2 points the one whose two nearest points are farthest apart in
+    the unit box.
     """
     n, seed = count_of(n), seed_of(rng)
     if tries < 1:

@@ -11,7 +11,7 @@ from doe.surrogates.protocol import (
     SurrogateKind,
 )
 from doe.surrogates.quadratic import QuadraticSurrogate
-from doe.surrogates.rbf import Candidate, CostSurrogate, RadialBasis, ResponseSurrogate
+from doe.surrogates.rbf import CostSurrogate, RadialBasis, ResponseSurrogate
 
 SURROGATES: dict[str, SurrogateKind] = {
     "response": SurrogateKind(ResponseSurrogate, "radial basis functions of principal components"),
@@ -24,7 +24,6 @@ SURROGATES: dict[str, SurrogateKind] = {
 __all__ = [
     "DEFAULT_KERNELS",
     "SURROGATES",
-    "Candidate",
     "ComponentSurrogate",
     "CostSurrogate",
     "Kernel",

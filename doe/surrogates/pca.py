@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from doe.arrays import FloatArray
-from doe.surrogates.protocol import SurrogateError
 
 
 @dataclass(frozen=True)
@@ -33,29 +32,12 @@ class PrincipalComponents:
         *,
         scale: ArrayLike = 1.0,
         variance: float = 1.0 - 1e-8,
-        truncation: float | None = None,
     ) -> PrincipalComponents:
-        """The fewest components that keep the asked share of the variance, or the asked accuracy.
+        """The fewest components that keep a share of the scaled variance of responses, one row a run, [n, k].
 
-        Parameters
-        ----------
-        responses
-            One row a run, shape [n, k].
-        scale
-            What one entry's deviations are measured by, > 0, in response units: a number or shape [k].
-            Give forces and lengths their own, e.g. their noise, or the larger wins.
-        variance
-            Share of the scaled variance to keep, in (0, 1].
-        truncation
-            If given, rules instead of `variance`: the largest allowed |response - reduction| / scale of
-            any entry of any run, >= 0.
-
-        Raises
-        ------
-        ValueError
-            If an argument is outside its range.
-        SurrogateError
-            If `truncation` is finer than round-off can deliver.
+        ``scale``: what an entry's deviations are measured by, > 0, in response units, a number or shape [k]:
+        forces and lengths need their own, e.g. their noise, or the larger wins. Raises ValueError if an
+        argument is outside its range.
         """
         k = responses.shape[1]
         weights = np.array(np.broadcast_to(np.asarray(scale, dtype=np.float64), (k,)))
@@ -64,15 +46,10 @@ class PrincipalComponents:
             raise ValueError(f"scale must be finite and > 0, got {weights[j]} for entry {j}")
         if not 0.0 < variance <= 1.0:
             raise ValueError(f"variance must be in (0, 1], got {variance}")
-        if truncation is not None and not 0.0 <= truncation < np.inf:
-            raise ValueError(f"truncation must be finite and >= 0, got {truncation}")
         mean = responses.mean(axis=0)
         scaled = (responses - mean) / weights
-        left, singular, right = np.linalg.svd(scaled, full_matrices=False)
-        if truncation is None:
-            q = _count_by_variance(singular, variance)
-        else:
-            q = _count_by_truncation(scaled, left * singular, right, truncation)
+        _, singular, right = np.linalg.svd(scaled, full_matrices=False)
+        q = _count_by_variance(singular, variance)
         rest = (scaled - (scaled @ right[:q].T) @ right[:q]) * weights
         return cls(mean, weights, right[:q], singular, rest)
 
@@ -111,15 +88,3 @@ def _count_by_variance(singular: FloatArray, variance: float) -> int:
     enough = np.flatnonzero(lost <= (1.0 - variance) * lost[0])
     # At least one component, so that a response that depends on nothing needs no special case.
     return max(1, int(enough[0]))
-
-
-def _count_by_truncation(scaled: FloatArray, scores: FloatArray, right: FloatArray, truncation: float) -> int:
-    rest = scaled.copy()
-    for q in range(len(right)):
-        rest -= np.outer(scores[:, q], right[q])
-        if np.abs(rest).max() <= truncation:
-            return q + 1
-    raise SurrogateError(
-        f"all {len(right)} components still leave {np.abs(rest).max():.1e} of the scale, "
-        f"asked was {truncation:.1e}: that is round-off; raise truncation"
-    )

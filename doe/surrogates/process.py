@@ -7,7 +7,7 @@ in closed form.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -131,15 +131,14 @@ class GaussianProcess:
         unit_points: FloatArray,
         values: FloatArray,
         *,
-        kinds: Sequence[str] = tuple(CORRELATIONS),
         start: Hyperparameters | None = None,
     ) -> GaussianProcess:
-        """Choose the hyperparameters by the restricted likelihood of the runs.
+        """Choose the hyperparameters by the restricted likelihood of values, [n, q], at runs in the unit box,
+        [n, d].
 
-        ``unit_points``: the runs in the unit box [-], shape [n, d]. ``values``: shape [n, q]. ``kinds``:
-        correlation functions to choose from. ``start``: where to begin, e.g. the hyperparameters of fewer
-        runs; left out, two starts a kind. Raises SurrogateError if there are too few runs, or they do not
-        determine the linear trend.
+        ``start``: where to begin, e.g. the hyperparameters of fewer runs; left out, two starts a kind of
+        correlation. Raises SurrogateError if there are too few runs, or they do not determine the linear
+        trend.
         """
         n, d = unit_points.shape
         if n < d + 3:
@@ -158,7 +157,7 @@ class GaussianProcess:
         bounds = [(np.log(SHORTEST), np.log(LONGEST))] * d
         bounds += [(np.log(LEAST_NUGGET), np.log(LARGEST_NUGGET))]
         starts = (
-            [(kind, np.log([length] * d + [1e-8])) for kind in kinds for length in STARTS]
+            [(kind, np.log([length] * d + [1e-8])) for kind in CORRELATIONS for length in STARTS]
             if start is None
             else [(start.kind, start.logarithms)]
         )
@@ -170,8 +169,7 @@ class GaussianProcess:
             )  # fmt: skip
             if best is None or found.fun < best[0]:
                 best = float(found.fun), Hyperparameters.of(kind, found.x)
-        if best is None:
-            raise ValueError("kinds is empty: name at least one correlation function")
+        assert best is not None  # there is at least one start
         return cls.given(unit_points, values, best[1])
 
     @classmethod
@@ -301,37 +299,17 @@ class ProcessSurrogate:
         *,
         scale: ArrayLike = 1.0,
         variance: float = 1.0 - 1e-8,
-        truncation: float | None = None,
         like: ProcessSurrogate | None = None,
     ) -> ProcessSurrogate:
-        """Build it from runs, with the hyperparameters that make them most likely.
+        """Build it from runs, shapes [n, d] and [n, k], with the hyperparameters that make them most likely.
 
-        Parameters
-        ----------
-        box
-            Where the runs lie.
-        points
-            The runs, in parameter units, shape [n, d].
-        responses
-            Their responses, shape [n, k].
-        scale
-            What an entry's deviations are measured by, in response units: a number or shape [k].
-        variance
-            Share of the scaled variance the components keep, in (0, 1].
-        truncation
-            If given, rules instead of `variance`: largest allowed |response - reduction| / scale.
-        like
-            A surrogate of fewer runs, from whose hyperparameters the search for these starts.
-
-        Raises
-        ------
-        ValueError
-            If a point is outside the box, shapes do not match, or an option is outside its range.
-        SurrogateError
-            If a response is not finite, there are too few runs, or they do not determine a linear trend.
+        ``scale``, ``variance``: as in `PrincipalComponents.fit`. ``like``: a surrogate of fewer runs, from
+        whose hyperparameters the search for these starts. Raises ValueError if a point is outside the box,
+        shapes do not match, or an option is outside its range. Raises SurrogateError if a response is not
+        finite, there are too few runs, or they do not determine a linear trend.
         """
         x, y = checked_runs(box, points, responses)
-        components = PrincipalComponents.fit(y, scale=scale, variance=variance, truncation=truncation)
+        components = PrincipalComponents.fit(y, scale=scale, variance=variance)
         u, groups = box.unit(x), _groups(components.scores(y))
         known = like is not None and len(like.processes) == len(groups)
         starts = _rescaled(like, box) if like is not None and known else [None] * len(groups)
@@ -341,22 +319,14 @@ class ProcessSurrogate:
     def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """The response at points in parameter units, shape [m, d] -> [m, k].
 
-        Raises
-        ------
-        ValueError
-            If the shape is wrong, or a point is outside the box and `extrapolate` is False.
+        Raises ValueError if the shape is wrong, or a point is outside the box and `extrapolate` is False.
         """
         return self.components.expand(self.scores(points, extrapolate=extrapolate))
 
     def sigma(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Standard deviation of the response at points, in its units, shape [m, d] -> [m, k].
 
-        The components' errors are taken to be independent.
-
-        Raises
-        ------
-        ValueError
-            As `predict`.
+        The components' errors are taken to be independent. Raises ValueError as `predict`.
         """
         spread = self.score_sigma(points, extrapolate=extrapolate)
         return np.asarray(np.sqrt(spread**2 @ self.components.basis**2) * self.components.scale)
@@ -374,12 +344,8 @@ class ProcessSurrogate:
     def believing(self, points: ArrayLike) -> ProcessSurrogate:
         """The surrogate as if runs at these points had given what it predicts, shape [m, d].
 
-        Its mean stays (up to the nugget); its standard deviation falls about the points.
-
-        Raises
-        ------
-        ValueError
-            If a point is outside the box.
+        Its mean stays (up to the nugget); its standard deviation falls about the points. Raises ValueError if
+        a point is outside the box.
         """
         x = self.box.require(points, what="point")
         u, groups = self.box.unit(np.concatenate([self.points, x])), []
@@ -389,11 +355,6 @@ class ProcessSurrogate:
             known[: len(process.unit_points)] = process.values
             groups.append(GaussianProcess.given(u, known, process.hyperparameters, variance=process.variance))
         return ProcessSurrogate(self.box, np.concatenate([self.points, x]), self.components, tuple(groups))
-
-    @property
-    def condition(self) -> float:
-        """Largest condition number of the processes' correlation matrices [-]."""
-        return max(process.condition for process in self.processes)
 
     @property
     def n_components(self) -> int:
@@ -420,14 +381,6 @@ class ProcessSurrogate:
         """
         scores = np.concatenate([process.loo_residuals for process in self.processes], axis=1)
         return self.components.deviation(scores) + self.components.truncation
-
-    @property
-    def loo_standardised(self) -> FloatArray:
-        """Leave-one-out residuals of the scores over their stated standard deviations [-], shape [n, q].
-
-        Their root mean square is near 1 where the surrogate knows its own error.
-        """
-        return np.concatenate([p.loo_residuals / p.loo_sigma for p in self.processes], axis=1)
 
     @property
     def loo_rms(self) -> float:

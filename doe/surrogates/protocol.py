@@ -168,25 +168,11 @@ class SurrogateKind:
     scale."""
 
     def fit(self, box: Box, points: ArrayLike, values: ArrayLike, *, scale: ArrayLike = 1.0) -> Any:
-        """Build the surrogate from runs.
+        """Build the surrogate from runs, shapes [n, d] and [n, k]; k = 1 for a scalar kind.
 
-        Parameters
-        ----------
-        box
-            Where the runs lie.
-        points
-            The runs, in parameter units, shape [n, d].
-        values
-            Their responses, shape [n, k]; k = 1 for a scalar kind.
-        scale
-            What counts as a difference in each entry of the response, shape [k] or a number.
-
-        Raises
-        ------
-        ValueError
-            If a point is outside the box or shapes do not match.
-        SurrogateError
-            If no surrogate can be built from these runs.
+        ``scale``: what counts as a difference in each entry of the response, shape [k] or a number. Raises
+        ValueError if a point is outside the box or shapes do not match, SurrogateError if no surrogate can be
+        built.
         """
         if not self.scalar:
             return self.surrogate.fit(box, points, values, scale=scale)

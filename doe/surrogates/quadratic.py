@@ -52,26 +52,11 @@ class QuadraticSurrogate:
     def fit(
         cls, box: Box, points: ArrayLike, responses: ArrayLike, *, scale: ArrayLike = 1.0
     ) -> QuadraticSurrogate:
-        """Build it from runs by least squares.
+        """Build it from runs, shapes [n, d] and [n, k], by least squares, every entry alone, whatever its
+        scale.
 
-        Parameters
-        ----------
-        box
-            Where the runs lie.
-        points
-            The runs, in parameter units, shape [n, d].
-        responses
-            Their responses, shape [n, k].
-        scale
-            Of no account here, as every entry is fitted alone; other surrogates ask for it.
-
-        Raises
-        ------
-        ValueError
-            If a point is outside the box, or shapes do not match.
-        SurrogateError
-            If a response is not finite, there are no more runs than terms, or the runs do not determine
-            the quadratic.
+        Raises ValueError if a point is outside the box, or shapes do not match. Raises SurrogateError if a
+        response is not finite, there are no more runs than terms, or the runs do not determine the quadratic.
         """
         del scale
         x, y = checked_runs(box, points, responses)
@@ -94,10 +79,7 @@ class QuadraticSurrogate:
     def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """The response at points in parameter units, shape [m, d] -> [m, k].
 
-        Raises
-        ------
-        ValueError
-            If the shape is wrong, or a point is outside the box and `extrapolate` is False.
+        Raises ValueError if the shape is wrong, or a point is outside the box and `extrapolate` is False.
         """
         return np.asarray(_terms(unit_points(self.box, points, extrapolate=extrapolate)) @ self.coefficients)
 
@@ -107,17 +89,10 @@ class QuadraticSurrogate:
         return len(self.points) - len(self.coefficients)
 
     def roughness(self, gain: ArrayLike) -> FloatArray:
-        """Covariance of what a linear map makes of one run's deviation from the quadratic.
+        """Covariance of what a linear map makes of one run's deviation from the quadratic, shape [m, m].
 
-        Parameters
-        ----------
-        gain
-            The map, e.g. from a change of the response to the move of an optimum, shape [m, k].
-
-        Returns
-        -------
-        ndarray
-            Shape [m, m]; from n - `terms` degrees of freedom. It holds the quadratic's lack of fit too.
+        ``gain``: the map, e.g. from a change of the response to the move of an optimum, shape [m, k]. The
+        covariance has n - `terms` degrees of freedom, and holds the quadratic's lack of fit too.
         """
         moves = self.residuals @ np.asarray(gain, dtype=np.float64).T
         return np.asarray(moves.T @ moves / self.degrees_of_freedom)

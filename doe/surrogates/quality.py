@@ -26,73 +26,6 @@ MOST_RUNS = 100.0
 
 
 @dataclass(frozen=True)
-class CurveErrors:
-    """Errors of predicted responses, entry by entry: time by time where the response is a history."""
-
-    kind: str
-    """ "leave-one-out" or "held-out"."""
-    residuals: FloatArray
-    """Run minus prediction, in response units, shape [n, k]."""
-    sigma: FloatArray
-    """Noise of each entry, in response units, shape [k]."""
-
-    @property
-    def rms(self) -> FloatArray:
-        """Root mean square over the runs, in response units, shape [k]."""
-        return np.asarray(np.sqrt(np.mean(self.residuals**2, axis=0)))
-
-    @property
-    def largest(self) -> FloatArray:
-        """Largest over the runs, in response units, shape [k]."""
-        return np.asarray(np.abs(self.residuals).max(axis=0))
-
-    @property
-    def share_of_noise(self) -> FloatArray:
-        """`rms` over the noise [-], shape [k]."""
-        return self.rms / self.sigma
-
-    @property
-    def overall(self) -> float:
-        """Root mean square over runs and entries of residual / noise [-]."""
-        return float(np.sqrt(np.mean((self.residuals / self.sigma) ** 2)))
-
-    def worst(self) -> tuple[int, int]:
-        """Run and entry of the largest residual over its noise."""
-        run, entry = np.unravel_index(
-            int(np.argmax(np.abs(self.residuals) / self.sigma)), self.residuals.shape
-        )
-        return int(run), int(entry)
-
-
-def leave_one_out(surrogate: Surrogate, sigma: ArrayLike) -> CurveErrors:
-    """Errors at the surrogate's own runs, each left out in turn, in closed form.
-
-    Parameters
-    ----------
-    surrogate
-        Any surrogate of a response.
-    sigma
-        Noise of each entry, in response units, > 0: a number or shape [k].
-
-    Raises
-    ------
-    ValueError
-        If a sigma is not finite and > 0.
-    """
-    residuals = surrogate.loo_residuals
-    return CurveErrors("leave-one-out", residuals, _noise(sigma, residuals.shape[1]))
-
-
-def held_out(surrogate: Surrogate, points: ArrayLike, responses: ArrayLike, sigma: ArrayLike) -> CurveErrors:
-    """Errors at runs that the surrogate has not seen."""
-    x, y = checked_runs(surrogate.box, points, responses)
-    near = cdist(surrogate.box.unit(x), surrogate.box.unit(surrogate.points)).min(axis=1)
-    if near.min() < 1e-9:
-        raise ValueError(f"held-out run {int(np.argmin(near))} built the surrogate: it shows nothing")
-    return CurveErrors("held-out", y - surrogate.predict(x), _noise(sigma, y.shape[1]))
-
-
-@dataclass(frozen=True)
 class Fitness:
     """A surrogate's error compared with what is allowed, and the number of runs that would do."""
 
@@ -155,29 +88,13 @@ def fitness(
 ) -> Fitness:
     """Judge a surrogate by its leave-one-out error, and how that falls over nested parts of the design.
 
-    Parameters
-    ----------
-    fit
-        Builds the surrogate.
-    box
-        Where the runs lie.
-    points, responses
-        The runs, in parameter units, shape [n, d], and what they gave, shape [n, k].
-    sigma
-        Noise of each entry, in response units: a number or shape [k].
-    allowed
-        Largest allowed error, > 0.
-    gain
-        Linear map from a change of the response to what the surrogate is for, in units of what is allowed
-        to be wrong: the optimum's move over its half width, shape [m, k]. The error is then the root mean
-        square of its largest component. Left out, it is that of residual / sigma over all entries.
-
-    Raises
-    ------
-    ValueError
-        If `allowed` is not > 0, or shapes do not match.
-    SurrogateError
-        If the whole design does not carry a surrogate.
+    ``fit``: builds the surrogate. ``points``, ``responses``: the runs in the box, shapes [n, d] and [n, k].
+    ``sigma``: noise of each entry, in response units, a number or shape [k]. ``allowed``: largest allowed
+    error, > 0. ``gain``: linear map from a change of the response to what the surrogate is for, in units of
+    what is allowed to be wrong: the optimum's move over its half width, shape [m, k]. The error is then the
+    root mean square of its largest component. Left out, it is that of residual / sigma over all entries.
+    Raises ValueError if `allowed` is not > 0, or shapes do not match. Raises SurrogateError if the whole
+    design does not carry a surrogate.
     """
     if not 0.0 < allowed < np.inf:
         raise ValueError(f"allowed must be finite and > 0, got {allowed}")

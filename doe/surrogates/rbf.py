@@ -32,21 +32,6 @@ LARGEST_MISFIT = 1e-8
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """One kernel that was tried."""
-
-    kernel: Kernel
-    """The kernel."""
-    loo_rms: float
-    """Leave-one-out error: root of the mean over the runs of the squared length of the error vector
-    [units of the values]; NaN if the kernel was refused."""
-    condition: float
-    """Condition number of the reduced kernel matrix [-]; NaN if it was not formed."""
-    refused: str
-    """Why the kernel could not be used; empty if it could."""
-
-
-@dataclass(frozen=True)
 class RadialBasis:
     """An interpolant s(u) = sum_i c_i phi(|u - u_i|) + tail, one for each column of the values."""
 
@@ -63,22 +48,10 @@ class RadialBasis:
 
     @classmethod
     def fit(cls, unit_points: FloatArray, values: FloatArray, kernel: Kernel) -> RadialBasis:
-        """Interpolate the values at the runs.
+        """Interpolate values, shape [n, q], at runs in the unit box, shape [n, d].
 
-        Parameters
-        ----------
-        unit_points
-            The runs in the unit box [-], shape [n, d].
-        values
-            Shape [n, q].
-        kernel
-            The kernel.
-
-        Raises
-        ------
-        SurrogateError
-            If there are too few runs, two coincide, they do not determine the tail, or the system is
-            ill-conditioned.
+        Raises SurrogateError if there are too few runs, two coincide, they do not determine the tail, or the
+        system is ill-conditioned.
         """
         operator, condition = loo_operator(unit_points, kernel)
         try:
@@ -157,25 +130,22 @@ def loo_operator(unit_points: FloatArray, kernel: Kernel) -> tuple[FloatArray, f
     return operator, condition
 
 
-def choose_kernel(
-    unit_points: FloatArray, values: FloatArray, kernels: Sequence[Kernel]
-) -> tuple[RadialBasis, tuple[Candidate, ...]]:
-    """The interpolant with the smallest leave-one-out error, and what every candidate did."""
+def choose_kernel(unit_points: FloatArray, values: FloatArray, kernels: Sequence[Kernel]) -> RadialBasis:
+    """The interpolant with the smallest leave-one-out error."""
     best: RadialBasis | None = None
-    candidates: list[Candidate] = []
+    refused: list[str] = []
     for kernel in kernels:
         try:
             basis = RadialBasis.fit(unit_points, values, kernel)
         except SurrogateError as error:
-            candidates.append(Candidate(kernel, np.nan, np.nan, str(error)))
+            refused.append(str(error))
             continue
-        candidates.append(Candidate(kernel, basis.loo_rms, basis.condition, ""))
         if best is None or basis.loo_rms < best.loo_rms:
             best = basis
     if best is None:
-        reasons = "; ".join(candidate.refused for candidate in candidates) or "the list of kernels is empty"
+        reasons = "; ".join(refused) or "the list of kernels is empty"
         raise SurrogateError(f"no kernel can be used with {len(unit_points)} runs: {reasons}")
-    return best, tuple(candidates)
+    return best
 
 
 def _refuse_twins(unit_points: FloatArray) -> None:
@@ -204,9 +174,6 @@ class ResponseSurrogate:
     """The reduction of the response."""
     basis: RadialBasis
     """The interpolant of the components' scores."""
-    candidates: tuple[Candidate, ...]
-    """Every kernel that was tried, with its leave-one-out error over the scaled response or the reason
-    why it could not be used."""
 
     @classmethod
     def fit(
@@ -217,71 +184,30 @@ class ResponseSurrogate:
         *,
         scale: ArrayLike = 1.0,
         variance: float = 1.0 - 1e-8,
-        truncation: float | None = None,
         kernels: Sequence[Kernel] = DEFAULT_KERNELS,
     ) -> ResponseSurrogate:
-        """Build it from runs; the kernel with the smallest leave-one-out error wins.
+        """Build it from runs, shapes [n, d] and [n, k]; the kernel with the smallest leave-one-out error
+        wins.
 
-        Parameters
-        ----------
-        box
-            Where the runs lie.
-        points
-            The runs, in parameter units, shape [n, d].
-        responses
-            Their responses, shape [n, k].
-        scale
-            What an entry's deviations are measured by, in response units: a number or shape [k].
-        variance
-            Share of the scaled variance the components keep, in (0, 1].
-        truncation
-            If given, rules instead of `variance`: largest allowed |response - reduction| / scale.
-        kernels
-            Candidates; one only fixes the choice.
-
-        Raises
-        ------
-        ValueError
-            If a point is outside the box, shapes do not match, or an option is outside its range.
-        SurrogateError
-            If a response is not finite, or no kernel can be used: too few runs (the message says how
-            many it takes), coinciding runs, an ill-conditioned system.
+        ``scale``, ``variance``: as in `PrincipalComponents.fit`. ``kernels``: candidates; one only fixes the
+        choice. Raises ValueError if a point is outside the box, shapes do not match, or an option is outside
+        its range. Raises SurrogateError if a response is not finite, or no kernel can be used: too few runs
+        (the message says how many it takes), coinciding runs, an ill-conditioned system.
         """
         x, y = checked_runs(box, points, responses)
-        components = PrincipalComponents.fit(y, scale=scale, variance=variance, truncation=truncation)
-        basis, candidates = choose_kernel(box.unit(x), components.scores(y), kernels)
-        return cls(box, x, components, basis, candidates)
+        components = PrincipalComponents.fit(y, scale=scale, variance=variance)
+        return cls(box, x, components, choose_kernel(box.unit(x), components.scores(y), kernels))
 
     def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """The response at points.
+        """The response at points in parameter units, shape [m, d] -> [m, k].
 
-        Parameters
-        ----------
-        points
-            In parameter units, shape [m, d].
-        extrapolate
-            Allow points outside the box.
-
-        Returns
-        -------
-        responses
-            In response units, shape [m, k].
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong, or a point is outside the box and `extrapolate` is False.
+        Raises ValueError if the shape is wrong, or a point is outside the box and `extrapolate` is False.
         """
         return self.components.expand(self.scores(points, extrapolate=extrapolate))
 
     def scores(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Coordinates of the response in the components, as `predict`, shape [m, d] -> [m, q]."""
         return self.basis.predict(unit_points(self.box, points, extrapolate=extrapolate))
-
-    @property
-    def kernel(self) -> Kernel:
-        """The kernel that was chosen."""
-        return self.basis.kernel
 
     @property
     def n_components(self) -> int:
@@ -300,11 +226,6 @@ class ResponseSurrogate:
         The components stay those of all runs; what they leave out of the run is part of its residual.
         """
         return self.components.deviation(self.basis.loo_residuals) + self.components.truncation
-
-    @property
-    def loo_rms_entries(self) -> FloatArray:
-        """Root mean square of `loo_residuals` over the runs, in response units, shape [k]."""
-        return np.asarray(np.sqrt(np.mean(self.loo_residuals**2, axis=0)))
 
     @property
     def loo_rms(self) -> float:
@@ -326,64 +247,25 @@ class CostSurrogate:
     """The runs it was built from, in parameter units, shape [n, d]."""
     basis: RadialBasis
     """The interpolant."""
-    candidates: tuple[Candidate, ...]
-    """Every kernel that was tried, with its leave-one-out error in cost units or why it could not be used."""
 
     @classmethod
     def fit(
         cls, box: Box, points: ArrayLike, costs: ArrayLike, *, kernels: Sequence[Kernel] = DEFAULT_KERNELS
     ) -> CostSurrogate:
-        """Build it from runs; the kernel with the smallest leave-one-out error wins.
-
-        Parameters
-        ----------
-        box
-            Where the runs lie.
-        points
-            The runs, in parameter units, shape [n, d].
-        costs
-            Their costs, shape [n].
-        kernels
-            Candidates; one only fixes the choice.
-
-        Raises
-        ------
-        ValueError
-            If a point is outside the box or shapes do not match.
-        SurrogateError
-            If a cost is not finite, or no kernel can be used (see `ResponseSurrogate.fit`).
-        """
+        """Build it from runs, shape [n, d], and their costs, shape [n], as `ResponseSurrogate.fit`."""
         column = np.asarray(costs, dtype=np.float64)
         if column.ndim != 1:
             raise ValueError(f"costs must have shape [n], got {list(column.shape)}")
         x, y = checked_runs(box, points, column[:, None])
-        basis, candidates = choose_kernel(box.unit(x), y, kernels)
-        return cls(box, x, basis, candidates)
+        return cls(box, x, choose_kernel(box.unit(x), y, kernels))
 
     def predict(self, points: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
-        """The cost at points in parameter units, shape [m, d] -> [m, 1].
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong, or a point is outside the box and `extrapolate` is False.
-        """
+        """The cost at points in parameter units, shape [m, d] -> [m, 1], as `ResponseSurrogate.predict`."""
         return self.basis.predict(unit_points(self.box, points, extrapolate=extrapolate))
 
     def cost(self, point: ArrayLike) -> float:
-        """The cost at one point of the box in parameter units, shape [d]: what a search calls.
-
-        Raises
-        ------
-        ValueError
-            If the point is outside the box.
-        """
+        """The cost at one point of the box in parameter units, shape [d]: what a search calls."""
         return float(self.predict(np.asarray(point, dtype=np.float64)[None, :])[0, 0])
-
-    @property
-    def kernel(self) -> Kernel:
-        """The kernel that was chosen."""
-        return self.basis.kernel
 
     @property
     def loo_residuals(self) -> FloatArray:

@@ -1,7 +1,4 @@
-"""Gaussian likelihood of a data vector, its maximum over any of the parameters, and the noise of a channel.
-
-The noise is estimated from samples of nothing but noise: its size and, up to two lags, its correlation.
-"""
+"""Gaussian likelihood of a data vector, and its maximum over any of the parameters."""
 
 from __future__ import annotations
 
@@ -12,194 +9,10 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solve_triangular, toeplitz
 from scipy.optimize import least_squares, minimize_scalar
-from scipy.special import chdtrc
 
 from doe.arrays import FloatArray
 from doe.box import Box
-
-LARGEST_ORDER = 2
-"""Highest order of the autoregression."""
-SAMPLES_PER_TERM = 20
-"""Fewest samples for every term that is estimated, the mean of each record among them."""
-
-
-@dataclass(frozen=True)
-class AutoRegression:
-    """Correlation of a stationary noise of unit variance, z_t = sum_l a_l z_(t-l) + e_t.
-
-    Raises
-    ------
-    ValueError
-        If there are more than two coefficients, or they belong to no stationary noise.
-    """
-
-    coefficients: tuple[float, ...] = ()
-    """a_l [-], length 0 (white), 1 or 2."""
-
-    def __post_init__(self) -> None:
-        a = tuple(float(value) for value in self.coefficients)
-        object.__setattr__(self, "coefficients", a)
-        if len(a) > LARGEST_ORDER:
-            raise ValueError(f"an autoregression has at most {LARGEST_ORDER} coefficients, got {len(a)}")
-        a1, a2 = (*a, 0.0, 0.0)[:2]
-        if not (abs(a2) < 1.0 and abs(a1) < 1.0 - a2):
-            raise ValueError(
-                f"coefficients {a} belong to no stationary noise: AR(1) needs |a1| < 1, "
-                "AR(2) |a2| < 1 and |a1| < 1 - a2"
-            )
-
-    @property
-    def order(self) -> int:
-        """Number of lags."""
-        return len(self.coefficients)
-
-    def correlation(self, n: int) -> FloatArray:
-        """Correlation at lags 0 to n - 1 [-], shape [n]."""
-        rho = np.zeros(max(n, 3))
-        rho[0] = 1.0
-        if self.order == 0:
-            return rho[:n]
-        a1, a2 = (*self.coefficients, 0.0)[:2]
-        rho[1] = a1 / (1.0 - a2)  # Yule-Walker at lag 1
-        for lag in range(2, len(rho)):
-            rho[lag] = a1 * rho[lag - 1] + a2 * rho[lag - 2]
-        return rho[:n]
-
-    @property
-    def innovation(self) -> float:
-        """Standard deviation of e_t over that of z_t [-]."""
-        rho = self.correlation(self.order + 1)
-        return float(np.sqrt(1.0 - sum(a * r for a, r in zip(self.coefficients, rho[1:], strict=True))))
-
-    def whiten(self, standardised: ArrayLike) -> FloatArray:
-        """Uncorrelated variables of unit variance from samples of this noise, along the last axis.
-
-        The first samples, which have no full past, are whitened by the Cholesky factor of their own
-        covariance, so that the sum of squares is exactly z^T R^-1 z.
-
-        Parameters
-        ----------
-        standardised
-            Samples over their standard deviation [-], equally spaced in time, shape [..., n].
-        """
-        z = np.asarray(standardised, dtype=np.float64)
-        p, n = self.order, z.shape[-1]
-        if p == 0:
-            return z.copy()
-        white = np.empty_like(z)
-        head = min(p, n)
-        factor = np.linalg.cholesky(toeplitz(self.correlation(head)))
-        start = z[..., :head].reshape(-1, head).T
-        white[..., :head] = solve_triangular(factor, start, lower=True).T.reshape(z[..., :head].shape)
-        past = sum(a * z[..., p - lag : n - lag] for lag, a in enumerate(self.coefficients, start=1))
-        white[..., p:] = (z[..., p:] - past) / self.innovation
-        return white
-
-
-WHITE = AutoRegression()
-"""No correlation."""
-
-
-@dataclass(frozen=True)
-class Noise:
-    """A noise that was fitted to samples."""
-
-    sigma: float
-    """Standard deviation of one sample, in the samples' units."""
-    correlation: AutoRegression
-    """Its correlation in time."""
-    n_samples: int
-    """Samples it was fitted to."""
-    information: tuple[float, ...]
-    """Bayes' information criterion of order 0, 1, 2 as far as tried; NaN for an order that was not."""
-    whiteness: float
-    """p-value of Ljung and Box's test of the whitened samples at ten lags [-]: small if more is
-    correlated than two lags explain; then intervals from blocks (`sandwich`) count."""
-
-
-def fit_noise(records: ArrayLike, *, order: int | None = None) -> Noise:
-    """Fit white noise or an autoregression of order one or two.
-
-    Reflection coefficients are Burg's over all records together, so that the result is always
-    stationary; the order is the one with the smallest Bayes' information criterion.
-
-    Parameters
-    ----------
-    records
-        Equally spaced samples without signal (static frames, before the trigger), one record a row,
-        shape [n] or [n_records, n]; each record's mean is removed.
-    order
-        0, 1 or 2; left out, it is chosen.
-
-    Raises
-    ------
-    ValueError
-        If a sample is not finite, there are fewer than 20 for each term, the samples do not vary, or the
-        order is outside its range.
-    """
-    y = np.atleast_2d(np.asarray(records, dtype=np.float64))
-    if order is not None and order not in range(LARGEST_ORDER + 1):
-        raise ValueError(f"order must be 0, 1 or 2, or left out, got {order}")
-    if y.ndim != 2 or not np.all(np.isfinite(y)):
-        raise ValueError(f"records must be finite, of shape [n_records, n]; got shape {list(y.shape)}")
-    highest = LARGEST_ORDER if order is None else order
-    needed = SAMPLES_PER_TERM * (len(y) + 1 + highest)
-    if y.size < needed or y.shape[1] < highest + 2:
-        raise ValueError(
-            f"{y.size} samples in {len(y)} record(s) are too few for order {highest}: at least {needed} "
-            f"are needed and {highest + 2} a record; take a longer record before the trigger"
-        )
-    z = y - y.mean(axis=1, keepdims=True)
-    freedom = y.size - len(y)
-    variance = float((z**2).sum() / freedom)
-    # Round-off of the mean leaves 1e-16 of the level.
-    if variance <= (1e-13 * float(np.max(np.abs(y)))) ** 2:
-        raise ValueError("the samples do not vary: a clipped, stuck or averaged record has no noise to fit")
-    fits = _burg(z, highest)
-    information = [np.nan] * (LARGEST_ORDER + 1)
-    for p, (_, share) in enumerate(fits):
-        information[p] = y.size * np.log(variance * share) + p * np.log(y.size)
-    chosen = int(np.nanargmin(information)) if order is None else order
-    model = AutoRegression(fits[chosen][0])
-    return Noise(
-        sigma=float(np.sqrt(variance)),
-        correlation=model,
-        n_samples=y.size,
-        information=tuple(float(value) for value in information),
-        whiteness=_ljung_box(model.whiten(z / np.sqrt(variance)), chosen),
-    )
-
-
-def _burg(z: FloatArray, highest: int) -> list[tuple[tuple[float, ...], float]]:
-    """Coefficients of order 0 to `highest`, each with its innovation's share of the variance."""
-    forward, backward = z, z
-    a: tuple[float, ...] = ()
-    share = 1.0
-    fits = [(a, share)]
-    for _ in range(highest):
-        f, b = forward[:, 1:], backward[:, :-1]
-        k = float(2.0 * (f * b).sum() / ((f**2).sum() + (b**2).sum()))
-        a = (*(old - k * mirrored for old, mirrored in zip(a, reversed(a), strict=True)), k)
-        share *= 1.0 - k**2
-        forward, backward = f - k * b, b - k * f
-        fits.append((a, share))
-    return fits
-
-
-def _ljung_box(white: FloatArray, order: int) -> float:
-    """p-value of Ljung and Box's portmanteau test over all records together."""
-    n = white.shape[1]
-    lags = min(10, n // 4)
-    if lags <= order:
-        return float("nan")
-    power = float((white**2).sum())
-    r = np.array([(white[:, lag:] * white[:, :-lag]).sum() / power for lag in range(1, lags + 1)])
-    total = white.size
-    statistic = total * (total + 2) * float((r**2 / (total - len(white) * np.arange(1, lags + 1))).sum())
-    return float(chdtrc(lags - order, statistic))
-
 
 Model = Callable[[FloatArray], FloatArray]
 """Predicted data vectors, shape [n, k], at points in parameter units, shape [n, d]."""
@@ -225,8 +38,6 @@ class Channel:
     """What it is, e.g. "force"."""
     sigma: FloatArray
     """Standard deviation of each entry, in the entries' units, shape [k_c]."""
-    correlation: AutoRegression = WHITE
-    """Correlation of neighbouring entries; white if left out."""
     discrepancy: float | Literal["profiled"] = 0.0
     """tau of what the model leaves out, sigma_eff^2 = sigma^2 + tau^2, in the entries' units: fixed, or
     "profiled": the most likely one at every point."""
@@ -242,11 +53,8 @@ class Channel:
             )
 
     def whitened(self, residual: FloatArray, tau: float) -> FloatArray:
-        """Residuals as uncorrelated variables of unit variance, shape [..., k_c].
-
-        The discrepancy is taken to be correlated like the noise.
-        """
-        return self.correlation.whiten(residual / np.sqrt(self.sigma**2 + tau**2))
+        """Residuals as variables of unit variance, shape [..., k_c]."""
+        return np.asarray(residual / np.sqrt(self.sigma**2 + tau**2))
 
     def deviance(self, residual: FloatArray, tau: float) -> float:
         """-2 ln L of a residual, shape [k_c], less its value for residual 0 and tau 0."""
@@ -324,10 +132,8 @@ class Likelihood:
     def residuals(self, unit_points: ArrayLike) -> FloatArray:
         """Prediction minus data at points of the unit box, shape [n, d] -> [n, k].
 
-        Raises
-        ------
-        ValueError
-            If the model's answer has a wrong shape or is not finite; the message names the point.
+        Raises ValueError if the model's answer has a wrong shape or is not finite; the message names the
+        point.
         """
         u = np.clip(np.atleast_2d(np.asarray(unit_points, dtype=np.float64)), 0.0, 1.0)
         x = self.box.scale(u)
@@ -366,17 +172,11 @@ class Likelihood:
         return self.whitened(change, discrepancies).T
 
     def maximise(self, start: ArrayLike, *, held: Sequence[int] = ()) -> Fit:
-        """Most likely point from a start, with some coordinates held where the start has them.
+        """Most likely point from a start in the unit box, shape [d], some coordinates held where the start
+        has them.
 
-        Parameters (by bounded least squares) and profiled discrepancies are improved in turns; the
-        deviance never rises.
-
-        Parameters
-        ----------
-        start
-            In the unit box [-], shape [d].
-        held
-            Indices of the coordinates that do not move.
+        Parameters (by bounded least squares) and profiled discrepancies are improved in turns; the deviance
+        never rises.
         """
         u = np.clip(np.asarray(start, dtype=np.float64), 0.0, 1.0)
         free = np.array([j for j in range(self.box.dimension) if j not in held], dtype=int)

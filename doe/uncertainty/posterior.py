@@ -14,6 +14,8 @@ from doe.uncertainty.likelihood import Likelihood
 
 Indices = NDArray[np.intp]
 
+WALKERS = 32
+"""Walkers of the ensemble: at least twice as many as coordinates."""
 LENGTHS = 50.0
 """Steps over the longest autocorrelation time from which on that time is trusted (Sokal; emcee)."""
 STEADY = 0.05
@@ -69,7 +71,6 @@ def sample_posterior(
     rng: int,
     power: float = 1.0,
     discrepancy_priors: Sequence[float] | None = None,
-    n_walkers: int = 32,
     max_steps: int = 20_000,
 ) -> Posterior:
     """Sample the posterior with Goodman and Weare's ensemble of walkers.
@@ -91,16 +92,14 @@ def sample_posterior(
     discrepancy_priors
         Scale of the half-normal prior of each channel's tau, in the channel's units; 0 keeps the
         channel's fixed discrepancy. Left out, every channel keeps its own.
-    n_walkers
-        Walkers, even and at least twice the number of coordinates.
     max_steps
         Most steps of each walker; the result says whether they were enough.
 
     Raises
     ------
     ValueError
-        If the start is outside the box, a prior is negative or missing, the power is not > 0, or the
-        walkers are too few.
+        If the start is outside the box, a prior is negative or missing, the power is not > 0, or there
+        are too many coordinates.
     ImportError
         If emcee is not installed: `pip install 'kolsky[bayes]'`.
     """
@@ -113,8 +112,8 @@ def sample_posterior(
     scales = _scales(likelihood, discrepancy_priors)
     sampled = np.flatnonzero(scales > 0.0)
     d, n = likelihood.box.dimension, likelihood.box.dimension + len(sampled)
-    if n_walkers < 2 * n or n_walkers % 2:
-        raise ValueError(f"n_walkers must be even and at least {2 * n} for {n} coordinates, got {n_walkers}")
+    if 2 * n > WALKERS:
+        raise ValueError(f"{WALKERS} walkers are too few for {n} coordinates")
     x = likelihood.box.require(np.atleast_2d(np.asarray(start, dtype=np.float64)), what="start")[0]
     best = likelihood.maximise(likelihood.box.unit(x))
 
@@ -130,9 +129,9 @@ def sample_posterior(
                 value[row] = -0.5 * (power * likelihood.deviance(residual, tau) + float(ratio @ ratio))
         return value
 
-    sampler = emcee.EnsembleSampler(n_walkers, n, log_probability, vectorize=True)
+    sampler = emcee.EnsembleSampler(WALKERS, n, log_probability, vectorize=True)
     sampler.random_state = np.random.RandomState(rng).get_state()
-    first = _first(likelihood, best.unit_point, best.discrepancies, scales[sampled], sampled, n_walkers, rng)
+    first = _first(likelihood, best.unit_point, best.discrepancies, scales[sampled], sampled, rng)
     converged, times = _run(sampler, first, max_steps)
     longest = float(np.nanmax(times)) if np.isfinite(times).any() else sampler.iteration / LENGTHS
     burn = min(int(5.0 * longest), sampler.iteration // 2)
@@ -177,7 +176,6 @@ def _first(
     discrepancies: FloatArray,
     scales: FloatArray,
     sampled: Indices,
-    n_walkers: int,
     rng: int,
 ) -> FloatArray:
     """Walkers about the optimum, as wide as the data alone allow each coordinate to move."""
@@ -185,11 +183,11 @@ def _first(
     jacobian = likelihood.jacobian(unit_point, discrepancies)
     information = (jacobian**2).sum(axis=0)
     width = np.minimum(1.0 / np.sqrt(np.maximum(information, 1.0)), 0.1)
-    places = unit_point + width * generator.standard_normal((n_walkers, len(unit_point)))
+    places = unit_point + width * generator.standard_normal((WALKERS, len(unit_point)))
     # Reflected at the faces: a walker outside would never be accepted.
     places = np.abs(places)
     places = np.where(places > 1.0, 2.0 - places, places)
-    ratio = discrepancies[sampled] / scales + 0.05 * generator.standard_normal((n_walkers, len(scales)))
+    ratio = discrepancies[sampled] / scales + 0.05 * generator.standard_normal((WALKERS, len(scales)))
     return np.concatenate([places, np.abs(ratio)], axis=1)
 
 

@@ -1,8 +1,7 @@
-"""Profile likelihoods, the directions in which the data do not decide, and verdicts on the parameters.
+"""Profile likelihoods, and verdicts on the parameters.
 
-A profile shows how much worse the best fit gets while one parameter is fixed at another value. A ridge
-combines the
-eigenvectors of the information with the profile's path. A verdict is one word, with its reasons.
+A profile shows how much worse the best fit gets while one parameter is fixed at another value. A verdict is
+one word, with its reasons.
 """
 
 from __future__ import annotations
@@ -242,56 +241,6 @@ def _profile(likelihood: Likelihood, walk: _Walk, fits: list[Fit], alone: _Walk,
     )
 
 
-LOADING = 0.1
-"""Smallest component of a direction of length one, in the unit box, that is put into words."""
-
-
-@dataclass(frozen=True)
-class Direction:
-    """An eigenvector of the information at the optimum, in the unit box."""
-
-    vector: FloatArray
-    """Its components, length one, largest positive [-], shape [d]."""
-    reach: float
-    """Distance along it at which -2 ln L has risen to the level, in edges of the box [-]: above 1 the
-    box ends first; infinite if the data do not move at all."""
-    words: str
-    """The direction in words and numbers."""
-
-
-def directions(likelihood: Likelihood, profiles: Profiles) -> tuple[Direction, ...]:
-    """Eigenvectors of the information J^T C^-1 J at the optimum, the least decided first.
-
-    They are those of parameters scaled to their bounds: another box has others.
-
-    Parameters
-    ----------
-    likelihood
-        Of the data.
-    profiles
-        Holds the optimum and the level.
-    """
-    best = profiles.optimum
-    jacobian = likelihood.jacobian(best.unit_point, best.discrepancies)
-    values, vectors = np.linalg.eigh(jacobian.T @ jacobian)
-    found = []
-    for value, column in zip(values, vectors.T, strict=True):
-        vector = column * np.sign(column[np.argmax(np.abs(column))])
-        reach = float(np.sqrt(profiles.level / value)) if value > 1e-12 * values[-1] else np.inf
-        found.append(Direction(vector, reach, _words(likelihood.box.names, vector, reach)))
-    return tuple(found)
-
-
-def _words(names: tuple[str, ...], vector: FloatArray, reach: float) -> str:
-    order = [j for j in np.argsort(-np.abs(vector)) if abs(vector[j]) >= LOADING]
-    first, *others = [(names[j], float(vector[j])) for j in order]
-    text = f"{first[0]} alone" if not others else f"{first[0]} up"
-    for name, loading in others:
-        text += f", {name} {'up' if loading > 0.0 else 'down'} by {abs(loading) / first[1]:.2g} times as much"
-    unit = "" if not others else " (in edges of the box)"
-    return text + unit + (f", undecided over {reach:.2g} edges" if np.isfinite(reach) else ", not seen")
-
-
 @dataclass(frozen=True)
 class Partner:
     """A parameter that makes up for another one's change."""
@@ -379,17 +328,10 @@ class Verdict:
 def verdicts(likelihood: Likelihood, profiles: Profiles) -> tuple[Verdict, ...]:
     """A verdict for each parameter, from its profile and from what it does alone.
 
-    A profile that passes the level on both sides identifies its parameter inside the box. On a side
-    where it does not, the parameter is held at that face with the others at the optimum: if this alone
-    passes the level, the data do see the parameter and others make up for it, a ridge. If not, the data
-    bound it on one side, or on none: not seen.
-
-    Parameters
-    ----------
-    likelihood
-        Of the data.
-    profiles
-        Its profiles.
+    A profile that passes the level on both sides identifies its parameter inside the box. On a side where it
+    does not, the parameter is held at that face with the others at the optimum: if this alone passes the
+    level, the data do see the parameter and others make up for it, a ridge. If not, the data bound it on one
+    side, or on none: not seen.
     """
     return tuple(_verdict(likelihood, profiles, profile) for profile in profiles.profiles)
 

@@ -1,4 +1,8 @@
-"""The gradient of one objective by all parameters and a whole material table: the time loop in reverse."""
+"""Derivatives of a run: a contributed folder that the solver does not import.
+
+The names below give the gradient of one objective by all parameters and a whole material table, with the time
+loop in reverse; `explicit.adjoint.perturbed_runs` gives derivatives of whole histories from perturbed runs.
+"""
 
 from explicit.adjoint.gradients import Gradient, Objective, by_curve_stress, by_table, forward_run, gradient
 from explicit.adjoint.passes import StepSequence

@@ -2,10 +2,8 @@
 curve.
 
 The kernels read the cubic of every interval of Marlow's law, which follows from the quotient 2 U' and its
-slope
-at both ends: two unknowns at every knot. The slopes follow from a curve's points by the monotone cubic, so
-the
-derivative by a point sums its effect on the quotients and slopes around it.
+slope at both ends: two unknowns at every knot. The slopes follow from a curve's points by the monotone cubic,
+so the derivative by a point sums its effect on the quotients and slopes around it.
 """
 
 from collections.abc import Callable

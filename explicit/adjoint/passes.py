@@ -1,8 +1,8 @@
 """The forward run in phases with checkpoints, and the reverse pass over them.
 
 The forward run measures its steps or repeats recorded ones. In the reverse pass every segment is run again
-from
-its checkpoint onto a tape, and the tape backward; then the wave that returns from the far end of the bar.
+from its checkpoint onto a tape, and the tape backward; then the wave that returns from the far end of the
+bar.
 """
 
 from dataclasses import dataclass, field

@@ -1,15 +1,13 @@
 """Derivatives of a response by its parameters: one batch of perturbed runs, the step verified.
 
 A central difference is wrong by h^2 where the step h is wide and by round-off over h where it is narrow.
-Every
-derivative is taken at a ladder of steps in one batch; the step at the bottom of the V is chosen from the
-differences between neighbours on the ladder, and these are returned.
+Every derivative is taken at a ladder of steps in one batch; the step at the bottom of the V is chosen from
+the differences between neighbours on the ladder, and these are returned.
 
 A difference compares two runs, so both must take the same time steps: a step that follows the deformation
-follows the parameter too, and the response then has a kink wherever a requested time passes from one step
-to
-the next. `same_steps` gives the cure. What remains is contact: whether a node lands in one step or the
-next is a decision, and between two decisions the discrete response is smooth (docs/theory/derivatives.md).
+follows the parameter too, and the response then has a kink wherever a requested time passes from one step to
+the next. `same_steps` gives the cure. What remains is contact: whether a node lands in one step or the next
+is a decision, and between two decisions the discrete response is smooth (docs/theory/derivatives.md).
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -1,8 +1,7 @@
 """One simulation in phases: differentiable Warp kernels, constants, a window of rows, and their gradients.
 
 The kernels call the same functions of element, law and boundary as the time loop in one kernel
-(`explicit.time_loop.kernel`). Kernels of their own are needed because Warp does not differentiate a loop
-that
+(`explicit.time_loop.kernel`). Kernels of their own are needed because Warp does not differentiate a loop that
 carries state: here a launch is one phase of one step, and row k + 1 of every field follows from row k, so
 nothing is overwritten that the reverse pass still reads.
 """

@@ -1,6 +1,6 @@
 """Elastic bars around the specimen: a mesh of platens, transducers and bars, and one-dimensional waves."""
 
-from explicit.bars.coupling import couple, simulate_test
+from explicit.bars.coupling import simulate_test
 from explicit.bars.elastic import PulseResponse, elastic_bar, pulse_on_bars, pulse_on_mesh
 from explicit.bars.lines import (
     Apparatus,
@@ -19,7 +19,6 @@ __all__ = [
     "PulseResponse",
     "PulseShaper",
     "Section",
-    "couple",
     "elastic_bar",
     "find_events",
     "integrate_test",

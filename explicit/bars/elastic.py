@@ -5,10 +5,8 @@ The parts are linear elastic: steel under a soft specimen strains by 1e-6. They 
 free elsewhere. One product of a sparse matrix is one step (central differences).
 
 What they do is linear in the force on their face and the same at any time. One run under a pulse, a hat of
-one
-newton over two steps, is therefore all runs: the force of a simulation, linear between the steps, is a sum
-of
-such pulses. A batch costs a convolution in place of a march in time.
+one newton over two steps, is therefore all runs: the force of a simulation, linear between the steps, is a
+sum of such pulses. A batch costs a convolution in place of a march in time.
 """
 
 from __future__ import annotations

@@ -5,8 +5,7 @@ to the right and L to the left, unchanged. Between the ends of a section nothing
 sections meet, forces and velocities agree. Only the travel times are rounded, to whole time steps.
 
 The test has a striker, a pulse shaper, an incident bar, a joint that may break, a flyer and a transmission
-side.
-Its events are features of the signals (Mates et al. 2012, Fig. 5).
+side. Its events are features of the signals (Mates et al. 2012, Fig. 5).
 """
 
 from collections.abc import Callable, Sequence

@@ -10,13 +10,7 @@ __all__ = ["ELEMENTS", "Element", "ElementFunctions", "element"]
 
 
 def element(name: str) -> Element:
-    """Look an element up by name.
-
-    Raises
-    ------
-    ValueError
-        If there is no such element; the message lists those there are.
-    """
+    """Look an element up by name; a ValueError lists those there are if it is none."""
     if name not in ELEMENTS:
         raise ValueError(f"element must be one of {sorted(ELEMENTS)}, got {name!r}")
     return ELEMENTS[name]

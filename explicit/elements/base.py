@@ -3,13 +3,10 @@
 An element gives Warp functions for the forces and the energy of one quadrilateral, and the array of
 reference-configuration constants that they read. The sweeps know neither its points nor its strains.
 
-Stable step: the volumetric part has a sharp bound (rank one). Stiffness and damping of the rest are
-bounded by
-moduli times |grad v|^2; over the corners' masses this form is a sum of squares (b . v)^2 of a few vectors
-b. Its
-largest eigenvalue is that of their Gram matrix: below the trace, and below the largest sum of a row's
-absolute
-values (Gershgorin).
+Stable step: the volumetric part has a sharp bound (rank one). Stiffness and damping of the rest are bounded
+by moduli times |grad v|^2; over the corners' masses this form is a sum of squares (b . v)^2 of a few vectors
+b. Its largest eigenvalue is that of their Gram matrix: below the trace, and below the largest sum of a row's
+absolute values (Gershgorin).
 """
 
 from dataclasses import dataclass

@@ -4,10 +4,9 @@ The forces are the exact gradient of
 
     W = sum_g w_g U(I1_bar(F_g)) + V K / 2 (J_m - 1)^2,    J_m = (1 / V) sum_g w_g det F_g = v / V
 
-over the 2 x 2 Gauss points: each point's own F gives the isochoric part, which F_bar = (J_m / J)^(1/3) F
-does not change, and the volume v of the deformed ring gives the pressure (Nagtegaal, Parks and Rice 1974;
-Simo, Taylor and Pister 1985). See docs/theory/solver.md for why not J at the centre. Over a full turn (2
-pi R dA)
+over the 2 x 2 Gauss points: each point's own F gives the isochoric part, which F_bar = (J_m / J)^(1/3) F does
+not change, and the volume v of the deformed ring gives the pressure (Nagtegaal, Parks and Rice 1974; Simo,
+Taylor and Pister 1985). See docs/theory/solver.md for why not J at the centre. Over a full turn (2 pi R dA)
 the integrands of the weak form are of degree 2 in each local coordinate, so that two points a direction are
 exact on distorted elements and on the axis as well.
 """

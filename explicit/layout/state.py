@@ -1,11 +1,9 @@
 """Layout of a simulation's state in memory, and the accessors of the time loop.
 
 On a GPU the state is in the shared memory of one block, or of the blocks of a cluster, where it fits. The
-blocks
-read each other's shared memory: equal places in neighbouring blocks have a constant distance in bytes, so
-that
-one offset reaches every node and corner force. The last block of a cluster has the boundary and the control
-record, the others a thread for every element and interior node.
+blocks read each other's shared memory: equal places in neighbouring blocks have a constant distance in bytes,
+so that one offset reaches every node and corner force. The last block of a cluster has the boundary and the
+control record, the others a thread for every element and interior node.
 """
 
 from dataclasses import dataclass

@@ -2,12 +2,10 @@
 constants.
 
 While the workers sweep the elements at one time, the control warp ends the step before
-(`explicit.time_loop.steps`); while they move the nodes, it plans the next one. The workers read the plan
-from
+(`explicit.time_loop.steps`); while they move the nodes, it plans the next one. The workers read the plan from
 the control record, which lies in shared memory on a GPU. On a CPU every lane is worker and control at once.
 Tables of the mesh's constants are grouped so that neighbouring elements or nodes lie side by side; their
-native
-accessors compute one address. `explicit.simd` gives them their meaning over packs.
+native accessors compute one address. `explicit.simd` gives them their meaning over packs.
 """
 
 from dataclasses import dataclass

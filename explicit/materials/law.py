@@ -1,18 +1,15 @@
 """Material laws: the interface to the solver, closed-form laws, and how one is added.
 
 A law gives the isochoric part alone: the Kirchhoff stress of an isotropic hyperelastic solid. The
-volumetric
-part is `explicit.materials.volumetric`'s, and the solver's stiffness factor multiplies both.
+volumetric part is in `explicit.materials.volumetric`, and the solver's stiffness factor multiplies both.
 
 To add a law write one file in `explicit.materials.laws` with
 
 1. a frozen dataclass derived from `explicit.materials.families.InvariantLaw` (the energy is a function of
    I1_bar and I2_bar) or from `explicit.materials.families.StretchLaw` (of the principal stretches), with
-one
-   field for each entry of its ``PARAMETERS``, in that order;
-2. its energy and derivatives in NumPy (``W``, ``dW_dI``, ``d2W_dI2``, or the three of a `StretchLaw`),
-which
-   are the twin that tests and fits use;
+   one field for each entry of its ``PARAMETERS``, in that order;
+2. its energy and derivatives in NumPy (``W``, ``dW_dI``, ``d2W_dI2``, or the three of a `StretchLaw`), which
+   are the twin that tests and fits use; the kernels include I2_bar if this energy depends on it;
 3. the same as Warp functions of ``(..., row)``, where ``row`` holds what its ``parameters`` returns;
 4. one line in `explicit.materials.laws.LAWS`.
 
@@ -241,23 +238,6 @@ def tangent(law: Stretches, stretch: ArrayLike) -> FloatArray:
     H = H + np.eye(3) * _logarithmic_slope(law, lam)[..., None]
     P = np.eye(3) - 1.0 / 3.0
     return np.asarray(P @ H @ P)
-
-
-def largest_curvature(law: Stretches, stretch: ArrayLike) -> FloatArray:
-    """The most that the second variation of W can be of |L|^2 along F + eps L F [Pa], shape [...].
-
-    Exact: the larger of the greatest eigenvalues of its blocks, one of the stretches and three of shear. The
-    kernels' tangent bounds it for the stable step. The stretches, of shape [..., 3], must differ.
-    """
-    lam = isochoric(stretch)
-    square, tau = lam**2, kirchhoff(law, lam)
-    block = tangent(law, lam) - np.eye(3) * tau[..., None]
-    most = [np.linalg.eigvalsh(block)[..., -1]]
-    for i, j in ((0, 1), (1, 2), (2, 0)):
-        G = (tau[..., i] - tau[..., j]) / (square[..., i] - square[..., j])
-        mean, apart = 0.5 * G * (square[..., i] + square[..., j]), 0.5 * G * (square[..., i] - square[..., j])
-        most.append(mean + np.hypot(apart, G * square[..., j] - tau[..., j]))
-    return np.asarray(np.max(most, axis=0))
 
 
 def _logarithmic_slope(law: Stretches, lam: FloatArray) -> FloatArray:

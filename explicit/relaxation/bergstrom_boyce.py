@@ -1,9 +1,8 @@
 """Bergstrom and Boyce's network: a second chain network that creeps, beside the elastic one.
 
-Network A is the material law as it stands. Network B is the same law times a ratio s, on the elastic part
-of
-F_bar = F_e F_v; its Kirchhoff stress is tau_B = s tau_W(b_e) with b_e = F_e F_e^T. It flows by
-(Bergstrom and Boyce 1998, Eqs. 26-32; the rate of 1 / s is taken out of their product of constants)
+Network A is the material law as it stands. Network B is the same law times a ratio s, on the elastic part of
+F_bar = F_e F_v; its Kirchhoff stress is tau_B = s tau_W(b_e) with b_e = F_e F_e^T. It flows by (Bergstrom and
+Boyce 1998, Eqs. 26-32; the rate of 1 / s is taken out of their product of constants)
 
     D_v = gamma N,   N = tau_B / |tau_B|,
     gamma = (1 / s) (lam_v - 1 + xi)^C (|tau_B| / tau_hat)^m,   lam_v = sqrt(tr b_v / 3),              (V.3)
@@ -12,9 +11,8 @@ with |.| the Frobenius norm. C lies in [-1, 0]: the further the chains have crep
 keeps the first creep finite. All of network B's power that is not stored is dissipated, |tau_B| gamma >= 0.
 
 A stress point stores C_v^-1 - 1. Over a step network B first follows F_bar elastically, to b_tr, and then
-flows
-by D = gamma dt along its own stress: b_e = exp(-D N) b_tr exp(-D N), the exponential to second order. With
-the network's tangent mu_B the flow lowers |tau| by 2 mu_B gamma dt, so that y = |tau| / |tau_tr| solves
+flows by D = gamma dt along its own stress: b_e = exp(-D N) b_tr exp(-D N), the exponential to second order.
+With the network's tangent mu_B the flow lowers |tau| by 2 mu_B gamma dt, so that y = |tau| / |tau_tr| solves
 
     y + k y^m = 1,    k = 2 mu_B dt gamma(|tau_tr|) / |tau_tr|,
 

@@ -11,10 +11,8 @@ c_i are relative to the *long-term* law, which is the one a slow test measures:
     G(t) = G_inf [1 + sum_i c_i exp(-t / tau_i)].                                                      (V.2)
 
 The Warp functions of a stress point take the law at its instantaneous stiffness and subtract dev(F_bar q
-F_bar^T),
-with g_i the share of that stiffness and H_i = g_i S - q_i, dq_i/dt + q_i / tau_i = g_i S / tau_i. The q_i
-live half
-a step before and after the positions, where the velocities are:
+F_bar^T), with g_i the share of that stiffness and H_i = g_i S - q_i, dq_i/dt + q_i / tau_i = g_i S / tau_i.
+The q_i live half a step before and after the positions, where the velocities are:
 
     q_i(n+1/2) = a q_i(n-1/2) + (1 - a) g_i S(n),
     a = (2 - x) / (2 + x),   x = (t(n+1/2) - t(n-1/2)) / tau_i,
@@ -206,21 +204,6 @@ class PronySeries:
 
     def __len__(self) -> int:
         return len(self.times)
-
-    @classmethod
-    def of_instantaneous(cls, shares: ArrayLike, times: ArrayLike) -> "PronySeries":
-        """The series whose shares g_i are of the instantaneous modulus: G(t) = G_0 [1 - sum g_i (1 - e^..)].
-
-        Raises
-        ------
-        ValueError
-            If the shares sum to 1 or more: nothing would be left at long times.
-        """
-        g = np.asarray(shares, dtype=float).ravel()
-        left = 1.0 - g.sum()
-        if not left > 0.0:
-            raise ValueError(f"the shares of the instantaneous modulus must sum to < 1, got {g.sum():g}")
-        return cls(tuple((g / left).tolist()), tuple(np.asarray(times, dtype=float).ravel().tolist()))
 
     @property
     def instantaneous(self) -> float:

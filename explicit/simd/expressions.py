@@ -1,7 +1,6 @@
 """Expressions of the scalar source as C++ over lanes: values, arithmetic, Warp's functions.
 
-A value is *uniform*, the same in every lane and a plain C++ scalar, or *varying*, one entry a lane and a
-C++
+A value is *uniform*, the same in every lane and a plain C++ scalar, or *varying*, one entry a lane and a C++
 vector ("pack"). Vectors of Warp are kept as their components, structs and arrays as references.
 """
 

@@ -1,7 +1,6 @@
 """From a kernel of the scalar source to a kernel that runs it in SIMD lanes on the CPU.
 
-The translated source is cached beside Warp's compiled kernels. The file's name carries the hash of
-everything
+The translated source is cached beside Warp's compiled kernels. The file's name carries the hash of everything
 the translation depends on: Warp's hash of the scalar kernel (all functions, constants and structs it refers
 to), this package's source, and the choice of lanes.
 """

@@ -1,11 +1,9 @@
 """Reading and writing Warp arrays from lanes, and loops over tables in two passes.
 
 An element's chain of operations is longer than what a core looks ahead. A loop that looks up a table is
-therefore divided: a few elements together do first one half, to the place in the table, then the other.
-Each
+therefore divided: a few elements together do first one half, to the place in the table, then the other. Each
 half is short enough that two elements overlap. Every operation is that of the loop in one pass, and so are
-the
-bits.
+the bits.
 """
 
 import ast

@@ -1,8 +1,7 @@
 """Statements of the scalar source over lanes: functions in place, assignments, branches and loops.
 
-Input: the syntax tree of a Warp function. Output: lines of C++ over packs. Where lanes disagree on a
-branch or a
-loop, a mask says which of them are active.
+Input: the syntax tree of a Warp function. Output: lines of C++ over packs. Where lanes disagree on a branch
+or a loop, a mask says which of them are active.
 """
 
 import ast

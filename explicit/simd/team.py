@@ -1,14 +1,10 @@
 """Threads of a CPU that share one simulation: their parts, their meetings, who joins and who leaves.
 
-Every thread runs the whole time loop on packs of its own, which follow each other in the mesh. The one in
-the
+Every thread runs the whole time loop on packs of its own, which follow each other in the mesh. The one in the
 first seat keeps the books: totals, records, the next step, the boundary. It begins without the others, and
-its
-elements are the last. The others join when they have a core, and leave for a while when they delay the
-rest.
-Nobody waits for a thread that has not joined. Sums over elements are made in the order of one thread, so
-that
-the bits do not depend on the number of threads.
+its elements are the last. The others join when they have a core, and leave for a while when they delay the
+rest. Nobody waits for a thread that has not joined. Sums over elements are made in the order of one thread,
+so that the bits do not depend on the number of threads.
 """
 
 import ctypes

@@ -1,10 +1,9 @@
 """Sweeps over a simulation's elements: corner forces, relaxation, energies, and the signs of failure.
 
-A relaxing law enters at its instantaneous stiffness; the relaxation functions subtract what the branches
-have
+A relaxing law enters at its instantaneous stiffness; the relaxation functions subtract what the branches have
 relaxed since. Every `CHECK_EVERY` steps the specimen's motion is checked: a run has *diverged* when the
-specimen
-moves with more energy than the platens ever gave it. It starts at rest and stores no less than nothing, so
+specimen moves with more energy than the platens ever gave it. It starts at rest and stores no less than
+nothing, so
 
     E_kin(t) <= max over t' <= t of W(t')
 

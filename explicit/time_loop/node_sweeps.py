@@ -1,7 +1,6 @@
 """The motion of the nodes: corner forces gathered, the boundary's conditions, and where a node goes.
 
-Interior nodes move freely; a boundary node first meets its platen: the flyer's motion, or the support's
-wave.
+Interior nodes move freely; a boundary node first meets its platen: the flyer's motion, or the support's wave.
 Both come in sweeps of their own, so that only boundary nodes pay for contact.
 """
 

@@ -1,8 +1,7 @@
 """The control warp's part of a step: its end, what is recorded, and the next step.
 
 The end of a step sums its forces and gives the support's answer; the histories are written; the next step
-gets
-its size and the platens' places, and is taken or refused.
+gets its size and the platens' places, and is taken or refused.
 """
 
 from dataclasses import dataclass

@@ -1,12 +1,14 @@
-"""Files and folders of results: written completely or not at all; CSV tables; values as JSON types."""
+"""Bytes and text of a file; folders of results, written completely or not at all; CSV tables; JSON values."""
 
 import csv
 import hashlib
 import math
 import os
+import stat
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +17,69 @@ import numpy as np
 from dic.files import HIDDEN, alone_in, regular, replacing, scratch, text_cell
 from kolsky.base.errors import InputError
 
-__all__ = ["filling", "missing", "regular", "remove_empty", "source_hash", "usable_folder", "write_table"]
+__all__ = [
+    "decode",
+    "filling",
+    "missing",
+    "read_bytes",
+    "regular",
+    "remove_empty",
+    "source_hash",
+    "usable_folder",
+    "write_table",
+]
 
 CURE = "give another place with --out FOLDER"
+SIZE_LIMIT = 200_000_000
+"""Largest text export that is read [bytes]."""
+
+
+def read_bytes(path: Path, *, limit: int = SIZE_LIMIT) -> bytes:
+    """The bytes of a regular file of sensible size.
+
+    Raises InputError if there is no such file, it is a folder or a device, it is empty, larger than `limit`
+    bytes (found without reading it), or may not be read.
+    """
+    try:
+        status = path.stat()
+        if stat.S_ISDIR(status.st_mode):
+            raise InputError(path, "is a folder, not a file", cure="name the file inside it")
+        if not stat.S_ISREG(status.st_mode):
+            kind = "a pipe" if stat.S_ISFIFO(status.st_mode) else "a device or a socket"
+            raise InputError(path, f"is {kind}, not a regular file", cure="copy the data into a file")
+        if status.st_size > limit:
+            raise InputError(
+                path,
+                f"has {status.st_size / 1e6:.0f} MB, more than the {limit / 1e6:.0f} MB that are read",
+                cure="export the time span of the test only",
+            )
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(path, "there is no such file", cure="put it there or correct its name") from None
+    except OSError as error:
+        raise InputError(
+            path, f"cannot be read ({error.strerror})", cure="copy it again, and see that it may be read"
+        ) from None
+    if not data.strip():
+        raise InputError(path, "is empty", cure="export it again")
+    return data
+
+
+def decode(path: Path, data: bytes) -> str:
+    """UTF-8 text of a file, with or without a byte order mark.
+
+    Raises InputError if the bytes are not UTF-8, with the offset of the first that is not.
+    """
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        offset = error.start + (3 if data.startswith(b"\xef\xbb\xbf") else 0)
+        raise InputError(
+            path,
+            f"is not UTF-8 text: byte 0x{data[offset]:02x} at byte offset {offset}",
+            line=data.count(b"\n", 0, offset) + 1,
+            cure="convert it to UTF-8, e.g. `iconv -f latin1 -t utf-8`",
+        ) from None
 
 
 def write_table(path: Path, columns: Mapping[str, Iterable[Any]]) -> Path:
@@ -115,6 +177,7 @@ def remove_empty(folders: list[Path]) -> None:
             path.rmdir()
 
 
+@cache
 def source_hash() -> str:
     """SHA-256 of the sources of `kolsky` and `explicit`: a version number does not tell a working copy."""
     total = hashlib.sha256()

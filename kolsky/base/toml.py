@@ -1,4 +1,5 @@
-"""TOML files of our users: blanks, problems in words of the file, and edits that keep everything else.
+"""TOML files of our users: read by a schema, with blanks, problems in words of the file, and edits that keep
+everything else.
 
 A problem that a schema finds is reported with line, key, value, allowed range and cure. An edit replaces
 single values as text: comments and order stay.
@@ -8,15 +9,18 @@ from __future__ import annotations
 
 import copy
 import difflib
+import hashlib
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
-from kolsky.base.errors import InputError
+from kolsky.base.errors import InputError, refuse
+from kolsky.base.files import decode, read_bytes
 
 BLANK = ""
 """What stands for a value that is not filled in; nothing in a shot file may be an empty text."""
@@ -40,22 +44,22 @@ def _of_blank(location: list[str], found: set[str]) -> str | None:
     return None
 
 
-SHOULD_BE = "Input should be "
+_SHOULD_BE = "Input should be "
 """How pydantic says what is allowed."""
-CHOICE = re.compile(r"(list|dict|tuple|literal|nullable|function-\w+|lax-or-strict)\[")
+_CHOICE = re.compile(r"(list|dict|tuple|literal|nullable|function-\w+|lax-or-strict)\[")
 """Parts of pydantic's place of an error that are no keys: the alternatives of a value of several kinds."""
 
 
-def translate(
+def _translate(
     details: Any, model: type[BaseModel], path: Path, lines: dict[str, int], empty: set[str]
 ) -> InputError:
     """One pydantic error as an `InputError`.
 
     ``details``: the error, an item of `pydantic.ValidationError.errors`. ``model``: the schema that was not
-    met. ``path``, ``lines``: the file, and the lines of its keys, as `kolsky.schema.shot_file.key_lines`
-    gives them. ``empty``: keys that are not filled in.
+    met. ``path``, ``lines``: the file, and the lines of its keys, as `key_lines` gives them. ``empty``: keys
+    that are not filled in.
     """
-    location = [str(part) for part in details["loc"] if not CHOICE.match(str(part))]
+    location = [str(part) for part in details["loc"] if not _CHOICE.match(str(part))]
     context = details.get("ctx", {})
     kind, value = details["type"], details["input"]
     if "key" in context:
@@ -76,7 +80,7 @@ def translate(
     )
 
 
-def without_doubles(model: type[BaseModel], errors: list[Any]) -> list[Any]:
+def _without_doubles(model: type[BaseModel], errors: list[Any]) -> list[Any]:
     """A misspelt key is one problem, not an unknown key and a missing one."""
     meant = {(*e["loc"][:-1], _nearest(model, e["loc"])) for e in errors if e["type"] == "extra_forbidden"}
     return [e for e in errors if not (e["type"] == "missing" and e["loc"] in meant)]
@@ -112,8 +116,8 @@ def _words(
         return "is not a whole number", None, "write a whole number without quotes"
     if kind in ("model_type", "model_attributes_type"):
         return "is not a table", None, "its keys are " + ", ".join(_keys_of(model, location))
-    if fallback.startswith(SHOULD_BE):
-        return "is not allowed", fallback.removeprefix(SHOULD_BE).replace("dictionary", "table"), None
+    if fallback.startswith(_SHOULD_BE):
+        return "is not allowed", fallback.removeprefix(_SHOULD_BE).replace("dictionary", "table"), None
     return f"is not allowed ({fallback})", None, "write it as the page of this file's format shows it"
 
 
@@ -142,9 +146,208 @@ def line_of(lines: dict[str, int], key: str) -> int | None:
     return None
 
 
-_EDITED_HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?$")
-_ANY_HEADER = re.compile(r"\s*\[")
-_EDITED_KEY = re.compile(r"\s*([A-Za-z0-9_-]+)((?:\s*\.\s*[A-Za-z0-9_-]+)*)\s*=")
+_HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?")
+_ASSIGNMENT = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*[\w-]+)*)\s*=""")
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A header of a table, or a key with its value, as a file writes it."""
+
+    table: str
+    """Dotted name of the table that it begins or stands in; empty above the first."""
+    key: str
+    """Dotted key in that table; empty for a header."""
+    line: int
+    """Its first line, counted from 1."""
+    start: int
+    """Index of the first character of that line."""
+    value: int
+    """Index behind the equals sign; of a header as `end`."""
+    end: int
+    """Index behind the value, remark not counted."""
+
+
+def statements(text: str) -> Iterator[Statement]:
+    """The statements of a text in their order; what stands inside a value is none."""
+    start, line, table = 0, 1, ""
+    while start < len(text):
+        row = text[start : _next_line(text, start)].rstrip("\r\n")
+        end = start + len(row)
+        if row.lstrip().startswith("["):
+            header = _HEADER.fullmatch(row)
+            table = _plain_key(header.group(1)) if header else row.strip()
+            yield Statement(table, "", line, start, end, end)
+        elif assignment := _ASSIGNMENT.match(row):
+            value = start + assignment.end()
+            end = value_end(text, value)
+            yield Statement(table, _plain_key(assignment.group(1)), line, start, value, end)
+        following = _next_line(text, end)
+        line += text.count("\n", start, following)
+        start = following
+
+
+def _next_line(text: str, place: int) -> int:
+    """Index of the first character of the next line."""
+    return text.find("\n", place) + 1 or len(text)
+
+
+def _plain_key(dotted: str) -> str:
+    return ".".join(part.strip().strip("\"'") for part in dotted.split("."))
+
+
+def key_lines(text: str) -> dict[str, int]:
+    """Lines of the keys: dotted key -> line, counted from 1.
+
+    A key inside an inline table is not listed; `line_of` then gives the line of that table.
+    """
+    lines: dict[str, int] = {}
+    for s in statements(text):
+        lines.setdefault(".".join(filter(None, (s.table, s.key))), s.line)
+    return lines
+
+
+TOML_LIMIT = 1_000_000
+"""Largest shot.toml that is read [bytes]."""
+
+LONGEST_LINE = 20_000
+"""Most characters of a line: a key of a hundred thousand parts would take a minute to take apart."""
+DEEPEST = 30
+"""Most tables and lists inside each other."""
+END = " (at end of document)"
+"""How `tomllib` says that a file ends inside a value."""
+LINE_SHOWN = 60
+"""Most characters of a line that a message shows."""
+
+
+Schema = TypeVar("Schema", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class TomlFile:
+    """A parsed file with what is needed to point at its lines."""
+
+    path: Path
+    """The file."""
+    sha256: str
+    """SHA-256 of it, hex."""
+    content: dict[str, Any]
+    """What it says, as written."""
+    lines: dict[str, int]
+    """Dotted key -> line, counted from 1."""
+
+    def error(
+        self, key: str, message: str, *, allowed: str | None = None, cure: str | None = None
+    ) -> InputError:
+        """An error about a declared value, with its line and the value as written."""
+        value: Any = self.content
+        for part in key.split("."):
+            value = value.get(part) if isinstance(value, dict) else None
+        return InputError(
+            self.path,
+            message,
+            line=line_of(self.lines, key),
+            key=key,
+            value=None if isinstance(value, dict) else value,
+            allowed=allowed,
+            cure=cure,
+        )
+
+    def validated(self, schema: type[Schema]) -> Schema:
+        """Its declarations by a schema, in SI.
+
+        Raises InputError if it declares anything unknown, incomplete or impossible; several problems come as
+        one `InputErrors`.
+        """
+        empty = set(blanks(self.content))
+        try:
+            valid = schema.model_validate(self.content)
+        except ValidationError as error:
+            doubtful = _without_doubles(schema, error.errors())
+            problems = [_translate(details, schema, self.path, self.lines, empty) for details in doubtful]
+        else:
+            if not empty:
+                return valid
+            problems = []
+        known = {p.key for p in problems if p.message == FILL_IN}
+        cure = "write its value between the quotes"
+        problems += [
+            InputError(self.path, FILL_IN, line=line_of(self.lines, key), key=key, cure=cure)
+            for key in sorted(empty - known)
+        ]
+        once = {(p.key, p.message): p for p in reversed(problems)}.values()
+        refuse(sorted(once, key=lambda p: (p.line is None, p.line)))
+        raise AssertionError("unreachable: there is a problem")
+
+
+def parse_toml(path: Path) -> TomlFile:
+    """Parse a file; what it declares is not looked at yet.
+
+    Raises InputError if it cannot be read or is no TOML.
+    """
+    data = read_bytes(path, limit=TOML_LIMIT)
+    text = decode(path, data)
+    long = next((i for i, line in enumerate(text.split("\n"), start=1) if len(line) > LONGEST_LINE), None)
+    if long is not None:
+        raise InputError(
+            path,
+            f"has a line of more than {LONGEST_LINE} characters",
+            line=long,
+            cure="is it the right file? if so, break the list into lines",
+        )
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # beside its own, tomllib lets these two through
+        raise _syntax_error(path, text, str(error)) from None
+    if _depth(content) > DEEPEST:
+        raise InputError(
+            path, f"has more than {DEEPEST} tables and lists inside each other", cure="is it the right file?"
+        )
+    return TomlFile(path, hashlib.sha256(data).hexdigest(), content, key_lines(text))
+
+
+def _depth(content: object) -> int:
+    """How many tables and lists are inside each other; counted without a call inside a call."""
+    level, depth = [content], 0
+    while level := [
+        item
+        for holder in level
+        if isinstance(holder, dict | list)
+        for item in (holder.values() if isinstance(holder, dict) else holder)
+    ]:
+        depth += 1
+        if depth > DEEPEST:
+            break
+    return depth
+
+
+def read_toml(path: Path, schema: type[Schema]) -> tuple[TomlFile, Schema]:
+    """A file, and what it declares by a schema, in SI.
+
+    Raises InputError as `parse_toml` and `TomlFile.validated`.
+    """
+    file = parse_toml(path)
+    return file, file.validated(schema)
+
+
+def _syntax_error(path: Path, text: str, message: str) -> InputError:
+    place = re.search(r"\s*\(at line (\d+), column (\d+)\)", message)
+    ended = message.endswith(END)
+    message = message[: place.start()] if place else message.removesuffix(END)
+    column, line, shown = "", None, ""
+    if place:
+        column, line = f" (column {place.group(2)})", int(place.group(1))
+        shown = f": {text.splitlines()[line - 1].strip()[:LINE_SHOWN]!r}"
+    elif ended:
+        line = len(text.splitlines()) or None
+    return InputError(
+        path,
+        f"is not valid TOML: {message}{column}{shown}",
+        line=line,
+        cure='values with units stand in quotes: key = "9.5 mm"'
+        if path.suffix == ".toml"
+        else "give the folder of a shot, or its shot.toml",
+    )
 
 
 class CannotEdit(ValueError):
@@ -177,63 +380,30 @@ def with_values(text: str, table: str, values: Mapping[str, str]) -> str:
 
 
 def _with_value(text: str, table: str, key: str, value: str, newline: str) -> str:
-    lines = _without_subtable(text, table, key).splitlines(keepends=True)
-    statements = _statements(lines, table)
-    if statements is None:
+    text = _without_table(text, f"{table}.{key}")
+    inside = [s for s in statements(text) if s.table == table]
+    if not any(s.key == "" for s in inside):
         raise CannotEdit(f"the table [{table}] has no header of its own")
-    first, spans = statements
-    own = [(name, rest, span) for name, rest, span in spans if name == key]
-    if len(own) == 1 and not own[0][1]:
-        start, end = own[0][2]
-        block = "".join(lines[start:end])
-        at = block.index("=") + 1
-        stop = value_end(block, at)
-        lines[start:end] = [f"{block[:at]} {value}{block[stop:]}"]
-        return "".join(lines)
-    for _, _, (start, end) in reversed(own):  # specimen.x = ..., specimen.y = ...
-        del lines[start:end]
-    gone = sum(end - start for _, _, (start, end) in own)
-    last = max([first + 1, *(end for _, _, (_, end) in spans)]) - gone
-    if last and not lines[last - 1].endswith("\n"):
-        lines[last - 1] += newline
-    lines.insert(last, f"{key} = {value}{newline}")
-    return "".join(lines)
+    own = [s for s in inside if s.key.split(".")[0] == key]
+    if len(own) == 1 and own[0].key == key:
+        return f"{text[: own[0].value]} {value}{text[own[0].end :]}"
+    place = _next_line(text, max(s.end for s in inside))
+    for statement in reversed(own):  # specimen.x = ..., specimen.y = ...
+        end = _next_line(text, statement.end)
+        text = text[: statement.start] + text[end:]
+        place -= end - statement.start
+    gap = "" if text[:place].endswith("\n") else newline
+    return f"{text[:place]}{gap}{key} = {value}{newline}{text[place:]}"
 
 
-def _statements(lines: list[str], table: str) -> tuple[int, list[tuple[str, str, tuple[int, int]]]] | None:
-    """The line of a table's header, and its assignments: first key, further keys, lines from and to."""
-    k, inside, first = 0, False, -1
-    spans = []
-    while k < len(lines):
-        line = lines[k].rstrip("\r\n")
-        header = _EDITED_HEADER.match(line)
-        if header or _ANY_HEADER.match(line):
-            inside = bool(header) and header is not None and header.group(1).strip() == table
-            first = k if inside else first
-            k += 1
-            continue
-        found = _EDITED_KEY.match(line)
-        end = k + 1
-        if found:
-            block = "".join(lines[k:])
-            end = k + max(block[: value_end(block, found.end())].count("\n") + 1, 1)
-            if inside:
-                spans.append((found.group(1), found.group(2).strip(), (k, end)))
-        k = end
-    return None if first < 0 else (first, spans)
-
-
-def _without_subtable(text: str, table: str, key: str) -> str:
-    """The text without [table.key] and its lines up to the next header."""
-    kept, gone = [], False
-    for line in text.splitlines(keepends=True):
-        if _ANY_HEADER.match(line):
-            header = _EDITED_HEADER.match(line.rstrip("\r\n"))
-            name = "" if header is None else header.group(1).replace(" ", "")
-            gone = name == f"{table}.{key}"
-        if not gone:
-            kept.append(line)
-    return "".join(kept)
+def _without_table(text: str, table: str) -> str:
+    """The text without a table: from its header to the next one."""
+    headers = [s for s in statements(text) if not s.key]
+    for number, header in enumerate(headers):
+        if header.table == table:
+            end = headers[number + 1].start if number + 1 < len(headers) else len(text)
+            return text[: header.start] + text[end:]
+    return text
 
 
 def value_end(text: str, start: int) -> int:

@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -101,6 +102,21 @@ def unit_factor(text: str, unit: str) -> float:
     if not 1e-40 < factor < 1e40:  # no unit of a laboratory is out there
         raise UnitError(text, "is not a usable unit", unit)
     return factor
+
+
+SHOT_KINDS = ("s", "m", "V", "Pa", "N", "1")
+"""SI units of what the tables of a shot hold."""
+
+
+def dimension_of(unit: str, kinds: Iterable[str] = SHOT_KINDS) -> str:
+    """The first of some SI units whose dimension a written unit has; empty if it is none of them."""
+    for kind in kinds if unit else ():
+        try:
+            unit_factor("1" if unit == "-" else unit, kind)
+        except UnitError:
+            continue
+        return kind
+    return ""
 
 
 def quantity(text: str, unit: str) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from kolsky.base.arrays import FloatArray
+from kolsky.base.toml import TomlFile, read_toml
 from kolsky.base.units import UnitError, quantity
 from kolsky.bodies.actuator_model import Actuator, Pneunet
 from kolsky.bodies.specimen_constants import COUPLED, POISSON, solid_of
@@ -19,7 +20,6 @@ from kolsky.equilibrium.solid import Isotropic, Solid, bulk
 from kolsky.readers.meshes import read_gmsh_volume, read_vtu
 from kolsky.schema import fields as f
 from kolsky.schema.fields import ColumnSection, LengthColumn, Section, TextLayoutSection
-from kolsky.schema.shot_file import TomlFile, parse_toml
 
 Pressure = Annotated[float, BeforeValidator(f.physical("Pa", ">= 0", "a pressure"))]
 Angle = Annotated[float, BeforeValidator(f.physical("rad", what="an angle"))]
@@ -236,8 +236,7 @@ def read_actuator(path: Path, *, device: str = "cpu") -> ActuatorSpec:
 
     Raises InputError if it declares anything unknown, incomplete or impossible, or a file cannot be read.
     """
-    toml = parse_toml(Path(path))
-    declared = toml.validated(ActuatorFile)
+    toml, declared = read_toml(Path(path), ActuatorFile)
     inputs = {toml.path.name: toml.sha256}
     shape = None
     if declared.geometry.mesh is None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.toml import TomlFile
 from kolsky.base.units import UnitError, quantity
 from kolsky.bodies.sheet import Sheet, cells_inside, outliers, point_noise, project, spacing
 from kolsky.bodies.sheet_fit import SMALLEST_EIGENVALUE, Cost, FieldData, FieldProblem
@@ -19,7 +20,6 @@ from kolsky.equilibrium.meshes import Mesh
 from kolsky.equilibrium.solid import Solid
 from kolsky.readers.meshes import GmshMesh, read_gmsh
 from kolsky.readers.table import Column, read_table
-from kolsky.schema.shot_file import TomlFile
 
 KINDS = {3: "tri3", 4: "quad4", 6: "tri6", 8: "quad8", 9: "quad9"}
 """Element by the number of its points."""

@@ -21,7 +21,7 @@ from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import qmc
 from scipy.stats import t as student
 
-from doe.uncertainty.covariance import SingularInformationError, inverse_information
+from doe.information import SingularInformationError, inverse_information
 from kolsky.base.arrays import FloatArray
 from kolsky.bodies.errors_in_variables import (
     Linearised,

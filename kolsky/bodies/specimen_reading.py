@@ -8,6 +8,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.toml import TomlFile, read_toml
 from kolsky.base.units import UnitError, quantity
 from kolsky.bodies.errors_in_variables import Samples
 from kolsky.bodies.specimen_constants import POISSON, Constants, constants_of
@@ -16,7 +17,6 @@ from kolsky.bodies.specimen_model import AXES, SpecimenModel, shape_of
 from kolsky.bodies.specimen_schema import SpecimenFile, TestSection
 from kolsky.equilibrium.solution import Solution
 from kolsky.readers.table import read_table
-from kolsky.schema.shot_file import TomlFile, parse_toml
 
 FEWEST = 4
 """Samples that a test needs."""
@@ -71,8 +71,7 @@ def read_specification(path: Path, *, device: str = "cpu") -> Specification:
     ``path``: the file. ``device``: where the element kernels run. Raises InputError if it declares anything
     unknown, incomplete or impossible, or a file cannot be read.
     """
-    toml = parse_toml(Path(path))
-    declared = toml.validated(SpecimenFile)
+    toml, declared = read_toml(Path(path), SpecimenFile)
     material, numerics = declared.material, declared.numerics
     constants = _constants(toml, declared)
     models, samples = {}, {}

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from doe.uncertainty.covariance import SingularInformationError, inverse_information
+from doe.information import SingularInformationError, inverse_information
 from kolsky.base.arrays import FloatArray
 from kolsky.bodies.errors_in_variables import Linearised, Samples, reduce
 from kolsky.bodies.specimen_constants import Constants

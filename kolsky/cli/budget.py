@@ -1,4 +1,4 @@
-"""`kolsky budget`: repeat a test with errors, and say what each does to the answer."""
+"""`kolsky budget`: simulate a test with errors and compute the effect of each on the estimates."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,48 +9,45 @@ import typer
 
 from kolsky.base.errors import InputError
 from kolsky.cli import texts
-from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Figures, Mesh, SolverOptions
+from kolsky.cli.options import AsJson, Figures, Mesh, SolverOptions
+from kolsky.cli.sweep import Workers
 
 
 def budget(
     test: Annotated[
         Path, typer.Argument(metavar="SHOT_OR_SPEC", help="A shot's folder, or a specification's file.")
     ],
+    *,
     size: Annotated[
         list[str] | None,
         typer.Option(
             "--size",
             metavar="KEY=SIGMA",
             help='A source of error, e.g. "imperfections.length=0.3 %"; repeat. Without any: those of the '
-            "specification's table budget, those that the shot declares, or usual ones.",
+            "specification's table budget, those that the shot declares, or typical ones.",
         ),
     ] = None,
     free: Annotated[
         str,
         typer.Option(
             metavar="NAMES",
-            help="Parameters that are free and budgeted.",
+            help="Free parameters of the budget.",
             show_default="the stiffness factor, others free as in identify",
         ),
     ] = "",
-    draws: Annotated[int, typer.Option(min=4, help="Draws of the noise alone.")] = 16,
-    together: Annotated[int, typer.Option(min=0, help="Draws of all errors together.")] = 32,
+    draws: Annotated[int, typer.Option(min=4, help="Random draws of the noise only.")] = 16,
+    together: Annotated[int, typer.Option(min=0, help="Random draws of all errors together.")] = 32,
     mesh: Mesh = "16x22",
     refined_mesh: Mesh = "32x44",
     truth_mesh: Annotated[
         str, typer.Option(metavar="NRxNY", help="Mesh of the truth.", show_default="the specification's")
     ] = "",
-    solver: SolverOptions = SOLVER_DEFAULTS,
-    processes: Annotated[
-        int | None, typer.Option(min=1, help="Share the realisations out over so many processes.")
-    ] = None,
-    dask: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Give them to a Dask scheduler: address or its file.")
-    ] = "",
-    retry: Annotated[bool, typer.Option("--retry", help="Make again what gave no answer before.")] = False,
+    solver: SolverOptions,
+    workers: Workers,
+    retry: Annotated[bool, typer.Option("--retry", help="Repeat realisations that failed before.")] = False,
     slope: Annotated[
         float | None,
-        typer.Option(help="Plan a campaign: wanted expanded uncertainty of the rate slope per decade."),
+        typer.Option(help="Plan a campaign for this expanded uncertainty of the rate slope per decade."),
     ] = None,
     rates: Annotated[
         str, typer.Option(metavar="LOW,HIGH", help="Nominal strain rates of the campaign [1/s].")
@@ -60,16 +57,13 @@ def budget(
     ] = 0.0,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FOLDER", help="Where results go.", show_default="beside the test"),
+        typer.Option("--out", metavar="FOLDER", help="Where results go.", show_default="the test's results"),
     ] = None,
     figures: Figures = "",
     as_json: AsJson = False,
 ) -> None:
-    """Budget the errors of a test; writes budget.csv and budget.html, and keeps realisations in a ledger."""
+    """Budget the errors of a test; writes budget.csv and budget.html, and stores realisations in a ledger."""
     started = perf_counter()
-    from kolsky.cli.sweep import Workers
-
-    workers = Workers(processes, dask)
     analysis, refined = texts.mesh("--mesh", mesh), texts.mesh("--refined-mesh", refined_mesh)
     formats = texts.figure_formats(figures)
     ends = texts.numbers("--rates", rates)
@@ -85,7 +79,7 @@ def budget(
     from kolsky.inverse.problem import Settings
     from kolsky.report.study_folder import write_budget_results
     from kolsky.studies.budget.budget import budget as budget_of
-    from kolsky.studies.budget.factors import USUAL, factors_of
+    from kolsky.studies.budget.factors import factors_of, usual_sizes
     from kolsky.studies.budget.records import facts, made_with, plan_campaign, printed, shot_sigma
     from kolsky.virtual.specification import read_specification
 
@@ -96,7 +90,7 @@ def budget(
     if truth_mesh:
         finer = quantities.truth.model_copy(update={"mesh": texts.mesh("--truth-mesh", truth_mesh)})
         quantities = quantities.model_copy(update={"truth": finer})
-    sizes = dict(part.partition("=")[::2] for part in size or []) or series.declared.budget or USUAL
+    sizes = dict(part.partition("=")[::2] for part in size or []) or series.declared.budget or usual_sizes()
     numerics = replace(solver, threads=workers.threads(solver.threads)).numerics(analysis)
     settings = Settings(numerics=numerics, refined_mesh=refined, replicates=0)
     if free:

@@ -26,7 +26,7 @@ from kolsky.cli.material_curves import material_relaxation, reference_curve
 from kolsky.cli.material_fit import material_fit
 from kolsky.cli.material_healing import material_healing
 from kolsky.cli.new import new
-from kolsky.cli.options import with_general_options, with_solver_options
+from kolsky.cli.options import with_settings
 from kolsky.cli.plan import plan
 from kolsky.cli.predict import predict
 from kolsky.cli.rate import rate
@@ -181,9 +181,7 @@ def program(commands: Mapping[str, Command]) -> typer.Typer:
     for words, command in {**commands, **former}.items():
         group, _, name = words.rpartition(" ")
         place = groups[group] if group else made
-        place.command(name, hidden=words in former)(
-            refusing_bad_input()(with_general_options(with_solver_options(command)))
-        )
+        place.command(name, hidden=words in former)(refusing_bad_input()(with_settings(command)))
     for group_of_commands in groups.values():
         made.add_typer(group_of_commands)
     return made

@@ -13,8 +13,7 @@ from kolsky.cli import texts
 from kolsky.cli.options import AsJson, Figures, Out, ShotPath
 
 if TYPE_CHECKING:
-    from dic.calibration import Calibration
-    from dic.result import StereoResult
+    from dic.calibration.views import Calibration
 
 
 @infrequent_gc()
@@ -78,27 +77,18 @@ def dic(
         began = perf_counter()
         cameras = None if kept else stack.enter_context(calibrate_in_background(loaded.pictures))
         # imported while others look at the target
-        from kolsky.report.page_process import drawers, load_surface_page, surface_page_process
-        from kolsky.report.picture_views import read_surface_view
-        from kolsky.report.result_folder import write_dic_results
+        from kolsky.report.result_folder import drawing_processes, write_dic_results
         from kolsky.shot.optical_data import RESULT_FILE, surfaces
 
-        page = stack.enter_context(surface_page_process(drawers()))  # forked with what both need
-
-        def draw_ahead(result: "StereoResult") -> None:
-            if page is not None:
-                page.draw_ahead(read_surface_view(loaded.name, result, loaded.pictures.series))
-
         found = surfaces(
-            loaded.pictures, folder, device=device, again=again, progress=progress, cameras=cameras,
-            idle=load_surface_page if page is None else lambda: None, known=draw_ahead,
-        )  # fmt: skip
+            loaded.pictures, folder, device=device, again=again, progress=progress, cameras=cameras
+        )
         result, now = found.result, perf_counter()
         times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
         times["surfaces file"] = now - began - sum(times.values())
         now = perf_counter()
         write_dic_results(
-            folder, loaded, found, formats=formats, csv=csv, vtp=vtp, processes=drawers(), page=page
+            folder, loaded, found, formats=formats, csv=csv, vtp=vtp, processes=drawing_processes()
         )
         times["files and page"] = perf_counter() - now
     print_result(

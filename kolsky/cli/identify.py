@@ -18,16 +18,13 @@ import typer
 from kolsky.base.errors import InputError, refuse
 from kolsky.cli import texts
 from kolsky.cli.identify_shots import (
-    CurveNodes,
-    GainEach,
     JointOptions,
-    NoScatter,
-    Roughness,
-    SlowTests,
     identify_shots,
     refuse_single_shot_options,
+    with_relaxation_option,
 )
-from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Figures, Mesh, Out, SolverOptions
+from kolsky.cli.options import AsJson, Figures, Mesh, Out, SolverOptions
+from kolsky.cli.sweep import Workers
 from kolsky.cli.terminal import quietly
 from kolsky.inverse.parameters import PARAMETERS
 
@@ -38,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SingleShotJob:
-    """A shot that is identified by itself, as the command line asks for it; it can be pickled."""
+    """The identification of one shot, as given on the command line; it can be pickled."""
 
     shot: Path
     """Its folder, or its shot.toml."""
@@ -51,18 +48,18 @@ class SingleShotJob:
     out: Path | None = None
     """Where results go; None for the folder `results` of the shot."""
     relaxation: str = ""
-    """What relaxes, as written; empty for what the shot declares."""
+    """Kind of relaxation, as written; empty for what the shot declares."""
     diagnose: bool = False
-    """Whether the likeliest causes are tried out."""
+    """Whether the likeliest causes of misfit are tested."""
     paper: bool = False
-    """Whether the method of Mates et al. is applied beside."""
+    """Whether the method of Mates et al. is applied too."""
     formats: tuple[str, ...] = ()
     """Formats of figures alone."""
 
 
 @dataclass(frozen=True)
 class Printout:
-    """What an identification has to say, its results being written; it can be pickled."""
+    """What is printed of an identification; it can be pickled."""
 
     shot: str
     """Name of the shot."""
@@ -82,33 +79,22 @@ def _run_job(one: SingleShotJob, *, processes: int = 1) -> Printout:
     """Identify a shot and write its results."""
     from kolsky.cli.options import load, usable
     from kolsky.cli.terminal import progress_bars
-    from kolsky.report.page_process import load_identify_page, page_process
 
     shot, folder = load(one.shot, one.out, forks=processes > 1)
-    if one.relaxation:
-        from kolsky.inverse.parameters import with_relaxation
-
-        shot = with_relaxation(shot, *texts.relaxation("--relaxation", one.relaxation))
-    # Libraries that both processes need are loaded before one of them is forked, and no GPU is used yet.
+    shot = with_relaxation_option(shot, one.relaxation)
+    from kolsky import identification
     from kolsky.inverse.problem import Settings
+    from kolsky.report.result_folder import PAGE, write_identify_results
+    from kolsky.results import printed
+    from kolsky.results.identification_rows import fit_line
+    from kolsky.results.tables import to_json
 
-    with page_process(processes) as page:
-        numerics = one.solver.numerics(one.mesh)
-        from kolsky import identification
-        from kolsky.report.result_folder import PAGE, write_identify_results
-        from kolsky.results import printed
-        from kolsky.results.identification_rows import fit_line
-        from kolsky.results.tables import to_json
-
-        settings = Settings(numerics=numerics, **one.choices)
-        meanwhile, checked = ([load_identify_page], None) if page is None else ([], page.draw_ahead)
-        with usable(shot), progress_bars() as progress:
-            found = identification.identify(
-                shot, settings, progress=progress, meanwhile=meanwhile, checked=checked
-            )
-            if one.diagnose:
-                found = identification.diagnose(found, shot, settings, progress=progress)
-        write_identify_results(folder, found, shot, formats=one.formats, processes=processes, page=page)
+    settings = Settings(numerics=one.solver.numerics(one.mesh), **one.choices)
+    with usable(shot), progress_bars() as progress:
+        found = identification.identify(shot, settings, progress=progress)
+        if one.diagnose:
+            found = identification.diagnose(found, shot, settings, progress=progress)
+    write_identify_results(folder, found, shot, formats=one.formats, processes=processes)
     beside, said, doubts = paper_answer(shot, settings, folder) if one.paper else ({}, {}, [])
     return Printout(
         shot=shot.name,
@@ -159,33 +145,29 @@ _Answer = Printout | InputError
 """What became of a shot: its answer, or why there is none."""
 
 
-def refuse_shared(processes: int | None, dask: str) -> None:
-    """Refuse workers where there is but one identification."""
-    for option, given in (("--processes", processes is not None), ("--dask", bool(dask))):
+def refuse_shared(workers: Workers) -> None:
+    """Refuse workers for a single identification."""
+    for option, given in (("--processes", workers.processes is not None), ("--dask", bool(workers.dask))):
         if given:
             raise InputError(
                 texts.COMMAND_LINE,
-                f"{option} shares out shots that are identified by themselves",
-                cure="give --each, or leave it out: shots that are identified together run side by side",
+                f"{option} is for shots that are identified one by one",
+                cure="give --each, or leave it out",
             )
 
 
-def identify_each(
-    shots: Sequence[Path], alike: SingleShotJob, *, processes: int | None, dask: str, as_json: bool
-) -> None:
-    """Identify every shot by itself, write the results of each, print in the order of the shots."""
+def identify_each(shots: Sequence[Path], alike: SingleShotJob, workers: Workers, *, as_json: bool) -> None:
+    """Identify every shot, write the results of each, print in the order of the shots."""
     started = perf_counter()
-    from kolsky.cli.sweep import Workers
     from kolsky.cli.terminal import print_result, progress_bars, since
 
     tasks = [
         replace(alike, shot=shot, out=out)
         for shot, out in zip(shots, _result_folders(shots, alike.out), strict=True)
     ]
-    workers = Workers(processes, dask)
-    if dask or processes is not None:
+    if workers.dask or workers.processes is not None:
         # Workers of a scheduler share their machines: one thread each, unless more are asked for.
-        threads = workers.threads(alike.solver.threads or (1 if dask else None))
+        threads = workers.threads(alike.solver.threads or (1 if workers.dask else None))
         tasks = [replace(task, solver=replace(task.solver, threads=threads)) for task in tasks]
     found: list[_Answer] = []
     with workers.executor() as executor:
@@ -287,15 +269,18 @@ def _json_object(shot: Path, one: _Answer) -> dict[str, Any]:
 def identify(
     shots: Annotated[
         list[Path],
-        typer.Argument(metavar="SHOT...", help="A shot's folder, or its shot.toml; several: together."),
+        typer.Argument(
+            metavar="SHOT...", help="A shot's folder, or its shot.toml; several: identified together."
+        ),
     ],
+    *,
     free: Annotated[
         list[str] | None,
         typer.Option(
             "--free",
             metavar="NAME[=LOW:HIGH]",
-            help=f"Free parameter and the bounds of its design; repeat for more. {', '.join(PARAMETERS)}.",
-            show_default="stiffness_factor, and poisson and damping where the data can tell them",
+            help=f"Free parameter and the bounds of its search; repeat for more. {', '.join(PARAMETERS)}.",
+            show_default="stiffness_factor, and poisson and damping if the data constrain them",
         ),
     ] = None,
     hold: Annotated[
@@ -310,55 +295,42 @@ def identify(
     ] = None,
     mesh: Mesh = "24x32",
     refined_mesh: Annotated[
-        str, typer.Option(metavar="NRxNY", help="The mesh the answer is given and checked on.")
+        str, typer.Option(metavar="NRxNY", help="Mesh of the final estimate and its check.")
     ] = "64x86",
     replicates: Annotated[
-        int, typer.Option(min=0, help="Draws of the flyer's and the curve's noise; 0 leaves them out.")
+        int,
+        typer.Option(min=0, help="Random draws of the flyer's and the curve's noise; 0: none."),
     ] = 64,
-    methods: Annotated[
-        str,
-        typer.Option(metavar="WHICH", help="surrogate, or all: least squares on the solver too (expensive)."),
-    ] = "surrogate",
     method: Annotated[
         str,
         typer.Option(
             metavar="WHICH",
-            help="least-squares, or paper: beside it that of Mates et al., a factorial over friction and m, "
-            "a surface through Phi, a simplex; bounds by --free.",
+            help="least-squares, or paper: also the method of Mates et al. (factorial over friction and m, "
+            "response surface of Phi, simplex); bounds by --free.",
         ),
     ] = "least-squares",
-    solver: SolverOptions = SOLVER_DEFAULTS,
+    solver: SolverOptions,
     bayes: Annotated[bool, typer.Option("--bayes", help="Sample the posterior too; needs emcee.")] = False,
     diagnose: Annotated[
         bool,
-        typer.Option("--diagnose", help="Identify anew with each of the two likeliest causes put right."),
+        typer.Option("--diagnose", help="Identify again with each of the two likeliest causes corrected."),
     ] = False,
     relaxation: Annotated[
         str,
         typer.Option(
             metavar="KIND",
-            help="What relaxes beside the curve, its constants free: prony, prony:2 or bergstrom_boyce.",
-            show_default="as [relaxation] of shot.toml says",
+            help="Add a viscoelastic model with free constants: prony, prony:2 or bergstrom_boyce.",
+            show_default="[relaxation] of shot.toml",
         ),
     ] = "",
     each: Annotated[
-        bool, typer.Option("--each", help="Several shots: each by itself, its results in its own folder.")
+        bool, typer.Option("--each", help="Identify several shots one by one, with a results folder each.")
     ] = False,
-    processes: Annotated[
-        int | None, typer.Option(min=1, help="With --each: so many processes share the shots.")
-    ] = None,
-    dask: Annotated[
-        str,
-        typer.Option(
-            metavar="ADDRESS", help="With --each: a Dask scheduler shares them; address or its file."
-        ),
-    ] = "",
-    slow_tests: SlowTests = None,
-    curve_nodes: CurveNodes = 0,
-    curve_roughness: Roughness = 0.1,
-    gain_each: GainEach = "",
-    no_scatter: NoScatter = False,
-    pull: Annotated[str, typer.Option(help="The curve m refers to: first pull or conditioned.")] = "first",
+    workers: Workers,
+    joint: JointOptions,
+    pull: Annotated[
+        str, typer.Option(help="Pull of the curve that m refers to: first or conditioned.")
+    ] = "first",
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 1,
     out: Out = None,
     figures: Figures = "",
@@ -366,15 +338,15 @@ def identify(
 ) -> None:
     """Identify the stiffness factor m (and more) of a shot, with its k = 2 interval and a report.
 
-    Poisson's ratio and damping are free too where the force's ringing tells them; --hold poisson --hold
-    damping keeps the shot's values, and the result says in any case what that would give.
+    Poisson's ratio and damping are estimated too if the ringing of the force constrains them. With --hold
+    poisson --hold damping they keep the shot's values; the report shows the result for that case as well.
 
     Writes identification.h5, report.html and CSV tables into SHOT/results.
 
-    Several shots of one material are identified together, with slow tests if there are some: shared
-    parameters, each shot's own clock and gain, the scatter between them. They leave joint.json, joint.html,
-    tables and the ledger joint.sqlite in the folder joint; the same command goes on where it ended. With
-    --each they are identified one by one, side by side in --processes or by the workers of --dask.
+    Several shots of one material, with slow tests if given, are identified together: shared parameters,
+    clock and gain of each shot, scatter between shots. The results are joint.json, joint.html, tables and the
+    ledger joint.sqlite in the folder joint; the same command continues an interrupted run. With
+    --each they are identified one by one, in parallel with --processes or --dask.
     """
     started = perf_counter()
     ranges = texts.ranges("--free", free) if free else None
@@ -382,18 +354,15 @@ def identify(
     coarse, refined = texts.mesh("--mesh", mesh), texts.mesh("--refined-mesh", refined_mesh)
     texts.finer("--refined-mesh", refined, "--mesh", coarse)
     formats = texts.figure_formats(figures)
-    texts.one_of("--methods", methods, ("surrogate", "all"))
     texts.one_of("--method", method, ("least-squares", "paper"))
     texts.one_of("--pull", pull, ("first", "conditioned"))
     texts.apart("--free", ranges or {}, "--hold", [*held, *kept])
     if bayes:
         texts.installed("--bayes", "emcee", "bayes")
-    joint = JointOptions(slow_tests, curve_nodes, curve_roughness, gain_each, no_scatter)
     if (len(shots) > 1 or joint.asked) and not each:
-        refuse_shared(processes, dask)
+        refuse_shared(workers)
         refuse_single_shot_options(
             {
-                "methods": methods != "surrogate",
                 "method": method != "least-squares",
                 "bayes": bayes,
                 "diagnose": diagnose,
@@ -422,7 +391,6 @@ def identify(
             "hold": kept,
             "refined_mesh": refined,
             "replicates": replicates,
-            "methods": "all" if methods == "all" else "surrogate",
             "bayes": bayes,
             "pull": "conditioned" if pull == "conditioned" else "first",
             "seed": seed,
@@ -435,13 +403,13 @@ def identify(
     )
     if each:
         joint.refuse()
-        identify_each(shots, alone, processes=processes, dask=dask, as_json=as_json)
+        identify_each(shots, alone, workers, as_json=as_json)
         return
-    refuse_shared(processes, dask)
+    refuse_shared(workers)
     from kolsky.cli.terminal import print_result, since
-    from kolsky.report.page_process import drawers
+    from kolsky.report.result_folder import drawing_processes
 
-    found = _run_job(alone, processes=drawers())
+    found = _run_job(alone, processes=drawing_processes())
     print_result(
         found.rows,
         found.said if as_json else None,

@@ -16,48 +16,33 @@ if TYPE_CHECKING:
     from kolsky.inverse.joint_result import JointResult, JointSettings
     from kolsky.shot.records import Shot
 
-SlowTests = Annotated[
-    Path | None,
-    typer.Option("--slow-tests", metavar="TOML", help="Relaxation, ramps, oscillation of the same material."),
-]
-CurveNodes = Annotated[
-    int,
-    typer.Option(min=0, help="Free the curve too: at so many nodes of its strain, 4 to 24."),
-]
-Roughness = Annotated[
-    float,
-    typer.Option(
-        "--curve-roughness", help="Standard deviation of the second difference of the nodes' logarithms."
-    ),
-]
-GainEach = Annotated[
-    str,
-    typer.Option(metavar="PERCENT", help='Standard uncertainty of each shot\'s own gain, "0.5 %".'),
-]
-NoScatter = Annotated[
-    bool, typer.Option("--no-scatter", help="Shots differ by nothing but their noise: none is estimated.")
-]
-
 
 @dataclass(frozen=True)
 class JointOptions:
-    """What the command line says beside the options of one shot."""
+    """Options of shots that are identified together; see `kolsky.cli.options.with_settings`."""
 
-    slow_tests: Path | None
-    """List of slow tests."""
-    nodes: int
-    """Nodes of the curve."""
-    roughness: float
-    """Standard deviation of their second difference [-]."""
-    gain_each: str
-    """Standard uncertainty of each shot's own force scale, as written."""
-    no_scatter: bool
-    """Whether no scatter is estimated."""
+    slow_tests: Annotated[
+        Path | None,
+        typer.Option(metavar="TOML", help="Relaxation, ramps, oscillation of the same material."),
+    ] = None
+    curve_nodes: Annotated[
+        int, typer.Option(min=0, help="Estimate the curve too, at this number of strains: 4 to 24.")
+    ] = 0
+    curve_roughness: Annotated[
+        float, typer.Option(help="Standard deviation of the second difference of the nodes' logarithms.")
+    ] = 0.1
+    gain_each: Annotated[
+        str,
+        typer.Option(metavar="PERCENT", help='Standard uncertainty of each shot\'s own gain, "0.5 %".'),
+    ] = ""
+    no_scatter: Annotated[
+        bool, typer.Option("--no-scatter", help="Assume no specimen-to-specimen scatter.")
+    ] = False
 
     @property
     def asked(self) -> bool:
-        """True if something is asked for that one shot by itself has not."""
-        return self.slow_tests is not None or self.nodes > 0
+        """Whether an option needs a joint identification."""
+        return self.slow_tests is not None or self.curve_nodes > 0
 
     def refuse(self) -> None:
         """Refuse what means something for several shots together alone.
@@ -66,7 +51,7 @@ class JointOptions:
         """
         given = {
             "slow-tests": self.slow_tests is not None,
-            "curve-nodes": self.nodes > 0,
+            "curve-nodes": self.curve_nodes > 0,
             "gain-each": bool(self.gain_each),
             "no-scatter": self.no_scatter,
         }
@@ -103,8 +88,8 @@ class JointOptions:
                 numerics=numerics,
                 refined_mesh=refined,
                 replicates=replicates,
-                curve_nodes=self.nodes,
-                curve_roughness=self.roughness,
+                curve_nodes=self.curve_nodes,
+                curve_roughness=self.curve_roughness,
                 scatter=not self.no_scatter,
                 gain_each=gain,
                 seed=seed,
@@ -144,10 +129,12 @@ def identify_shots(
     from kolsky.report.study_folder import write_joint_results
     from kolsky.results.joint import STEM, to_json
     from kolsky.shot.curve import with_pull
+    from kolsky.shot.load import load_shot
 
     shots = [
         with_pull(
-            _with_relaxation(_loaded(path), relaxation), "conditioned" if pull == "conditioned" else "first"
+            with_relaxation_option(load_shot(path), relaxation),
+            "conditioned" if pull == "conditioned" else "first",
         )
         for path in paths
     ]
@@ -171,13 +158,8 @@ def identify_shots(
     )
 
 
-def _loaded(path: Path) -> "Shot":
-    from kolsky.shot.load import load_shot
-
-    return load_shot(path)
-
-
-def _with_relaxation(shot: "Shot", text: str) -> "Shot":
+def with_relaxation_option(shot: "Shot", text: str) -> "Shot":
+    """The shot with the relaxation of `--relaxation`; as declared if the text is empty."""
     from kolsky.inverse.parameters import with_relaxation
 
     return with_relaxation(shot, *texts.relaxation("--relaxation", text)) if text else shot
@@ -190,6 +172,7 @@ def answer_lines(found: "JointResult") -> list[str]:
     from kolsky.results import numbers
     from kolsky.results.nomenclature import name_of
     from kolsky.results.numbers import plain_sentence
+    from kolsky.results.printed import plain_symbol
 
     said = []
     for name, e in found.estimates.items():
@@ -197,12 +180,12 @@ def answer_lines(found: "JointResult") -> list[str]:
         value, half = numbers.measured(known.factor * e.value, known.factor * found.expanded[name])
         unit = "" if known.unit == "1" else f" {plain_sentence(known.unit)}"
         line = (
-            f"{_symbol(name)} = {plain_sentence(value)} +- "
+            f"{plain_symbol(name)} = {plain_sentence(value)} +- "
             f"{plain_sentence(half)}{unit} (95 %, {len(found.shots)} shots)"
         )
         if e.outcome is Verdict.NOT_SEEN:
             low, high = (known.factor * end for end in interval(e, found.expanded[name]))
-            line = f"{_symbol(name)} = {low:.2g} to {high:.2g}{unit}"
+            line = f"{plain_symbol(name)} = {low:.2g} to {high:.2g}{unit}"
         said.append(line if e.outcome is Verdict.IDENTIFIED else f"{line}: {e.outcome.value.upper()}")
     if found.scatter is not None:
         low, high = (100.0 * end for end in found.scatter.interval)
@@ -246,9 +229,3 @@ def refuse_single_shot_options(given: Mapping[str, bool]) -> None:
                 f"--{name} is for one shot by itself",
                 cure="leave it out, or identify the shots one by one",
             )
-
-
-def _symbol(name: str) -> str:
-    from kolsky.inverse.parameters import PARAMETERS
-
-    return PARAMETERS[name].symbol if name in PARAMETERS else name

@@ -329,7 +329,7 @@ def material_relaxation(
     ],
     shots: Annotated[
         list[Path] | None,
-        typer.Option("--shot", metavar="SHOT", help="An identified shot to place beside them; repeat."),
+        typer.Option("--shot", metavar="SHOT", help="An identified shot to compare with them; repeat."),
     ] = None,
     branches: Annotated[
         int, typer.Option(min=0, max=8, help="Most branches of the Prony series that are tried.")

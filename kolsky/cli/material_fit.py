@@ -6,6 +6,7 @@ elements.
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from kolsky.material.fits.homogeneous_test import Columns, HomogeneousTest
 
 
-_DEFAULT_LAWS = ("neo_hookean", "reduced_polynomial", "yeoh", "mooney_rivlin", "ogden1")
+_DEFAULT_LAWS = ("neo_hookean", "reduced_polynomial", "yeoh", "mooney_rivlin_2", "ogden1")
 """Laws that are tried if none is named: those that a single compression test may determine."""
 
 _SAME_SIZE = 1e-3
@@ -305,6 +306,63 @@ def _refuse_columns(path: Path, mode: "Mode", columns: "Columns") -> None:
         )
 
 
+@dataclass(frozen=True)
+class ColumnOptions:
+    """Columns of homogeneous tests and the specimen's size; see `kolsky.cli.options.with_settings`."""
+
+    convention: Annotated[
+        str,
+        typer.Option(
+            help="Sign of stress and strain in the files: tension-positive or compression-positive.",
+            show_default="required",
+        ),
+    ] = ""
+    stretch: Annotated[str, typer.Option(metavar="COLUMN", help="The stretch, by name or number.")] = ""
+    strain: Annotated[
+        str, typer.Option(metavar="COLUMN", help="Instead: the nominal strain, or the amount of shear.")
+    ] = ""
+    strain_unit: Annotated[str | None, typer.Option(help='Its unit, "1" or "%".', show_default="found")] = (
+        None
+    )
+    stress: Annotated[str, typer.Option(metavar="COLUMN", help="The nominal stress.")] = ""
+    stress_unit: Annotated[str | None, typer.Option(help='Its unit, e.g. "kPa".', show_default="found")] = (
+        None
+    )
+    displacement: Annotated[
+        str, typer.Option(metavar="COLUMN", help="Instead of a strain, uniaxial tests; needs --length.")
+    ] = ""
+    force: Annotated[
+        str, typer.Option(metavar="COLUMN", help="Instead of a stress; needs --area or --diameter.")
+    ] = ""
+    length: Annotated[str | None, typer.Option(help='Undeformed gauge length, e.g. "30 mm".')] = None
+    area: Annotated[str | None, typer.Option(help='Undeformed cross-section, e.g. "12 mm^2".')] = None
+    diameter: Annotated[str | None, typer.Option(help='Or the diameter, e.g. "50 mm".')] = None
+    lateral: Annotated[
+        str,
+        typer.Option(
+            metavar="COLUMN", help="The stretch across the load, or with --lateral-strain its strain."
+        ),
+    ] = ""
+    lateral_strain: Annotated[
+        bool, typer.Option("--lateral-strain", help="The lateral column is a nominal strain.")
+    ] = False
+    header_line: HeaderLine = None
+
+    def columns(self) -> "Columns":
+        """The columns, with the size in SI units.
+
+        Raises InputError if a size cannot be read.
+        """
+        from kolsky.material.fits.homogeneous_test import Columns
+
+        given = asdict(self)
+        diameter = given.pop("diameter")
+        if self.length is not None:
+            given["length"] = texts.physical("--length", self.length, "m", positive=True)
+        given["area"] = area_of(self.area, diameter)
+        return Columns(**given)
+
+
 def material_fit(
     files: Annotated[
         list[str],
@@ -314,45 +372,13 @@ def material_fit(
             "(a FILE alone is uniaxial).",
         ),
     ],
-    convention: Annotated[
-        str,
-        typer.Option(
-            help="Sign of stress and strain in the files: tension-positive or compression-positive.",
-            show_default="must be said",
-        ),
-    ] = "",
-    stretch: Annotated[str, typer.Option(metavar="COLUMN", help="The stretch, by name or number.")] = "",
-    strain: Annotated[
-        str, typer.Option(metavar="COLUMN", help="Instead: the nominal strain, or the amount of shear.")
-    ] = "",
-    strain_unit: Annotated[
-        str | None, typer.Option(help='Its unit, "1" or "%".', show_default="found")
-    ] = None,
-    stress: Annotated[str, typer.Option(metavar="COLUMN", help="The nominal stress.")] = "",
-    stress_unit: Annotated[
-        str | None, typer.Option(help='Its unit, e.g. "kPa".', show_default="found")
-    ] = None,
-    displacement: Annotated[
-        str, typer.Option(metavar="COLUMN", help="Instead of a strain, uniaxial tests; needs --length.")
-    ] = "",
-    force: Annotated[
-        str, typer.Option(metavar="COLUMN", help="Instead of a stress; needs --area or --diameter.")
-    ] = "",
-    length: Annotated[str | None, typer.Option(help='Undeformed gauge length, e.g. "30 mm".')] = None,
-    area: Annotated[str | None, typer.Option(help='Undeformed cross-section, e.g. "12 mm^2".')] = None,
-    diameter: Annotated[str | None, typer.Option(help='Or the diameter, e.g. "50 mm".')] = None,
-    lateral: Annotated[
-        str,
-        typer.Option(
-            metavar="COLUMN", help="The stretch across the load, or with --lateral-strain its strain."
-        ),
-    ] = "",
-    lateral_strain: Annotated[
-        bool, typer.Option("--lateral-strain", help="The lateral column is a nominal strain.")
-    ] = False,
-    header_line: HeaderLine = None,
+    *,
+    columns: ColumnOptions,
     mean: Annotated[
-        int, typer.Option(min=0, help="Average the files of a mode at so many strains; 0: fit every point.")
+        int,
+        typer.Option(
+            min=0, help="Average the files of a mode at this number of strains; 0: fit every point."
+        ),
     ] = 0,
     laws: Annotated[str, typer.Option(metavar="NAMES", help="Laws to try.", show_default="all")] = "",
     weighting: Annotated[str, typer.Option(help="absolute, relative or sigma.")] = "absolute",
@@ -393,7 +419,6 @@ def material_fit(
     from kolsky.base.files import filling, usable_folder, write_table
     from kolsky.cli.terminal import print_result, progress_bars, since
     from kolsky.material.fits.compare import candidates, compare_laws
-    from kolsky.material.fits.homogeneous_test import Columns
     from kolsky.material.fits.search import Weighting
     from kolsky.material.fits.tables import as_json as to_json
     from kolsky.material.fits.tables import remarks, tables
@@ -406,41 +431,25 @@ def material_fit(
             texts.COMMAND_LINE, f"--laws: {error}", cure="`kolsky material fit --help` lists the laws"
         ) from None
     folder = usable_folder(out)
-    ratio, free_poisson = poisson_of(poisson, lateral)
-    tested_length = None if length is None else texts.physical("--length", length, "m", positive=True)
-    section = area_of(area, diameter)
-    size = None
+    ratio, free_poisson = poisson_of(poisson, columns.lateral)
+    chosen, size = columns.columns(), None
     if specimen is not None:
         size = size_of(specimen)
-        tested_length, section = agreed_size(
+        length, area = agreed_size(
             size,
-            tested_length,
-            section,
+            chosen.length,
+            chosen.area,
             {
                 "--figures": bool(formats),
                 "--mean": mean > 0,
                 "--weighting": weighting != "absolute",
                 "--free-bounds": free_bounds,
                 "--poisson free": free_poisson,
-                "--lateral": bool(lateral),
+                "--lateral": bool(columns.lateral),
             },
         )
-    columns = Columns(
-        convention,
-        stretch,
-        strain,
-        strain_unit,
-        stress,
-        stress_unit,
-        header_line,
-        displacement=displacement,
-        force=force,
-        length=tested_length,
-        area=section,
-        lateral=lateral,
-        lateral_strain=lateral_strain,
-    )
-    tests, hashes = read_tests(files, columns, mean=mean)
+        chosen = replace(chosen, length=length, area=area)
+    tests, hashes = read_tests(files, chosen, mean=mean)
     if size is not None:
         _fit_cylinder_with_friction(
             tests,

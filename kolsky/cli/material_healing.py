@@ -10,12 +10,13 @@ import typer
 
 from kolsky.base.errors import InputError
 from kolsky.cli import texts
-from kolsky.cli.options import AsJson, HeaderLine, OutFolder
+from kolsky.cli.material_fit import ColumnOptions, poisson_of, read_tests
+from kolsky.cli.options import AsJson, OutFolder
 
 if TYPE_CHECKING:
     from kolsky.material.fits.properties import Healing
 
-Column = typer.Option(metavar="COLUMN", help="By name or number.", show_default=False)
+TENSILE = ColumnOptions(convention="tension-positive")
 
 
 def material_healing(
@@ -25,14 +26,8 @@ def material_healing(
     healed: Annotated[
         list[str], typer.Option(metavar="FILE", help="Tensile test of a healed specimen; repeat.")
     ],
-    strain: Annotated[str, Column] = "",
-    stretch: Annotated[str, Column] = "",
-    stress: Annotated[str, Column] = "",
-    displacement: Annotated[str, Column] = "",
-    force: Annotated[str, Column] = "",
-    length: Annotated[str | None, typer.Option(help='Undeformed gauge length, e.g. "30 mm".')] = None,
-    area: Annotated[str | None, typer.Option(help='Undeformed cross-section, e.g. "12 mm^2".')] = None,
-    header_line: HeaderLine = None,
+    *,
+    columns: ColumnOptions = TENSILE,
     law: Annotated[str, typer.Option(help="Law whose constants are compared.")] = "neo_hookean",
     poisson: Annotated[
         str | None, typer.Option(help="Poisson's ratio at rest.", show_default="incompressible")
@@ -46,27 +41,15 @@ def material_healing(
     """
     from explicit.materials import LAWS
     from kolsky.base.files import filling, usable_folder, write_table
-    from kolsky.cli.material_fit import area_of, poisson_of, read_tests
     from kolsky.cli.terminal import print_result
-    from kolsky.material.fits.homogeneous_test import Columns
     from kolsky.material.fits.properties import healing
 
     texts.one_of("--law", law, tuple(LAWS))
     ratio, free = poisson_of(poisson, "")
     assert not free
-    columns = Columns(
-        "tension-positive",
-        stretch,
-        strain,
-        stress=stress,
-        header_line=header_line,
-        displacement=displacement,
-        force=force,
-        length=None if length is None else texts.physical("--length", length, "m", positive=True),
-        area=area_of(area, None),
-    )
     folder = usable_folder(out)
-    groups = [read_tests(files, columns) for files in (undamaged, healed)]
+    chosen = columns.columns()
+    groups = [read_tests(files, chosen) for files in (undamaged, healed)]
     both = set(groups[0][1]) & set(groups[1][1])
     if both:
         raise InputError(sorted(both)[0], "is named as undamaged and as healed", cure="name it once")

@@ -171,8 +171,9 @@ def _resource(name: str) -> str:
 
 
 def _text_of(series: Path) -> str:
-    from kolsky.readers.text import decode, read_bytes
-    from kolsky.schema.shot_file import TOML_LIMIT, find_shot_file
+    from kolsky.base.files import decode, read_bytes
+    from kolsky.base.toml import TOML_LIMIT
+    from kolsky.schema.shot_file import find_shot_file
 
     path = find_shot_file(series)
     return decode(path, read_bytes(path, limit=TOML_LIMIT))

@@ -1,14 +1,14 @@
 """Options that several commands share, and the shot that a command is about.
 
-`SolverOptions` and `--quiet` are added to the signature of a command when the program is made, see
-`kolsky.cli.commandline.program`.
+A record of options, such as `SolverOptions`, is spread over the signature of a command when the program is
+made, see `with_settings`.
 """
 
 import functools
 import inspect
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -31,7 +31,7 @@ Out = Annotated[
 ]
 OutFolder = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Where results go.")]
 Figures = Annotated[
-    str, typer.Option(metavar="FORMATS", help="Also save each figure alone, e.g. pdf,svg,png,csv.")
+    str, typer.Option(metavar="FORMATS", help="Also save each figure as a file, e.g. pdf,svg,png,csv.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object (SI units) instead of a table.")]
 
@@ -45,27 +45,6 @@ Mesh = Annotated[str, typer.Option(metavar="NRxNY", help="Elements across the ra
 Precision = Annotated[str, typer.Option(help="Arithmetic of the solver: fp64 or fp32.")]
 Device = Annotated[str, typer.Option(help='"cpu", a CUDA device such as "cuda:0", or "cuda".')]
 Threads = Annotated[int | None, typer.Option(min=1, help="CPU threads.", show_default="all cores")]
-_PastData = Annotated[
-    str,
-    typer.Option(
-        metavar="CHOICE",
-        help="Past the last point of the quasi-static curve the law continues on its tangent (continue), or "
-        "the run ends (stop).",
-    ),
-]
-Element = Annotated[
-    str,
-    typer.Option(help="one_point, or fbar: fully integrated, nothing to tune, three times as expensive."),
-]
-Hourglass = Annotated[str, typer.Option(help="Hourglass control of one_point: stiffness or viscous.")]
-_Corrected = Annotated[
-    bool,
-    typer.Option(
-        "--nearly-incompressible",
-        help="Run the mesh at poisson = 0.495 and correct to the wanted one on coarser meshes: cheaper from "
-        "0.499 on.",
-    ),
-]
 
 HeaderLine = Annotated[
     int | None, typer.Option(min=0, help="Line of the column names; 0: none.", show_default="found")
@@ -76,17 +55,33 @@ HeaderLine = Annotated[
 class SolverOptions:
     """Numerical choices of the solver as the command line gives them.
 
-    A command with a parameter of this type has every field as an option of its own, see
-    `with_solver_options`.
+    Every field is an option of a command that has a parameter of this type, see `with_settings`.
     """
 
-    element: Element = "one_point"
-    hourglass: Hourglass = "stiffness"
-    nearly_incompressible: _Corrected = False
+    element: Annotated[
+        str,
+        typer.Option(help="one_point, or fbar: fully integrated, three times as expensive."),
+    ] = "one_point"
+    hourglass: Annotated[str, typer.Option(help="Hourglass control of one_point: stiffness or viscous.")] = (
+        "stiffness"
+    )
+    nearly_incompressible: Annotated[
+        bool,
+        typer.Option(
+            "--nearly-incompressible",
+            help="Run at poisson = 0.495 and correct it on coarser meshes: cheaper above 0.499.",
+        ),
+    ] = False
     precision: Precision = "fp64"
     device: Device = "cpu"
     threads: Threads = None
-    past_data: _PastData = "continue"
+    past_data: Annotated[
+        str,
+        typer.Option(
+            metavar="CHOICE",
+            help="Beyond the last point of the quasi-static curve: continue on its tangent, or stop the run.",
+        ),
+    ] = "continue"
 
     def numerics(self, mesh: tuple[int, int]) -> "Numerics":
         """Settings of the solver on a mesh.
@@ -123,69 +118,51 @@ class SolverOptions:
         )
 
 
-SOLVER_DEFAULTS = SolverOptions()
-"""Defaults of the solver's options."""
-
-
-def with_solver_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Put the fields of `SolverOptions`, as options, where a command has a parameter of that type.
-
-    ``command``: a function of typed options; one without such a parameter is returned as it is.
-    """
-    hints = get_type_hints(command, include_extras=True)
-    name = next((name for name, hint in hints.items() if hint is SolverOptions), None)
-    if name is None:
-        return command
-    choices = get_type_hints(SolverOptions, include_extras=True)
-
-    @functools.wraps(command)
-    def spread(**given: Any) -> None:
-        solver = SolverOptions(**{field.name: given.pop(field.name) for field in fields(SolverOptions)})
-        command(**given, **{name: solver})
-
-    parameters: list[inspect.Parameter] = []
-    for parameter in inspect.signature(command).parameters.values():
-        if parameter.name == name:
-            for field in fields(SolverOptions):
-                annotation = choices[field.name]
-                parameters.append(
-                    inspect.Parameter(
-                        field.name, parameter.kind, default=field.default, annotation=annotation
-                    )
-                )
-        else:
-            parameters.append(parameter.replace(annotation=hints[parameter.name]))
-    spread.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    spread.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    del spread.__wrapped__  # type: ignore[attr-defined]
-    return spread
-
-
-_Quiet = Annotated[
+Quiet = Annotated[
     bool,
-    typer.Option("--quiet", "-q", help="No progress, no wall time: the answer and its warnings alone."),
+    typer.Option("--quiet", "-q", help="Print the answer and its warnings only: no progress, no wall time."),
 ]
 
 
-def with_general_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options that every command has.
+def with_settings(command: Callable[..., None]) -> Callable[..., None]:
+    """Make one option of every field of a command's records, and add `--quiet`.
 
-    ``command``: a function of typed options.
+    ``command``: a function of typed options. The fields of a parameter whose type is a dataclass take its
+    place in the signature; their annotations are `typer.Option`, and the record is made from what was given.
     """
     hints = get_type_hints(command, include_extras=True)
-    own = [
-        parameter.replace(annotation=hints.get(parameter.name, parameter.annotation))
-        for parameter in inspect.signature(command).parameters.values()
-    ]
+    records: dict[str, Any] = {name: hint for name, hint in hints.items() if is_dataclass(hint)}
+    parameters: list[inspect.Parameter] = []
+    for parameter in inspect.signature(command).parameters.values():
+        if parameter.name not in records:
+            parameters.append(parameter.replace(annotation=hints[parameter.name]))
+            continue
+        record = records[parameter.name]
+        given = parameter.default
+        annotations = get_type_hints(record, include_extras=True)
+        parameters += [
+            parameter.replace(
+                name=field.name,
+                default=field.default if given is inspect.Parameter.empty else getattr(given, field.name),
+                annotation=annotations[field.name],
+            )
+            for field in fields(record)
+        ]
+    parameters.append(
+        inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet)
+    )
 
     @functools.wraps(command)
     def spread(*, quiet: bool = False, **given: Any) -> None:
+        made = {
+            name: record(**{field.name: given.pop(field.name) for field in fields(record)})
+            for name, record in records.items()
+        }
         with quietly(quiet):
-            command(**given)
+            command(**given, **made)
 
-    added = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=_Quiet)
-    spread.__signature__ = inspect.Signature([*own, added])  # type: ignore[attr-defined]
-    spread.__annotations__ = {parameter.name: parameter.annotation for parameter in (*own, added)}
+    spread.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    spread.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     del spread.__wrapped__  # type: ignore[attr-defined]
     return spread
 

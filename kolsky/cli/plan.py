@@ -1,4 +1,4 @@
-"""`kolsky plan`: where and when a measurement would tell most, and how well parameters would be known."""
+"""`kolsky plan`: where and when to measure, and the uncertainty of the parameters to expect."""
 
 from dataclasses import replace
 from time import perf_counter
@@ -58,13 +58,13 @@ def plan(
         str, typer.Option(metavar="START:END", help='E.g. "0 ms:1.2 ms".', show_default="the shot's")
     ] = "",
     rates: Annotated[
-        str, typer.Option(metavar="FACTORS", help="Speeds of the flyer over the shot's to compare.")
+        str, typer.Option(metavar="FACTORS", help="Flyer speeds to compare, relative to the shot's.")
     ] = "0.5,1,2",
     heights: Annotated[
         str, typer.Option(metavar="NUMBERS", help="How many best heights to choose.")
     ] = "1,2,3",
     discrepancy: Annotated[
-        str, typer.Option(help="What the model leaves out: its change to a finer mesh (mesh), or none.")
+        str, typer.Option(help="Model error: the change to a finer mesh (mesh), or none.")
     ] = "mesh",
     reach: Annotated[
         float, typer.Option(min=0.001, max=0.5, help="Range of the slopes over the parameters' scales.")
@@ -79,7 +79,7 @@ def plan(
     ] = "png",
     as_json: AsJson = False,
 ) -> None:
-    """Predict what a test like this shot would tell: where, when and how fast to measure.
+    """Predict the uncertainty of a planned test like this shot: where, when and how fast to measure.
 
     Writes plan.h5, plan.json, CSV tables and figures into SHOT/results.
     """

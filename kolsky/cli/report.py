@@ -75,7 +75,7 @@ def film(
             "--format", metavar="FORMATS", help="png (stills), mp4, gif, vtu (ParaView); several by commas."
         ),
     ] = "png",
-    every: Annotated[int, typer.Option(min=1, help="Take every so many of the recorded times.")] = 1,
+    every: Annotated[int, typer.Option(min=1, help="Show every n-th recorded time.")] = 1,
     rate: Annotated[float, typer.Option(min=1.0, max=120.0, help="Pictures a second of a film.")] = 25.0,
     stills: Annotated[int, typer.Option(min=1, max=1000, help="Number of stills.")] = 6,
     out: Out = None,

@@ -10,18 +10,19 @@ import typer
 
 from kolsky.base.errors import InputError
 from kolsky.cli import texts
-from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Mesh, Numbers, Out, ShotPath, SolverOptions
+from kolsky.cli.options import AsJson, Mesh, Numbers, Out, ShotPath, SolverOptions
 
 
 def simulate(
     shot: ShotPath,
+    *,
     parameter: Numbers = None,
     mesh: Mesh = "24x32",
-    solver: SolverOptions = SOLVER_DEFAULTS,
+    solver: SolverOptions,
     out: Out = None,
     slow: Annotated[
         bool,
-        typer.Option("--slow", help="The quasi-static test instead, as slow as --error asks for."),
+        typer.Option("--slow", help="Simulate the quasi-static test instead, as slow as --error requires."),
     ] = False,
     strain: Annotated[
         str,
@@ -135,7 +136,7 @@ def _slow_options(
             cure = f"leave it out; a slow test reads {', '.join(SLOW_PARAMETERS)}"
             raise InputError(texts.COMMAND_LINE, f"--parameter {name} has no effect with --slow", cure=cure)
     for field in fields(SolverOptions):
-        if field.name != "threads" and getattr(solver, field.name) != getattr(SOLVER_DEFAULTS, field.name):
+        if field.name != "threads" and getattr(solver, field.name) != field.default:
             option = f"--{field.name.replace('_', '-')}"
             raise InputError(texts.COMMAND_LINE, f"{option} has no effect with --slow", cure="leave it out")
     if vtu:

@@ -40,11 +40,11 @@ def specimen_fit(
     ] = "",
     draws: Annotated[int, typer.Option(min=1, help="Draws of each size of --noise.")] = 3,
     steps_alone: Annotated[
-        bool, typer.Option("--steps-alone", help="Of a sheet, also fit every step alone.")
+        bool, typer.Option("--steps-alone", help="Of a sheet: also fit every step separately.")
     ] = False,
     stiffness_map: Annotated[
         str,
-        typer.Option("--map", metavar="NXxNY", help="Of a sheet, also map its stiffness by so many blocks."),
+        typer.Option("--map", metavar="NXxNY", help="Of a sheet: also map its stiffness by NX x NY blocks."),
     ] = "",
     vtu: Annotated[bool, typer.Option("--vtu", help="Also write the last sample for ParaView.")] = False,
     stills: Annotated[

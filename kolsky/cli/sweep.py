@@ -20,7 +20,7 @@ import typer
 from kolsky.base.errors import InputError
 from kolsky.base.process import process_pool
 from kolsky.cli import texts
-from kolsky.cli.options import SOLVER_DEFAULTS, AsJson, Figures, Mesh, Numbers, Out, ShotPath, SolverOptions
+from kolsky.cli.options import AsJson, Figures, Mesh, Numbers, Out, ShotPath, SolverOptions
 
 if TYPE_CHECKING:
     from doe import Box, Design
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 def sweep(
     shot: ShotPath,
+    *,
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -57,7 +58,7 @@ def sweep(
         Path | None, typer.Option(metavar="CSV", help="File of a csv design; columns NAME (UNIT).")
     ] = None,
     mesh: Mesh = "16x22",
-    solver: SolverOptions = SOLVER_DEFAULTS,
+    solver: SolverOptions,
     seed: Annotated[int, typer.Option(min=0, help="Seed of a random design.")] = 1,
     log: Annotated[
         list[str] | None,
@@ -68,29 +69,24 @@ def sweep(
         typer.Option(
             "--where",
             metavar="INEQUALITY",
-            help='Leave out points that break it, e.g. "friction <= 2 * stiffness_factor" (SI); repeat.',
+            help='Leave out points that violate it, e.g. "friction <= 2 * stiffness_factor" (SI); repeat.',
         ),
     ] = None,
-    processes: Annotated[
-        int | None, typer.Option(min=1, help="Share the runs out over so many processes of this machine.")
-    ] = None,
-    dask: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Give the runs to a Dask scheduler: address or its file.")
-    ] = "",
+    workers: "Workers",
     ledger: Annotated[
         str,
         typer.Option(
-            help="File that keeps every run as it is made, so that nothing is run twice, or none.",
+            help="File that stores every run, so that none is repeated; or none.",
             show_default="sweep.sqlite among the results",
         ),
     ] = "",
-    retry: Annotated[bool, typer.Option("--retry", help="Run again what did not complete before.")] = False,
+    retry: Annotated[bool, typer.Option("--retry", help="Repeat runs that failed before.")] = False,
     shard: Annotated[
         str, typer.Option(metavar="I/N", help="Run the I-th of N parts of the design.", show_default="all")
     ] = "1/1",
     merge: Annotated[
         list[Path] | None,
-        typer.Option("--merge", metavar="LEDGER", help="Take over another ledger's runs; repeat for more."),
+        typer.Option("--merge", metavar="LEDGER", help="Use the runs of another ledger too; repeat."),
     ] = None,
     out: Out = None,
     figures: Figures = "",
@@ -112,7 +108,6 @@ def sweep(
     held = texts.values("--parameter", parameter or [])
     elements = texts.mesh("--mesh", mesh)
     records = Records(ledger, retry=retry, shard=texts.shard("--shard", shard), merge=tuple(merge or ()))
-    workers = Workers(processes, dask)
     formats = texts.figure_formats(figures)
     chosen = choice.design()
     texts.apart("--points" if points else "--vary", chosen.box.names, "--parameter", held)
@@ -376,12 +371,14 @@ class Records:
 
 @dataclass(frozen=True)
 class Workers:
-    """The processes that share a sweep, as given on the command line."""
+    """Processes that work in parallel; see `kolsky.cli.options.with_settings`."""
 
-    processes: int | None = None
-    """Processes on this machine; None for this one alone."""
-    dask: str = ""
-    """Address of a Dask scheduler, or its scheduler file; empty for none."""
+    processes: Annotated[
+        int | None, typer.Option(min=1, help="Number of parallel processes.", show_default="none")
+    ] = None
+    dask: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Dask scheduler to use: its address or scheduler file.")
+    ] = ""
 
     @contextmanager
     def executor(self) -> Iterator[Any]:

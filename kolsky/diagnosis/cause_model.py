@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,18 +10,18 @@ import numpy as np
 from explicit import Response
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.diagnosis.cause_fit import ExpectedResidual
-from kolsky.diagnosis.cause_inputs import DECLARED, UNALTERED, Alteration, CandidateInput, Changed, combined
+from kolsky.diagnosis.cause_inputs import changed_vector, radii
 from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import any_slides
 from kolsky.inverse.staged_runs import StagedRuns
-from kolsky.inverse.work import Launch, in_thread, leaves_a_core, run_side_by_side
+from kolsky.inverse.work import Launch, run_side_by_side
+from kolsky.shot.inputs import UNCHANGED, Cause, Change
 
 MOST_POINTS = 800
 """Most outline points that are compared: neighbours in a frame tell the same."""
 MOST_KEPT = 128
-"""Runs that are kept, the latest, to be asked again: a search comes back to where its last step ended, and a
-scan is made ahead of being asked for."""
+"""Runs that are kept, the latest, to be asked again: a search comes back to where its last step ended."""
 SHARES = {"damping": 1e-6, "friction": 0.02}
 """Steps for differences by a free parameter, in its unit; 1 % of the value for another."""
 
@@ -33,7 +32,7 @@ class Point:
 
     x: FloatArray
     """Free parameters in SI, then the coordinate of an input that is free beside them, shape [d]."""
-    changed: Changed = DECLARED
+    changed: Change = UNCHANGED
     """The input that is tried."""
 
 
@@ -51,7 +50,7 @@ class CauseModel:
         stages: StagedRuns,
         x: FloatArray,
         refined: Response,
-        first: CandidateInput | None = None,
+        first: Cause | None = None,
     ) -> None:
         self.stages, self.x, self.refined, self.first = stages, x, refined, first
         box = stages.box
@@ -66,7 +65,7 @@ class CauseModel:
         if reference is None:
             raise ValueError("the run at the answer did not complete on the surrogate's mesh")
         self.reference: Response = reference
-        self._shifts: dict[Alteration, FloatArray] = {}
+        self._shifts: dict[tuple[float, ...], FloatArray] = {}
         self._radii: dict[tuple[float, float], list[FloatArray]] = {}
 
     @property
@@ -81,12 +80,12 @@ class CauseModel:
         seen: dict[object, FloatArray] = {}
         for i, (point, response) in enumerate(zip(points, self.respond(points), strict=True)):
             if response is not None:
-                change = point.changed.alteration
+                change = point.changed
                 key = (id(response), change.sight)
                 if key not in seen:
-                    seen[key] = change.radii(response, self.observations)
-                altered = change.vector(response, self.observations, radii=seen[key])
-                found[i] = altered + self.shift(change)
+                    seen[key] = radii(change, response, self.observations)
+                made = changed_vector(change, response, self.observations, known=seen[key])
+                found[i] = made + self.shift(change)
         offset = self.observations.front_offset
         return found if offset is None else found - offset
 
@@ -95,7 +94,7 @@ class CauseModel:
         d = self.stages.box.dimension
         if self.first is None or len(point.x) == d:
             return point
-        return Point(point.x[:d], combined(self.first.changed(float(point.x[d])), point.changed))
+        return Point(point.x[:d], self.first.changed(float(point.x[d])).then(point.changed))
 
     def refined_run(self, point: Point) -> Response | None:
         """A run on the refined mesh; None if it does not complete."""
@@ -105,16 +104,16 @@ class CauseModel:
         )
         return response if response.outcomes[0].ok else None
 
-    def shift(self, alteration: Alteration) -> FloatArray:
-        """What the refined mesh adds at the answer, under the same alteration, shape [k]."""
-        if alteration not in self._shifts:
+    def shift(self, change: Change) -> FloatArray:
+        """What the refined mesh adds at the answer, seen under the same change, shape [k]."""
+        if change.seen not in self._shifts:
             o, both = self.observations, (self.refined, self.reference)
-            if alteration.sight not in self._radii:
-                self._radii[alteration.sight] = [alteration.radii(one, o) for one in both]
-            known = zip(both, self._radii[alteration.sight], strict=True)
-            fine, coarse = (alteration.vector(one, o, radii=radii) for one, radii in known)
-            self._shifts[alteration] = fine - coarse
-        return self._shifts[alteration]
+            if change.sight not in self._radii:
+                self._radii[change.sight] = [radii(change, one, o) for one in both]
+            known = zip(both, self._radii[change.sight], strict=True)
+            fine, coarse = (changed_vector(change, one, o, known=at) for one, at in known)
+            self._shifts[change.seen] = fine - coarse
+        return self._shifts[change.seen]
 
     def respond(self, points: Sequence[Point]) -> list[Response | None]:
         """One response a point, None where it did not complete.
@@ -129,25 +128,6 @@ class CauseModel:
         found |= self._named(fresh, run_side_by_side([self._launch(group) for group in fresh]))
         self._recent = dict([*self._recent.items(), *found.items()][-MOST_KEPT:])
         return [found[key] for key in keys]
-
-    @property
-    def beside(self) -> bool:
-        """Whether there is a core on which something is done beside runs."""
-        numerics = self.stages.settings.numerics
-        return leaves_a_core(numerics.device, numerics.threads)
-
-    @contextmanager
-    def ahead(self, points: Sequence[Point]) -> Iterator[None]:
-        """Make the runs of points that will be asked for, beside the block if a core may be idle in it.
-
-        What the block asks for should not be among them: it would be run twice.
-        """
-        fresh = self._fresh([self.whole(point) for point in points])
-        launches = [self._launch(group) for group in fresh]
-        with in_thread(lambda: run_side_by_side(launches), idle=bool(launches) and self.beside) as made:
-            yield
-            found = self._named(fresh, made())
-        self._recent = dict([*self._recent.items(), *found.items()][-MOST_KEPT:])
 
     def _fresh(self, points: Sequence[Point]) -> list[list[Point]]:
         """The points whose runs are not known, each run once, in the groups of one launch."""
@@ -186,7 +166,7 @@ class CauseModel:
         motion = [list(factors).index(point.changed.motion) for point in points]
         return Launch(forward, values, numerics, motion)
 
-    def slopes(self, x: FloatArray, changed: Changed) -> list[Point]:
+    def slopes(self, x: FloatArray, changed: Change) -> list[Point]:
         """The points beside one, a step along each free parameter, for `columns`."""
         return [Point(x + step, changed) for step in np.diag(self.steps(x))]
 
@@ -256,7 +236,7 @@ def expected_residual(model: CauseModel, numerics: Numerics) -> ExpectedResidual
     o, n = model.observations, model.observations.n_force
     meshes = model.stages.settings
     ratio = meshes.refined_mesh[0] / meshes.numerics.mesh[0]
-    moved = np.nan_to_num(model.shift(UNALTERED))
+    moved = np.nan_to_num(model.shift(UNCHANGED))
     rough = moved / (ratio**SECOND_ORDER - 1.0)
     ringing = np.sqrt(np.convolve(rough[:n] ** 2, np.ones(AVERAGED_BINS) / AVERAGED_BINS, "same"))
     noise = np.concatenate([o.force_sigma, o.centre_line.sigma])
@@ -287,7 +267,7 @@ def _flyer_noise(model: CauseModel, numerics: Numerics) -> FloatArray:
     model.runs += len(paths)
     vectors = np.array(
         [
-            UNALTERED.vector(response, model.observations, i)
+            changed_vector(UNCHANGED, response, model.observations, i)
             if response.outcomes[i].ok
             else np.full(len(model.data), np.nan)
             for i in range(len(paths))

@@ -21,18 +21,19 @@ from kolsky.diagnosis.cause_fit import (
     fit_linear,
     solve_linear,
 )
-from kolsky.diagnosis.cause_inputs import DECLARED, CandidateInput
+from kolsky.diagnosis.cause_inputs import declared_span, start_of
 from kolsky.diagnosis.cause_model import CauseModel, Point
 from kolsky.inverse.result import COVERAGE
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.valleys import VALLEY, local_minima, oscillation_table
+from kolsky.shot.inputs import UNCHANGED, Cause
 
 
 @dataclass(frozen=True)
 class Trial:
     """An input at a value, with the free parameters that suit it."""
 
-    candidate: CandidateInput
+    candidate: Cause
     """The input."""
     x: FloatArray
     """Free parameters in SI, shape [d]."""
@@ -99,14 +100,14 @@ class CauseSearch:
         model: CauseModel,
         expected: ExpectedResidual,
         use: BoolArray,
-        candidates: Sequence[CandidateInput],
+        candidates: Sequence[Cause],
         *,
         start: FloatArray | None = None,
     ) -> None:
         self.stages, self.model, self.expected, self.use = stages, model, expected, use
         self.x = x = model.x if start is None else start
-        slopes = model.slopes(x, DECLARED)
-        steps = {c.key: (c, c.start(stages)) for c in candidates if np.isfinite(c.start(stages))}
+        slopes = model.slopes(x, UNCHANGED)
+        steps = {c.key: (c, start_of(c, stages)) for c in candidates if np.isfinite(start_of(c, stages))}
         beside = [Point(x, c.changed(_inside(c, u + c.step))) for c, u in steps.values()]
         vectors = model.vectors([Point(x), *slopes, *beside])
         self.vector = vectors[0]
@@ -117,7 +118,9 @@ class CauseSearch:
             if np.isfinite(vector[: self.n_force]).all():
                 change = np.nan_to_num(vector - self.vector)[use]
                 self.columns[c.key] = change / (_inside(c, u + c.step) - u)
-        self.declared = [c for c in candidates if c.key in self.columns and c.within(stages) is not None]
+        self.declared = [
+            c for c in candidates if c.key in self.columns and declared_span(c, stages) is not None
+        ]
         here = self.residual(self.vector)
         self.null = solve_linear(here, self.slope, expected, self.allowed())
         self.at, self.left = self.clipped(x + self.null.step), self.null.residual
@@ -148,28 +151,28 @@ class CauseSearch:
             found.append(replace(t, residual=residual, misfits=self.expected.misfits(residual)))
         return found
 
-    def allowed(self, tried: CandidateInput | None = None) -> Allowances:
+    def allowed(self, tried: Cause | None = None) -> Allowances:
         """What may be off within its declared uncertainty, without the input that is tried."""
         columns, lower, upper = [], [], []
         for c in self.declared:
-            span = c.within(self.stages)
+            span = declared_span(c, self.stages)
             if span is None or (tried is not None and c.key == tried.key):
                 continue
-            unit, start = (span[1] - span[0]) / (2.0 * COVERAGE), c.start(self.stages)
+            unit, start = (span[1] - span[0]) / (2.0 * COVERAGE), start_of(c, self.stages)
             columns.append(unit * self.columns[c.key])
             lower.append((span[0] - start) / unit)
             upper.append((span[1] - start) / unit)
         B = np.array(columns).T if columns else np.zeros((int(self.use.sum()), 0))
         return Allowances(B, np.array(lower), np.array(upper))
 
-    def relieved(self, residual: FloatArray, tried: CandidateInput) -> FloatArray:
+    def relieved(self, residual: FloatArray, tried: Cause) -> FloatArray:
         """A residual less what the declared uncertainties explain of it, shape [k]."""
         none = np.zeros((len(residual), 0))
         return solve_linear(residual, none, self.expected, self.allowed(tried)).residual
 
-    def alone(self, c: CandidateInput) -> Trial:
+    def alone(self, c: Cause) -> Trial:
         """A declared input by one linear step with all others as they are declared."""
-        u, own = c.start(self.stages), self.columns[c.key]
+        u, own = start_of(c, self.stages), self.columns[c.key]
         fit = fit_linear(self.residual(self.vector), np.column_stack([self.slope, own]), self.expected)
         misfits = self.expected.misfits(fit.residual)
         x = self.clipped(self.x + fit.step[:-1])
@@ -193,11 +196,11 @@ class CauseSearch:
         change = np.nan_to_num(vectors[1 : 1 + len(steps)] - vectors[0])[:, self.use]
         return np.asarray((change / steps[:, None]).T)
 
-    def tangents(self, candidates: Sequence[CandidateInput]) -> list[Trial]:
+    def tangents(self, candidates: Sequence[Cause]) -> list[Trial]:
         """Every candidate by one linear step from the answer; none where it has no value there."""
         found, here = [], self.residual(self.vector)
         for c in candidates:
-            u = c.start(self.stages)
+            u = start_of(c, self.stages)
             if not np.isfinite(u):
                 found.append(self._none(c, "no number describes it: other values are tried where needed"))
                 continue
@@ -221,7 +224,7 @@ class CauseSearch:
         """Force bins at the head of the data vector."""
         return self.model.observations.n_force
 
-    def _none(self, c: CandidateInput, why: str) -> Trial:
+    def _none(self, c: Cause, why: str) -> Trial:
         return Trial(c, self.x, float("nan"), self.before, self.left, lost=why)
 
     def clipped(self, x: FloatArray) -> FloatArray:
@@ -300,7 +303,7 @@ class CauseSearch:
         return found
 
 
-def _inside(c: CandidateInput, u: float) -> float:
+def _inside(c: Cause, u: float) -> float:
     """A coordinate inside the input's range."""
     return float(min(max(u, c.lowest), c.highest))
 
@@ -308,49 +311,31 @@ def _inside(c: CandidateInput, u: float) -> float:
 FINER = 6
 """Finer values tried to each side."""
 
-Value = tuple[CandidateInput, float]
+Value = tuple[Cause, float]
 """An input and a coordinate of it."""
 
 
-def scan_inputs(search: CauseSearch, candidates: Sequence[CandidateInput]) -> list[Trial]:
+def scan_inputs(search: CauseSearch, candidates: Sequence[Cause]) -> list[Trial]:
     """The best far values of every candidate, the free parameters by a linear step: starts.
 
-    Those of narrow basins are run first, for finer values about the best of them follow. Where no core is
-    idle beside runs, as on a GPU, all that do not depend on others are one launch.
+    All of them are one launch; finer values about the best of narrow basins follow.
     """
-    narrow = _values(search, [c for c in candidates if c.finer > 0.0])
-    others = [c for c in candidates if not c.finer > 0.0]
-    altered = _values(search, [c for c in others if not c.simulated])
-    simulated = _values(search, [c for c in others if c.simulated])
-    first = narrow if search.model.beside else [*narrow, *simulated]
-    with search.model.ahead(_points(search, first)):
-        found = _trials(search, altered)
-    with search.model.ahead(_points(search, simulated)):
-        basins = _best_tried(search, _trials(search, narrow))
+    trials = _trials(search, _within_bounds([(c, u) for c in candidates for u in c.scan]))
+    basins = _best_tried(search, [t for t in trials if t.candidate.finer > 0.0])
     steps = range(-FINER, FINER + 1)
     about = _within_bounds([(t.candidate, t.u + n * t.candidate.finer) for t in basins for n in steps])
-    with search.model.ahead(_points(search, about)):
-        found += _trials(search, simulated)
-    found.sort(key=lambda t: [c.key for c in others].index(t.candidate.key))
+    found = [t for t in trials if not t.candidate.finer > 0.0]
     return _best_tried(search, found) + _best_tried(search, _trials(search, about))
-
-
-def _values(search: CauseSearch, candidates: Sequence[CandidateInput]) -> list[Value]:
-    return _within_bounds([(c, u) for c in candidates for u in c.scan])
 
 
 def _within_bounds(tried: Sequence[Value]) -> list[Value]:
     return [(c, u) for c, u in tried if c.lowest <= u <= c.highest]
 
 
-def _points(search: CauseSearch, tried: Sequence[Value]) -> list[Point]:
-    return [Point(search.x, c.changed(u)) for c, u in tried]
-
-
 def _trials(search: CauseSearch, tried: Sequence[Value]) -> list[Trial]:
     """Each value with the free parameters by a linear step; those whose runs are lost are left out."""
-    found = []
-    for (c, u), vector in zip(tried, search.model.vectors(_points(search, tried)), strict=True):
+    found, points = [], [Point(search.x, c.changed(u)) for c, u in tried]
+    for (c, u), vector in zip(tried, search.model.vectors(points), strict=True):
         if not np.isfinite(vector[: search.n_force]).all():
             continue
         fit = solve_linear(search.residual(vector), search.slope, search.expected, search.allowed(c))
@@ -381,14 +366,13 @@ PHASE = 0.05
 FLOORS = 2
 """Most floors of valleys that are followed from a start."""
 
-NO_CHANGE = CandidateInput(
+NO_CHANGE = Cause(
     key="",
     words="no input changed",
     check="",
-    scan=(),
     step=1.0,
     typical=1.0,
-    changed=lambda _: DECLARED,
+    changed=lambda _: UNCHANGED,
 )
 """The free parameters alone."""
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, nan
 
@@ -13,7 +12,7 @@ from explicit import Response
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.base.process import one_blas_thread
 from kolsky.diagnosis.cause_fit import chance, evidence, explained_share, holm
-from kolsky.diagnosis.cause_inputs import CANDIDATES, DAMPING, DENSITY, POISSON, SENSITIVITY, CandidateInput
+from kolsky.diagnosis.cause_inputs import can_be_tried, declared_sigma, declared_span, held_value, start_of
 from kolsky.diagnosis.cause_model import CauseModel, Point, expected_residual
 from kolsky.diagnosis.cause_search import (
     FOLLOWED,
@@ -27,6 +26,7 @@ from kolsky.diagnosis.cause_search import (
 from kolsky.diagnosis.fit_quality import UNEXPLAINED
 from kolsky.inverse.result import CauseFinding
 from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.shot.inputs import DAMPING, DENSITY, POISSON, SENSITIVITY, SHOWN, Cause, causes
 
 LEVEL = 0.01
 """Probability, adjusted for all inputs tried, below which a change is significant."""
@@ -113,7 +113,7 @@ def by_evidence(keys: Sequence[str], evidences: Sequence[float]) -> list[int]:
 
 def _within(search: CauseSearch, t: Trial) -> bool:
     """True if the value lies within k = 2 of what is declared."""
-    span = t.candidate.within(search.stages)
+    span = declared_span(t.candidate, search.stages)
     return span is not None and span[0] <= t.u <= span[1]
 
 
@@ -131,10 +131,10 @@ def in_groups(search: CauseSearch, trials: Sequence[Trial]) -> list[str]:
 def _unusual(search: CauseSearch, t: Trial) -> float:
     """Size of the change over its declared uncertainty, or over what is usual or granted if that is more."""
     c, declared = t.candidate, search.stages.prepared.forward.shot.uncertainty
-    scale = c.sigma(search.stages)
+    scale = declared_sigma(c, search.stages)
     if not declared.get(c.declared, 0.0) > 0.0:
         scale = max(scale, c.typical)
-    start = t.candidate.held(search.stages)
+    start = held_value(t.candidate, search.stages)
     return abs(t.value - start) / scale if isfinite(start) and isfinite(scale) else float("inf")
 
 
@@ -151,11 +151,11 @@ def _chance(search: CauseSearch, t: Trial) -> float:
     if t.lost or t.fit is None:
         return 1.0
     degrees = len(t.residual) / max(t.fit.inflation, 1.0) - len(t.fit.step)
-    start = t.candidate.held(search.stages)
+    start = held_value(t.candidate, search.stages)
     if not isfinite(start):
         return chance(np.sqrt(max(search.gain(t.misfits), 0.0)), 1.0, degrees=degrees)
     return chance(
-        t.value - start, float(np.hypot(t.sigma, t.candidate.sigma(search.stages))), degrees=degrees
+        t.value - start, float(np.hypot(t.sigma, declared_sigma(t.candidate, search.stages))), degrees=degrees
     )
 
 
@@ -179,7 +179,7 @@ def _finding(
         key=c.key,
         words=c.words,
         unit=c.unit,
-        exact=c.held(search.stages),
+        exact=held_value(c, search.stages),
         value=nan if t.lost else t.value,
         sigma=nan if t.lost else t.sigma,
         explained=share,
@@ -190,7 +190,7 @@ def _finding(
         named=named,
         alike=alike,
         status=t.lost,
-        declared_sigma=c.sigma(search.stages) or None,
+        declared_sigma=declared_sigma(c, search.stages) or None,
     )
 
 
@@ -221,10 +221,6 @@ class OtherStart:
     """The run there, a batch of one."""
 
 
-FindOtherStart = Callable[[], OtherStart | None]
-"""Gives another point, None if there is none; asked when the search from the answer has ended."""
-
-
 @dataclass(frozen=True)
 class Best:
     """The best value of an input, of those that the searches found."""
@@ -242,8 +238,8 @@ def find_causes(
     x: FloatArray,
     refined: Response,
     *,
-    other: FindOtherStart = lambda: None,
-    explained: Callable[[], bool] = lambda: False,
+    other: OtherStart | None = None,
+    explained: bool = False,
 ) -> CauseAnalysis:
     """Try every input as the cause of the misfit.
 
@@ -260,33 +256,29 @@ def find_causes(
         free parameters into a valley from which no step leads back once the input is put right.
     explained
         Whether the goodness of fit leaves no misfit that is out of a tangent's reach, see
-        `kolsky.diagnosis.fit_quality.near_right`; asked where the search itself would look far away.
+        `kolsky.diagnosis.fit_quality.near_right`.
     """
-    started = time.perf_counter()
     try:
-        with one_blas_thread():
+        with one_blas_thread(), stages.work.stage("causes", 1):
             return _analysed(stages, x, refined, other, explained)
     except (ValueError, ArithmeticError) as error:
         return CauseAnalysis((), np.full(2, nan), str(error))
-    finally:
-        stages.seconds["causes"] = time.perf_counter() - started
 
 
 def _analysed(
     stages: StagedRuns,
     x: FloatArray,
     refined: Response,
-    elsewhere: FindOtherStart,
-    explained: Callable[[], bool],
+    other: OtherStart | None,
+    explained: bool,
 ) -> CauseAnalysis:
-    candidates = [c for c in CANDIDATES if c.here(stages)]
+    candidates = [c for c in causes() if can_be_tried(c, stages)]
     search = _search_from(stages, CauseModel(stages, x, refined), candidates)
     trials = best_trials(search, candidates, explained=explained)
     found = _findings(search, [Best(t, t, search) for t in trials], candidates)
-    other = elsewhere()
     if other is not None:
         # At the answer the meshes are in step; at the other point the difference of its own two runs serves.
-        apart = StagedRuns(stages.prepared, stages.settings, stages.box, stages.progress, prior=stages.prior)
+        apart = StagedRuns(stages.prepared, stages.settings, stages.box, stages.work, prior=stages.prior)
         model = CauseModel(apart, other.x, other.refined)
         second = _search_from(apart, model, candidates, counted=search.use)
         seen = second.judge(search, trials)
@@ -300,7 +292,7 @@ def _analysed(
 def _search_from(
     stages: StagedRuns,
     model: CauseModel,
-    candidates: Sequence[CandidateInput],
+    candidates: Sequence[Cause],
     *,
     counted: BoolArray | None = None,
 ) -> CauseSearch:
@@ -327,7 +319,7 @@ def _badness(t: Trial, judge: CauseSearch) -> tuple[bool, float]:
 
 
 def _findings(
-    judge: CauseSearch, trials: Sequence[Best], candidates: Sequence[CandidateInput]
+    judge: CauseSearch, trials: Sequence[Best], candidates: Sequence[Cause]
 ) -> tuple[CauseFinding, ...]:
     """The ranked findings, the first of them renewed if it is a likely cause."""
     findings = ranked(judge, [one.seen for one in trials])
@@ -339,7 +331,7 @@ def _findings(
 
 
 def _search_beside_leading(
-    search: CauseSearch, first: Trial, findings: tuple[CauseFinding, ...], rest: Sequence[CandidateInput]
+    search: CauseSearch, first: Trial, findings: tuple[CauseFinding, ...], rest: Sequence[Cause]
 ) -> tuple[CauseFinding, ...]:
     """The findings with the first renewed on the refined mesh, and with what else is wrong beside it.
 
@@ -349,7 +341,7 @@ def _search_beside_leading(
     explained alone says nothing more of them.
     """
     c, stages = first.candidate, search.stages
-    at, refined = np.append(search.model.x, c.start(stages)), search.model.refined
+    at, refined = np.append(search.model.x, start_of(c, stages)), search.model.refined
     start = np.append(first.x, first.u)
     if c.simulated or valley_is_free(search):
         run = search.model.refined_run(Point(first.x, c.changed(first.u)))
@@ -357,7 +349,7 @@ def _search_beside_leading(
             return findings
         at, refined = start, run
         fine = CauseModel(stages, at, refined, c)
-        declared = [one for one in rest if one.within(stages) is not None]
+        declared = [one for one in rest if declared_span(one, stages) is not None]
         again = CauseSearch(stages, fine, search.expected, search.use, declared, start=start)
         # Losses with the earlier correction are no measure of those with this one.
         (first,) = again.followed([first]) or [first]
@@ -388,17 +380,16 @@ def list_pairs(more: Sequence[CauseFinding], alone: Sequence[CauseFinding]) -> t
 
 def best_trials(
     search: CauseSearch,
-    candidates: Sequence[CandidateInput],
+    candidates: Sequence[Cause],
     *,
-    explained: Callable[[], bool] = lambda: False,
+    explained: bool = False,
 ) -> list[Trial]:
     """The best value of every candidate; far ones are tried only where the data are not explained.
 
-    What a right model leaves is known to the search from two meshes alone; `explained` may know better, and
-    is asked where the search's own misfit is too large.
+    What a right model leaves is known to the search from two meshes alone; `explained` may know better.
     """
     tangents = search.tangents(candidates)
-    if not (search.before > UNEXPLAINED).any() or explained():
+    if not (search.before > UNEXPLAINED).any() or explained:
         return tangents
     starts = [t for t in tangents if not t.lost] + scan_inputs(search, candidates)
     starts = sorted(starts, key=lambda t: search.loss(t.misfits))[:FOLLOWED]
@@ -417,7 +408,7 @@ def _same_force_starts(search: CauseSearch, starts: Sequence[Trial]) -> list[Tri
     """A density for each gain of the force: these and stress scaled alike leave the motion."""
     names = search.stages.box.names
     gains = [t for t in starts if t.candidate.key == SENSITIVITY]
-    density = next(c for c in CANDIDATES if c.key == DENSITY)
+    density = next(c for c in causes() if c.key == DENSITY)
     if not gains or "stiffness_factor" not in names:
         return []
     x = gains[0].x.copy()
@@ -439,7 +430,7 @@ def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Itera
     """
     if analysis.lost:
         yield f"which input may be wrong could not be tried: {analysis.lost}"
-    checks = {c.key: c.check for c in CANDIDATES}
+    checks = {c.key: c.check for c in causes()}
     for finding in analysis.named:
         told = ", ".join(f"{name} = {value:.5g}" for name, value in finding.parameters.items())
         other = f" (the data cannot tell it from {' or '.join(finding.alike)})" if finding.alike else ""
@@ -458,13 +449,9 @@ def cause_warnings(analysis: CauseAnalysis, *, explained: bool = False) -> Itera
         )
 
 
-DISPLAY_UNITS = {"s": (1e6, "us"), "m": (1e6, "um")}
-"""Factor and unit in which a value is written."""
-
-
 def sentence(finding: CauseFinding) -> str:
     """The change in words: "a force gain of 0.498 ± 0.003 (k = 2)"."""
-    factor, unit = DISPLAY_UNITS.get(finding.unit, (1.0, "" if finding.unit == "1" else finding.unit))
+    factor, unit = SHOWN.get(finding.unit, (1.0, "" if finding.unit == "1" else finding.unit))
     half = 2.0 * factor * finding.sigma
     value = factor * finding.value
     digits = max(0, 1 - int(np.floor(np.log10(half)))) if isfinite(half) and half > 0.0 else 4

@@ -77,7 +77,6 @@ def fit_lag(
     changes: Mapping[str, FloatArray],
     *,
     before: float | None = None,
-    first: float | None = None,
 ) -> FittedLag:
     """Fit one lag, and the free parameters with it."""
     way, h = np.array(direction), STEP
@@ -85,7 +84,7 @@ def fit_lag(
     if before is None:
         before = without_lag(objective, shifted, slopes)
     plain = _without_slow_error(objective)
-    lag = first_lag(objective, shifted, slopes, direction) if first is None else first
+    lag = first_lag(objective, shifted, slopes, direction)
     move, settled = np.zeros(d), False
     for _ in range(ROUNDS):
         jacobian = slopes(lag * way)
@@ -261,22 +260,6 @@ class Reruns:
         return np.asarray(np.clip(point, self.lower, self.upper))
 
 
-def first_lags(response: Response, objective: Objective, jacobian: FloatArray) -> dict[str, float]:
-    """Where the search for each lag begins [s], by recording; arguments as of `clock_lags`.
-
-    It is most of what `clock_lags` does, and needs nothing but the answer: of use beside other work.
-    """
-    shifted = late_prediction(response, objective)
-    return {
-        name: first_lag(objective, shifted, lambda _: jacobian, DIRECTIONS[name])
-        for name in _recordings(objective)
-    }
-
-
-def _recordings(objective: Objective) -> tuple[str, ...]:
-    return tuple(DIRECTIONS) if objective.observations.has_shape else (FORCE,)
-
-
 def clock_lags(
     shot: Shot,
     response: Response,
@@ -284,7 +267,6 @@ def clock_lags(
     jacobian: FloatArray,
     changes: Mapping[str, FloatArray],
     *,
-    first: Mapping[str, float] | None = None,
     again: Reruns | None = None,
 ) -> tuple[ClockLag, ...]:
     """Lags of force, outline and flyer, each against the two others.
@@ -301,8 +283,6 @@ def clock_lags(
         Of the data vector by the free parameters, shape [k, d].
     changes
         As of `kolsky.diagnosis.fit_quality.fit_quality`.
-    first
-        What `first_lags` gives, where it is known.
     again
         The solver, for lags that the linear map does not reach; they are left as they are without.
 
@@ -312,19 +292,17 @@ def clock_lags(
         The force's first; without an outline only that.
     """
     shifted, found = late_prediction(response, objective), []
-    start = first or {}
+    recordings = tuple(DIRECTIONS) if objective.observations.has_shape else (FORCE,)
     before = without_lag(objective, shifted, lambda _: jacobian)
 
-    def fitted(name: str, seen: Shifted, slope: Shifted, first: float | None = None) -> FittedLag:
-        return fit_lag(objective, seen, slope, DIRECTIONS[name], changes, before=before, first=first)
+    def fitted(name: str, seen: Shifted, slope: Shifted) -> FittedLag:
+        return fit_lag(objective, seen, slope, DIRECTIONS[name], changes, before=before)
 
     def refitted(name: str, points: FloatArray, runs: Sequence[Response]) -> FittedLag:
         seen = [late_prediction(run, objective) for run in runs]
         return fitted(name, seen[0], slopes(points, seen))
 
-    fits = {
-        name: fitted(name, shifted, lambda _: jacobian, start.get(name)) for name in _recordings(objective)
-    }
+    fits = {name: fitted(name, shifted, lambda _: jacobian) for name in recordings}
     if again is not None:
         fits = follow(fits, again, refitted)
     for name, fit in fits.items():

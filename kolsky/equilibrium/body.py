@@ -1,18 +1,15 @@
 """The body of a model: internal forces, stiffness, their derivatives by the constants, and the mixed
 formulation.
 
-Mixed: volume ratio and pressure are fields, eliminated in each element. With monomials phi_m of degree n
-in the
-element's coordinates (1, or 1 and the coordinates), the functional int W(F) + U(theta) + p (J - theta) dV
-is
-stationary where theta is the projection of J and p that of U'(theta) (Simo, Taylor and Pister 1985):
+Mixed: volume ratio and pressure are fields, eliminated in each element. With monomials phi_m of degree n in
+the element's coordinates (1, or 1 and the coordinates), the functional int W(F) + U(theta) + p (J - theta) dV
+is stationary where theta is the projection of J and p that of U'(theta) (Simo, Taylor and Pister 1985):
 
     theta = phi . M^-1 int phi J dV,   p = phi . M^-1 int phi U'(theta) dV,   M = int phi phi dV.     (M.1)
 
-Its stiffness beside that of P and p d2J/dF2 is C^T M^-1 (int U'' phi phi dV) M^-1 C with
-C = int phi dJ/dF : grad N dV. With one constant phi this is the mean dilatation of the 8-node hexahedron;
-the
-27-node one with four is Q2/P1, the 9-node quadrilateral with three likewise, both inf-sup stable.
+Its stiffness beside that of P and p d2J/dF2 is C^T M^-1 (int U'' phi phi dV) M^-1 C with C = int phi dJ/dF :
+grad N dV. With one constant phi this is the mean dilatation of the 8-node hexahedron; the 27-node one with
+four is Q2/P1, the 9-node quadrilateral with three likewise, both inf-sup stable.
 """
 
 from dataclasses import dataclass

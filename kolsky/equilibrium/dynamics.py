@@ -3,11 +3,9 @@
     backward Euler     v = (u - u0) / dt,              a = (v - v0) / dt                         (D.1)
     trapezoidal rule   v = v0 + dt/2 (a0 + a),         u = u0 + dt/2 (v0 + v)                    (D.2)
 
-The first is of first order and damps every motion that a step does not resolve; the second is of second
-order
+The first is of first order and damps every motion that a step does not resolve; the second is of second order
 and damps nothing (Newmark's with beta = 1/4, gamma = 1/2). With the second Piola-Kirchhoff stress S of the
-law,
-whose constants are those of slow loading, a Prony series relaxes by
+law, whose constants are those of slow loading, a Prony series relaxes by
 
     S_total = S + sum_i h_i,   h_i <- e^(-dt/tau_i) h_i + beta_i e^(-dt/(2 tau_i)) (S - S_before)    (D.3)
 

@@ -1,12 +1,10 @@
 """Reference elements by name: nodes, shape functions, faces, Gauss rules; node order of VTK.
 
-The shape functions are the Lagrange basis of a space of monomials xi^e: with V_am = xi_a^(e_m) at the
-nodes,
+The shape functions are the Lagrange basis of a space of monomials xi^e: with V_am = xi_a^(e_m) at the nodes,
 N(xi) = V^-T xi^e. They are 1 at their node and 0 at the others, and they hold all polynomials of the space.
 
 A hypercube takes the product of Gauss and Legendre's points. A simplex takes Stroud's conical product of
-Gauss and Jacobi's points (Stroud 1971, section 2.4), exact to degree 2 n - 1 with n points in each
-direction;
+Gauss and Jacobi's points (Stroud 1971, section 2.4), exact to degree 2 n - 1 with n points in each direction;
 for n <= 2 the symmetric rules of 1 and d + 1 points, exact to degree 1 and 2, are smaller.
 
 To add one write an `Element` (its nodes in reference coordinates and the monomials that its shape functions
@@ -265,13 +263,7 @@ ELEMENTS: dict[str, Element] = {
 
 
 def element(name: str) -> Element:
-    """Look an element up by name.
-
-    Raises
-    ------
-    ValueError
-        If there is no such element; the message lists those there are.
-    """
+    """Look an element up by name; a ValueError lists those there are if it is none."""
     if name not in ELEMENTS:
         raise ValueError(f"kind must be one of {sorted(ELEMENTS)}, got {name!r}")
     return ELEMENTS[name]

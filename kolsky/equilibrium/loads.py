@@ -9,8 +9,7 @@ degrees times the thickness, or times 2 pi r of the deformed radius.
 
 Contact: a point at the distance g above the plane is pushed out with max(0, lam - k g) (augmented Lagrange
 multipliers; Simo and Laursen 1992). After each equilibrium lam takes that value, until no point is deeper
-than
-the tolerance.
+than the tolerance.
 """
 
 from collections.abc import Mapping

@@ -1,8 +1,7 @@
 """Warp functions of stress and tangent at a Gauss point, and the kernels over all Gauss points.
 
 An element's gradients E[cell, point, node, column] hold dN/dX_J; in an axisymmetric model the third column
-holds N / R, so that the pairs (i, J) of a radial displacement include the hoop stretch as (0, 2) and the
-pair
+holds N / R, so that the pairs (i, J) of a radial displacement include the hoop stretch as (0, 2) and the pair
 (1, 2) is empty. P and A then contract with E alike in every kinematics.
 
 Laws of the invariants: with J = det F, G = F^-T, Q = I1 F - F C,
@@ -11,16 +10,14 @@ Laws of the invariants: with J = det F, G = F^-T, Q = I1 F - F C,
     P = W_1 g1 + W_2 g2,                                                                        (I.2)
     A = W_11 g1 g1 + W_12 (g1 g2 + g2 g1) + W_22 g2 g2 + W_1 dg1/dF + W_2 dg2/dF.               (I.3)
 
-Laws of the stretches: with the eigenvectors N_i of C, n_i = F N_i / lam_i, t = lam w'(lam), tau_i = t_i
-less the
-mean, and K_ij = dtau_i / dln lam_j (Ogden 1984, section 6.1),
+Laws of the stretches: with the eigenvectors N_i of C, n_i = F N_i / lam_i, t = lam w'(lam), tau_i = t_i less
+the mean, and K_ij = dtau_i / dln lam_j (Ogden 1984, section 6.1),
 
     P = sum_i tau_i / lam_i n_i N_i,
     A = sum_ij (K_ij - tau_i delta_ij) / (lam_i lam_j) n_i N_i n_j N_j + sum_(i /= j) B_ij,
     B_ij = g_ij n_i N_j n_i N_j + (b_j g_ij - tau_j) / (lam_i lam_j) n_i N_j n_j N_i,      (I.4)
 
-where g_ij = (tau_i - tau_j) / (b_i - b_j) of b = lam^2, which is (K_ii - K_ij) / (2 b) where both are
-equal.
+where g_ij = (tau_i - tau_j) / (b_i - b_j) of b = lam^2, which is (K_ii - K_ij) / (2 b) where both are equal.
 On a GPU element forces and stiffness are summed here too; on a CPU BLAS is faster
 (`kolsky.equilibrium.points`).
 """
@@ -40,7 +37,7 @@ def volumetric_functions(form: str, start: int) -> tuple[Any, Any]:
     """``(energy, slopes)`` of a form whose constants stand at ``row[start]`` and following: U(J), and the
     pair U'(J), U''(J)."""
     at = int(start)
-    half, quarter, one, two = f64(0.5), f64(0.25), f64(1.0), f64(2.0)
+    half, one, two = f64(0.5), f64(1.0), f64(2.0)
     three, five, six = f64(3.0), f64(5.0), f64(6.0)
 
     @wp.func
@@ -50,23 +47,6 @@ def volumetric_functions(form: str, start: int) -> tuple[Any, Any]:
     @wp.func
     def quadratic(J: f64, row: wp.array(dtype=f64)):
         return row[at] * (J - one), row[at]
-
-    @wp.func
-    def logarithmic_energy(J: f64, row: wp.array(dtype=f64)):
-        return half * row[at] * wp.log(J) * wp.log(J)
-
-    @wp.func
-    def logarithmic(J: f64, row: wp.array(dtype=f64)):
-        l = wp.log(J)
-        return row[at] * l / J, row[at] * (one - l) / (J * J)
-
-    @wp.func
-    def simo_taylor_energy(J: f64, row: wp.array(dtype=f64)):
-        return quarter * row[at] * ((J - one) * (J + one) - two * wp.log(J))
-
-    @wp.func
-    def simo_taylor(J: f64, row: wp.array(dtype=f64)):
-        return half * row[at] * (J - one / J), half * row[at] * (one + one / (J * J))
 
     @wp.func
     def polynomial_energy(J: f64, row: wp.array(dtype=f64)):
@@ -81,8 +61,6 @@ def volumetric_functions(form: str, start: int) -> tuple[Any, Any]:
 
     return {
         "quadratic": (quadratic_energy, quadratic),
-        "logarithmic": (logarithmic_energy, logarithmic),
-        "simo_taylor": (simo_taylor_energy, simo_taylor),
         "polynomial": (polynomial_energy, polynomial),
     }[form]
 
@@ -194,7 +172,7 @@ def eigenvectors(C: mat33):
     """Eigenvectors of a symmetric matrix in columns, by Jacobi's cyclic rotations."""
     V = wp.identity(n=3, dtype=f64)
     D = C
-    sweep = 0
+    sweep = int(0)
     while sweep < SWEEPS:
         for turn in range(3):
             p = wp.where(turn == 2, 1, 0)

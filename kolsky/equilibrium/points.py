@@ -1,8 +1,7 @@
 """Stress and tangent at all Gauss points of a model, and their sums over each element.
 
 Gradients and volumes of the points are those of the undeformed mesh. On a CPU the sums are products of
-matrices
-(BLAS).
+matrices (BLAS).
 """
 
 from dataclasses import dataclass

@@ -14,9 +14,8 @@ active set. The equilibrium follows from Newton's method with the exact tangent 
 
     sum_e w_e V_e^T f_e(V q, c) = sum_k p_k (a_k + B_k q + 1/2 q^T C_k q) + lam V^T f_g          (R.3)
 
-A follower pressure on the faces of Lagrange elements is a polynomial of second degree in the positions: a,
-B and C
-are computed once and hold for every q.
+A follower pressure on the faces of Lagrange elements is a polynomial of second degree in the positions: a, B
+and C are computed once and hold for every q.
 """
 
 from collections.abc import Sequence

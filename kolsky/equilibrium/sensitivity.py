@@ -14,9 +14,8 @@ in the unknowns: one system a step for any number of constants. With r(u, p) = 0
 
     K u_pq = -G_pq,   G_pq = D_q (K u_p + dr/dp),                                              (S.3)
 
-where D_q is the derivative along (u_q, e_q) at fixed u_p, taken as a difference of four points of the
-exact first
-derivatives, which leaves an error of about 1e-11.
+where D_q is the derivative along (u_q, e_q) at fixed u_p, taken as a difference of four points of the exact
+first derivatives, which leaves an error of about 1e-11.
 """
 
 from dataclasses import dataclass

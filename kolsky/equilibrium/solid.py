@@ -4,8 +4,9 @@ Two solids are offered: any law of `explicit.materials.laws` with a volumetric e
 neo-Hookean energy whose shear part is not isochoric (`CompressibleNeoHookean`), as in Schumacher and others
 (2020). Both take their functions from one definition of the energy.
 
-Volumetric energies U(J) are those of `explicit.materials.volumetric` and
+Volumetric energies U(J) are
 
+    "quadratic"      K/2 (J - 1)^2, as in `explicit.materials.volumetric`
     "polynomial"     D1 (J - 1)^2 + D2 (J - 1)^4 + D3 (J - 1)^6   (Schumacher and others 2020, Section III-C)
 """
 
@@ -17,7 +18,6 @@ import numpy as np
 from explicit.arrays import FloatArray
 from explicit.materials.families import InvariantLaw
 from explicit.materials.laws import AnyLaw
-from explicit.materials.volumetric import VolumetricLaw
 from kolsky.equilibrium.point_kernels import (
     compressible_neo_hookean,
     invariant_point_functions,
@@ -27,8 +27,6 @@ from kolsky.equilibrium.point_kernels import (
 
 VOLUMETRIC_PARAMETERS: dict[str, tuple[str, ...]] = {
     "quadratic": ("K",),
-    "logarithmic": ("K",),
-    "simo_taylor": ("K",),
     "polynomial": ("D1", "D2", "D3"),
 }
 """Constants [Pa] of each form."""
@@ -72,36 +70,32 @@ class Volumetric:
 
     def energy(self, J: FloatArray) -> FloatArray:
         """U [Pa] of the volume ratio, shape [...]."""
-        if self.form != "polynomial":
-            return VolumetricLaw(self.values[0], self.form).energy(J)  # type: ignore[arg-type]
         z = (np.asarray(J) - 1.0) ** 2
+        if self.form == "quadratic":
+            return np.asarray(0.5 * self.values[0] * z)
         return np.asarray(z * (self.values[0] + z * (self.values[1] + z * self.values[2])))
 
     def slope(self, J: FloatArray) -> FloatArray:
         """U'(J) [Pa], shape [...]."""
-        if self.form != "polynomial":
-            return VolumetricLaw(self.values[0], self.form).pressure(J)  # type: ignore[arg-type]
         return np.asarray(sum(c * by for c, by in zip(self.values, self.slope_by_constants(J), strict=True)))
 
     def curvature(self, J: FloatArray) -> FloatArray:
         """U''(J) [Pa], shape [...]."""
-        if self.form != "polynomial":
-            return VolumetricLaw(self.values[0], self.form).stiffness(J)  # type: ignore[arg-type]
+        if self.form == "quadratic":
+            return np.full(np.shape(J), self.values[0])
         z = (np.asarray(J) - 1.0) ** 2
         d1, d2, d3 = self.values
         return np.asarray(2.0 * d1 + z * (12.0 * d2 + 30.0 * d3 * z))
 
     def slope_by_constants(self, J: FloatArray) -> tuple[FloatArray, ...]:
         """Derivatives of U'(J) by the constants, on which it depends linearly [-], each of shape [...]."""
-        if self.form != "polynomial":
-            return (VolumetricLaw(1.0, self.form).pressure(J),)  # type: ignore[arg-type]
         x = np.asarray(J) - 1.0
-        return 2.0 * x, 4.0 * x**3, 6.0 * x**5
+        return (x,) if self.form == "quadratic" else (2.0 * x, 4.0 * x**3, 6.0 * x**5)
 
 
-def bulk(modulus: float, form: str = "quadratic") -> Volumetric:
-    """A form of one constant, the bulk modulus K [Pa]."""
-    return Volumetric(form, (float(modulus),))
+def bulk(modulus: float) -> Volumetric:
+    """The quadratic form with the bulk modulus K [Pa]."""
+    return Volumetric("quadratic", (float(modulus),))
 
 
 def polynomial(d1: float, d2: float = 0.0, d3: float = 0.0) -> Volumetric:

@@ -1,10 +1,8 @@
 """Equilibria of a model along a history: Newton's method with line search and step halving.
 
 A factorised tangent is kept while it serves, and corrected by the changes of residuals since (Matthies and
-Strang
-1979): the inverse of the old tangent starts the two recursions of the BFGS formula, so that an iteration
-costs
-one solution and no factorisation.
+Strang 1979): the inverse of the old tangent starts the two recursions of the BFGS formula, so that an
+iteration costs one solution and no factorisation.
 """
 
 from collections.abc import Mapping

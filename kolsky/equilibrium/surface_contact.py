@@ -1,7 +1,6 @@
 """Frictionless contact of two surfaces of a body, by a penalty at points of integration of the first.
 
-A point x of the first surface has its closest point X(s) on the second, where (x - X) . X,a = 0, and the
-gap
+A point x of the first surface has its closest point X(s) on the second, where (x - X) . X,a = 0, and the gap
 g = n . (x - X) with the outward normal n there. The potential
 
     Pi = sum_g w_g eps/2 <-g>^2                                                                (C.1)

@@ -3,8 +3,7 @@ matter.
 
 With one parameter a second design of seven levels about the first optimum suffices. With several, runs
 are placed in small batches (`doe.refine`). One parameter is searched by a simplex, several by bounded
-least squares. `CorrectedSurrogate` agrees with runs on another mesh, exactly at the last one and in the
-slope between the last two (Broyden's update).
+least squares. `CorrectedSurrogate` agrees with a run on another mesh.
 
 Replicates of the fitted path give the patterns by which noise of the front face's motion changes the
 data; `weigh_front_noise` finds the optimum again with weights that contain them.
@@ -110,19 +109,16 @@ def _by_least_squares(
 
 @dataclass(frozen=True)
 class CorrectedSurrogate:
-    """A surrogate made to agree with runs on another mesh.
-
-    It agrees exactly with the last of them, and in the slope between the last two (Broyden's update).
-    """
+    """A surrogate made to agree with a run on another mesh."""
 
     surrogate: Surrogate
     """The surrogate of the coarser mesh."""
     anchor: FloatArray | None = None
-    """Point of the last run, shape [d]; None before the first."""
+    """Point of the run, shape [d]; None where there is none."""
     shift: FloatArray | float = 0.0
-    """What the last run adds to the surrogate, shape [k]."""
+    """What the run adds to the surrogate, shape [k]."""
     slope: FloatArray | float = 0.0
-    """How that changes away from the last run, shape [k, d]."""
+    """How that changes away from the run, shape [k, d]."""
 
     def predict(self, points: FloatArray) -> FloatArray:
         """Data vectors at points of shape [n, d] or [d], shape [n, k]."""
@@ -130,17 +126,13 @@ class CorrectedSurrogate:
         change = 0.0 if self.anchor is None else (x - self.anchor) @ np.transpose(self.slope)
         return self.surrogate.predict(x, extrapolate=True) + self.shift + change
 
-    def through(self, point: FloatArray, vector: FloatArray) -> "CorrectedSurrogate":
-        """The surrogate that also agrees with a run at `point` which gave `vector`."""
-        miss = vector - self.predict(point)[0]
-        if self.anchor is None:
-            return replace(self, anchor=point, shift=miss, slope=np.zeros((len(vector), len(point))))
-        step = point - self.anchor
-        if not step.any():
-            return replace(self, shift=self.shift + miss)
-        slope = self.slope + np.outer(miss, step) / (step @ step)
-        moved = replace(self, anchor=point, slope=slope)
-        return replace(moved, shift=self.shift + vector - moved.predict(point)[0])
+    def through(
+        self, point: FloatArray, vector: FloatArray, slope: FloatArray | None = None
+    ) -> "CorrectedSurrogate":
+        """The surrogate that agrees with a run at `point` which gave `vector`, and is steeper by `slope`."""
+        miss = vector - self.surrogate.predict(np.atleast_2d(point), extrapolate=True)[0]
+        added = np.zeros((len(vector), len(point))) if slope is None else slope
+        return replace(self, anchor=point, shift=miss, slope=added)
 
 
 def jacobian(model: Model, box: Box, x: FloatArray) -> FloatArray:

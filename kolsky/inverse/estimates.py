@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from doe import Box, CostSurrogate, latin_hypercube
+from doe import Box, CostSurrogate
 from doe import nelder_mead as minimise
-from doe.least_squares import LeastSquaresResult, least_squares
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import (
     CoarseOptimum,
@@ -19,13 +18,11 @@ from kolsky.inverse.coarse_search import (
     on_edge,
     search,
 )
-from kolsky.inverse.forward import Numerics
 from kolsky.inverse.objective import Objective, Part
 from kolsky.inverse.observations import Observations, Prediction
 from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.result import (
-    LEAST_SQUARES,
     SIMPLEX,
     Comparison,
     Estimate,
@@ -242,8 +239,8 @@ def surrogate_quality(
     outline = stages.observations.has_shape
     if outline:
         found["loo_shape"] = _rms(left_out[:, n:])
-    if stages.front_moved:
-        found["front_moved"] = stages.front_moved
+    if stages.front is not None:
+        found["front_moved"] = stages.front.moved
     if np.isfinite(stages.valley_margin):
         found["valley_margin"] = stages.valley_margin
     found |= {"check_shift_sigmas": fine.moved, "check_force": _rms(fine.missed[:n])}
@@ -273,109 +270,24 @@ def _rms(x: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.asarray(x) ** 2)))
 
 
-SOLVER_STARTS = 3
-"""Searches on the surrogate's mesh, from points that a Latin hypercube spreads over the box."""
 ANSWER_STAGES = ("design", "refinement", "check")
 """The stages whose runs the answer rests on."""
 
 
-def add_method_comparison(result: Identification, stages: StagedRuns, objective: Objective) -> Identification:
-    """The result with what its own search and, if asked for, least squares on the solver find.
-
-    ``result``: the finished identification; methods it has already follow. ``stages``: its simulations.
-    ``objective``: which outline points count; the discrepancies are estimated afresh.
-    """
+def with_own_method(result: Identification) -> Identification:
+    """The result with what its own search finds first among the methods compared."""
     routes = {route.name: {p: route.on_mesh(p) for p in route.parameters} for route in result.routes}
     own = routes.get("joint", routes.get("force only"))
-    found = []
-    if own is not None:
-        last = result.surrogate["check_shift_sigmas"]
-        found.append(
-            _method_beside_answer(
-                SIMPLEX,
-                own,
-                result.estimates,
-                runs=sum(stage in ANSWER_STAGES for stage in result.design.stage),
-                converged=all(e.outcome.confirmed for e in result.estimates.values()),
-                ended=f"the last run on the refined mesh moved the optimum by {last:.2g} sigma",
-            )
-        )
-    if stages.settings.methods == "all":
-        found.append(_on_the_solver(result, stages, objective))
-    return replace(result, methods=(*found, *result.methods), seconds=dict(stages.seconds))
-
-
-def _on_the_solver(result: Identification, stages: StagedRuns, objective: Objective) -> Method:
-    """Several searches on the surrogate's mesh, and one on the refined mesh from where the best one ended."""
-    box, numerics = stages.box, stages.settings.numerics
-    starts = latin_hypercube(box, SOLVER_STARTS, rng=stages.settings.seed).points
-    try:
-        coarse = _least_squares(stages, objective, numerics, starts)
-        refined = numerics.with_mesh(stages.settings.refined_mesh)
-        fine = _least_squares(stages, objective, refined, coarse[0].x[None])[0]
-    except ValueError as error:
-        unknown = dict.fromkeys(box.names, float("nan"))
-        return _method_beside_answer(
-            LEAST_SQUARES, unknown, result.estimates, runs=0, converged=False, ended=str(error)
-        )
-    return _method_beside_answer(
-        LEAST_SQUARES,
-        box.as_dict(fine.x),
-        result.estimates,
-        runs=sum(search.runs for search in coarse) + fine.runs,
-        converged=fine.converged,
-        ended=f"{fine.ended}; {_ends_in_words(coarse, box)}",
+    if own is None:
+        return result
+    last = result.surrogate["check_shift_sigmas"]
+    method = Method.compared(
+        SIMPLEX,
+        own,
+        answer={p: e.on_mesh for p, e in result.estimates.items()},
+        half_width={p: 2.0 * e.sigma for p, e in result.estimates.items()},
+        runs=sum(stage in ANSWER_STAGES for stage in result.design.stage),
+        converged=all(e.outcome.confirmed for e in result.estimates.values()),
+        ended=f"the last run on the refined mesh moved the optimum by {last:.2g} sigma",
     )
-
-
-def _ends_in_words(searches: tuple[LeastSquaresResult, ...], box: Box) -> str:
-    """The ends of the searches from the other starts in words, in standard deviations of the best."""
-    best, *others = searches
-    sigma = np.maximum(best.sigma, np.finfo(float).tiny)
-    away = [float(np.max(np.abs(other.x - best.x) / sigma)) for other in others]
-    if not others or max(away) <= 1.0:
-        return f"{len(searches)} starts ended within {max(away, default=0.0):.2g} sigma of each other"
-    worse = max(other.deviance - best.deviance for other in others)
-    return (
-        f"of {len(searches)} starts {sum(a > 1.0 for a in away)} ended elsewhere, by up to {max(away):.2g} "
-        f"sigma, where -2 ln L is higher by up to {worse:.2g}"
-    )
-
-
-def _least_squares(
-    stages: StagedRuns, objective: Objective, numerics: Numerics, starts: FloatArray
-) -> tuple[LeastSquaresResult, ...]:
-    def run(points: FloatArray) -> FloatArray:
-        rows, prediction = stages.evaluate("least squares", points, numerics)
-        vectors = np.full((len(points), len(objective.data)), np.nan)
-        if prediction is not None:
-            vectors[rows] = objective.vectors(prediction)
-        return vectors
-
-    return least_squares(
-        run,
-        stages.box,
-        starts,
-        data=objective.data,
-        weighting=lambda residual: objective.with_discrepancy(objective.data + residual).whitening(),
-    )
-
-
-def _method_beside_answer(
-    name: str,
-    values: dict[str, float],
-    estimates: dict[str, Estimate],
-    *,
-    runs: int,
-    converged: bool,
-    ended: str,
-) -> Method:
-    return Method.compared(
-        name,
-        values,
-        answer={p: e.on_mesh for p, e in estimates.items()},
-        half_width={p: 2.0 * e.sigma for p, e in estimates.items()},
-        runs=runs,
-        converged=converged,
-        ended=ended,
-    )
+    return replace(result, methods=(method, *result.methods))

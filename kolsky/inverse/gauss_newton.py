@@ -40,7 +40,6 @@ from kolsky.inverse.refined_search import CONFIRMED, RefinedOptimum, refined_num
 from kolsky.inverse.run_table import CompletedRuns
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum
-from kolsky.inverse.work import PROBABLY_CONFIRMED, EarlyRun
 
 START_ORDER = 2.0
 """Order of the mesh error with which the first point is foretold: a start needs no better one."""
@@ -380,9 +379,7 @@ def search_by_gauss_newton(
     start = np.clip(
         extrapolated_start(optima, numerics.mesh, stages.settings.refined_mesh), *_box_bounds(stages.box)
     )
-    last, other = _chord_steps(
-        stages, objective, slope, start, beside, shift=start - coarse.x, final=stages.front is None
-    )
+    last, other = _chord_steps(stages, objective, slope, start, beside, shift=start - coarse.x)
     last, slope = _converged(stages, objective, slope, last)
     last, slope = follow_on_refined(stages, objective, slope, last, _search_under_path)
     for mesh, optimum in optima.items():
@@ -401,7 +398,7 @@ def _search_under_path(
     stages: StagedRuns, objective: Objective, slope: FloatArray, start: FloatArray
 ) -> tuple[RefinedRun, FloatArray]:
     """The optimum on the refined mesh from a point near it, and the slopes that judge it."""
-    last, _ = _chord_steps(stages, objective, slope, start, None, shift=np.zeros(len(start)), final=True)
+    last, _ = _chord_steps(stages, objective, slope, start, None, shift=np.zeros(len(start)))
     return _converged(stages, objective, slope, last)
 
 
@@ -430,12 +427,10 @@ def _chord_steps(
     beside: FloatArray | None,
     *,
     shift: FloatArray,
-    final: bool = False,
 ) -> tuple[RefinedRun, ExtraRun | None]:
     """Steps on the refined mesh until a run leaves the optimum where it is.
 
-    `shift` is by how much the start lies from the coarser mesh's optimum; where it is not known, zero. The
-    end is `final` if the path is not moved behind it.
+    `shift` is by how much the start lies from the coarser mesh's optimum; where it is not known, zero.
     """
     found, x, other, misled = None, start, None, 0
     for number in range(MOST_RUNS):
@@ -443,12 +438,6 @@ def _chord_steps(
         if beside is not None and other is None and (number > 0 or moved.any()):
             # The meshes' difference at the optimum is as good for a point not far away.
             points = np.stack([_counterpart(stages, beside, moved), x])
-        if (
-            final
-            and len(points) == 1
-            and (found.step.moved <= PROBABLY_CONFIRMED if found else not shift.any())
-        ):
-            stages.early = EarlyRun.begun(stages.prepared.forward, stages.settings, stages.box.names, x)
         check = run_points_refined(stages, points)
         if len(check) == 2:
             other = ExtraRun(points[0], check[0].prediction, check[0].response)
@@ -505,7 +494,7 @@ def _with_surrogate(
     x, slope, plain = last.x, slope[kept], CorrectedSurrogate(surrogate)
     # The answer and its interval rest on these slopes, which may be the refined mesh's own.
     steeper = slope - jacobian(plain.predict, box, x)
-    model = replace(plain.through(x, last.vector[kept]), slope=steeper)
+    model = plain.through(x, last.vector[kept], steeper)
     on_coarse = coarse.x + linear_step(weighed, slope, centre[kept], coarse.x)
     on_refined = x + linear_step(weighed, slope, last.vector[kept], x)
     return CoarseOptimum(box, surrogate, weighed, x), RefinedOptimum(
@@ -515,7 +504,6 @@ def _with_surrogate(
         model=model.predict,
         surrogate=plain.predict,
         jacobian=slope,
-        slopes=(slope,),
         sigma=np.sqrt(np.diag(weighed.covariance(slope, last.vector[kept]))),
         check=last.check,
         moved=last.step.moved,

@@ -21,7 +21,7 @@ from kolsky.base.arrays import BoolArray, FloatArray, IntArray
 from kolsky.inverse.coarse_search import front_modes, noise_of
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.joint_result import JointSettings, Slow
-from kolsky.inverse.joint_runs import JointRuns, Unknowns, smoothness
+from kolsky.inverse.joint_runs import JointRuns, Unknowns, curve_bytes, smoothness
 from kolsky.inverse.objective import BLOCKS, Objective, Prior
 from kolsky.inverse.observations import Observations
 from kolsky.inverse.parameters import PARAMETERS
@@ -199,20 +199,8 @@ def covariance(
 
     The larger of the Gauss-Newton covariance and of the block "sandwich" in which the residuals of a block of
     time of one shot may be correlated in any way; every variance is the largest that any block length gives.
-    What the patterns explain of the residual is not in the blocks: it is in the weights.
-
-    Parameters
-    ----------
-    slopes
-        By the unknowns, shape [k, d].
-    residual
-        Prediction less data, shape [k].
-    whitening
-        The weights.
-    stack
-        Whose blocks.
-    widths
-        Of the unknowns' ranges, shape [d].
+    What the patterns explain of the residual is not in the blocks: it is in the weights. ``slopes``: by the
+    unknowns, shape [k, d]. ``widths``: of their ranges.
     """
     rows = whitening.apply(slopes.T)
     plain = np.linalg.inv(information(rows, widths))
@@ -339,9 +327,8 @@ class JointProblem:
             max_steps=steps,
             at_rest=AT_REST,
         )[0]
-        width = np.array(self.unknowns.box.upper) - np.array(self.unknowns.box.lower)
         change = self.unknowns.from_search(found.x + 1e-6 * found.sigma) - self.unknowns.from_search(found.x)
-        sigma = np.where(np.isfinite(found.sigma), np.abs(change) / 1e-6, width)
+        sigma = np.where(np.isfinite(found.sigma), np.abs(change) / 1e-6, self.unknowns.widths)
         return self.unknowns.from_search(found.x), sigma
 
     def slopes(self, x: FloatArray, sigma: FloatArray, numerics: Numerics) -> tuple[FloatArray, FloatArray]:
@@ -393,8 +380,7 @@ class JointProblem:
         groups: dict[bytes, NDArray[np.bool_]] = {}
         start = 0
         for k, (prepared, end) in enumerate(zip(self.runs.prepared, self.stack.ends, strict=True)):
-            curve = prepared.forward.shot.curve
-            key = np.concatenate([curve.stretch, curve.stress]).tobytes()
+            key = curve_bytes(prepared.forward.shot.curve)
             entries = groups.setdefault(key, np.zeros(change.shape[1], bool))
             entries[start:end] = True
             if k == 0:

@@ -202,10 +202,7 @@ def is_strength(name: str) -> bool:
 
 
 def as_not_seen(e: Estimate) -> Estimate:
-    """An estimate of what the data do not ask for; other parameters stay as they are.
-
-    ``e``: as estimated.
-    """
+    """An estimate of what the data do not ask for; other parameters stay as they are."""
     if not PARAMETERS[e.name].relaxes:
         return e
     if is_strength(e.name):
@@ -228,15 +225,7 @@ def as_not_seen(e: Estimate) -> Estimate:
 
 
 def interval(e: Estimate, half: float) -> tuple[float, float]:
-    """Interval of a half width, within the range that was searched; all of it where that alone is known.
-
-    Parameters
-    ----------
-    e
-        The estimate.
-    half
-        Half width of its 95 % interval, in its unit.
-    """
+    """Interval of a half width, within the range that was searched; all of it where that alone is known."""
     return e.searched if RANGE in e.noise_parts else e.within(half)
 
 
@@ -244,8 +233,6 @@ def needed_strength(estimates: Mapping[str, Estimate]) -> list[str]:
     """What it would take to see constants that were not seen, a sentence a branch.
 
     Of a branch whose strength is none of the reasons (its time ends at a bound) nothing is said here.
-
-    ``estimates``: all shared parameters.
     """
     said = []
     for name, e in estimates.items():

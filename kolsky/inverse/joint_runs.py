@@ -27,8 +27,8 @@ from kolsky.inverse.forward import Forward, Numerics, in_surroundings
 from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import MOVED, design_box
 from kolsky.inverse.problem import PreparedShot
-from kolsky.inverse.staged_runs import Progress
 from kolsky.inverse.surrogate_mesh_search import from_search, search_box, to_search
+from kolsky.inverse.work import Progress
 
 NODE_RANGE = 1.5
 """Largest logarithm of a node's factor, up or down [-]."""
@@ -114,6 +114,11 @@ def node_strains(curve: MaterialCurve, nodes: int) -> FloatArray:
     return np.asarray(np.linspace(0.0, float(curve.stretch[-1]) - 1.0, nodes))
 
 
+def curve_bytes(curve: MaterialCurve) -> bytes:
+    """What shots of one curve have in common."""
+    return np.concatenate([curve.stretch, curve.stress]).tobytes()
+
+
 def with_factors(curve: MaterialCurve, logs: FloatArray) -> FloatArray:
     """Stress of the curve times its nodes' factors, whose logarithm is linear in the strain between them.
 
@@ -129,16 +134,14 @@ def smoothness(nodes: int, roughness: float) -> FloatArray:
 
 
 def _joined_box(parameters: Box | None, nodes: tuple[str, ...]) -> Box:
-    bounds: dict[str, tuple[float, float]] = {}
-    decades: list[str] = []
-    if parameters is not None:
-        bounds |= {
-            name: (low, high)
-            for name, low, high in zip(parameters.names, parameters.lower, parameters.upper, strict=True)
-        }
-        decades = [name for name, log in zip(parameters.names, parameters.logarithmic, strict=True) if log]
-    bounds |= {name: (-NODE_RANGE, NODE_RANGE) for name in nodes}
-    return Box.of(bounds, logarithmic=decades)
+    """The parameters and, behind them, the nodes."""
+    ends = dict.fromkeys(nodes, (-NODE_RANGE, NODE_RANGE))
+    if parameters is None:
+        return Box.of(ends)
+    p = parameters
+    bounds = dict(zip(p.names, zip(p.lower, p.upper, strict=True), strict=True))
+    decades = [name for name, log in zip(p.names, p.logarithmic, strict=True) if log]
+    return Box.of({**bounds, **ends}, logarithmic=decades)
 
 
 ELEMENTS = ("one_point", "fbar")
@@ -255,11 +258,12 @@ class JointRuns:
     @cached_property
     def model_hash(self) -> bytes:
         """SHA-256 of all that a run depends on but its point and its numerics, see `kind_of`."""
+        shots = [p.forward.shot for p in self.prepared]
         said = {
-            "inputs": [dict(p.forward.shot.inputs) for p in self.prepared],
-            "shots": [repr((p.forward.shot.specimen, p.forward.shot.interface)) for p in self.prepared],
-            "models": [repr((p.forward.shot.model, p.forward.shot.window)) for p in self.prepared],
-            "relaxation": [_relaxation_facts(p) for p in self.prepared],
+            "inputs": [dict(s.inputs) for s in shots],
+            "shots": [repr((s.specimen, s.interface)) for s in shots],
+            "models": [repr((s.model, s.window)) for s in shots],
+            "relaxation": [None if s.relaxation is None else asdict(s.relaxation) for s in shots],
             "held": self.held,
             "names": self.unknowns.names,
             "draws": [self.replicates, self.seed],
@@ -280,9 +284,10 @@ class JointRuns:
     def _record(self, fresh: Mapping[tuple[float, ...], FloatArray]) -> None:
         if self.ledger is None:
             return
+        done = [bool(np.isfinite(row).any()) for row in fresh.values()]
         runs = [
-            Run(completed=bool(np.isfinite(row).any()), outcome=_outcome(row), results=row)
-            for row in fresh.values()
+            Run(completed=ok, outcome="COMPLETED" if ok else "LOST", results=row)
+            for ok, row in zip(done, fresh.values(), strict=True)
         ]
         with Ledger(self.ledger, self.model_hash) as book:
             book.record(np.array(list(fresh)), runs)
@@ -300,15 +305,6 @@ def kind_of(numerics: Numerics) -> tuple[float, ...]:
     return (*map(float, numerics.mesh), numerics.grading, element, float(int.from_bytes(digest, "big")))
 
 
-def _outcome(row: FloatArray) -> str:
-    return "COMPLETED" if np.isfinite(row).any() else "LOST"
-
-
-def _relaxation_facts(prepared: PreparedShot) -> object:
-    relaxation = prepared.forward.shot.relaxation
-    return None if relaxation is None else asdict(relaxation)
-
-
 def _replicated(prepared: PreparedShot, replicates: int, seed: int) -> Forward:
     """The shot with draws of its motion and its curve; shots of one curve have the same draws of it.
 
@@ -317,8 +313,7 @@ def _replicated(prepared: PreparedShot, replicates: int, seed: int) -> Forward:
     """
     if not replicates:
         return prepared.forward
-    curve = prepared.forward.shot.curve
-    same = hashlib.sha256(np.concatenate([curve.stretch, curve.stress]).tobytes()).digest()[:8]
+    same = hashlib.sha256(curve_bytes(prepared.forward.shot.curve)).digest()[:8]
     own = hashlib.sha256(repr(sorted(prepared.forward.shot.inputs.items())).encode()).digest()[:8]
     moved = prepared.with_replicates(replicates, np.random.default_rng([seed, *own]), curves=0)
     curves = prepared.with_replicates(0, np.random.default_rng([seed, *same]), curves=replicates)

@@ -2,7 +2,7 @@
 shots.
 
 The first steps take the slopes of the search's mesh, which each run corrects (Broyden's update). Where
-one leads astray, or `BORROWED` runs have not converged, slopes are taken on the refined mesh. The
+one leads astray, or `COARSE_SLOPE_RUNS` runs have not converged, slopes are taken on the refined mesh. The
 patterns of the front faces' noise are then computed again at the optimum, on a graded mesh.
 
 The scatter of the stiffness between shots is found by restricted maximum likelihood (Patterson and
@@ -39,11 +39,12 @@ from kolsky.inverse.joint_problem import (
     declared_point,
     information,
 )
-from kolsky.inverse.joint_result import Scatter
+from kolsky.inverse.joint_result import Scatter, is_strength, rate_of
 from kolsky.inverse.parameters import MOVED, PARAMETERS, any_slides
 from kolsky.inverse.problem import Settings
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.valleys import VALLEY, local_minima, valley_levels
+from kolsky.inverse.work import Work
 
 FACTORS = np.geomspace(0.6, 2.2, 10)
 """Stiffness factors of the first scan."""
@@ -58,14 +59,11 @@ MOST_VALLEYS = 3
 def starts(problem: JointProblem, numerics: Numerics) -> FloatArray:
     """Points to search from, the likeliest first, shape [n, d].
 
-    Raises
-    ------
-    ValueError
-        If no point of a scan has runs that complete.
+    Raises ValueError if no point of a scan has runs that complete.
     """
     x = declared_point(problem.unknowns, problem)
     names = list(problem.unknowns.bounds)
-    weak = [i for i, name in enumerate(names) if name.startswith(("prony_strength", "creep_ratio"))]
+    weak = [i for i, name in enumerate(names) if is_strength(name)]
     x[weak] = np.array(problem.unknowns.box.lower)[weak]
     if MOVED in names:
         x = _best_point(problem, _points_at_levels(problem, x, MOVED, FACTORS), numerics)
@@ -87,7 +85,7 @@ def relaxing_points(
     """
     names = list(problem.unknowns.bounds)
     ratio = "prony_strength_1" if "prony_strength_1" in names else "creep_ratio"
-    other = "prony_time_1" if ratio.startswith("prony") else "creep_resistance"
+    other = rate_of(ratio)
     i, found = names.index(ratio), []
     j = names.index(other) if other in names else None
     for strength in strengths:
@@ -131,7 +129,7 @@ def _valleys(problem: JointProblem, x: FloatArray, numerics: Numerics) -> FloatA
     names, box = list(problem.unknowns.bounds), problem.unknowns.box
     i = names.index(VALLEY)
     prepared = problem.runs.prepared[0]
-    stages = StagedRuns(prepared, Settings(), Box.of({MOVED: (0.5, 2.5)}), lambda stage, done, total: None)
+    stages = StagedRuns(prepared, Settings(), Box.of({MOVED: (0.5, 2.5)}), Work())
     factor = x[names.index(MOVED)] if MOVED in names else PARAMETERS[MOVED].held(prepared.forward.shot)
     levels = valley_levels(stages, float(factor), (box.lower[i], box.upper[i]))
     points = np.tile(x, (len(levels), 1))
@@ -192,21 +190,9 @@ class _RefinedRun:
 
 
 def refined_optimum(problem: JointProblem, x: FloatArray, slopes: FloatArray) -> Optimum:
-    """The optimum on the refined mesh.
+    """The optimum on the refined mesh, from that on the search's mesh, [d], and the slopes there, [k, d].
 
-    Parameters
-    ----------
-    problem
-        Shots and slow tests.
-    x
-        The optimum on the search's mesh, shape [d].
-    slopes
-        Derivatives of all data there, shape [k, d].
-
-    Raises
-    ------
-    ValueError
-        If a run there, or one beside it, does not complete.
+    Raises ValueError if a run on the refined mesh, or one beside it, does not complete.
     """
     fine = problem.refined
     lower, upper = np.array(problem.unknowns.box.lower), np.array(problem.unknowns.box.upper)
@@ -360,11 +346,8 @@ def restricted_scatter(
 def expanded_scatter(sigma: float, between: float, shots: int) -> float:
     """Half width of a 95 % interval (k = 2) where part of the variance is a scatter between few shots.
 
-    Student's t by the degrees of freedom of Welch and Satterthwaite: n - 1 for the scatter's part, infinitely
-    many for the rest; as k = 2 stands for 95.45 %, so does t.
-
-    ``sigma``: whole standard uncertainty. ``between``: its part by the scatter, in the same unit. ``shots``:
-    their number n, >= 2 where `between` > 0.
+    Student's t by the degrees of freedom of Welch and Satterthwaite: n - 1 of n shots for the scatter's part
+    ``between``, infinitely many for the rest; as k = 2 stands for 95.45 %, so does t.
     """
     if between <= 0.0 or sigma <= 0.0:
         return COVERAGE * sigma

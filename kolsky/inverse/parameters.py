@@ -11,9 +11,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from kolsky.base.apparatus import (
     MOST_BRANCHES,
     NETWORK_CONSTANTS,
@@ -24,11 +21,13 @@ from kolsky.base.apparatus import (
     RelaxationKind,
     prony_names,
 )
-from kolsky.base.arrays import FloatArray
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from doe import Box
     from explicit.relaxation.base import RateDependence
+    from kolsky.base.arrays import FloatArray
     from kolsky.shot.records import Shot
 
 
@@ -407,6 +406,8 @@ def what_relaxes(fields: Fields, relaxation: Relaxation | None) -> tuple[Fields,
     """
     if relaxation is None:
         return fields, ()
+    import numpy as np
+
     from explicit.relaxation import BergstromBoyce, PronySeries
 
     prony = relaxation.kind == "prony"
@@ -432,7 +433,7 @@ def with_relaxation(shot: Shot, kind: RelaxationKind, branches: int = 1) -> Shot
     `kolsky.base.apparatus.MOST_BRANCHES`. Raises ValueError if there can be no such number of branches.
     """
     if kind == "bergstrom_boyce":
-        largest = float(np.abs(shot.curve.stress).max())
+        largest = float(abs(shot.curve.stress).max())
         values = {
             "creep_ratio": START_STRENGTH,
             "creep_resistance": START_STRESS * largest,
@@ -457,6 +458,8 @@ def same_bulk(poisson: ArrayLike, stiffer: ArrayLike) -> FloatArray:
 
     ``poisson``: poisson's ratio [-]. ``stiffer``: the instantaneous stiffness over what it was [-].
     """
+    import numpy as np  # not for the help of commands
+
     return np.asarray(0.5 - (0.5 - np.asarray(poisson)) * np.asarray(stiffer), dtype=np.float64)
 
 

@@ -163,8 +163,6 @@ class Settings:
     """Draws of the flyer's motion and of the curve, each; 0 leaves their noise out of the interval."""
     replicate_mesh: tuple[int, int] = (16, 22)
     """The mesh of the replicates: a difference of two runs needs no fine one."""
-    methods: Literal["surrogate", "all"] = "surrogate"
-    """Whether only the surrogate is searched, or least squares on the solver too ("all")."""
     bayes: bool = False
     """Whether the posterior is sampled too (emcee, the extra [bayes])."""
     pull: Literal["first", "conditioned"] = "first"
@@ -173,8 +171,6 @@ class Settings:
     """Seed of every random draw."""
 
     def __post_init__(self) -> None:
-        if self.methods not in ("surrogate", "all"):
-            raise ValueError(f'methods must be "surrogate" or "all", got {self.methods!r}')
         if self.pull not in ("first", "conditioned"):
             raise ValueError(f"pull must be 'first' or 'conditioned', got {self.pull!r}")
         clash = set(self.free or ()) & {*self.held, *self.hold} | set(self.held) & set(self.hold)

@@ -1,13 +1,12 @@
-"""The optimum on the refined mesh where the response is rough: single runs or a quadratic through many.
+"""The optimum on the refined mesh where the response is rough: a quadratic through many runs.
 
-`RefinedOptimum` is the result of every search on the refined mesh. One parameter where a surface lets go:
-single runs correct the surrogate until a run leaves the optimum where it is. Where a surface slides,
-nodes stick, slip and lift by decisions that a small change of a parameter tips; a quadratic through more
-runs than it has terms averages these jumps, and what it leaves is the response's roughness, a part of the
-uncertainty. Smooth responses: `kolsky.inverse.gauss_newton`.
+`RefinedOptimum` is the result of every search on the refined mesh. Where a surface slides or lets go, nodes
+stick, slip and lift by decisions that a small change of a parameter tips; a quadratic through more runs than
+it has terms averages these jumps, and what it leaves is the response's roughness, a part of the uncertainty.
+Smooth responses: `kolsky.inverse.gauss_newton`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from explicit.contact import contact_law
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import (
     CoarseOptimum,
-    CorrectedSurrogate,
     Model,
     at_inner_face,
     jacobian,
@@ -34,12 +32,6 @@ CONFIRMED = 0.2
 """An optimum is confirmed when the check run moves it by less than this share of the residuals' sigma."""
 CONFIRMED_ROUGH = 3.0
 """Or by less than so many standard deviations of the response's roughness, which is in the interval."""
-
-
-MOST_CHECKS = 6
-"""Most rounds on the refined mesh."""
-COMPANION = 0.05
-"""Distance of the first check's companion run over the second design's edge."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +50,6 @@ class RefinedOptimum:
     """What `model` was before it was bent to agree with runs on the refined mesh; itself if it never was."""
     jacobian: FloatArray
     """Of the model at the optimum, shape [k, d]."""
-    slopes: tuple[FloatArray, ...]
-    """Every slope of the model that may be the right one for a common scale, shape [k, d] each."""
     sigma: FloatArray
     """Standard deviation of the optimum from the residuals, shape [d]."""
     check: CompletedRuns
@@ -112,88 +102,6 @@ def slides(stages: StagedRuns) -> bool:
     settings, interface = stages.settings, stages.prepared.forward.shot.interface
     laws = [contact_law(interface.faces), contact_law(interface.side)]
     return any_slides([*(settings.free or ()), *settings.held]) or any(law.needs_friction for law in laws)
-
-
-def search_by_single_runs(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOptimum:
-    """Stage 3 of `kolsky.identification.identify` for one parameter where a surface lets go and none slides.
-
-    Raises ValueError if a run on the refined mesh does not complete.
-    """
-    model, optimum = CorrectedSurrogate(coarse.surrogate), coarse.x
-    objective = replace(coarse.objective, slowly=True)
-    # A scale is one number, which nothing averages: of two slopes of the model, that between two runs on the
-    # refined mesh and that of the last design, the one with the larger shift counts.
-    wide = jacobian(model.predict, coarse.box, optimum)
-    wave = np.stack([optimum, _companion(optimum, coarse.box, stages.box)])
-    for _ in range(MOST_CHECKS):
-        check = run_refined(stages, wave)
-        vectors = objective.vectors(check.prediction)
-        missed = vectors[0] - model.predict(optimum)[0]
-        for point, vector in zip(check.points[::-1], vectors[::-1], strict=True):
-            model = model.through(point, vector)
-        found, best = _single_run_optimum(stages, coarse, objective, model, optimum, check, missed, wide)
-        objective = found.objective
-        if found.confirmed:
-            break
-        if at_inner_face(best, coarse.box, stages.box):
-            # The optimum lies beyond the second design: the next run on the refined mesh judges it there.
-            coarse = replace(coarse, box=_wider_box(coarse.box, stages.box))
-            best = search(coarse.box, objective, model.predict).x
-        optimum, wave = best, best[None]
-    return found
-
-
-def _single_run_optimum(
-    stages: StagedRuns,
-    coarse: CoarseOptimum,
-    objective: Objective,
-    model: CorrectedSurrogate,
-    optimum: FloatArray,
-    check: CompletedRuns,
-    missed: FloatArray,
-    wide: FloatArray,
-) -> tuple[RefinedOptimum, FloatArray]:
-    """The optimum as a run there judges it, and the point where it should be instead."""
-    best = search(coarse.box, objective, model.predict)
-    slope = jacobian(model.predict, coarse.box, best.x)
-    sigma = np.sqrt(np.diag(best.objective.covariance(slope, model.predict(best.x)[0])))
-    moved = float(np.max(np.abs(best.x - optimum) / sigma))
-    found = RefinedOptimum(
-        x=optimum,
-        box=coarse.box,
-        objective=best.objective,
-        model=model.predict,
-        surrogate=CorrectedSurrogate(coarse.surrogate).predict,
-        jacobian=slope,
-        slopes=(slope, wide),
-        sigma=sigma,
-        check=check,
-        moved=moved,
-        confirmed=moved <= CONFIRMED and not at_inner_face(optimum, coarse.box, stages.box),
-        missed=missed,
-        mesh_shift=optimum - coarse.x,
-    )
-    return found, best.x
-
-
-def _wider_box(box: Box, whole: Box) -> Box:
-    """The box with half its edges more on every side, inside the whole one."""
-    low, high = np.array(box.lower), np.array(box.upper)
-    more = 0.5 * (high - low)
-    lower, upper = np.maximum(low - more, whole.lower), np.minimum(high + more, whole.upper)
-    return replace(box, lower=tuple(lower.tolist()), upper=tuple(upper.tolist()))
-
-
-def _companion(x: FloatArray, box: Box, whole: Box) -> FloatArray:
-    """A companion of the first check: their difference corrects the surrogate's slope.
-
-    It lies below, because a coarse mesh is too soft and its optimum too high (verification manual).
-    """
-    step = COMPANION * (box.upper[0] - box.lower[0])
-    down = min(step, x[0] - whole.lower[0])
-    beside = x.copy()
-    beside[0] -= down if down > 0.0 else -step
-    return beside
 
 
 EDGE = 0.2
@@ -252,7 +160,7 @@ class QuadraticFit:
 
 
 def search_by_quadratic(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOptimum:
-    """Stage 3 of `kolsky.identification.identify` for several parameters, or with a sliding surface.
+    """Stage 3 of `kolsky.identification.identify` where a surface slides or lets go.
 
     Parameters
     ----------
@@ -278,7 +186,6 @@ def search_by_quadratic(stages: StagedRuns, coarse: CoarseOptimum) -> RefinedOpt
         model=found.model,
         surrogate=found.model,
         jacobian=found.jacobian,
-        slopes=(found.jacobian,),
         sigma=found.sigma,
         check=check,
         moved=float(np.max(move / np.hypot(found.sigma, found.roughness))),

@@ -22,7 +22,6 @@ from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.inverse.run_table import DesignTable, Terms
 
 SIMPLEX = "surrogate and simplex"
-LEAST_SQUARES = "least squares on the solver"
 PROFILE = "profile likelihood"
 POSTERIOR = "posterior median"
 
@@ -35,7 +34,7 @@ class Method:
     """The free parameters by one method of searching, from the same data."""
 
     name: str
-    """`SIMPLEX`, `LEAST_SQUARES`, `PROFILE` or `POSTERIOR`."""
+    """`SIMPLEX`, `PROFILE` or `POSTERIOR`."""
     values: dict[str, float]
     """What it finds, in parameter units."""
     distances: dict[str, float]

@@ -2,21 +2,19 @@
 
 The optimum of a specimen that keeps its hold is moved to the refined mesh by Gauss-Newton steps
 (`kolsky.inverse.gauss_newton`), after the front face's path has been followed on the surrogate's mesh
-(`kolsky.inverse.surrogate_mesh_search`). Where a surface slides, a quadratic through many runs averages
-its jumps; where one lets go, single runs move one parameter (`kolsky.inverse.refined_search`).
+(`kolsky.inverse.surrogate_mesh_search`). Where a surface slides or lets go, a quadratic through many runs
+averages its jumps (`kolsky.inverse.refined_search`).
 
 `held_answer` gives the stiffness factor with the other free parameters held at the shot's values.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
-import explicit
 from doe import Box
 from kolsky.base.arrays import BoolArray, FloatArray
 from kolsky.inverse.coarse_search import (
@@ -33,12 +31,12 @@ from kolsky.inverse.gauss_newton import ExtraRun, linear_step, search_by_gauss_n
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.parameters import MOVED, PARAMETERS, design_box
 from kolsky.inverse.problem import Freed, PreparedShot, Settings, choose, rough
-from kolsky.inverse.refined_search import RefinedOptimum, search_by_quadratic, search_by_single_runs, slides
+from kolsky.inverse.refined_search import RefinedOptimum, search_by_quadratic
 from kolsky.inverse.result import Estimate, HeldAnswer, Route
 from kolsky.inverse.run_table import RunTable
-from kolsky.inverse.staged_runs import Progress, StagedRuns, compile_for, other_element
+from kolsky.inverse.staged_runs import StagedRuns, compile_for
 from kolsky.inverse.surrogate_mesh_search import search_meshes, search_meshes_for_one
-from kolsky.inverse.work import IdleCore
+from kolsky.inverse.work import Work
 from kolsky.shot.records import Shot
 
 LEAST_RESOLUTION = 4.0
@@ -83,13 +81,7 @@ class Search:
         return paper_route(self.held.stages.box, self.held.stages.table, self.held.values)
 
 
-def search_shot(
-    prepared: PreparedShot,
-    settings: Settings,
-    progress: Progress,
-    *,
-    meanwhile: Sequence[Callable[[], object]] = (),
-) -> Search:
+def search_shot(prepared: PreparedShot, settings: Settings, work: Work) -> Search:
     """Find the optimum on the refined mesh; hold by default what the data turn out not to tell.
 
     Parameters
@@ -98,10 +90,8 @@ def search_shot(
         The shot.
     settings
         As the user gave them.
-    progress
-        Called with stage, runs done, runs in the stage.
-    meanwhile
-        What to load while a lone run leaves a core idle, see `kolsky.inverse.work.IdleCore`.
+    work
+        Is told of the stages.
 
     Raises
     ------
@@ -111,33 +101,19 @@ def search_shot(
     shot = prepared.forward.shot
     freed = choose(settings, shot)
     while True:
-        stages = StagedRuns(
-            prepared, freed.settings, design_box(freed.free), progress, prior=freed.prior(shot)
-        )
+        stages = StagedRuns(prepared, freed.settings, design_box(freed.free), work, prior=freed.prior(shot))
         compile_for(stages)
-        load = partial(_load_other_element, stages)
-        if meanwhile:
-            stages.idle_core = IdleCore([*meanwhile, load])
-        else:  # so short a work leaves the first lone run room for the runs that are put off
-            stages.idle_core.put_off(load)
         if rough(shot, [*freed.free, *freed.settings.held]):
             coarse = search_coarse(stages)
             replicates = stages.replicate(coarse.x)() if settings.replicates else None
             coarse = weigh_front_noise(stages, coarse, replicates)
-            alone = stages.box.dimension == 1 and not slides(stages)
-            fine = search_by_single_runs(stages, coarse) if alone else search_by_quadratic(stages, coarse)
-            return Search(freed, stages, coarse, fine)
+            return Search(freed, stages, coarse, search_by_quadratic(stages, coarse))
         if stages.box.dimension == 1:
             return _search_one(freed, stages)
         found = _search_several(freed, stages)
         if isinstance(found, Search):
             return found
         freed = freed.holding(found)
-
-
-def _load_other_element(stages: StagedRuns) -> None:
-    """Load the time loop of the other element, which the mesh's error is told by."""
-    explicit.load_time_loop(other_element(stages), device=stages.settings.numerics.device)
 
 
 def _search_one(freed: Freed, stages: StagedRuns) -> Search:
@@ -175,8 +151,7 @@ def _search_held(stages: StagedRuns) -> HeldSearch:
     """The stiffness factor alone on the surrogate's mesh, the other free parameters at the shot's values."""
     settings, shot, i = stages.settings, stages.prepared.forward.shot, stages.box.names.index(MOVED)
     box = Box.of({MOVED: (stages.box.lower[i], stages.box.upper[i])})
-    alone = StagedRuns(stages.prepared, settings, box, stages.progress)
-    alone.seconds = stages.seconds
+    alone = StagedRuns(stages.prepared, settings, box, stages.work)
     values = {name: PARAMETERS[name].held(shot) for name in stages.box.names if name != MOVED}
     return HeldSearch(values, alone, search_coarse(alone))
 

@@ -13,6 +13,7 @@ from explicit.relaxation import BergstromBoyce, PronySeries, bergstrom_boyce_str
 from kolsky.base.apparatus import NETWORK_CONSTANTS, Relaxation, prony_names
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.toml import TomlFile, parse_toml
 from kolsky.inverse.joint_result import Slow
 from kolsky.inverse.parameters import MOVED
 from kolsky.material.relaxation.evidence import DynamicTest, Evidence, HistoryTest, RateModel, ScaledLaw
@@ -28,7 +29,6 @@ from kolsky.schema.fields import (
     TimeColumn,
 )
 from kolsky.schema.material import LawSection
-from kolsky.schema.shot_file import TomlFile, parse_toml
 
 NEEDED = {
     "relaxation": ("time", "stress", "strain"),
@@ -156,10 +156,7 @@ class SlowList:
 def read_slow_tests(path: Path) -> Slow:
     """Read a list of slow tests and their files, for shots whose law is their own.
 
-    Raises
-    ------
-    InputError
-        If the list or a file cannot be used; the message names file, line, key and cure.
+    Raises InputError if the list or a file cannot be used; the message names file, line, key and cure.
     """
     toml = parse_toml(path)
     if "law" in toml.content:

@@ -2,7 +2,6 @@
 first.
 """
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -22,14 +21,11 @@ from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.path_noise import MovedFront
 from kolsky.inverse.problem import PreparedShot, Settings
 from kolsky.inverse.run_table import CompletedRuns, Replicates, RunTable, first_lost, lost_in_words
-from kolsky.inverse.work import EarlyRun, IdleCore, leaves_a_core
-
-Progress = Callable[[str, int, int], None]
-"""Called as ``progress(stage, runs done, runs in the stage)``."""
+from kolsky.inverse.work import Work
 
 
 class StagedRuns:
-    """Runs designs over a box of parameters; keeps every run, and the seconds of each stage.
+    """Runs designs over a box of parameters; keeps every run.
 
     A coarse mesh answers like the refined one at other parameters: it is too soft, and its waves are too
     slow. `offsets` has, mesh by mesh, what is added to a point so that the mesh's run there resembles the
@@ -41,22 +37,20 @@ class StagedRuns:
         prepared: PreparedShot,
         settings: Settings,
         box: Box,
-        progress: Progress,
+        work: Work,
         *,
         prior: Prior | None = None,
     ) -> None:
-        self.prepared, self.settings, self.box, self.progress = prepared, settings, box, progress
+        self.prepared, self.settings, self.box, self.work = prepared, settings, box, work
+        self.progress = work.progress
         self.prior = prior
-        self.idle_core = IdleCore()
-        self.early: EarlyRun | None = None
         self.offsets: dict[tuple[int, int], FloatArray] = {}
         self._replicates: Callable[[], Replicates | None] = lambda: None
         self.front: MovedFront | None = None
-        self.front_moved, self.valley_margin = 0.0, np.inf
+        self.valley_margin = np.inf
         self.rng = np.random.default_rng(settings.seed)
         self.table = RunTable(box.names)
         self._coarse: list[tuple[FloatArray, Prediction]] = []
-        self.seconds: dict[str, float] = {}
 
     def offset(self, mesh: tuple[int, int], offset: FloatArray) -> None:
         """Run a mesh at shifted points from now on; its earlier runs count for the points they stand for.
@@ -89,12 +83,8 @@ class StagedRuns:
         seen = replace(self.prepared.observations, front_noise=modes, front_offset=offset)
         self.prepared = replace(self.prepared, observations=seen)
 
-    def move_front(self, path: FlyerPath, moved: float) -> None:
-        """Run everything under another path of the front face; earlier runs serve no surrogate then.
-
-        `moved` is the root mean square of its modes' amplitudes, over the noise of the record.
-        """
-        self.front_moved = moved
+    def move_front(self, path: FlyerPath) -> None:
+        """Run everything under another path of the front face; earlier runs serve no surrogate then."""
         forward = replace(self.prepared.forward, paths=(path,))
         self.prepared = replace(self.prepared, forward=forward)
         self._coarse = []
@@ -102,7 +92,7 @@ class StagedRuns:
     def follow(self, front: MovedFront) -> None:
         """Run everything under a moved path from now on, and take the change off by its patterns."""
         self.front = front
-        self.move_front(front.path, front.moved)
+        self.move_front(front.path)
         self.know_front_noise(front.modes.patterns, front.offset)
 
     def front_deviations(self, n: int) -> FloatArray:
@@ -153,12 +143,10 @@ class StagedRuns:
         """
         values = self.solver_values(points, numerics.mesh)
         named = {name: values[:, i] for i, name in enumerate(self.box.names)}
-        started, report = time.perf_counter(), self._counter(stage, len(points))
-        with self.idle_core.used(idle=all_nodes and len(points) == 1):
+        with self.work.stage(stage, len(points)) as told:
             response = self.prepared.forward.run(
-                {**self.settings.held, **named}, numerics, all_nodes=all_nodes, progress=report
+                {**self.settings.held, **named}, numerics, all_nodes=all_nodes, progress=told
             )
-        self._clock(stage, started)
         rows = np.flatnonzero(response.completed)
         prediction = predict(response.select(rows), self.observations) if len(rows) else None
         if prediction is not None and numerics.mesh == self.settings.numerics.mesh:
@@ -174,11 +162,10 @@ class StagedRuns:
         For a search that asks for many points beside each other: they join neither the table nor the runs
         on the surrogate's mesh. `shifted` points are those at which the mesh resembles the refined one.
         """
-        started, report = time.perf_counter(), self._counter(stage, len(points))
         at = self.solver_values(points, numerics.mesh) if shifted else points
         values = {name: at[:, i] for i, name in enumerate(self.box.names)}
-        response = self.prepared.forward.run({**self.settings.held, **values}, numerics, progress=report)
-        self._clock(stage, started)
+        with self.work.stage(stage, len(points)) as told:
+            response = self.prepared.forward.run({**self.settings.held, **values}, numerics, progress=told)
         rows = np.flatnonzero(response.completed)
         return rows, predict(response.select(rows), self.observations) if len(rows) else None
 
@@ -199,7 +186,7 @@ class StagedRuns:
     def replicate(self, point: FloatArray, *, lesson: bool = True) -> Callable[[], Replicates]:
         """Run the point again under `settings.replicates` other motions, and as many other curves.
 
-        The runs are made beside a lone run, or when they are asked for.
+        The runs are made when they are asked for.
 
         With `lesson` the weights learn from as many motions more: what taught them does not judge them.
 
@@ -219,11 +206,9 @@ class StagedRuns:
         observations = self.observations
 
         def run() -> Replicates:
-            started, report = time.perf_counter(), self._counter("noise", len(motion))
             numerics = self.settings.numerics.with_mesh(self.settings.replicate_mesh)
-            response = forward.run(values, numerics, motion=motion, material=material, progress=report)
-            if not idle:  # else the time is that of the run beside it
-                self._clock("noise", started)
+            with self.work.stage("noise", len(motion)) as told:
+                response = forward.run(values, numerics, motion=motion, material=material, progress=told)
             rows = np.flatnonzero(response.completed)
             if 0 not in rows:
                 raise ValueError(f"the noise stage's reference run ended {response.describe(0)}")
@@ -236,10 +221,8 @@ class StagedRuns:
                 lost=response.n_samples - len(rows),
             )
 
-        idle = leaves_a_core(self.settings.numerics.device, self.settings.numerics.threads)
-        found = self.idle_core.put_off(run) if idle else PendingResult(run)
-        self._replicates = found
-        return found
+        self._replicates = PendingResult(run)
+        return self._replicates
 
     def under_other_motions(
         self, points: FloatArray, deviations: FloatArray, numerics: Numerics, *, shifted: bool = True
@@ -256,31 +239,16 @@ class StagedRuns:
         others = [replace(path, jerk=path.jerk + change) for change in deviations]
         forward = replace(self.prepared.forward, paths=(path, *others))
         motion = np.tile(np.arange(n + 1), len(points))
-        started, report = time.perf_counter(), self._counter("noise", len(motion))
         at = np.repeat(self.solver_values(points, numerics.mesh) if shifted else points, n + 1, axis=0)
         values = {name: at[:, i] for i, name in enumerate(self.box.names)}
-        response = forward.run({**self.settings.held, **values}, numerics, motion=motion, progress=report)
-        self._clock("noise", started)
+        with self.work.stage("noise", len(motion)) as told:
+            response = forward.run({**self.settings.held, **values}, numerics, motion=motion, progress=told)
         found: list[Prediction | None] = []
         for first in range(0, len(motion), n + 1):
             rows = first + np.flatnonzero(response.completed[first : first + n + 1])
             whole = len(rows) > 0 and rows[0] == first
             found.append(predict(response.select(rows), self.observations) if whole else None)
         return found
-
-    def _counter(self, stage: str, total: int) -> Callable[[int], None]:
-        done = 0
-        self.progress(stage, 0, total)
-
-        def report(n: int) -> None:
-            nonlocal done
-            done += n
-            self.progress(stage, done, total)
-
-        return report
-
-    def _clock(self, stage: str, started: float) -> None:
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - started
 
 
 RUNS_OF_A_DESIGN = 64
@@ -295,16 +263,11 @@ def compile_for(stages: StagedRuns) -> None:
     numerics = stages.settings.numerics
     explicit.compile_time_loops(
         [_problem(stages, numerics, 1), _problem(stages, numerics, RUNS_OF_A_DESIGN)],
-        also=[lambda: other_element(stages)],
+        also=[lambda: _problem(stages, numerics.with_other_element(), 1)],
         device=numerics.device,
         threads=numerics.threads,
         told=lambda done, total: stages.progress("compile", done, total),
     )
-
-
-def other_element(stages: StagedRuns) -> explicit.Problem:
-    """A run of the other element, which the mesh's error is told by."""
-    return _problem(stages, stages.settings.numerics.with_other_element(), 1)
 
 
 def _problem(stages: StagedRuns, numerics: Numerics, runs: int) -> explicit.Problem:

@@ -16,7 +16,7 @@ import numpy as np
 
 from doe import from_points, latin_hypercube
 from doe.least_squares import Whitening, least_squares
-from kolsky.base.arrays import BoolArray, FloatArray
+from kolsky.base.arrays import FloatArray
 from kolsky.inverse.coarse_search import (
     CoarseOptimum,
     CorrectedSurrogate,
@@ -167,7 +167,7 @@ def follow_front(
         amplitudes = likely_amplitudes(weighed, weighed.data - vector)
         if not credible(amplitudes):
             stages.front = None
-            stages.move_front(fitted, 0.0)
+            stages.move_front(fitted)
             stages.know_front_noise(modes.patterns)
             return first
         if shares.any() or rms_amplitude(amplitudes) > followed:
@@ -257,8 +257,3 @@ def _least_squares_on(
     return [
         MeshOptimum(from_search(box, end.x), end.sigma * edges, end.deviance, end.converged) for end in found
     ]
-
-
-def reached(stages: StagedRuns, inside: BoolArray) -> Objective:
-    """The objective over the outline points that every run of some reaches, shape [n, n_points]."""
-    return Objective(stages.observations, np.asarray(inside.all(axis=0)), prior=stages.prior)

@@ -9,15 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from dic.calibration import Calibration
+from dic.calibration.views import Calibration
 from dic.files import text_cell
 from dic.images import PictureError, Pictures
 from dic.images.series import PictureSizeError
 from kolsky.base.errors import InputError
+from kolsky.base.toml import TomlFile, read_toml
 from kolsky.pictures.picture_set import CAMERAS
 from kolsky.schema.fields import Section
 from kolsky.schema.pictures import CalibrationSection, TargetSection
-from kolsky.schema.shot_file import TomlFile, parse_toml, shot_toml
+from kolsky.schema.shot_file import shot_toml
 
 
 def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
@@ -25,7 +26,7 @@ def target_of(section: TargetSection, toml: TomlFile) -> tuple[Any, Any]:
 
     Raises InputError if its kind is unknown, a dimension is missing, has no effect or is impossible.
     """
-    from dic.calibration import TARGETS
+    from dic.calibration.targets import TARGETS
 
     key = "calibration.target"
     if section.kind not in TARGETS:
@@ -76,7 +77,7 @@ def calibration_of(
     """The calibration from the pictures that a file names.
 
     ``toml``, ``section``: the file and its table. ``progress``: told of the pictures done. ``predict``: as of
-    `dic.calibration.calibrate`: False if the cameras alone are wanted. Raises InputError if the pictures
+    `dic.calibrate`: False if the cameras alone are wanted. Raises InputError if the pictures
     cannot be read or do not go together, the target is impossible, or what is seen of it does not determine
     the cameras.
     """
@@ -92,7 +93,7 @@ def calibration_in_background(
 
     Yields: gives what `calibration_of` gives, and raises what that raises.
     """
-    from dic.calibration import detection_begun
+    from dic.calibration.views import detection_begun
 
     assert section.target is not None  # the schema saw to it
     assert section.distortion is not None
@@ -130,8 +131,9 @@ def _solve(
     predict: bool,
 ) -> "Calibration":
     """The calibration from what was seen of the target."""
-    from dic.calibration import Undetermined, calibrate
+    from dic.calibration.bundle import Undetermined
     from dic.calibration.refine import find_order
+    from dic.calibration.solve import calibrate
 
     _refuse_odd_size(toml, series, views)
     sensors = [(pictures.shape[1], pictures.shape[0]) for pictures in series]
@@ -245,8 +247,8 @@ def read_calibration_toml(source: Path) -> tuple[TomlFile, CalibrationSection]:
         if section is None:
             raise InputError(path, "has no table [calibration]", cure="add it, with pictures and target")
     else:
-        toml = parse_toml(path)
-        section = toml.validated(CalibrationFile).calibration
+        toml, declared = read_toml(path, CalibrationFile)
+        section = declared.calibration
     if section.file is not None:
         raise toml.error(
             "calibration.file", "is a calibration that is finished", cure="name pictures and target instead"

@@ -14,7 +14,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dic.bodies.follow import second_camera
 from dic.bodies.region import FoundRegions, Region, find_regions, polygon_mask
 from dic.camera import Camera, StereoRig
 from dic.chain import VERSION, ChainError, ChainSettings, inspect_pictures, measure
@@ -259,55 +258,53 @@ def correlate(
         inspection = inspect_pictures(pictures.series, static)
     except ChainError as error:
         raise _no_surface(toml, error) from error
-    with second_camera(inspection.pictures, device) as second:
+    started = perf_counter()
+    found = calibrate(pictures, progress) if cameras is None else cameras(progress)
+    calibrating = perf_counter() - started
+    sizes = (pictures.series[0].shape, pictures.series[1].shape)
+    seen = visible_lengths(found.rig, np.array(places.specimen.corners), section.flyer_side, sizes)
+    check_length(toml, seen)
+    settings = _chain_settings(section, declared.specimen, places.edge, device, length_sigma_of(toml))
+    reporting = {} if declared.reporting is None else declared.reporting.model_dump(exclude_none=True)
+    try:
         started = perf_counter()
-        found = calibrate(pictures, progress) if cameras is None else cameras(progress)
-        calibrating = perf_counter() - started
-        sizes = (pictures.series[0].shape, pictures.series[1].shape)
-        seen = visible_lengths(found.rig, np.array(places.specimen.corners), section.flyer_side, sizes)
-        check_length(toml, seen)
-        settings = _chain_settings(section, declared.specimen, places.edge, device, length_sigma_of(toml))
-        reporting = {} if declared.reporting is None else declared.reporting.model_dump(exclude_none=True)
-        try:
-            started = perf_counter()
-            assert declared.calibration is not None  # shots with pictures have it
-            rig, refinement = refine_rig(
-                declared.calibration,
-                found.rig,
-                pictures.series,
-                places.specimen.frame,
-                polygon_mask(places.specimen.corners, pictures.series[0].shape),
-                settings.stereo,
-                step=section.step,
-                device=device,
-            )
-            result = measure(
-                pictures.series,
-                rig,
-                settings,
-                t=pictures.time,
-                static=static,
-                specimen=places.specimen,
-                flyer=places.flyer,
-                facts={
-                    "reporting": reporting,
-                    "calibration": found.words,
-                    "software": _software(),
-                    "regions": places.words,
-                    **({"refinement": refinement} if refinement else {}),
-                },
-                progress=progress,
-                idle=idle,
-                inspection=inspection,
-                second=second,
-            )
-            whole = {"calibration": calibrating, "correlation": perf_counter() - started}
-            remarks = (*result.remarks, *of_colours(pictures.series))
-            return replace(result, seconds={**whole, **result.seconds}, remarks=remarks)
-        except ChainError as error:
-            raise _no_surface(toml, error) from error
-        except ValueError as error:
-            raise toml.error("dic", f"does not fit the pictures: {error}") from error
+        assert declared.calibration is not None  # shots with pictures have it
+        rig, refinement = refine_rig(
+            declared.calibration,
+            found.rig,
+            pictures.series,
+            places.specimen.frame,
+            polygon_mask(places.specimen.corners, pictures.series[0].shape),
+            settings.stereo,
+            step=section.step,
+            device=device,
+        )
+        result = measure(
+            pictures.series,
+            rig,
+            settings,
+            t=pictures.time,
+            static=static,
+            specimen=places.specimen,
+            flyer=places.flyer,
+            facts={
+                "reporting": reporting,
+                "calibration": found.words,
+                "software": _software(),
+                "regions": places.words,
+                **({"refinement": refinement} if refinement else {}),
+            },
+            progress=progress,
+            idle=idle,
+            inspection=inspection,
+        )
+        whole = {"calibration": calibrating, "correlation": perf_counter() - started}
+        remarks = (*result.remarks, *of_colours(pictures.series))
+        return replace(result, seconds={**whole, **result.seconds}, remarks=remarks)
+    except ChainError as error:
+        raise _no_surface(toml, error) from error
+    except ValueError as error:
+        raise toml.error("dic", f"does not fit the pictures: {error}") from error
 
 
 def _no_surface(toml: ShotToml, error: ChainError) -> InputError:

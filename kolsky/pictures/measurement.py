@@ -18,10 +18,10 @@ from dic.tracking import Tracking
 from kolsky.base.errors import InputError, refuse
 from kolsky.base.files import regular
 from kolsky.base.process import infrequent_gc, single_threaded_libraries
+from kolsky.base.toml import TomlFile, parse_toml
 from kolsky.pictures.picture_set import CAMERAS, digest, fits_sensor, matching
 from kolsky.pictures.rig import refine_rig, rig_of
 from kolsky.schema.pictures import MeasuredSeries, MeasurementFile
-from kolsky.schema.shot_file import TomlFile, parse_toml
 
 FLYER_TEST = "flyer test"
 """The kind that belongs into a shot.toml."""

@@ -14,10 +14,8 @@ from dic.bodies.region import polygon_mask
 from dic.files import replacing
 from dic.images import PictureError, Pictures
 from kolsky.base.errors import InputError
-from kolsky.base.files import filling
-from kolsky.base.toml import CannotEdit, with_values
-from kolsky.readers.text import decode, read_bytes
-from kolsky.schema.shot_file import TOML_LIMIT
+from kolsky.base.files import decode, filling, read_bytes
+from kolsky.base.toml import TOML_LIMIT, CannotEdit, with_values
 
 MOST_CORNERS = 1000
 LEAST_AREA = 25.0

@@ -15,13 +15,13 @@ from dic.correlation import Correlation, Noise
 from dic.images import PictureError, Pictures
 from dic.processes import background, cores, may_fork
 from kolsky.base.errors import InputError
+from kolsky.base.toml import TomlFile
 from kolsky.pictures.calibration import Progress, calibration_in_background, calibration_of
 from kolsky.pictures.picture_set import CAMERAS, PictureSet, fits_sensor
 from kolsky.schema.pictures import CalibrationSection
-from kolsky.schema.shot_file import TomlFile
 
 if TYPE_CHECKING:
-    from dic.calibration import Calibration
+    from dic.calibration.views import Calibration
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from doe import Box, CostSurrogate, full_factorial, nelder_mead
 from doe.surrogates import SurrogateError
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.toml import TomlFile
 from kolsky.prediction.predict import Numbers, PlannedTest, predict
 from kolsky.prediction.schema import TestFile
-from kolsky.schema.shot_file import TomlFile
 
 NAMES = tuple(field.name for field in fields(Numbers))
 """Numbers that can be wanted."""

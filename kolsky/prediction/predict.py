@@ -12,9 +12,9 @@ from explicit.bars.lines import Events, FlightHistory, SpecimenForce
 from explicit.response import Response
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.toml import TomlFile, read_toml
 from kolsky.prediction.schema import PartTable, TestFile
 from kolsky.prediction.shapers import shaper_of
-from kolsky.schema.shot_file import TomlFile, parse_toml
 from kolsky.virtual.material import law_of, relaxation_of, uniaxial_stress
 
 FLATTEST = 0.04
@@ -150,8 +150,7 @@ def read_test(path: str | Path) -> PlannedTest:
 
     Raises InputError if it cannot be read, is no TOML, or declares anything unknown or impossible.
     """
-    file = parse_toml(Path(path))
-    return PlannedTest(file, file.validated(TestFile))
+    return PlannedTest(*read_toml(Path(path), TestFile))
 
 
 def predict(test: PlannedTest, *, quick: bool = False) -> Prediction:

@@ -4,17 +4,21 @@ A printed time column gives a uniform clock within its digits, or the reason why
 """
 
 import hashlib
+import json
 import stat
+import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Context, Decimal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import regular
+from kolsky.base.process import run_program
 from kolsky.base.units import LARGEST
 
 ColumnId = str | int
@@ -33,7 +37,7 @@ class Layout:
     encoding: str | None = None
     """Of a text file: one of `kolsky.readers.text.ENCODINGS`."""
     delimiter: str | None = None
-    """Of a text file: ",", ";", "tab" or "blanks"."""
+    """Of a text file: name or character of one of `kolsky.readers.text.DELIMITERS`."""
     decimal: str | None = None
     """Decimal sign of a text file: "." or ","."""
     comment: str | None = None
@@ -190,6 +194,27 @@ def head_of(path: Path, size: int = 4096) -> bytes:
             return stream.read(size)
     except OSError:
         return b""
+
+
+TIMEOUT = 9.0
+"""Longest time that the program `kolsky.readers.child` may take for a file [s]."""
+
+
+def read_in_child(path: Path, form: str, place: Path, damaged: Callable[[Path, str], InputError]) -> Any:
+    """What `kolsky.readers.child` finds in a file, in a process of its own that may die.
+
+    ``path``: the file. ``form``: "xls" or "mat". ``place``: where it may write arrays. ``damaged``: makes the
+    error of a broken file. Raises InputError if the program fails, dies or takes longer than `TIMEOUT`.
+    """
+    program = Path(__file__).with_name("child.py")
+    try:
+        done = run_program(program, form, str(path), str(place), timeout=TIMEOUT)
+    except subprocess.TimeoutExpired:
+        raise damaged(path, f"no answer after {TIMEOUT:g} s") from None
+    if done.returncode != 0:
+        lines = [line for line in done.stderr.splitlines() if "memory allocation" in line or "Error" in line]
+        raise damaged(path, lines[-1] if lines else f"its reader ended with code {done.returncode}")
+    return json.loads(done.stdout)
 
 
 def check_samples(path: Path, name: str, samples: int) -> None:

@@ -5,10 +5,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from kolsky.base.errors import InputError
+from kolsky.base.files import read_bytes
 from kolsky.readers.contents import Contents, Layout, head_of
 from kolsky.readers.header import heading_keys, key_lines, names_by_key, uncommented
 from kolsky.readers.sheet import Sheet, first_samples, names_and_units, signal_table
-from kolsky.readers.text import decode_text, find_dialect, lines_of, read_bytes
+from kolsky.readers.text import decode_text, find_dialect, lines_of
 
 BINARY = False
 

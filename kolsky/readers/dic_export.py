@@ -14,10 +14,11 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
+from kolsky.base.files import read_bytes
 from kolsky.readers.contents import Layout
 from kolsky.readers.header import uncommented
 from kolsky.readers.sheet import Sheet, first_samples, names_and_units
-from kolsky.readers.text import LONGEST_FIELD, decode_text, find_dialect, lines_of, read_bytes
+from kolsky.readers.text import LONGEST_FIELD, decode_text, find_dialect, lines_of
 
 
 @dataclass(frozen=True)

@@ -49,15 +49,20 @@ def read(path: Path, layout: Layout) -> Contents:
     return sheet_contents(path, sha256, "excel", title, rows, layout)
 
 
-def sheet_contents(
-    path: Path, sha256: str, form: str, title: str, rows: Sequence[Sequence[object]], layout: Layout
-) -> Contents:
-    """Channels and metadata of the rows of one sheet.
+def table_lines(path: Path) -> list[str]:
+    """The rows of the sheet with data as lines with tabs between the cells.
 
-    ``path``, ``sha256``: the workbook and its hash. ``form``: name of its format. ``title``, ``rows``: the
-    sheet: texts, numbers, truth values; at most `COLUMNS_LIMIT` columns are read. ``layout``: what has been
-    said of it. Raises InputError if it is empty or a cell holds an error; and as
-    `kolsky.readers.delimited.read_lines`.
+    Raises InputError as `read`.
+    """
+    file_hash(path, limit=COMPRESSED_LIMIT)
+    _check_archive(path)
+    return sheet_lines(path, *_rows(path, None))
+
+
+def sheet_lines(path: Path, title: str, rows: Sequence[Sequence[object]]) -> list[str]:
+    """The rows of a sheet as lines with tabs, at most `COLUMNS_LIMIT` columns.
+
+    Raises InputError if it is empty or a cell holds an error.
     """
     texts = [
         [_text(path, number, cell) for cell in row[:COLUMNS_LIMIT]]
@@ -69,6 +74,20 @@ def sheet_contents(
         lines.pop()
     if not lines:
         raise InputError(path, f"sheet '{title}' is empty", cure="name the sheet with the samples")
+    return lines
+
+
+def sheet_contents(
+    path: Path, sha256: str, form: str, title: str, rows: Sequence[Sequence[object]], layout: Layout
+) -> Contents:
+    """Channels and metadata of the rows of one sheet.
+
+    ``path``, ``sha256``: the workbook and its hash. ``form``: name of its format. ``title``, ``rows``: the
+    sheet: texts, numbers, truth values; at most `COLUMNS_LIMIT` columns are read. ``layout``: what has been
+    said of it. Raises InputError if it is empty or a cell holds an error; and as
+    `kolsky.readers.delimited.read_lines`.
+    """
+    lines = sheet_lines(path, title, rows)
     stated = Layout(**{**vars(layout), "delimiter": "tab", "decimal": "."})
     contents = read_lines(path, sha256, lines, stated, {"format": form, "sheet": title}, word="row")
     kept = {key: value for key, value in contents.facts.items() if key not in ("delimiter", "decimal")}

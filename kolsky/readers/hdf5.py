@@ -3,7 +3,7 @@
 The clock comes from attributes, scalars or a dataset of times.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,28 @@ class NamedArray:
     """Its unit, if the file says it."""
     keys: Mapping[str, float] = field(default_factory=dict)
     """Numbers that belong to it: attributes of its own and of the groups around it."""
+
+
+TABLE_LIMIT = 5_000_000
+"""Most numbers of a table of arrays."""
+
+
+def array_lines(path: Path, arrays: Sequence[NamedArray]) -> list[str]:
+    """Names and rows of the arrays that are as long as the longest, as lines with tabs and all digits.
+
+    Raises InputError if there is no array, or too many numbers.
+    """
+    rows = max((array.samples for array in arrays), default=0)
+    columns = [array for array in arrays if array.samples == rows]
+    if not 0 < rows * len(columns) <= TABLE_LIMIT:
+        raise InputError(
+            path,
+            f"has {rows * len(columns)} numbers in arrays of equal length",
+            allowed=f"1 to {TABLE_LIMIT}",
+            cure="save the columns of the table as plain arrays of equal length",
+        )
+    values = np.column_stack([array.values() for array in columns]).tolist()
+    return ["\t".join(a.name for a in columns), *("\t".join(map(repr, row)) for row in values)]
 
 
 def array_channels(
@@ -201,6 +223,15 @@ def read(path: Path, layout: Layout) -> Contents:
         facts={"format": "hdf5"},
         metadata=metadata,
     )
+
+
+def table_lines(path: Path) -> list[str]:
+    """The vectors of equal length as lines with tabs.
+
+    Raises InputError as `read`.
+    """
+    file_hash(path)
+    return array_lines(path, inside(path)[0])
 
 
 def inside(path: Path) -> tuple[list[NamedArray], dict[str, float], dict[str, str]]:

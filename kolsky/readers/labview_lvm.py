@@ -9,10 +9,11 @@ import hashlib
 from pathlib import Path
 
 from kolsky.base.errors import InputError
+from kolsky.base.files import read_bytes
 from kolsky.readers.contents import Contents, Layout, head_of
 from kolsky.readers.header import add_key
 from kolsky.readers.sheet import Sheet, SignalTable
-from kolsky.readers.text import Dialect, decode_text, lines_of, read_bytes
+from kolsky.readers.text import Dialect, decode_text, lines_of
 
 BINARY = False
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
-from kolsky.base.units import DIMENSIONS, UnitError, unit_factor
+from kolsky.base.units import DIMENSIONS, UnitError, dimension_of, unit_factor
 from kolsky.readers import recordings
 from kolsky.readers.contents import Channel, Contents, Layout
 from kolsky.readers.header import si_unit, split_unit
@@ -304,15 +304,7 @@ def heading_unit(name: str) -> str | None:
     text = match.group(2)
     if text == "-":
         return "1"
-    return text if any(_is_unit(text, base) for base in DIMENSIONS) else None
-
-
-def _is_unit(text: str, base: str) -> bool:
-    try:
-        unit_factor(text, base)
-    except (UnitError, ValueError, KeyError):
-        return False
-    return True
+    return text if dimension_of(text, DIMENSIONS) else None
 
 
 def _find_clock(contents: Contents, column: str, header_line: int | None) -> Channel | None:

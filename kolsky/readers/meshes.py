@@ -9,8 +9,8 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
+from kolsky.base.files import decode, read_bytes
 from kolsky.readers.contents import LARGEST_SAMPLE
-from kolsky.readers.text import decode, read_bytes
 
 GMSH_SIZE_LIMIT = 500_000_000
 """Largest file that is read [bytes]."""

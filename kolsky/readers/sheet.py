@@ -121,7 +121,7 @@ class Sheet:
             cure="correct its name, or give its number; `kolsky channels FILE` lists them",
         )
 
-    def error(self, message: str, row: int | None, cure: str) -> InputError:
+    def error(self, message: str, row: int | None, cure: str | None) -> InputError:
         """An error about this file; `row` counts rows of samples from 0."""
         line = None if row is None else self.first + row
         if self.word != "line" and line is not None:

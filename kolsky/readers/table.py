@@ -7,49 +7,55 @@ it is written, and `kolsky check` reports how.
 
 import csv
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
-from kolsky.base.units import UnitError, unit_factor
-from kolsky.readers.contents import Layout
+from kolsky.base.files import SIZE_LIMIT, decode, read_bytes
+from kolsky.base.units import dimension_of
+from kolsky.readers import delimited, excel, excel_97, hdf5, matlab
+from kolsky.readers.contents import Layout, file_hash
 from kolsky.readers.header import uncommented
 from kolsky.readers.sheet import Sheet, first_samples, names_and_units
 from kolsky.readers.text import (
-    SIZE_LIMIT,
     Dialect,
-    declared_character,
-    decode,
+    check_one_column,
+    declared_decimal,
+    declared_delimiter,
     decode_text,
+    delimiter_of,
     find_dialect,
     lines_of,
-    read_bytes,
 )
 
 PLAIN = Layout(delimiter="comma", decimal=".", header_line=1)
 """UTF-8, commas, decimal points, one line of column names, then data."""
-_KINDS = ("s", "m", "V", "Pa", "N", "1")
-"""SI units of what such a table holds."""
-_DELIMITER_WORDS = {"tab": "tabs", "semicolon": "semicolons", "comma": "commas", "blanks": "blanks"}
+TEXT_SUFFIXES = tuple(suffix for suffix in delimited.SUFFIXES if suffix != ".xls")
+"""Endings of files that are read as text whatever they hold."""
 
 
 def detect_layout(path: Path, data: bytes) -> Layout:
     """The layout of a table; `PLAIN` if it is that, or nothing better can be told."""
     try:
         text, encoding = decode_text(path, data)
-        lines = lines_of(path, text)
-        dialect = find_dialect(path, lines)
-        bare = Layout()
-        if dialect.delimiter == " ":
-            lines = [line.strip() for line in lines]
-        first = first_samples(path, lines, dialect, bare)
-        _, _, facts, _ = names_and_units(path, lines[:first], first, dialect, bare)
+        return _layout_of(path, lines_of(path, text), encoding)
     except InputError:
         return PLAIN  # the strict reader says what is wrong, and where
+
+
+def _layout_of(path: Path, lines: list[str], encoding: str) -> Layout:
+    """The layout of lines; raises InputError if none is found."""
+    dialect = find_dialect(path, lines)
+    bare = Layout()
+    if dialect.delimiter == " ":
+        lines = [line.strip() for line in lines]
+    first = first_samples(path, lines, dialect, bare)
+    _, _, facts, _ = names_and_units(path, lines[:first], first, dialect, bare)
     if not facts["header"].isdecimal():
         return PLAIN
     header = int(facts["header"])
@@ -71,15 +77,7 @@ def detect_layout(path: Path, data: bytes) -> Layout:
 
 def _all_units(cells: list[str]) -> bool:
     """True if every cell is a unit of something that a table of a shot holds."""
-    return all(any(_is_unit(cell.strip("()[] "), kind) for kind in _KINDS) for cell in cells)
-
-
-def _is_unit(cell: str, kind: str) -> bool:
-    try:
-        unit_factor("1" if cell in ("", "-") else cell, kind)
-    except UnitError:
-        return False
-    return True
+    return all(dimension_of(cell.strip("()[] ") or "-") for cell in cells)
 
 
 def layout_in_words(path: Path) -> str:
@@ -91,7 +89,7 @@ def layout_in_words(path: Path) -> str:
     if found is PLAIN:
         return ""
     words = [
-        _DELIMITER_WORDS[str(found.delimiter)],
+        _plural(str(found.delimiter)),
         "decimal commas" if found.decimal == "," else "decimal points",
     ]
     words += [found.encoding] if found.encoding is not None else []
@@ -208,7 +206,7 @@ class Table:
 
     def error(self, message: str, *, row: int | None = None, cure: str | None = None) -> InputError:
         """An error about this file; `row` counts rows of data from 0."""
-        return InputError(self.path, message, line=None if row is None else self.first_line + row, cure=cure)
+        return self.sheet.error(message, row, cure)
 
     def _check_no_points(self, column: Column, index: int) -> None:
         """With decimal commas a point could only separate thousands."""
@@ -232,18 +230,19 @@ class Table:
                 line=self.header_line,
                 cure="give each column its own name",
             )
-        separated = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "blanks"}
         raise InputError(
             self.path,
             f"column '{column.name}' is missing; the columns are {names}",
             line=self.header_line,
             cure="correct the column's name in the shot file (columns are separated by "
-            f"{separated[self.sheet.dialect.delimiter]}; a layout may say otherwise)",
+            f"{_plural(self.sheet.dialect.delimiter)}; a layout may say otherwise)",
         )
 
 
 def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LIMIT) -> Table:
-    """Read a table of text: UTF-8 with commas, points and one header line, or as is declared or found.
+    """Read a table: text, the sheet of a workbook, or the arrays of equal length of a MATLAB or HDF5 file.
+
+    A text is UTF-8 with commas, points and one header line, or as is declared or found.
 
     ``path``: the file. ``layout``: encoding, delimiter, decimal sign, sign of commented header lines, header
     and first line, where they are others; what it leaves out is UTF-8, a comma, a point, the first line and
@@ -252,10 +251,17 @@ def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LI
     `kolsky.readers.text`), has no data, or a line that is empty or has another number of fields than the
     header; or if the layout is impossible or does not fit.
     """
-    data = read_bytes(path, limit=limit)
-    layout = layout or detect_layout(path, data)
-    text = decode(path, data) if layout.encoding is None else decode_text(path, data, layout.encoding)[0]
-    lines = _lines(path, text)
+    source = _source(path)
+    if source is not None:
+        lines = source.table_lines(path)
+        sha256 = file_hash(path)
+        layout = replace(layout or _sheet_layout(path, lines), encoding=None, delimiter="tab", decimal=".")
+    else:
+        data = read_bytes(path, limit=limit)
+        sha256 = hashlib.sha256(data).hexdigest()
+        layout = layout or detect_layout(path, data)
+        text = decode(path, data) if layout.encoding is None else decode_text(path, data, layout.encoding)[0]
+        lines = _lines(path, text)
     dialect = _dialect(path, layout)
     header_line = 1 if layout.header_line is None else layout.header_line
     first = layout.first_line or max(header_line, layout.units_line or 0) + 1
@@ -275,14 +281,29 @@ def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LI
     else:
         names = tuple(str(i + 1) for i in range(len(dialect.split(rows[0]))))
     if layout is PLAIN and len(names) == 1:
-        _check_delimiter(path, lines)
+        check_one_column(path, lines)
     dialect = Dialect(
         dialect.delimiter, dialect.decimal, len(names), tuple(range(len(names))), quoted=dialect.quoted
     )
     said = "the header has" if header_line else "the first line has"
-    sheet = Sheet(path, dialect, rows, first, names, (None,) * len(names), counted=said)
+    word = "line" if source is None else "row"
+    sheet = Sheet(path, dialect, rows, first, names, (None,) * len(names), word=word, counted=said)
     sheet.check_fields()
-    return Table(sheet, hashlib.sha256(data).hexdigest(), header_line or None)
+    return Table(sheet, sha256, header_line or None)
+
+
+def _source(path: Path) -> Any:
+    """The format of a workbook or of arrays; None of a text."""
+    if path.suffix.lower() in TEXT_SUFFIXES:
+        return None
+    return next((form for form in (excel, excel_97, matlab, hdf5) if form.sniff(path)), None)
+
+
+def _sheet_layout(path: Path, lines: list[str]) -> Layout:
+    try:
+        return _layout_of(path, lines, "utf-8")
+    except InputError:
+        return PLAIN
 
 
 def _lines(path: Path, text: str) -> list[str]:
@@ -303,26 +324,16 @@ def _lines(path: Path, text: str) -> list[str]:
     return lines
 
 
-def _check_delimiter(path: Path, lines: list[str]) -> None:
-    """One column, of which every line has semicolons or tabs, is several: they hold something but numbers."""
-    for name, character in (("semicolons", ";"), ("tabs", "\t")):
-        cells = lines[-1].split(character)
-        plain = any(
-            all(Dialect(character, sign, 0, ()).is_number(cell.strip()) for cell in cells) for sign in ".,"
-        )
-        if not plain and all(character in line for line in lines[:9]):
-            raise InputError(
-                path,
-                f"most fields between its {name} are no plain numbers: '{lines[-1][:60]}'",
-                line=len(lines),
-                cure="export numbers without units and without signs between thousands, or declare a layout",
-            )
+def _plural(delimiter: str) -> str:
+    found = delimiter_of(delimiter)
+    assert found is not None  # only known ones are read
+    return found.plural
 
 
 def _dialect(path: Path, layout: Layout) -> Dialect:
     """Delimiter and decimal sign as said, without columns yet; quotes are read only where a layout is."""
-    delimiter = declared_character(path, "delimiter", layout.delimiter or "comma")
-    decimal = declared_character(path, "decimal", layout.decimal or ".")
+    delimiter = declared_delimiter(path, layout.delimiter or "comma")
+    decimal = declared_decimal(path, layout.decimal or ".")
     if delimiter == decimal:
         raise InputError(
             path,

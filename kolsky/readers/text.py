@@ -4,18 +4,15 @@ import codecs
 import csv
 import hashlib
 import re
-import stat
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from kolsky.base.errors import InputError
+from kolsky.base.files import read_bytes
 from kolsky.readers.contents import Layout
 
-SIZE_LIMIT = 200_000_000
-"""Largest text export that is read [bytes]."""
 ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "cp1252", "latin-1", "cp932", "gb18030")
 """Encodings that may be stated; the first three and cp1252 are found without."""
 
@@ -45,54 +42,6 @@ def read_text(path: Path, layout: Layout) -> tuple[str, list[str], str]:
     data = read_bytes(path)
     text, encoding = decode_text(path, data, layout.encoding)
     return hashlib.sha256(data).hexdigest(), lines_of(path, text), encoding
-
-
-def read_bytes(path: Path, *, limit: int = SIZE_LIMIT) -> bytes:
-    """The bytes of a regular file of sensible size.
-
-    Raises InputError if there is no such file, it is a folder or a device, it is empty, larger than `limit`
-    bytes (found without reading it), or may not be read.
-    """
-    try:
-        status = path.stat()
-        if stat.S_ISDIR(status.st_mode):
-            raise InputError(path, "is a folder, not a file", cure="name the file inside it")
-        if not stat.S_ISREG(status.st_mode):
-            kind = "a pipe" if stat.S_ISFIFO(status.st_mode) else "a device or a socket"
-            raise InputError(path, f"is {kind}, not a regular file", cure="copy the data into a file")
-        if status.st_size > limit:
-            raise InputError(
-                path,
-                f"has {status.st_size / 1e6:.0f} MB, more than the {limit / 1e6:.0f} MB that are read",
-                cure="export the time span of the test only",
-            )
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(path, "there is no such file", cure="put it there or correct its name") from None
-    except OSError as error:
-        raise InputError(
-            path, f"cannot be read ({error.strerror})", cure="copy it again, and see that it may be read"
-        ) from None
-    if not data.strip():
-        raise InputError(path, "is empty", cure="export it again")
-    return data
-
-
-def decode(path: Path, data: bytes) -> str:
-    """UTF-8 text of a file, with or without a byte order mark.
-
-    Raises InputError if the bytes are not UTF-8, with the offset of the first that is not.
-    """
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        offset = error.start + (3 if data.startswith(b"\xef\xbb\xbf") else 0)
-        raise InputError(
-            path,
-            f"is not UTF-8 text: byte 0x{data[offset]:02x} at byte offset {offset}",
-            line=data.count(b"\n", 0, offset) + 1,
-            cure="convert it to UTF-8, e.g. `iconv -f latin1 -t utf-8`",
-        ) from None
 
 
 def decode_text(path: Path, data: bytes, encoding: str | None = None) -> tuple[str, str]:
@@ -166,8 +115,34 @@ def lines_of(path: Path, text: str) -> list[str]:
     return lines
 
 
-DELIMITERS = {"tab": "\t", "semicolon": ";", "comma": ",", "blanks": " "}
-"""Name -> character, in the order in which they are tried; "blanks" is any run of blanks and tabs."""
+@dataclass(frozen=True)
+class Delimiter:
+    """What separates the fields of a line."""
+
+    name: str
+    """Its name in a layout."""
+    character: str
+    """The character, which a layout may write too."""
+    plural: str
+    """Its name in messages."""
+
+
+BLANKS = Delimiter("blanks", " ", "blanks")
+"""Any run of blanks and tabs."""
+COMMA = Delimiter("comma", ",", "commas")
+DELIMITERS = (
+    Delimiter("tab", "\t", "tabs"),
+    Delimiter("semicolon", ";", "semicolons"),
+    COMMA,
+    BLANKS,
+)
+"""In the order in which they are tried; a new one is a line here."""
+
+
+def delimiter_of(text: str) -> Delimiter | None:
+    """The delimiter of a name or a character; None if it is none that is known."""
+    return next((d for d in DELIMITERS if text in (d.name, d.character)), None)
+
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
 _COMMA_NUMBER = re.compile(r"[+-]?(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)", re.IGNORECASE)
@@ -224,8 +199,9 @@ class Dialect:
     @property
     def facts(self) -> dict[str, str]:
         """Delimiter and decimal sign in words."""
-        name = next(name for name, character in DELIMITERS.items() if character == self.delimiter)
-        return {"delimiter": name, "decimal": self.decimal}
+        found = delimiter_of(self.delimiter)
+        assert found is not None  # only known ones are tried
+        return {"delimiter": found.name, "decimal": self.decimal}
 
 
 def find_dialect(
@@ -247,15 +223,13 @@ def find_dialect(
     InputError
         If something stated is not allowed, or no column is numeric.
     """
-    characters: tuple[str, ...] = (
-        () if delimiter is None else (declared_character(path, "delimiter", delimiter),)
-    )
-    decimals: tuple[str, ...] = () if decimal is None else (declared_character(path, "decimal", decimal),)
+    characters = _characters() if delimiter is None else (declared_delimiter(path, delimiter),)
+    decimals = (".", ",") if decimal is None else (declared_decimal(path, decimal),)
     filled = [line for line in lines[-4 * _LINES_COMPARED :] if line.strip()][-_LINES_COMPARED:]
     found = [
         dialect
-        for character in characters or DELIMITERS.values()
-        for sign in decimals or (".", ",")
+        for character in characters
+        for sign in decimals
         if sign != character and (dialect := _columns(filled, character, sign)) is not None
     ]
     several = [d for d in found if d.fields > 1] or found
@@ -270,7 +244,7 @@ def find_dialect(
                 cure=f'say delimiter = "{name}", or leave it out',
             )
     if not several:
-        line, word = _last_word(lines, characters or tuple(DELIMITERS.values()), decimals or (".", ","))
+        line, word = _last_word(lines, characters, decimals)
         raise InputError(
             path,
             "has no column of numbers"
@@ -280,7 +254,7 @@ def find_dialect(
             line=line,
             cure="is it the right file? if so, mend the line, or say delimiter and decimal in a layout",
         )
-    # max() keeps the first of equals: the order of DELIMITERS.
+    # max() keeps the first of equals: the order of `DELIMITERS`.
     return max(several, key=lambda d: (len(d.numeric) / d.fields, len(d.numeric)))
 
 
@@ -319,7 +293,7 @@ def _last_word(lines: Sequence[str], characters: Sequence[str], decimals: Sequen
 
 def _better_delimiter(lines: Sequence[str], stated: str) -> Dialect | None:
     """The dialect of the lines with another delimiter than the stated one."""
-    for character in DELIMITERS.values():
+    for character in _characters():
         for decimal in (".", ","):
             if character not in (stated, decimal):
                 dialect = _columns(lines, character, decimal)
@@ -328,13 +302,48 @@ def _better_delimiter(lines: Sequence[str], stated: str) -> Dialect | None:
     return None
 
 
-def declared_character(path: Path, what: Literal["delimiter", "decimal"], value: str) -> str:
-    """The character that a layout names as delimiter or decimal sign.
+def _characters() -> tuple[str, ...]:
+    return tuple(d.character for d in DELIMITERS)
+
+
+def declared_delimiter(path: Path, value: str) -> str:
+    """The character of the delimiter that a layout declares by name or character.
 
     Raises InputError if it is none that is known.
     """
-    allowed = {**DELIMITERS, **{c: c for c in "\t;, "}} if what == "delimiter" else {".": ".", ",": ","}
-    if value not in allowed:
-        names = ", ".join(f'"{name}"' for name in allowed if name.strip())
-        raise InputError(path, f"is said to have the {what} {value!r}", allowed=f"one of {names}")
-    return allowed[value]
+    found = delimiter_of(value)
+    if found is None:
+        allowed = [d.name for d in DELIMITERS] + [c for c in _characters() if c.strip()]
+        names = ", ".join(f'"{name}"' for name in allowed)
+        raise InputError(path, f"is said to have the delimiter {value!r}", allowed=f"one of {names}")
+    return found.character
+
+
+def declared_decimal(path: Path, value: str) -> str:
+    """The decimal sign that a layout declares.
+
+    Raises InputError if it is none.
+    """
+    if value not in (".", ","):
+        raise InputError(path, f"is said to have the decimal {value!r}", allowed='one of ".", ","')
+    return value
+
+
+def check_one_column(path: Path, lines: Sequence[str]) -> None:
+    """Refuse lines without commas that another delimiter takes apart: the fields are no plain numbers.
+
+    Raises InputError: with the delimiter and the last line.
+    """
+    for delimiter in (d for d in reversed(DELIMITERS) if d not in (COMMA, BLANKS)):
+        cells = lines[-1].split(delimiter.character)
+        plain = any(
+            all(Dialect(delimiter.character, sign, 0, ()).is_number(cell.strip()) for cell in cells)
+            for sign in ".,"
+        )
+        if not plain and all(delimiter.character in line for line in lines[:9]):
+            raise InputError(
+                path,
+                f"most fields between its {delimiter.plural} are no plain numbers: '{lines[-1][:60]}'",
+                line=len(lines),
+                cure="export numbers without units and without signs between thousands, or declare a layout",
+            )

@@ -245,22 +245,6 @@ def inline_svg(kind: FigureKind[Any], shown: Any, name: str | None = None) -> st
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def load_drawing() -> None:
-    """Draw a figure of nothing: fonts, formulas and what Matplotlib makes once are then there.
-
-    Of use in a thread before processes that draw are forked, each of which would load them again.
-    """
-    with matplotlib.rc_context(_style()):
-        figure = Figure(layout="constrained")
-        FigureCanvasAgg(figure)
-        ax = figure.subplots()
-        ax.set_xlabel(r"Nothing $x^2_\mathrm{a}$ (–)")
-        ax.plot([1.0, 2.0], [1.0, 2.0], "o-", label="none")
-        ax.set_yscale("log")
-        ax.legend()
-    _save(figure, io.StringIO(), "svg", dpi=_ON_PAGE)
-
-
 def _plain_style(element: ElementTree.Element) -> None:
     """Turn a style into attributes of the same names: a strict Content-Security-Policy allows no other."""
     for rule in element.attrib.pop("style", "").split(";"):

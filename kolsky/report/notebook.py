@@ -6,11 +6,11 @@ data, which do not import them; `kolsky.report.ipython` registers them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import singledispatch
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from dic import output as surface_views
 from dic.output import html_table, pandas, xarray
@@ -23,131 +23,86 @@ from kolsky.shot.records import ShotBase
 from kolsky.shot.summary import summarise
 
 
-class _Writer(NamedTuple):
-    """Who writes a result's tables into a folder, and which is meant if none is named."""
+class _Tables(NamedTuple):
+    """How the tables of a type of result are written."""
 
-    write: Callable[[Path, Any], object]
+    function: str
+    """Dotted name of the function that makes or writes the tables."""
     main: str
+    """Name of the table that is meant if none is named."""
+    takes: Literal["folder", "folder and list", "file", "columns"] = "folder"
+    """What the function takes: a folder and the result or a list of results, the file of the only table and
+    the result, or the result alone ("columns"), for which it returns the columns of every table."""
 
 
-def _waves(folder: Path, found: Any) -> None:
-    from kolsky.bars.reduction.output import write_csv
-
-    write_csv(folder, found)
-
-
-def _rates(folder: Path, found: Any) -> None:
-    from kolsky.studies.rates.output import write_csv
-
-    write_csv(folder, found)
-
-
-def _joint(folder: Path, found: Any) -> None:
-    from kolsky.results.joint import write_joint
-
-    write_joint(folder, found)
-
-
-def _prediction(folder: Path, found: Any) -> None:
-    from kolsky.prediction.output import write_tables
-
-    write_tables(folder, found)
-
-
-def _plan(folder: Path, found: Any) -> None:
-    from kolsky.studies.planning.output import write_csv
-
-    write_csv(folder, found)
-
-
-def _sweep(folder: Path, found: Any) -> None:
-    from kolsky.studies.sweep import write_sweep
-
-    write_sweep(folder / "sweep.csv", found)
-
-
-def _budget(folder: Path, found: Any) -> None:
-    from kolsky.studies.budget.records import write_budget
-
-    write_budget(folder / "budget.csv", found)
-
-
-def _constants(folder: Path, found: Any) -> None:
-    from kolsky.bodies.specimen_output import write_fits
-
-    write_fits(folder, [found])
-
-
-def _curve(folder: Path, found: Any) -> None:
-    from kolsky.material.reference_curve import write_curve
-
-    write_curve(folder / "curve.csv", found)
-
-
-def _bars_together(folder: Path, found: Any) -> None:
-    from kolsky.shot.waves import write_residual
-
-    write_residual(folder / "residual.csv", found)
-
-
-def _laws(folder: Path, found: Any) -> None:
-    from kolsky.material.fits.tables import tables
-
-    for name, columns in tables(found).items():
-        write_table(folder / f"{name}.csv", columns)
-
-
-def _relaxation(folder: Path, found: Any) -> None:
-    from kolsky.studies.rate_dependence import tables
-
-    for name, columns in tables(found).items():
-        write_table(folder / f"{name}.csv", columns)
-
-
-def _field(folder: Path, found: Any) -> None:
-    from dic.output import write_full_field_history
-
-    write_full_field_history(folder / "history.csv", found)
-
-
-WRITERS = {
-    "kolsky.bars.records.ReducedTest": _Writer(_waves, "waves"),
-    "kolsky.studies.rates.records.RateReport": _Writer(_rates, "rate_shots"),
-    "kolsky.inverse.joint_result.JointResult": _Writer(_joint, "joint_parameters"),
-    "kolsky.prediction.predict.Prediction": _Writer(_prediction, "signals"),
-    "kolsky.studies.planning.plan.Plan": _Writer(_plan, "plan_force"),
-    "kolsky.studies.sweep.Sweep": _Writer(_sweep, "sweep"),
-    "kolsky.studies.budget.records.Budget": _Writer(_budget, "budget"),
-    "kolsky.bodies.specimen_fit.SpecimenFit": _Writer(_constants, "constants"),
-    "kolsky.material.reference_curve.ReferenceCurve": _Writer(_curve, "curve"),
-    "kolsky.bars.guides.propagation.BarsTogether": _Writer(_bars_together, "residual"),
-    "kolsky.material.fits.compare.Comparison": _Writer(_laws, "material_laws"),
-    "kolsky.studies.rate_dependence.SlowDynamics": _Writer(_relaxation, "relaxation_moduli"),
-    "dic.result.FullField": _Writer(_field, "history"),
+TABLES = {
+    "kolsky.bars.records.ReducedTest": _Tables("kolsky.bars.reduction.output.write_csv", "waves"),
+    "kolsky.studies.rates.records.RateReport": _Tables("kolsky.studies.rates.output.write_csv", "rate_shots"),
+    "kolsky.inverse.joint_result.JointResult": _Tables(
+        "kolsky.results.joint.write_joint", "joint_parameters"
+    ),
+    "kolsky.prediction.predict.Prediction": _Tables("kolsky.prediction.output.write_tables", "signals"),
+    "kolsky.studies.planning.plan.Plan": _Tables("kolsky.studies.planning.output.write_csv", "plan_force"),
+    "kolsky.studies.sweep.Sweep": _Tables("kolsky.studies.sweep.write_sweep", "sweep", "file"),
+    "kolsky.studies.budget.records.Budget": _Tables(
+        "kolsky.studies.budget.records.write_budget", "budget", "file"
+    ),
+    "kolsky.bodies.specimen_fit.SpecimenFit": _Tables(
+        "kolsky.bodies.specimen_output.write_fits", "constants", "folder and list"
+    ),
+    "kolsky.material.reference_curve.ReferenceCurve": _Tables(
+        "kolsky.material.reference_curve.write_curve", "curve", "file"
+    ),
+    "kolsky.bars.guides.propagation.BarsTogether": _Tables(
+        "kolsky.shot.waves.write_residual", "residual", "file"
+    ),
+    "kolsky.material.fits.compare.Comparison": _Tables(
+        "kolsky.material.fits.tables.tables", "material_laws", "columns"
+    ),
+    "kolsky.studies.rate_dependence.SlowDynamics": _Tables(
+        "kolsky.studies.rate_dependence.tables", "relaxation_moduli", "columns"
+    ),
+    "dic.result.FullField": _Tables("dic.output.write_full_field_history", "history", "file"),
 }
-"""Who writes the tables of a type of result, by the type's dotted name; subclasses have the same."""
+"""How the tables of a type of result are written, by the type's dotted name; subclasses have the same."""
 
 
-def _writer_of(data: object) -> _Writer | None:
-    """Return who writes the tables of a result; None if nobody does."""
+def _known_tables(data: object) -> _Tables | None:
+    """Return how the tables of a result are written; None if it has none."""
     names = (f"{kind.__module__}.{kind.__qualname__}" for kind in type(data).__mro__)
-    return next((WRITERS[name] for name in names if name in WRITERS), None)
+    return next((TABLES[name] for name in names if name in TABLES), None)
+
+
+def _write_tables(known: _Tables, folder: Path, data: Any) -> None:
+    """Write the tables of a result into a folder."""
+    module, _, name = known.function.rpartition(".")
+    function = getattr(import_module(module), name)
+    match known.takes:
+        case "folder":
+            function(folder, data)
+        case "folder and list":
+            function(folder, [data])
+        case "file":
+            function(folder / f"{known.main}.csv", data)
+        case "columns":
+            for table, columns in function(data).items():
+                write_table(folder / f"{table}.csv", columns)
 
 
 def table_of(data: object, table: str = "") -> Any:
     """Return a table of a result as pandas reads its file.
 
-    ``data``: a result of one of the types in `WRITERS`. ``table``: name of the file without ".csv"; the main
+    ``data``: a result of one of the types in `TABLES`. ``table``: name of the file without ".csv"; the main
     one if left out. Returns: units in the headings, SI. Raises ValueError if the result has no such table.
     Raises ImportError if pandas is not installed.
     """
-    writer, reader = _writer_of(data), pandas()
-    assert writer is not None
+    known, reader = _known_tables(data), pandas()
+    assert known is not None
     with TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        writer.write(folder, data)
+        _write_tables(known, folder, data)
         found = {path.stem: path for path in sorted(folder.rglob("*.csv"))}
-        if (name := table or writer.main) not in found:
+        if (name := table or known.main) not in found:
             raise ValueError(f"there is no table {name!r}; choose from {', '.join(found)}")
         return reader.read_csv(found[name])
 
@@ -207,7 +162,7 @@ def to_dataframe(data: object, table: str = "") -> Any:
     ImportError
         If pandas is not installed.
     """
-    if _writer_of(data) is None:
+    if _known_tables(data) is None:
         raise TypeError(_no_view(data, "pandas"))
     return table_of(data, table)
 
@@ -239,7 +194,7 @@ def to_xarray(data: object, table: str = "") -> Any:
     ImportError
         If xarray is not installed.
     """
-    if _writer_of(data) is None:
+    if _known_tables(data) is None:
         raise TypeError(_no_view(data, "xarray"))
     return _dataset_of(data, table)
 

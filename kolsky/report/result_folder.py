@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dic.processes import background
+from dic.processes import background, cores
 from kolsky.base.errors import InputError
 from kolsky.base.files import filling
 from kolsky.inverse.result import Identification
@@ -19,12 +19,18 @@ if TYPE_CHECKING:
     from dic.result import FullField
     from kolsky.bars.records import ReducedTest
     from kolsky.pictures.measurement import Measurement
-    from kolsky.report.page_process import PageProcess, SurfacePageProcess
     from kolsky.shot.optical_data import Surfaces
     from kolsky.shot.records import PicturedShot, Shot
 
 RESULT_FILE = "identification.h5"
 PAGE = "report.html"
+MOST_DRAWING = 4
+"""Largest number of processes that draw a page: the slowest figure takes a quarter of the time of all."""
+
+
+def drawing_processes() -> int:
+    """Return how many processes draw the figures of a page side by side: one a core, 2 to 4."""
+    return min(max(cores(), 2), MOST_DRAWING)
 
 
 def write_identify_results(
@@ -34,7 +40,6 @@ def write_identify_results(
     *,
     formats: Sequence[str] = (),
     processes: int = 1,
-    page: PageProcess | None = None,
 ) -> None:
     """Write the results of `kolsky identify`: result file, tables, report and figures; all of them or none.
 
@@ -51,8 +56,6 @@ def write_identify_results(
     processes
         Processes that draw; see `dic.processes.run_parallel`. With several the result file is written in
         another process meanwhile.
-    page : PageProcess, optional
-        Draws the page instead, while this process writes the files.
 
     Raises
     ------
@@ -69,15 +72,9 @@ def write_identify_results(
 
     with filling(folder) as partial:
         write_csv(partial, found)
-        if page is not None:
-            drawn = page.begin(partial / PAGE, found, recordings)
-            write(partial / RESULT_FILE)
-            drawn()
-            _save_figures(partial, found, recordings, formats)
-        else:
-            with background(lambda: write(partial / RESULT_FILE), fork=processes > 1) as written:
-                write_identify_page(partial, found, recordings, formats, processes=processes)
-                written()
+        with background(lambda: write(partial / RESULT_FILE), fork=processes > 1) as written:
+            write_identify_page(partial, found, recordings, formats, processes=processes)
+            written()
 
 
 def read_identify_results(folder: Path, shot: Shot) -> Identification:
@@ -120,12 +117,6 @@ def write_identify_page(
     from kolsky.report.pages.identification import write_report
 
     write_report(folder / PAGE, found, recordings, processes=processes)
-    _save_figures(folder, found, recordings, formats)
-
-
-def _save_figures(
-    folder: Path, found: Identification, recordings: ShotRecordings, formats: Sequence[str]
-) -> None:
     save_figures_alone(folder, recordings, formats)
     save_figures_alone(folder, found, formats)
 
@@ -139,7 +130,6 @@ def write_dic_results(
     csv: bool = False,
     vtp: bool = False,
     processes: int = 1,
-    page: SurfacePageProcess | None = None,
 ) -> None:
     """Write the results of `kolsky dic` beside dic.h5: dic.html, outline, flyer, reporting table, figures.
 
@@ -157,26 +147,19 @@ def write_dic_results(
         Also write every frame's points as CSV, and as VTP for ParaView.
     processes
         How many draw the page; see `dic.processes.run_parallel`.
-    page : SurfacePageProcess, optional
-        Draws the page instead, while this process writes the other files.
 
     Raises
     ------
     InputError
         If the results cannot be written.
     """
+    from kolsky.report.pages.surfaces import write_page
     from kolsky.report.picture_views import read_surface_view
     from kolsky.shot.dic_output import write_tables
 
     result = found.result
-    known = None if page is None else page.view_of(result)
-    if known is not None:
-        shown = replace(known, flight=found.flight)
-    else:
-        shown = read_surface_view(shot.name, result, shot.pictures.series, found.flight)
+    shown = read_surface_view(shot.name, result, shot.pictures.series, found.flight)
     with filling(folder) as partial:
-        file = partial / "dic.html"
-        drawn = None if page is None else page.begin(file, shown, shot.inputs)
         write_tables(partial, found, shot.pictures.frames.frame)
         save_figures_alone(partial, shown, formats)
         if csv:
@@ -189,12 +172,7 @@ def write_dic_results(
             write_vtp(partial / "vtp", result.specimen, "specimen")
             if result.flyer is not None:
                 write_vtp(partial / "vtp", result.flyer, "flyer")
-        if drawn is None:
-            from kolsky.report.pages.surfaces import write_page
-
-            write_page(file, shown, shot.inputs, processes=processes)
-        else:
-            drawn()
+        write_page(partial / "dic.html", shown, shot.inputs, processes=processes)
 
 
 def write_full_field_results(

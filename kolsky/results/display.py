@@ -3,6 +3,7 @@ records."""
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,140 +113,92 @@ def _scaled(values: Mapping[str, float]) -> dict[str, float]:
     return {name: value * factor_of(name) for name, value in values.items()}
 
 
-RECORDED_LABELS = {
-    "specimen.diameter": "diameter",
-    "specimen.length": "length",
-    "specimen.density": "density",
-    "specimen_length.declared": "length, declared",
-    "specimen_length.declared_sigma": "length, declared, standard uncertainty",
-    "specimen_length.pictures": "length in the pictures",
-    "specimen_length.pictures_sigma": "length in the pictures, standard uncertainty",
-    "specimen_length.used": "length, used",
-    "specimen_length.used_sigma": "length, used, standard uncertainty",
-    "specimen_length.y_shift": "outline’s heights, shifted by",
-    "specimen_length.y_sigma": "outline’s heights, standard uncertainty at a known length",
-    "specimen_length.y_per_length": "error of the heights over that of the length",
-    "interface.faces": "interface, end faces",
-    "interface.side": "interface, side surface",
-    "declared_interface.faces": "the shot declares, end faces",
-    "declared_interface.side": "the shot declares, side surface",
-    "support": "transmission side",
-    "window_s": "simulated window",
-    "flyer_chi2_per_dof": "flyer fit, χ² per degree of freedom",
-    "flyer_noise_scale": "flyer noise, used over declared",
-    "flyer_static_scatter": "flyer noise, static frames over declared",
-    "front_noise_scale": "front face’s velocity, noise used over declared",
-    "front_sigma_gain": "front face’s velocity, standard uncertainty of its scale",
-    "force_noise_correlation": "force noise, correlation of neighbouring samples",
-    "force_baseline_samples": "force noise, samples it is from",
-    "window_end": "end of the window",
-    "symmetry_end": "end of symmetry by the flyer’s flight",
-    "hold": "held at the shot’s value",
-    "curve_last_s": "quasi-static curve, last √(Ī₁ − 3)",
-    "curve_last_strain": "quasi-static curve, last nominal strain",
-    "numerics.mesh": "mesh of the surrogate",
-    "numerics.grading": "mesh, largest over smallest element",
-    "numerics.safety": "time step over the stable one",
-    "numerics.precision": "arithmetic",
-    "numerics.device": "device",
-    "numerics.threads": "threads",
-    "numerics.past_data": "past the quasi-static curve",
-    "numerics.element": "element",
-    "numerics.hourglass_form": "hourglass control",
-    "numerics.compressible": "Poisson’s ratio corrected from",
-    "refined_mesh": "refined mesh",
-    "replicates": "replicates of the input noise",
-    "replicate_mesh": "mesh of the replicates",
-    "bayes": "posterior sampled",
-    "seed": "seed of random draws",
-    "machine": "processor",
-    "recordings.force_from": "force from",
-    "recordings.channel": "channel of the recorder",
-    "recordings.sampling_interval_s": "sampling interval",
-    "recordings.baseline_s": "baseline",
-    "recordings.baseline_V": "mean of the baseline, subtracted",
-    "recordings.noise_V": "noise of a sample, from the baseline",
-    "recordings.sensitivity_V_per_N": "sensitivity",
-    "recordings.compression": "compression gives",
-    "recordings.clock_offset_s": "clock, shot’s minus recorder’s",
-    "recordings.frames": "frames with a flyer displacement",
-    "recordings.flyer_sigma_m": "noise of a flyer displacement, median",
-    "recordings.front_noise_m_per_s": "noise of the front face’s velocity",
-    "recordings.front_samples": "samples of the front face’s velocity",
-    "recordings.window_start_s": "window, first time",
-    "recordings.window_end_s": "window, last time",
-    "recordings.symmetry_end_s": "end of symmetry by the flyer’s flight",
-}
-"""Words for the dotted keys of provenance; other keys are shown unchanged."""
+class Recorded(NamedTuple):
+    """How an entry of provenance is shown."""
 
-RECORDED_UNITS = {
-    "specimen.diameter": (1e3, "mm"),
-    "specimen.length": (1e3, "mm"),
-    "specimen.density": (1.0, "kg/m³"),
-    "specimen_length.declared": (1e3, "mm"),
-    "specimen_length.declared_sigma": (1e6, "µm"),
-    "specimen_length.pictures": (1e3, "mm"),
-    "specimen_length.pictures_sigma": (1e6, "µm"),
-    "specimen_length.used": (1e3, "mm"),
-    "specimen_length.used_sigma": (1e6, "µm"),
-    "specimen_length.y_shift": (1e6, "µm"),
-    "specimen_length.y_sigma": (1e6, "µm"),
-    "window_s": (1e3, "ms"),
-    "window_end": (1e3, "ms"),
-    "symmetry_end": (1e3, "ms"),
-    "recordings.sampling_interval_s": (1e6, "µs"),
-    "recordings.baseline_s": (1e3, "ms"),
-    "recordings.baseline_V": (1e3, "mV"),
-    "recordings.noise_V": (1e3, "mV"),
-    "recordings.sensitivity_V_per_N": (1e3, "mV/N"),
-    "recordings.clock_offset_s": (1e6, "µs"),
-    "recordings.flyer_sigma_m": (1e6, "µm"),
-    "recordings.front_noise_m_per_s": (1.0, "m/s"),
-    "recordings.window_start_s": (1e3, "ms"),
-    "recordings.window_end_s": (1e3, "ms"),
-    "recordings.symmetry_end_s": (1e3, "ms"),
-}
-"""Factor and unit in which an SI entry of provenance is shown."""
+    words: str = ""
+    """Its words; its key if empty."""
+    factor: float = 1.0
+    """Shown number over the number in SI."""
+    unit: str = ""
+    """Unit of the shown number."""
+    digits: int = 6
+    """Significant digits of a number."""
+    between: str = ", "
+    """Separator of the numbers of a list."""
+    nothing: str = "default"
+    """Text for a value of None."""
 
-RECORDED_LISTS = {
-    "window_s": " to ",
-    "recordings.baseline_s": " to ",
-    "numerics.mesh": " × ",
-    "refined_mesh": " × ",
-    "replicate_mesh": " × ",
-}
-"""Separator of the numbers of a list; a comma otherwise."""
 
-RECORDED_DEFAULTS = {"numerics.threads": "all cores", "numerics.compressible": "none, run directly"}
-"""Text for a value of None."""
-
-RECORDED_DIGITS = {
-    "window_s": 4,
-    "window_end": 4,
-    "symmetry_end": 4,
-    "specimen_length.declared_sigma": 2,
-    "specimen_length.pictures": 5,
-    "specimen_length.pictures_sigma": 2,
-    "specimen_length.used": 5,
-    "specimen_length.used_sigma": 2,
-    "specimen_length.y_shift": 2,
-    "specimen_length.y_sigma": 2,
-    "specimen_length.y_per_length": 2,
-    "flyer_chi2_per_dof": 3,
-    "flyer_noise_scale": 3,
-    "flyer_static_scatter": 2,
-    "front_noise_scale": 3,
-    "front_sigma_gain": 2,
-    "force_noise_correlation": 2,
-    "curve_last_s": 3,
-    "curve_last_strain": 3,
-    "recordings.baseline_V": 3,
-    "recordings.noise_V": 3,
-    "recordings.flyer_sigma_m": 3,
-    "recordings.window_start_s": 4,
-    "recordings.window_end_s": 4,
+RECORDED = {
+    "specimen.diameter": Recorded("diameter", 1e3, "mm"),
+    "specimen.length": Recorded("length", 1e3, "mm"),
+    "specimen.density": Recorded("density", 1.0, "kg/m³"),
+    "specimen_length.declared": Recorded("length, declared", 1e3, "mm"),
+    "specimen_length.declared_sigma": Recorded("length, declared, standard uncertainty", 1e6, "µm", digits=2),
+    "specimen_length.pictures": Recorded("length in the pictures", 1e3, "mm", digits=5),
+    "specimen_length.pictures_sigma": Recorded(
+        "length in the pictures, standard uncertainty", 1e6, "µm", digits=2
+    ),
+    "specimen_length.used": Recorded("length, used", 1e3, "mm", digits=5),
+    "specimen_length.used_sigma": Recorded("length, used, standard uncertainty", 1e6, "µm", digits=2),
+    "specimen_length.y_shift": Recorded("outline’s heights, shifted by", 1e6, "µm", digits=2),
+    "specimen_length.y_sigma": Recorded(
+        "outline’s heights, standard uncertainty at a known length", 1e6, "µm", digits=2
+    ),
+    "specimen_length.y_per_length": Recorded("error of the heights over that of the length", digits=2),
+    "interface.faces": Recorded("interface, end faces"),
+    "interface.side": Recorded("interface, side surface"),
+    "declared_interface.faces": Recorded("the shot declares, end faces"),
+    "declared_interface.side": Recorded("the shot declares, side surface"),
+    "support": Recorded("transmission side"),
+    "window_s": Recorded("simulated window", 1e3, "ms", digits=4, between=" to "),
+    "flyer_chi2_per_dof": Recorded("flyer fit, χ² per degree of freedom", digits=3),
+    "flyer_noise_scale": Recorded("flyer noise, used over declared", digits=3),
+    "flyer_static_scatter": Recorded("flyer noise, static frames over declared", digits=2),
+    "front_noise_scale": Recorded("front face’s velocity, noise used over declared", digits=3),
+    "front_sigma_gain": Recorded("front face’s velocity, standard uncertainty of its scale", digits=2),
+    "force_noise_correlation": Recorded("force noise, correlation of neighbouring samples", digits=2),
+    "force_baseline_samples": Recorded("force noise, samples it is from"),
+    "window_end": Recorded("end of the window", 1e3, "ms", digits=4),
+    "symmetry_end": Recorded("end of symmetry by the flyer’s flight", 1e3, "ms", digits=4),
+    "hold": Recorded("held at the shot’s value"),
+    "curve_last_s": Recorded("quasi-static curve, last √(Ī₁ − 3)", digits=3),
+    "curve_last_strain": Recorded("quasi-static curve, last nominal strain", digits=3),
+    "numerics.mesh": Recorded("mesh of the surrogate", between=" × "),
+    "numerics.grading": Recorded("mesh, largest over smallest element"),
+    "numerics.safety": Recorded("time step over the stable one"),
+    "numerics.precision": Recorded("arithmetic"),
+    "numerics.device": Recorded("device"),
+    "numerics.threads": Recorded("threads", nothing="all cores"),
+    "numerics.past_data": Recorded("past the quasi-static curve"),
+    "numerics.element": Recorded("element"),
+    "numerics.hourglass_form": Recorded("hourglass control"),
+    "numerics.compressible": Recorded("Poisson’s ratio corrected from", nothing="none, run directly"),
+    "refined_mesh": Recorded("refined mesh", between=" × "),
+    "replicates": Recorded("replicates of the input noise"),
+    "replicate_mesh": Recorded("mesh of the replicates", between=" × "),
+    "bayes": Recorded("posterior sampled"),
+    "seed": Recorded("seed of random draws"),
+    "machine": Recorded("processor"),
+    "recordings.force_from": Recorded("force from"),
+    "recordings.channel": Recorded("channel of the recorder"),
+    "recordings.sampling_interval_s": Recorded("sampling interval", 1e6, "µs"),
+    "recordings.baseline_s": Recorded("baseline", 1e3, "ms", between=" to "),
+    "recordings.baseline_V": Recorded("mean of the baseline, subtracted", 1e3, "mV", digits=3),
+    "recordings.noise_V": Recorded("noise of a sample, from the baseline", 1e3, "mV", digits=3),
+    "recordings.sensitivity_V_per_N": Recorded("sensitivity", 1e3, "mV/N"),
+    "recordings.compression": Recorded("compression gives"),
+    "recordings.clock_offset_s": Recorded("clock, shot’s minus recorder’s", 1e6, "µs"),
+    "recordings.frames": Recorded("frames with a flyer displacement"),
+    "recordings.flyer_sigma_m": Recorded("noise of a flyer displacement, median", 1e6, "µm", digits=3),
+    "recordings.front_noise_m_per_s": Recorded("noise of the front face’s velocity", 1.0, "m/s"),
+    "recordings.front_samples": Recorded("samples of the front face’s velocity"),
+    "recordings.window_start_s": Recorded("window, first time", 1e3, "ms", digits=4),
+    "recordings.window_end_s": Recorded("window, last time", 1e3, "ms", digits=4),
+    "recordings.symmetry_end_s": Recorded("end of symmetry by the flyer’s flight", 1e3, "ms"),
 }
-"""Significant digits of a number; six otherwise."""
+"""Entries of provenance by their dotted key."""
 
 QUALITY = {
     "loo_force": ("force, leave-one-out, rms", 1.0, " N"),
@@ -276,20 +229,14 @@ def recorded_label(key: str) -> str:
     if dot and kind in ("free", "held"):
         known = name_of(name)
         return f"{kind}: {known.words.split(',')[0]}" + (f" {known.symbol}" if known.symbol != name else "")
-    return RECORDED_LABELS.get(key, key)
+    return RECORDED.get(key, Recorded()).words or key
 
 
 def recorded_value(key: str) -> tuple[float, str, str, str, int]:
     """Return how a value is shown: factor, unit, separator of a list, text for None, significant digits."""
-    factor, unit = RECORDED_UNITS.get(key, (1.0, ""))
     kind, dot, name = key.partition(".")
     if dot and kind in ("free", "held"):
         unit = "" if name_of(name).unit in ("1", "SI") else name_of(name).unit
         return factor_of(name), unit, " to ", "default bounds", 6
-    return (
-        factor,
-        unit,
-        RECORDED_LISTS.get(key, ", "),
-        RECORDED_DEFAULTS.get(key, "default"),
-        RECORDED_DIGITS.get(key, 6),
-    )
+    shown = RECORDED.get(key, Recorded())
+    return shown.factor, shown.unit, shown.between, shown.nothing, shown.digits

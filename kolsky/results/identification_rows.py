@@ -11,6 +11,7 @@ from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import ClockLag, Declaration, FitQuality, HeldAnswer, Identification
 from kolsky.results import numbers
 from kolsky.results.nomenclature import factor_of, name_of, typeset
+from kolsky.shot.inputs import INPUTS
 from kolsky.uncertainty.declarations import (
     INVISIBLE,
     amount_text,
@@ -18,7 +19,6 @@ from kolsky.uncertainty.declarations import (
     relative_moves,
     taken_as_exact,
 )
-from kolsky.uncertainty.inputs import INPUTS
 
 _CHANNEL_UNITS = {"N": (1.0, "N"), "m": (1e6, "µm")}
 """Factor and unit in which a residual is shown."""

@@ -18,10 +18,10 @@ def answer(e: Estimate) -> str:
     e = estimate_in_display_units(e)
     value, uncertainty = numbers.measured(e.value, 2.0 * e.sigma)
     unit = "" if e.unit == "1" else f" {plain_sentence(e.unit)}"
-    line = f"{_symbol(e.name)} = {plain_sentence(value)} ± {plain_sentence(uncertainty)}{unit} (k = 2)"
+    line = f"{plain_symbol(e.name)} = {plain_sentence(value)} ± {plain_sentence(uncertainty)}{unit} (k = 2)"
     if e.outcome is Verdict.NOT_SEEN:
         low, high = (plain_sentence(numbers.like(end, 2.0 * e.sigma)) for end in e.interval)
-        line = f"{_symbol(e.name)} = {low} to {high}{unit} (k = 2)"
+        line = f"{plain_symbol(e.name)} = {low} to {high}{unit} (k = 2)"
     return line if e.outcome is Verdict.IDENTIFIED else f"{line}: {e.outcome.value.upper()}"
 
 
@@ -36,7 +36,7 @@ def details(found: Identification) -> dict[str, str]:
         length = LengthByPictures(**found.provenance["specimen_length"])
         rows.append(("specimen's length", plain_sentence(length_words(length))))
     for name, e in found.estimates.items():
-        symbol, U = _symbol(name), 2.0 * e.sigma
+        symbol, U = plain_symbol(name), 2.0 * e.sigma
         symbol += "" if e.unit == "1" else f" ({plain_sentence(e.unit)})"
         low, high = (plain_sentence(numbers.like(end, U)) for end in e.interval)
         rows.append((f"{symbol}, verdict", f"{name}: {e.outcome.value}"))
@@ -60,7 +60,7 @@ def details(found: Identification) -> dict[str, str]:
         ]
         if found.held_answer is not None and found.held_answer.name == name:
             rows.append((f"{symbol}, others held", plain_sentence(held_line(found.held_answer))))
-    symbols = {name: _symbol(name) for name in found.estimates}
+    symbols = {name: plain_symbol(name) for name in found.estimates}
     causes = _causes(found)
     return {**dict(rows), **printed_fit(found, symbols), **causes, **printed_sensitivities(found, symbols)}
 
@@ -70,7 +70,7 @@ def _causes(found: Identification) -> dict[str, str]:
     rows = {}
     for number, cause in enumerate((c for c in found.causes if c.named), start=1):
         solved = ", ".join(
-            f"{_symbol(name)} = {value * factor_of(name):.5g} identified with it"
+            f"{plain_symbol(name)} = {value * factor_of(name):.5g} identified with it"
             for name, value in cause.solved.items()
         )
         said = f"{sentence(cause)} explains {percent(cause.explained)}" + (f"; {solved}" if solved else "")
@@ -93,5 +93,6 @@ def _route_line(route: Route, name: str, U: float) -> str:
     return f"{plain_sentence(best)} ± {plain_sentence(uncertainty)}"
 
 
-def _symbol(name: str) -> str:
+def plain_symbol(name: str) -> str:
+    """Return the symbol of a parameter in plain text."""
     return PARAMETERS[name].symbol if name in PARAMETERS else name

@@ -269,9 +269,8 @@ IDENTIFY_KEYS = (
     "Z_offset",
     "y_offset",
 )
-"""Keys that `kolsky identify` carries to its answer, in the order of its report."""
-UNCERTAINTY_UNITS = {"damping": "s", "clock_offset": "s", "Z_offset": "m", "y_offset": "m"}
-"""SI units of the keys in `IDENTIFIED` that are neither relative nor plain numbers."""
+"""Keys that `kolsky identify` carries to its answer, in the order of its report; `kolsky.shot.inputs` has
+the rest of what is known of them."""
 REDUCTION_KEYS = (
     "bar_wave_speed",
     "bar_modulus",
@@ -285,16 +284,7 @@ REDUCTION_KEYS = (
     "specimen_density",
 )
 """Keys that `kolsky waves` carries to the values of a test between bars."""
-_IDENTIFY_ONLY = {
-    "poisson",
-    "damping",
-    "friction",
-    "curve_scale",
-    "clock_offset",
-    "Z_offset",
-    "y_offset",
-    "length_in_pictures",
-}
+_IDENTIFY_ONLY = {*IDENTIFY_KEYS, "length_in_pictures"} - {*REDUCTION_KEYS, "sensitivity"}
 
 
 class UncertaintySection(Section):
@@ -337,5 +327,5 @@ class UncertaintySection(Section):
         return self.model_dump(exclude=_IDENTIFY_ONLY)
 
     def for_identify(self) -> dict[str, float]:
-        """Declared uncertainties of the keys in `IDENTIFIED`; a key that is absent was not declared."""
+        """Declared uncertainties of `IDENTIFY_KEYS`; a key that is absent was not declared."""
         return {key: getattr(self, key) for key in IDENTIFY_KEYS if key in self.model_fields_set}

@@ -1,20 +1,13 @@
-"""A whole shot.toml: its schema, and the file from text to SI values.
+"""A whole shot.toml: its schema, and the file from text to SI values."""
 
-Every problem is reported with its line, key, value and cure.
-"""
-
-import hashlib
-import re
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from kolsky.base.errors import InputError, refuse
-from kolsky.base.toml import FILL_IN, blanks, line_of, translate, without_doubles
-from kolsky.readers.text import decode, read_bytes
+from kolsky.base.errors import InputError
+from kolsky.base.toml import TomlFile, parse_toml
 from kolsky.schema import fields as f
 from kolsky.schema.apparatus import (
     FlyerBodySection,
@@ -182,81 +175,6 @@ def schema(content: dict[str, Any]) -> type[ShotFile]:
     return FullShotFile if exports else PictureShotFile
 
 
-TOML_LIMIT = 1_000_000
-"""Largest shot.toml that is read [bytes]."""
-
-LONGEST_LINE = 20_000
-"""Most characters of a line: a key of a hundred thousand parts would take a minute to take apart."""
-DEEPEST = 30
-"""Most tables and lists inside each other."""
-END = " (at end of document)"
-"""How `tomllib` says that a file ends inside a value."""
-LINE_SHOWN = 60
-"""Most characters of a line that a message shows."""
-
-SchemaModel = TypeVar("SchemaModel", bound=BaseModel)
-
-_HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?")
-_ASSIGNMENT = re.compile(r"""\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*[\w-]+)*)\s*=""")
-
-
-@dataclass(frozen=True)
-class TomlFile:
-    """A parsed file with what is needed to point at its lines."""
-
-    path: Path
-    """The file."""
-    sha256: str
-    """SHA-256 of it, hex."""
-    content: dict[str, Any]
-    """What it says, as written."""
-    lines: dict[str, int]
-    """Dotted key -> line, counted from 1."""
-
-    def error(
-        self, key: str, message: str, *, allowed: str | None = None, cure: str | None = None
-    ) -> InputError:
-        """An error about a declared value, with its line and the value as written."""
-        value: Any = self.content
-        for part in key.split("."):
-            value = value.get(part) if isinstance(value, dict) else None
-        return InputError(
-            self.path,
-            message,
-            line=line_of(self.lines, key),
-            key=key,
-            value=None if isinstance(value, dict) else value,
-            allowed=allowed,
-            cure=cure,
-        )
-
-    def validated(self, model: type[SchemaModel]) -> SchemaModel:
-        """Its declarations by a schema, in SI.
-
-        Raises InputError if it declares anything unknown, incomplete or impossible; several problems come as
-        one `InputErrors`.
-        """
-        empty = set(blanks(self.content))
-        try:
-            valid = model.model_validate(self.content)
-        except ValidationError as error:
-            doubtful = without_doubles(model, error.errors())
-            problems = [translate(details, model, self.path, self.lines, empty) for details in doubtful]
-        else:
-            if not empty:
-                return valid
-            problems = []
-        known = {p.key for p in problems if p.message == FILL_IN}
-        cure = "write its value between the quotes"
-        problems += [
-            InputError(self.path, FILL_IN, line=line_of(self.lines, key), key=key, cure=cure)
-            for key in sorted(empty - known)
-        ]
-        once = {(p.key, p.message): p for p in reversed(problems)}.values()
-        refuse(sorted(once, key=lambda p: (p.line is None, p.line)))
-        raise AssertionError("unreachable: there is a problem")
-
-
 @dataclass(frozen=True)
 class ShotToml(TomlFile):
     """A valid shot file."""
@@ -267,47 +185,6 @@ class ShotToml(TomlFile):
 
 Source = str | Path | TomlFile
 """A shot: its folder, its shot.toml, or that file as it was parsed before."""
-
-
-def parse_toml(path: Path) -> TomlFile:
-    """Parse a file; what it declares is not looked at yet.
-
-    Raises InputError if it cannot be read or is no TOML.
-    """
-    data = read_bytes(path, limit=TOML_LIMIT)
-    text = decode(path, data)
-    long = next((i for i, line in enumerate(text.split("\n"), start=1) if len(line) > LONGEST_LINE), None)
-    if long is not None:
-        raise InputError(
-            path,
-            f"has a line of more than {LONGEST_LINE} characters",
-            line=long,
-            cure="is it the right file? if so, break the list into lines",
-        )
-    try:
-        content = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # beside its own, tomllib lets these two through
-        raise _syntax_error(path, text, str(error)) from None
-    if _depth(content) > DEEPEST:
-        raise InputError(
-            path, f"has more than {DEEPEST} tables and lists inside each other", cure="is it the right file?"
-        )
-    return TomlFile(path, hashlib.sha256(data).hexdigest(), content, key_lines(text))
-
-
-def _depth(content: object) -> int:
-    """How many tables and lists are inside each other; counted without a call inside a call."""
-    level, depth = [content], 0
-    while level := [
-        item
-        for holder in level
-        if isinstance(holder, dict | list)
-        for item in (holder.values() if isinstance(holder, dict) else holder)
-    ]:
-        depth += 1
-        if depth > DEEPEST:
-            break
-    return depth
 
 
 def parsed(source: Source) -> TomlFile:
@@ -341,49 +218,6 @@ def is_bar_driven(file: TomlFile) -> bool:
         "pictures",
         "frames",
     } & set(file.content)
-
-
-def key_lines(text: str) -> dict[str, int]:
-    """Lines of the keys: dotted key -> line, counted from 1.
-
-    A key inside an inline table is not listed; `line_of` then gives the line of that table.
-    """
-    lines: dict[str, int] = {}
-    table = ""
-    for number, line in enumerate(text.split("\n"), start=1):
-        header = _HEADER.fullmatch(line.rstrip("\r"))
-        assignment = _ASSIGNMENT.match(line)
-        if header:
-            table = _plain_key(header.group(1))
-            lines.setdefault(table, number)
-        elif assignment:
-            key = _plain_key(assignment.group(1))
-            lines.setdefault(f"{table}.{key}" if table else key, number)
-    return lines
-
-
-def _plain_key(dotted: str) -> str:
-    return ".".join(part.strip().strip("\"'") for part in dotted.split("."))
-
-
-def _syntax_error(path: Path, text: str, message: str) -> InputError:
-    place = re.search(r"\s*\(at line (\d+), column (\d+)\)", message)
-    ended = message.endswith(END)
-    message = message[: place.start()] if place else message.removesuffix(END)
-    column, line, shown = "", None, ""
-    if place:
-        column, line = f" (column {place.group(2)})", int(place.group(1))
-        shown = f": {text.splitlines()[line - 1].strip()[:LINE_SHOWN]!r}"
-    elif ended:
-        line = len(text.splitlines()) or None
-    return InputError(
-        path,
-        f"is not valid TOML: {message}{column}{shown}",
-        line=line,
-        cure='values with units stand in quotes: key = "9.5 mm"'
-        if path.suffix == ".toml"
-        else "give the folder of a shot, or its shot.toml",
-    )
 
 
 SHOT_FILE = "shot.toml"

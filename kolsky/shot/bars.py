@@ -22,11 +22,12 @@ from kolsky.bars.signals.bridge import Bridge, Calibration, Linear, Shunt, with_
 from kolsky.base.apparatus import Bar, Specimen
 from kolsky.base.errors import InputError, refuse
 from kolsky.base.records import Recording
+from kolsky.base.toml import TomlFile
 from kolsky.readers.header import si_unit
 from kolsky.readers.recordings import read_recordings
 from kolsky.schema.apparatus import REDUCTION_KEYS
 from kolsky.schema.bars import BarsShotFile, GaugeSection, WaveBarSection, WavesShotFile
-from kolsky.schema.shot_file import Source, TomlFile, parsed
+from kolsky.schema.shot_file import Source, parsed
 
 
 def _gauges_of(declared: BarsShotFile) -> dict[str, GaugeSection]:

@@ -92,10 +92,10 @@ def _shot_toml_of(path: Path) -> None:
 
 
 def _valid_measurement(path: Path) -> None:
+    from kolsky.base.toml import read_toml
     from kolsky.schema.pictures import MeasurementFile
-    from kolsky.schema.shot_file import parse_toml
 
-    parse_toml(path).validated(MeasurementFile)
+    read_toml(path, MeasurementFile)
 
 
 def _drawn_shape(section: RegionSection, frame: int) -> Drawn:

@@ -15,9 +15,9 @@ from kolsky.bars.signals.transducers import force_history, noise_correlation
 from kolsky.base.apparatus import Bar, ElasticBody, Interface, Relaxation, Specimen, Transducer
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import CentreLine, FlyerMotion, ForceHistory, FrontVelocity, MaterialCurve, Recording
+from kolsky.base.toml import TomlFile
 from kolsky.pictures.picture_set import PictureSet
 from kolsky.pictures.specimen_length import LengthByPictures, RimAtRest
-from kolsky.schema.shot_file import TomlFile
 
 FEWEST_MOVING_FRAMES = 24
 """Moving frames below which no second impact is looked for."""

@@ -11,8 +11,9 @@ from kolsky.bars.flyer.front_path import BarForce
 from kolsky.base.records import CentreLine, FlyerMotion
 from kolsky.pictures.picture_set import CAMERAS, readable
 from kolsky.readers.table import layout_in_words
-from kolsky.schema.apparatus import CONTACT_KEYS, IDENTIFY_KEYS, REDUCTION_KEYS, UNCERTAINTY_UNITS, keys_read
+from kolsky.schema.apparatus import CONTACT_KEYS, IDENTIFY_KEYS, REDUCTION_KEYS, keys_read
 from kolsky.shot.bars import CheckedBars, bar_rows, undeclared
+from kolsky.shot.inputs import INPUTS
 from kolsky.shot.records import PicturedShot, Shot, ShotBase
 
 _WRITTEN = {"1": ("um/m", 1e6), "m": ("mm", 1e3), "s": ("us", 1e6), "Pa": ("kPa", 1e-3)}
@@ -289,7 +290,7 @@ def _uncertainty(shot: ShotBase) -> list[Entry]:
     read = keys_read(shot.interface.faces, shot.interface.side)
     used = [key for key in IDENTIFY_KEYS if key != "friction" or key in read]
     return [
-        Entry("uncertainty", key, shot.uncertainty[key], UNCERTAINTY_UNITS.get(key, ""))
+        Entry("uncertainty", key, shot.uncertainty[key], "" if INPUTS[key].unit == "1" else INPUTS[key].unit)
         if key in shot.uncertainty
         else Entry("uncertainty", key, EXACT)
         for key in used

@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from dic.outcome import PointOutcome
-from dic.surfaces import Cylinder, fit_cylinder
+from dic.surfaces.cylinder import Cylinder, fit_cylinder
 from dic.surfaces.surface_history import CentrePoints, SurfaceHistory, centre_line
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError

@@ -25,7 +25,7 @@ from doe.surrogates import SurrogateError
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.observations import Observations, Prediction, predict
-from kolsky.inverse.problem import PreparedShot, prepare_shot
+from kolsky.inverse.problem import prepare_shot
 from kolsky.inverse.run_table import terms
 from kolsky.shot.records import Shot
 
@@ -91,15 +91,19 @@ class Observables:
         return np.column_stack([columns[name] for name in self.outputs])
 
 
-def _runs_at(
-    prepared: PreparedShot, points: FloatArray, box: Box, held: Mapping[str, float], numerics: Numerics
-) -> Prediction:
-    """Simulate points of a box, some at a time."""
-    parts = []
+def _observed(
+    shot: Shot,
+    points: FloatArray,
+    box: Box,
+    held: Mapping[str, float] | None,
+    numerics: Numerics | None,
+) -> tuple[Observables, FloatArray]:
+    """What is observed of a shot, and its vectors at points of a box, simulated some at a time."""
+    prepared, parts = prepare_shot(shot), []
     for start in range(0, len(points), CHUNK):
         some = points[start : start + CHUNK]
         columns = {name: some[:, i] for i, name in enumerate(box.names)}
-        response = prepared.forward.run({**held, **columns}, numerics)
+        response = prepared.forward.run({**(held or {}), **columns}, numerics or Numerics())
         lost = np.flatnonzero(~response.completed)
         if lost.size:
             raise ValueError(
@@ -107,7 +111,9 @@ def _runs_at(
                 f"{box.as_dict(some[lost[0]])} ended {response.describe(int(lost[0]))}; take a smaller box"
             )
         parts.append(predict(response, prepared.observations))
-    return Prediction(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Prediction)))
+    seen = Prediction(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Prediction)))
+    observables = Observables(prepared.observations, np.asarray(seen.inside.all(axis=0)))
+    return observables, observables.vectors(seen)
 
 
 LARGEST_ERROR = 0.1
@@ -195,13 +201,10 @@ def solver_sensitivity(
     ValueError
         If a run does not complete, a parameter is unknown or outside its range.
     """
-    prepared = prepare_shot(shot)
     sample = SaltelliSample.draw(box.dimension, n, rng)
     sets = [sample.A, sample.B, *(sample.mixed(i) for i in range(box.dimension))]
     points = box.scale(np.concatenate(sets))
-    seen = _runs_at(prepared, points, box, held or {}, numerics or Numerics())
-    observables = Observables(prepared.observations, np.asarray(seen.inside.all(axis=0)))
-    vectors = observables.vectors(seen)
+    observables, vectors = _observed(shot, points, box, held, numerics)
     row = {point.tobytes(): i for i, point in enumerate(points)}
 
     def made(x: FloatArray) -> FloatArray:
@@ -240,13 +243,10 @@ def global_sensitivity(
     doe.surrogates.protocol.SurrogateError
         If the surrogate cannot be built, or nothing of it is good enough; the message says what to do.
     """
-    prepared = prepare_shot(shot)
     design = latin_hypercube(box, runs, rng=rng, optimise=True)
     others = latin_hypercube(box, unseen, rng=rng + 1)
     points = np.concatenate([design.points, others.points])
-    seen = _runs_at(prepared, points, box, held or {}, numerics or Numerics())
-    observables = Observables(prepared.observations, np.asarray(seen.inside.all(axis=0)))
-    vectors = observables.vectors(seen)
+    observables, vectors = _observed(shot, points, box, held, numerics)
     surrogate = ResponseSurrogate.fit(box, design.points, vectors[:runs], scale=observables.noise)
     errors = _errors(observables, vectors, surrogate.predict(others.points))
     if min(errors.values()) > LARGEST_ERROR:
@@ -362,8 +362,6 @@ def screening(
     ValueError
         If a run does not complete, or a parameter is unknown or outside its range.
     """
-    prepared = prepare_shot(shot)
     walks = morris(box, trajectories, rng=rng)
-    seen = _runs_at(prepared, walks.design.points, box, held or {}, numerics or Numerics())
-    observables = Observables(prepared.observations, np.asarray(seen.inside.all(axis=0)))
-    return observables.outputs, walks.effects(observables.scalars(observables.vectors(seen)))
+    observables, vectors = _observed(shot, walks.design.points, box, held, numerics)
+    return observables.outputs, walks.effects(observables.scalars(vectors))

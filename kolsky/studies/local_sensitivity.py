@@ -83,26 +83,11 @@ def local_sensitivity(
 ) -> LocalSensitivity:
     """Slopes of force and outline about a point, from one batch of runs.
 
-    Parameters
-    ----------
-    forward
-        The shot; its own sampling is replaced.
-    grid
-        When and where.
-    names
-        Parameters of `kolsky.inverse.parameters.PARAMETERS`.
-    held
-        Values of parameters, those of `names` too, that are not the shot's own.
-    reach
-        Largest change over the parameter's scale, in (0, 0.5].
-    numerics
-        Mesh, precision, device.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is unknown, named twice or has no scale at its value, the reach is outside its range,
-        or a run does not complete.
+    ``forward``: the shot; its own sampling is replaced by ``grid``. ``names``: parameters of
+    `kolsky.inverse.parameters.PARAMETERS`. ``held``: values of parameters, those of `names` too, that are not
+    the shot's own. ``reach``: largest change over the parameter's scale, in (0, 0.5]. Raises ValueError if a
+    parameter is unknown, named twice or has no scale at its value, the reach is outside its range, or a run
+    does not complete.
     """
     if not 0.0 < reach <= 0.5:
         raise ValueError(f"reach must be in (0, 0.5], got {reach}")
@@ -149,10 +134,7 @@ def mesh_change(
 ) -> tuple[float, float]:
     """Change of force and outline from one mesh to a finer one, root mean squares [N] and [m].
 
-    Raises
-    ------
-    ValueError
-        If a run does not complete.
+    Raises ValueError if a run does not complete.
     """
     columns = {name: np.array([value]) for name, value in values.items()}
     here, there = (_seen(forward, grid, columns, n) for n in (numerics, numerics.with_mesh(finer)))

@@ -10,7 +10,6 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cache
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -22,14 +21,22 @@ from doe.ledger import ExecutorFactory, Ledger, LedgerError, Pace, Run, run_chun
 from explicit import Outcome
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import missing, remove_empty, source_hash, write_table
+from kolsky.base.files import (
+    decode,
+    jsonable,
+    missing,
+    read_bytes,
+    remove_empty,
+    source_hash,
+    write_table,
+)
 from kolsky.base.units import UnitError, quantity
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.observations import predict
 from kolsky.inverse.parameters import PARAMETERS, any_slides, checked_value, parameter
 from kolsky.inverse.problem import PreparedShot, prepare_shot, provenance
 from kolsky.inverse.run_table import SCALE_FORCE, SCALE_SHAPE, DesignTable, terms
-from kolsky.readers.text import decode, full_match, read_bytes
+from kolsky.readers.text import full_match
 from kolsky.results.tables import end_columns
 from kolsky.shot.records import Shot
 
@@ -101,16 +108,8 @@ class ShotRuns:
         }
         sliding = any_slides([*self.names, *self.held])
         said = provenance(self.prepared.forward.shot, settings, self.prepared, sliding=sliding)
-        text = json.dumps({**said, "kept": KEPT, "sources": source_hash()}, sort_keys=True, default=_plain)
-        return hashlib.sha256(text.encode()).digest()
-
-
-@cache
-def _plain(thing: Any) -> Any:
-    """NumPy's numbers as JSON can hold them."""
-    if isinstance(thing, (np.generic, np.ndarray)):
-        return thing.tolist()
-    raise TypeError(f"{type(thing).__name__} has no place in a model's hash")
+        whole = jsonable({**said, "kept": KEPT, "sources": source_hash()}, "model")
+        return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).digest()
 
 
 def sweep(
@@ -122,7 +121,6 @@ def sweep(
     ledger: Path | None = None,
     merge: tuple[Path, ...] = (),
     retry: bool = False,
-    chunk: int | None = None,
     executor: ExecutorFactory | None = None,
     progress: Callable[[Pace], None] | None = None,
 ) -> Sweep:
@@ -144,8 +142,6 @@ def sweep(
         Ledgers of other shards, taken over into `ledger` first.
     retry
         Run again what the ledger holds as not completed.
-    chunk
-        Runs handed over and recorded at once; that of `CHUNK` if left out.
     executor, progress
         As in `doe.ledger.run_chunks`.
 
@@ -160,7 +156,7 @@ def sweep(
     """
     numerics = numerics or Numerics()
     runs = ShotRuns(prepare_shot(shot), design.box.names, dict(held or {}), numerics)
-    chunk = chunk or CHUNK["cpu" if numerics.device == "cpu" else "cuda"]
+    chunk = CHUNK["cpu" if numerics.device == "cpu" else "cuda"]
 
     def all_runs(book: Ledger | None) -> list[Run]:
         return run_chunks(
@@ -236,7 +232,7 @@ def write_sweep(path: Path, result: Sweep) -> Path:
         "outcome": table.outcomes,
         "Phi_F (N)": table.phi_force,
         "Phi_S (1)": table.phi_shape,
-        "Phi (1)": table.phi_force / 1000.0 + table.phi_shape / 0.001,
+        "Phi (1)": misfit_sum(table),
         "chi2 force (1)": table.chi2_force,
         "chi2 shape (1)": table.chi2_shape,
         **end_columns(table),
@@ -250,14 +246,18 @@ def counts(result: Sweep) -> dict[str, int]:
     return {"runs": len(table.outcomes), "completed": len(table.outcomes) - len(table.lost)}
 
 
+def misfit_sum(table: DesignTable) -> FloatArray:
+    """Phi of every run, Eq. (M.5) [-]; NaN without an outline, shape [n_runs]."""
+    return np.asarray(table.phi_force / SCALE_FORCE + table.phi_shape / SCALE_SHAPE)
+
+
 def costs(table: DesignTable) -> FloatArray:
     """Phi of every run, Eq. (M.5) [-]; its force term alone where no outline was measured.
 
     NaN where a run did not complete, shape [n_runs].
     """
-    force = table.phi_force / SCALE_FORCE
-    phi = force + table.phi_shape / SCALE_SHAPE
-    return phi if np.isfinite(phi).any() else force
+    phi = misfit_sum(table)
+    return phi if np.isfinite(phi).any() else table.phi_force / SCALE_FORCE
 
 
 def least_misfit(result: Sweep) -> dict[str, Any]:
@@ -266,7 +266,7 @@ def least_misfit(result: Sweep) -> dict[str, Any]:
     Values are None if no run completed.
     """
     table = result.table
-    phi = table.phi_force / SCALE_FORCE + table.phi_shape / SCALE_SHAPE  # Eq. (M.5)
+    phi = misfit_sum(table)
     seen = bool(np.isfinite(phi).any())
     best = int(np.nanargmin(phi if seen else table.phi_force)) if counts(result)["completed"] else None
     return {

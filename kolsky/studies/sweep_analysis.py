@@ -9,7 +9,8 @@ from doe import Box, CostSurrogate, nelder_mead
 from doe.sensitivity import SobolIndices, sobol_indices
 from doe.surrogates import SurrogateError
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.run_table import SCALE_FORCE, SCALE_SHAPE, DesignTable
+from kolsky.inverse.run_table import DesignTable
+from kolsky.studies.sweep import misfit_sum
 
 OUTPUTS = {"Phi_F": "N", "Phi_S": "1", "Phi": "1"}
 """Misfits looked at, Eqs. (M.3) to (M.5), and their units."""
@@ -115,20 +116,8 @@ class SweepAnalysis:
 
 
 def analyse_sweep(shot: str, box: Box, table: DesignTable, *, rng: int = 1) -> SweepAnalysis:
-    """Interpolate the misfits of a sweep's runs and look at them as a whole.
-
-    Parameters
-    ----------
-    shot
-        Name of the shot.
-    box
-        The design's box.
-    table
-        Every run.
-    rng
-        Seed of the samples.
-    """
-    phi = table.phi_force / SCALE_FORCE + table.phi_shape / SCALE_SHAPE  # Eq. (M.5)
+    """Interpolate the misfits of a sweep's runs and look at them as a whole; ``rng``: seed of the samples."""
+    phi = misfit_sum(table)
     columns = {"Phi_F": table.phi_force, "Phi_S": table.phi_shape, "Phi": phi}
     outputs = {
         name: _output(name, box, table.points, values, rng)

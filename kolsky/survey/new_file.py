@@ -38,22 +38,28 @@ _VALUE = r"""(?P<value>"[^"]*"|\{.*?\}|\[.*?\]|[^\s#]+)"""
 _LINE = re.compile(rf"(?P<off># )?(?P<key>\w+) = {_VALUE}(?P<rest>\s*(?:#.*)?)")
 
 
+def _keyed_lines(text: str) -> Iterator[tuple[str, str, re.Match[str] | None]]:
+    """Each line of a shot file with its dotted key and its parts, if it has a key; also if it is a remark."""
+    table = ""
+    for line in text.split("\n"):
+        found = _LINE.fullmatch(line)
+        header = _TABLE.match(line.lstrip("# "))
+        if header and not found:
+            table = header.group(1)
+        yield line, (f"{table}.{found['key']}" if found else "").removeprefix("."), found
+
+
 def fill_in(text: str, values: Mapping[str, str | None]) -> str:
     """A shot file with other values, its remarks kept.
 
     ``text``: the shot file. ``values``: dotted key -> value as TOML writes it; None turns the line into a
     remark. A line that is a remark is taken out of it. Raises KeyError if a key has no line.
     """
-    table, lines, left = "", [], dict(values)
-    for line in text.split("\n"):
-        header, found = _TABLE.match(line.lstrip("# ")), _LINE.fullmatch(line)
-        if (header and not line.startswith("# ")) or (header and "=" not in line):
-            table = header.group(1)
-        key = f"{table}.{found['key']}" if found else ""
-        if key in left and (found["off"] is None or left[key] is not None):  # type: ignore[index]
-            lines.append(_written(found, left.pop(key)))  # type: ignore[arg-type]
-        else:
-            lines.append(line)
+    lines, left = [], dict(values)
+    for line, key, found in _keyed_lines(text):
+        if found and key in left and (found["off"] is None or left[key] is not None):
+            line = _written(found, left.pop(key))
+        lines.append(line)
     if left:
         raise KeyError(f"no line for {', '.join(left)}")
     return "\n".join(lines)
@@ -67,13 +73,10 @@ def _written(found: re.Match[str], value: str | None) -> str:
 
 def with_notes(text: str, notes: Mapping[str, str]) -> str:
     """A shot file with remarks in lines of their own, each above the line of its dotted key."""
-    table, lines = "", []
-    for line in text.split("\n"):
-        header, found = _TABLE.match(line), _LINE.fullmatch(line)
-        if header:
-            table = header.group(1)
-        if found and found["off"] is None and (said := notes.get(f"{table}.{found['key']}")):
-            lines.append(f"# {said}")
+    lines = []
+    for line, key, found in _keyed_lines(text):
+        if found and found["off"] is None and key in notes:
+            lines.append(f"# {notes[key]}")
         lines.append(line)
     return "\n".join(lines)
 
@@ -152,7 +155,7 @@ def next_of_series(text: str, folder: Path, found: Survey) -> str:
 
     ``text``: the last shot's file. ``folder``: the next shot's folder. ``found``: what is in it.
     """
-    declared = dict(_declared_value(text))
+    declared = {key: m["value"] for _, key, m in _keyed_lines(text) if m and m["off"] is None}
     changed: dict[str, str | None] = {key: BLANK for key in PER_SHOT if key in declared}
     if "name" in declared:
         changed["name"] = None
@@ -162,22 +165,7 @@ def next_of_series(text: str, folder: Path, found: Survey) -> str:
         if name == "file" and not (folder / value.strip('"')).is_file():
             changed |= {k: v for k, v in new.items() if k.startswith(f"{part}.") and (k in declared)}
             changed.setdefault(key, BLANK)
-    top = {key: value for key, value in changed.items() if "." not in key}
-    below = {key: value for key, value in changed.items() if "." in key}
-    for key in top:
-        text = re.sub(rf"(?m)^{key} = ", f"# {key} = ", text, count=1)
-    return fill_in(text, below)
-
-
-def _declared_value(text: str) -> Iterator[tuple[str, str]]:
-    """Dotted key -> value as written, of the lines that are no remarks."""
-    table = ""
-    for line in text.split("\n"):
-        header, found = _TABLE.match(line), _LINE.fullmatch(line)
-        if header:
-            table = header.group(1)
-        elif found and found["off"] is None:
-            yield (f"{table}.{found['key']}" if table else found["key"]), found["value"]
+    return fill_in(text, changed)
 
 
 _INCIDENT_WORDS = re.compile(r"(?<![a-z])(inc|input|eingang|einfall|entr|in(?![a-z]))", re.IGNORECASE)
@@ -288,20 +276,13 @@ def _chosen(table: str, own: list[Signal], text: str) -> dict[str, str | None]:
         f"{table}.channels": f"[{', '.join(quoted(channel.name) for _, channel in own)}]",
     }
     known = si_unit(own[0][1].unit or "")
-    if known is not None and known[0] == "1" and f"{table}.strain" in _keys(text):
+    if (
+        known is not None
+        and known[0] == "1"
+        and f"{table}.strain" in (key for _, key, _ in _keyed_lines(text))
+    ):
         values |= {f"{table}.strain_per_volt": None, f"{table}.strain": "true"}
     return values
-
-
-def _keys(text: str) -> Mapping[str, None]:
-    """Dotted keys that have a line in the file, remarks included."""
-    table, found = "", dict[str, None]()
-    for line in text.split("\n"):
-        if header := re.match(r"\[([\w.]+)\]", line):
-            table = header.group(1)
-        elif key := re.match(r"(?:# )?(\w+) = ", line):
-            found[f"{table}.{key.group(1)}"] = None
-    return found
 
 
 def _leaves_rest(channel: Channel) -> float | None:

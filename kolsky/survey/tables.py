@@ -11,14 +11,13 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
-from kolsky.base.units import UnitError, unit_factor
+from kolsky.base.files import read_bytes
+from kolsky.base.units import dimension_of, unit_factor
 from kolsky.readers.contents import Contents, Layout
 from kolsky.readers.recordings import read_contents
 from kolsky.readers.table import read_table
-from kolsky.readers.text import ENCODINGS, decode_text, full_match, read_bytes
+from kolsky.readers.text import ENCODINGS, declared_delimiter, decode_text, full_match
 
-DIMENSIONS = ("s", "m", "V", "Pa", "N", "1")
-"""SI units of what columns of a shot hold."""
 _HEADING_UNIT = re.compile(
     r".*?(?:[(\[]\s*([^()\[\]]+?)\s*[)\]]|\s/\s*(\S+)|\s+in\s+(\S+)|_([A-Za-zµ%]+))\s*"
 )
@@ -35,7 +34,7 @@ class ColumnEntry:
     unit: str
     """Its unit as the heading or the line below it writes it; empty if neither does."""
     dimension: str
-    """SI unit of its kind, one of `DIMENSIONS`; empty if it is not known."""
+    """SI unit of its kind, one of `kolsky.base.units.SHOT_KINDS`; empty if it is not known."""
     values: FloatArray
     """What it holds, in `unit`, shape [n]; empty of a recorder's channel."""
 
@@ -108,17 +107,6 @@ def unit_in(heading: str) -> str:
     text = next((group for group in match.groups() if group), "") if match else ""
     text = "1" if text == "-" else text
     return text if dimension_of(text) else ""
-
-
-def dimension_of(unit: str) -> str:
-    """SI unit of a unit's kind, one of `DIMENSIONS`; empty if it is none of them."""
-    for dimension in DIMENSIONS if unit else ():
-        try:
-            unit_factor("1" if unit == "-" else unit, dimension)
-        except UnitError:
-            continue
-        return dimension
-    return ""
 
 
 def quoted(text: str) -> str:
@@ -274,7 +262,8 @@ def _layout(facts: Mapping[str, str]) -> Iterator[tuple[str, str | int]]:
     if encoding != "utf-8":
         yield "encoding", encoding
     if facts["delimiter"] != "comma":
-        yield "delimiter", {"semicolon": ";"}.get(facts["delimiter"], facts["delimiter"])
+        character = declared_delimiter(Path(), facts["delimiter"])
+        yield "delimiter", character if character.strip() else facts["delimiter"]
     if facts["decimal"] != ".":
         yield "decimal", facts["decimal"]
     header = int(facts["header"]) if facts["header"].isdecimal() else 0

@@ -7,7 +7,6 @@ again.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -337,28 +336,24 @@ def analyse(
     ImportError
         If the posterior is asked for and emcee is not installed.
     """
-    started = time.perf_counter()
-    directions = input_directions(stages, answer.x, answer.objective)
-    systematic = declarations(stages, directions)
-    stages.seconds["inputs"] = time.perf_counter() - started
-    started = time.perf_counter()
+    with stages.work.stage("inputs"):
+        directions = input_directions(stages, answer.x, answer.objective)
+        systematic = declarations(stages, directions)
     found: ParameterProfiles | None = None
     said = []
     try:
-        found = profile_parameters(stages, answer)
+        with stages.work.stage("profile"):
+            found = profile_parameters(stages, answer)
     except (ValueError, RuntimeError) as error:
         said.append(f"there are no profile likelihoods: {error}")
-    stages.seconds["profile"] = time.perf_counter() - started
     varied: tuple[Variation, ...] = ()
     if found is not None:
-        started = time.perf_counter()
-        varied = variations(stages, answer, found, check)
-        stages.seconds["choices"] = time.perf_counter() - started
+        with stages.work.stage("choices"):
+            varied = variations(stages, answer, found, check)
     sampled = None
     if bayes and found is not None:
-        started = time.perf_counter()
-        sampled = _posterior_of(found, stages.settings.seed)
-        stages.seconds["posterior"] = time.perf_counter() - started
+        with stages.work.stage("posterior"):
+            sampled = _posterior_of(found, stages.settings.seed)
     profiles = () if found is None else found.profiles
     cautions = caution(systematic, dict(zip(directions.names, answer.x.tolist(), strict=True)))
     return UncertaintyAnalysis(

@@ -27,22 +27,13 @@ from kolsky.inverse.problem import PreparedShot
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.result import Contribution, Route, RouteDifference
 from kolsky.inverse.staged_runs import Replicates
+from kolsky.shot.inputs import INPUTS
 from kolsky.shot.records import Shot
-from kolsky.uncertainty.input_changes import SPECIMEN, height_follows, outline_follows
-from kolsky.uncertainty.inputs import parameter_step
+from kolsky.uncertainty.input_changes import height_follows, outline_follows, parameter_step
 from kolsky.uncertainty.mesh_error import MeshChange, numerical_parts
 
 OUTLINE = "common errors of the outline"
 """Name of the part by errors that outline points have in common."""
-
-
-def scale_uncertainty(change: FloatArray, gains: Sequence[FloatArray]) -> FloatArray:
-    """Standard uncertainty from a common scale: the largest move that any of the slopes gives.
-
-    A scale is one number, which nothing averages; of several slopes that may be right the one with the
-    largest move counts.
-    """
-    return np.asarray(np.max([np.abs(gain @ change) for gain in gains], axis=0))
 
 
 @dataclass(frozen=True)
@@ -57,13 +48,12 @@ class InputChanges:
     """Source -> change by one standard uncertainty of a common scale, shape [k]: "force scale", "motion
     scale"."""
 
-    def parts(self, gain: FloatArray, gains: Sequence[FloatArray] | None = None) -> dict[str, FloatArray]:
+    def parts(self, gain: FloatArray) -> dict[str, FloatArray]:
         """Standard uncertainties by source, shape [d] each.
 
         ``gain``: linear map from a change of the data vector to the move of the optimum, shape [d, k].
-        ``gains``: as of `scale_uncertainty`; `gain` alone if left out.
         """
-        found = {key: scale_uncertainty(change, gains or [gain]) for key, change in self.scales.items()}
+        found = {key: np.abs(gain @ change) for key, change in self.scales.items()}
         for key, changes in self.replicates.items():
             found[key] = replicate_uncertainty(changes @ gain.T)
         return found
@@ -131,9 +121,7 @@ class Sources:
             return None
         return np.asarray(np.sqrt(np.sum((self.deviations @ gain.T) ** 2, axis=0)))
 
-    def parts(
-        self, residual: FloatArray, gain: FloatArray, gains: Sequence[FloatArray] | None = None
-    ) -> dict[str, FloatArray]:
+    def parts(self, residual: FloatArray, gain: FloatArray) -> dict[str, FloatArray]:
         """Standard uncertainties by source, shape [d] each.
 
         ``residual``: covariance from the residuals, shape [d, d]. ``gain``, ``gains``: as of
@@ -141,7 +129,7 @@ class Sources:
         """
         found = {
             RESIDUALS: np.sqrt(np.diag(residual)),
-            **self.inputs.parts(gain, gains),
+            **self.inputs.parts(gain),
             **numerical_parts(self.mesh, gain, roughness=self.roughness(gain)),
         }
         if self.declared is not None and len(self.declared):
@@ -150,16 +138,12 @@ class Sources:
 
 
 def noise_parts(fine: RefinedOptimum, sources: Sources) -> dict[str, FloatArray]:
-    """Standard uncertainties of the joint answer by source of noise, shape [d] each.
-
-    A common scale counts with the steepest of the slopes that may be right.
-    """
+    """Standard uncertainties of the joint answer by source of noise, shape [d] each."""
     objective, vector = fine.objective, fine.model(fine.x)[0]
     residual = objective.residual_covariance(fine.jacobian, vector)
-    gains = [objective.gain(slope) for slope in fine.slopes]
     return {
         RESIDUALS: np.sqrt(np.diag(residual)),
-        **sources.inputs.parts(objective.gain(fine.jacobian), gains),
+        **sources.inputs.parts(objective.gain(fine.jacobian)),
     }
 
 
@@ -227,7 +211,7 @@ def declared_parts(problem: JointProblem, found: Optimum, gain: FloatArray) -> d
             i = problem.unknowns.names.index(MOVED)
             parts[key] = np.zeros(len(found.x))
             parts[key][i] = float(sigmas.max()) * float(found.x[i])
-        elif key in SPECIMEN:
+        elif INPUTS[key].specimen:
             parts[key] = _specimen_part(problem, found, gain, base, sigmas, key)
         elif key in ("Z_offset", "y_offset"):
             parts[key] = _outline_place_part(problem, gain, sigmas, key)
@@ -266,8 +250,9 @@ def _specimen_part(
     moved: list[PreparedShot] = []
     for prepared, sigma in zip(problem.runs.prepared, sigmas, strict=True):
         shot = prepared.forward.shot
-        value = getattr(shot.specimen, SPECIMEN[key]) * (1.0 + sigma)
-        changed = replace(shot, specimen=replace(shot.specimen, **{SPECIMEN[key]: value}))
+        applied = INPUTS[key].applied
+        assert applied is not None  # every factor on the specimen has one
+        changed = applied(shot, 1.0 + sigma)
         moved.append(replace(prepared, forward=replace(prepared.forward, shot=changed)))
     change = _changed_vector(problem, _changed_runs(problem, moved, problem.runs.held), found.x) - base
     if key == "specimen_diameter":

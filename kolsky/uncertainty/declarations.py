@@ -10,8 +10,8 @@ from kolsky.base.arrays import FloatArray
 from kolsky.inverse.result import Declaration
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.schema.apparatus import IDENTIFY_KEYS
-from kolsky.uncertainty.input_changes import InputDirections, input_directions
-from kolsky.uncertainty.inputs import INPUTS, no_part, plain_amount
+from kolsky.shot.inputs import INPUTS, SHOWN
+from kolsky.uncertainty.input_changes import InputDirections, input_directions, no_part, plain_amount
 
 UNDECLARED = "not declared, counted as exact"
 VARIED = "varied"
@@ -91,8 +91,6 @@ def _by_name(names: tuple[str, ...], values: FloatArray) -> dict[str, float]:
 
 INVISIBLE = 1e-3
 """Share of an input's change that stays in the residual, below which the data do not show it [-]."""
-SHOWN = {"s": (1e6, "us"), "m": (1e6, "um")}
-"""Factor and unit in which an amount is written."""
 
 
 def amount_text(part: Declaration) -> str:

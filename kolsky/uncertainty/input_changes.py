@@ -16,25 +16,28 @@ an input that the data cannot show to be wrong.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import floor, log10
+from typing import Any
 
 import numpy as np
 
 from explicit import Response
 from explicit.materials import MaterialLaw
+from explicit.model import scale_of
 from kolsky.bars.signals.transducers import ForceBins
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import MaterialCurve
 from kolsky.inverse.forward import Forward, material_law
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Observations, predict
-from kolsky.inverse.parameters import PARAMETERS
+from kolsky.inverse.parameters import PARAMETERS, has_effect
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.work import Launch, run_side_by_side
-from kolsky.shot.records import Shot
-from kolsky.uncertainty.inputs import CLOCK, INPUTS, no_part, parameter_step
+from kolsky.shot.inputs import CLOCK, INPUTS, OFFSET, Input
+from kolsky.shot.records import ForceChannel, Shot
 
 
 def outline_follows(change: FloatArray, step: float, diameter: float, n_force: int) -> FloatArray:
@@ -77,12 +80,68 @@ def height_follows(shot: Shot, step: float) -> float:
     return 0.0 if found is None else found.y_per_length * step * shot.specimen.length
 
 
+SHARES = {"stiffness_factor": 0.003}
+"""Step of a free parameter that is no input over its scale, `explicit.model.scale_of` [-]."""
+SHARE = 0.05
+"""The same for the others [-]."""
+PERCENT = 0.01
+"""Plain amount of a scale, relative to it, and of friction [-]."""
+ROUNDING = 1e-9
+"""What a logarithm may miss a whole number by."""
+
+
+def parameter_step(name: str, value: float) -> float:
+    """Step of a parameter from a value, in its unit."""
+    own = PARAMETERS[name].scale
+    scale = scale_of(name, value) if own is None else own(value)
+    share = INPUTS[name].step if name in INPUTS else 0.0
+    return (share or SHARES.get(name, SHARE)) * scale
+
+
+def _step(one: Input, shot: Shot, objective: Objective) -> float:
+    """By how much an input is moved, in its unit or relative."""
+    if one.parameter:
+        return parameter_step(one.parameter, PARAMETERS[one.parameter].held(shot))
+    if one.unit == "N":
+        return one.step * float(abs(objective.data[: objective.n_force]).max())
+    return one.step
+
+
+def plain_amount(key: str, value: float) -> float:
+    """A plain amount of an input, in its unit or relative: 1 %, 1 us, 10 um; of the other constants the power
+    of ten that is not above a hundredth of its distance from 1/2 (Poisson's ratio) or 0.01.
+
+    ``key``: the input. ``value``: its value in SI; only Poisson's ratio needs it.
+    """
+    one = INPUTS[key]
+    if one.relative:
+        return PERCENT
+    if key == "poisson":
+        return 10.0 ** floor(log10(one.step * (0.5 - value)) + ROUNDING)
+    return {"s": CLOCK, "m": OFFSET}.get(one.unit, PERCENT)
+
+
+def no_part(key: str, *, free: Iterable[str], held: Iterable[str], shot: Shot, seen: Observations) -> str:
+    """The reason why an input has no part, or none of its own, in this shot's answer; empty if it has."""
+    if key in free:
+        return "free, found from the data"
+    laws = {shot.interface.faces, shot.interface.side}
+    one = INPUTS[key]
+    if one.parameter and key not in held and not has_effect(PARAMETERS[key], laws):
+        return f"no part: {PARAMETERS[key].without}"
+    if one.needs == "force channel" and not isinstance(shot.force, ForceChannel):
+        return "no part: the force is from the bar's waves"
+    if one.needs == "outline" and not seen.has_shape:
+        return "no part: no outline was measured"
+    return ""
+
+
 @dataclass(frozen=True)
-class MovedInputs:
-    """Changes of the data vector by inputs that need no run of their own.
+class ModelAtOptimum:
+    """The run at the optimum, through which inputs are seen that need no run of their own.
 
     A scale and a clock act on the data, but are taken through the model's force and outline, which have no
-    noise and ring in the mesh as the Jacobian does.
+    noise and ring in the mesh as the Jacobian does; `kolsky.shot.inputs.Model`.
     """
 
     objective: Objective
@@ -92,29 +151,22 @@ class MovedInputs:
     reference: Response
     """The run at the optimum, its surface `CLOCK` before and after each frame among its times."""
 
-    def change(self, key: str, step: float) -> FloatArray:
-        """Change of prediction minus data when the input is larger by a step, shape [k]."""
+    def change(self, *, transmitted: Any = 0.0, force: Any = 0.0, outline: Any = 0.0) -> FloatArray:
+        """A change of prediction minus data from those of the transmitted force, of all forces and of the
+        outline, shape [k]."""
         n, change = self.objective.n_force, np.zeros(len(self.objective.data))
-        own = len(self.observations.bins.mean)  # of the transmitted force alone
-        match key:
-            case "sensitivity":  # a larger sensitivity is a smaller force
-                change[:own] = step * self._seen()[:own]
-            case "force_zero":  # what is taken for zero is subtracted
-                change[:own] = step
-            case "clock_offset":
-                change[:n] = step * self.force_rate()
-            case "outline_clock":
-                change[n:] = step * self.outline_rate()
-            case "flyer_clock":  # all that is simulated comes later
-                change[:n], change[n:] = -step * self.force_rate(), -step * self.outline_rate()
-            case "Z_offset":
-                change[n:] = -step
-            case "y_offset":
-                y = self.observations.centre_line.y
-                change = 0.5 * (self._seen(y=y + step) - self._seen(y=y - step))
-            case _:
-                raise KeyError(f"{key} needs a run")
+        change[:n], change[n:] = force, outline
+        change[: len(self.observations.bins.mean)] += transmitted
         return change
+
+    def transmitted(self) -> FloatArray:
+        """The transmitted force in its bins [N], shape [n]."""
+        return self._seen()[: len(self.observations.bins.mean)]
+
+    def higher(self, step: float) -> FloatArray:
+        """Change of the prediction by outline points that lie higher by a step [m], shape [k]."""
+        y = self.observations.centre_line.y
+        return np.asarray(0.5 * (self._seen(y=y + step) - self._seen(y=y - step)))
 
     def heights_with_length(self, shot: Shot, step: float) -> FloatArray:
         """Change of prediction minus data by the outline's heights that go with a longer specimen
@@ -122,7 +174,7 @@ class MovedInputs:
         heights = height_follows(shot, step)
         if heights == 0.0 or not self.objective.counted.any():
             return np.zeros(len(self.objective.data))
-        return self.change("y_offset", heights)
+        return self.higher(heights)
 
     def force_rate(self) -> FloatArray:
         """Time derivative of each bin's force, of the model, which has no noise [N/s], shape [n_bins]."""
@@ -154,10 +206,6 @@ def _times_around(time: FloatArray, response: Response) -> tuple[FloatArray, Flo
     """Times `CLOCK` before and after; at the ends of what was simulated the time itself [s]."""
     first, last = response.surface_times[0], response.surface_times[-1]
     return np.maximum(time - CLOCK, first), np.minimum(time + CLOCK, last)
-
-
-SPECIMEN = {"specimen_diameter": "diameter", "specimen_length": "length", "specimen_density": "density"}
-"""Inputs that change the mesh or its mass, and their field of the specimen."""
 
 
 class RunLost(ValueError):
@@ -312,15 +360,17 @@ class MovedRuns:
 
     def _is_alone(self, key: str) -> bool:
         """Whether an input needs a model of its own."""
-        return key in SPECIMEN or (key in PARAMETERS and key not in self.named)
+        one = INPUTS.get(key)
+        if one is None or one.seen is not None:
+            return False
+        return one.key not in self.named if one.parameter else one.applied is not None
 
     def _changed(self, key: str, step: float) -> Shot | None:
         """The shot with an input moved by a step; None where the value is not allowed."""
-        shot = self.forward.shot
-        if key in SPECIMEN:
-            name = SPECIMEN[key]
-            value = getattr(shot.specimen, name) * (1.0 + step)
-            return replace(shot, specimen=replace(shot.specimen, **{name: value}))
+        one, shot = INPUTS[key], self.forward.shot
+        if not one.parameter:
+            assert one.applied is not None  # else it is seen without a run, or joins the common batch
+            return one.applied(shot, 1.0 + step if one.relative else step)
         p, value = PARAMETERS[key], self.value(key) + step
         if not p.allowed[0] <= value <= p.allowed[1]:
             return None
@@ -349,7 +399,7 @@ class InputDirection:
     """One input, and what a step of it does to the data vector."""
 
     key: str
-    """Its key of `kolsky.uncertainty.inputs.INPUTS`."""
+    """Its key of `kolsky.shot.inputs.INPUTS`."""
     step: float
     """By how much it is larger, in its unit, or relative."""
     change: FloatArray
@@ -459,22 +509,23 @@ def input_directions(
     shot, box, held = stages.prepared.forward.shot, stages.box, stages.settings.held
     absent = {
         key: why
-        for key in INPUTS
-        if (why := no_part(key, free=box.names, held=held, shot=shot, seen=stages.observations))
+        for key, one in INPUTS.items()
+        if one.step and (why := no_part(key, free=box.names, held=held, shot=shot, seen=stages.observations))
     }
     wanted = {
-        key: (steps or {}).get(key, one.step(shot, objective))
+        key: (steps or {}).get(key, _step(one, shot, objective))
         for key, one in INPUTS.items()
-        if key not in absent and (only is None or key in only)
+        if one.step and key not in absent and (only is None or key in only)
     }
     stages.progress("inputs", 0, len(wanted))
     batch = MovedRuns(stages, x, objective, wanted)
     reference, jacobian = batch.reference_and_jacobian()
-    moved = MovedInputs(objective, stages.observations, reference)
+    model = ModelAtOptimum(objective, stages.observations, reference)
     found = []
     for done, (key, step) in enumerate(wanted.items()):
-        if INPUTS[key].acts_on == "data" or key == "flyer_clock":
-            change = moved.change(key, step)
+        seen = INPUTS[key].seen
+        if seen is not None:
+            change = seen(model, step)
         else:
             try:
                 change = batch.change(key, step)
@@ -484,7 +535,7 @@ def input_directions(
             if key == "specimen_diameter" and shot.axis_by_radius:
                 change = outline_follows(change, step, shot.specimen.diameter, objective.n_force)
             if key == "specimen_length":
-                change = change + moved.heights_with_length(shot, step)
+                change = change + model.heights_with_length(shot, step)
         found.append(InputDirection(key, step, np.nan_to_num(change), _declared_value(key, shot, held)))
         stages.progress("inputs", done + 1, len(wanted))
     stages.progress("inputs", len(wanted), len(wanted))
@@ -496,8 +547,8 @@ def _declared_value(key: str, shot: Shot, held: Mapping[str, float]) -> float:
     """The value in SI that a shot declares for an input, or that it is held at; NaN if no number does."""
     if key in PARAMETERS:
         return held.get(key, PARAMETERS[key].held(shot))
-    if key in SPECIMEN:
-        return float(getattr(shot.specimen, SPECIMEN[key]))
+    if INPUTS[key].specimen:
+        return float(getattr(shot.specimen, INPUTS[key].specimen))
     return float("nan")
 
 

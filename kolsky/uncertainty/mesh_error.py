@@ -7,9 +7,7 @@ bends more.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +19,7 @@ from kolsky.inverse.joint_search import Optimum, shots_slide
 from kolsky.inverse.observations import Prediction, predict
 from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.staged_runs import StagedRuns
-from kolsky.inverse.work import Launch, in_thread, leaves_a_core, run_side_by_side
+from kolsky.inverse.work import Launch, run_side_by_side
 
 ORDER = 3.2
 """Order of the mesh error in the parameters, as `benchmarks.mesh_order` fits it over both elements on seed 1,
@@ -196,29 +194,7 @@ class MeshRun:
 
 
 BOTH_ELEMENTS = 2
-"""Runs of `wanted` on the surrogate's mesh; what follows them is graded."""
-AwaitMeshChange = Callable[[], MeshChange]
-"""Waits for the runs, and gives what they say."""
-
-
-@contextmanager
-def mesh_change_beside(stages: StagedRuns, fine: RefinedOptimum) -> Iterator[AwaitMeshChange]:
-    """The same as `mesh_change`, its runs in a thread beside the block where a core may be idle in it.
-
-    The longest of them is a lone run on the finest mesh, and what is done meanwhile leaves cores idle. On a
-    GPU, or with one thread, they are made when they are first asked for.
-    """
-    numerics = stages.settings.numerics
-    runs, idle = mesh_error_numerics(stages, fine), leaves_a_core(numerics.device, numerics.threads)
-    with in_thread(lambda: mesh_error_runs(stages, fine.x, runs), idle=idle) as found:
-
-        def told() -> MeshChange:
-            started = time.perf_counter()
-            seen = found()
-            stages.seconds["check"] = stages.seconds.get("check", 0.0) + time.perf_counter() - started
-            return change_by_runs(stages, fine, seen)
-
-        yield told
+"""Runs of `mesh_error_numerics` on the surrogate's mesh; what follows them is graded."""
 
 
 def mesh_change(stages: StagedRuns, fine: RefinedOptimum) -> MeshChange:
@@ -229,7 +205,9 @@ def mesh_change(stages: StagedRuns, fine: RefinedOptimum) -> MeshChange:
     ValueError
         If the run with the element of the identification does not complete on the surrogate's mesh.
     """
-    return change_by_runs(stages, fine, mesh_error_runs(stages, fine.x, mesh_error_numerics(stages, fine)))
+    with stages.work.stage("check"):
+        runs = mesh_error_runs(stages, fine.x, mesh_error_numerics(stages, fine))
+    return change_by_runs(stages, fine, runs)
 
 
 def mesh_error_numerics(stages: StagedRuns, fine: RefinedOptimum) -> list[Numerics]:
@@ -246,20 +224,13 @@ def mesh_error_numerics(stages: StagedRuns, fine: RefinedOptimum) -> list[Numeri
 
 
 def mesh_error_runs(stages: StagedRuns, point: FloatArray, numerics: Sequence[Numerics]) -> list[MeshRun]:
-    """Runs of `wanted` at a point, those on the surrogate's mesh where it resembles the refined one.
-
-    The last of them may be at work already.
-    """
+    """Runs at a point, those on the surrogate's mesh where it resembles the refined one."""
     launches = []
     for k, one in enumerate(numerics):
         at = stages.solver_values(point[None], one.mesh)[0] if k < BOTH_ELEMENTS else point
         values = {**stages.settings.held, **dict(zip(stages.box.names, at.tolist(), strict=True))}
         launches.append(Launch(stages.prepared.forward, values, one))
-    early, last = stages.early, graded(stages.settings.numerics, stages.settings.refined_mesh)
-    if early is not None and numerics[-1] == last and early.is_of(stages.prepared.forward, point):
-        responses = [*run_side_by_side(launches[-2::-1])[::-1], early.response()]
-    else:
-        responses = run_side_by_side(launches[::-1])[::-1]  # the longest first
+    responses = run_side_by_side(launches[::-1])[::-1]  # the longest first
     return [
         MeshRun(
             one,

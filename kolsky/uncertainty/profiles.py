@@ -18,9 +18,10 @@ from doe.surrogates import ComponentSurrogate
 from doe.uncertainty import Channel, Likelihood, Profiles, profile_likelihoods, sample_posterior, verdicts
 from doe.uncertainty.profile import Profile
 from kolsky.base.arrays import FloatArray
-from kolsky.inverse.coarse_search import CorrectedSurrogate, Model, jacobian, surrogate_kind
+from kolsky.inverse.coarse_search import CorrectedSurrogate, jacobian, surrogate_kind
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import Prediction
+from kolsky.inverse.refined_search import RefinedOptimum
 from kolsky.inverse.result import Interval, PairMap, ParameterProfile, PosteriorSummary
 from kolsky.inverse.staged_runs import StagedRuns
 
@@ -135,19 +136,13 @@ class LinearisedOptimum:
     """Whether the response is smooth about it; of one parameter it is."""
 
     @classmethod
-    def of(
-        cls,
-        x: FloatArray,
-        local: Box,
-        objective: Objective,
-        model: Model,
-        surrogate: Model,
-        *,
-        smooth: bool = False,
-    ) -> LinearisedOptimum:
+    def of(cls, fine: RefinedOptimum) -> LinearisedOptimum:
         """From the model that agrees with the last run on the refined mesh, and the surrogate in it."""
-        slope = jacobian(model, local, x)
-        return cls(x, local, objective, model(x)[0], slope, slope - jacobian(surrogate, local, x), smooth)
+        x, local = fine.x, fine.box
+        slope = jacobian(fine.model, local, x)
+        steeper = slope - jacobian(fine.surrogate, local, x)
+        smooth = fine.roughness is None
+        return cls(x, local, fine.objective, fine.model(x)[0], slope, steeper, smooth)
 
     @property
     def correlation(self) -> FloatArray:
@@ -280,10 +275,8 @@ def surrogate_of(
     surrogate = surrogate_kind(box, smooth=smooth).fit(
         box, points[use], objective.vectors(prediction)[use], scale=objective.noise
     )
-    model = CorrectedSurrogate(surrogate).through(answer.x, answer.vector[kept])
-    if box != whole:
-        model = replace(model, slope=answer.steeper[kept])
-    return model, objective
+    steeper = None if box == whole else answer.steeper[kept]
+    return CorrectedSurrogate(surrogate).through(answer.x, answer.vector[kept], steeper), objective
 
 
 def _apart_in_box(unit: FloatArray, least: float) -> NDArray[np.bool_]:

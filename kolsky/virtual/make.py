@@ -15,8 +15,7 @@ import numpy as np
 
 from explicit.device import gpus
 from kolsky.base.errors import InputError
-from kolsky.base.files import filling, write_table
-from kolsky.readers.text import read_bytes
+from kolsky.base.files import filling, read_bytes, write_table
 from kolsky.virtual.instruments import FORMATS, measure_curve, measure_flyer, measure_outline, record_forces
 from kolsky.virtual.records import Truth, TruthError
 from kolsky.virtual.shot_file import shot_tables, toml_text

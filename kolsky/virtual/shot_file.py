@@ -15,6 +15,7 @@ from kolsky.base.errors import InputError
 from kolsky.base.files import write_table
 from kolsky.base.records import FlyerMotion, MaterialCurve
 from kolsky.schema.material import RelaxationSection
+from kolsky.shot.inputs import INPUTS
 from kolsky.shot.records import ForceChannel, Shot
 from kolsky.virtual.instruments import FORMATS
 from kolsky.virtual.records import SurfaceHistory
@@ -231,21 +232,6 @@ MOTION = "motion.csv"
 """The flyer's path of the shot, beside the specification."""
 KNOT = 2e-6
 """Distance of its samples [s]."""
-DECLARED = {
-    "specimen_length": "imperfections.length",
-    "specimen_diameter": "imperfections.diameter",
-    "specimen_density": "imperfections.density",
-    "sensitivity": "imperfections.sensitivity",
-    "curve_scale": "imperfections.curve",
-    "poisson": "imperfections.poisson",
-    "damping": "imperfections.damping",
-    "clock_offset": "imperfections.trigger",
-    "y_offset": "imperfections.y_offset",
-    "Z_offset": "imperfections.Z_offset",
-}
-"""Key of a shot's [uncertainty] -> key of a specification."""
-UNITS = {"damping": "s", "clock_offset": "s", "y_offset": "m", "Z_offset": "m"}
-PLAIN = ("poisson",)
 
 
 def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -> Path:
@@ -337,11 +323,14 @@ def specification_of(shot: Shot, folder: Path, *, answer: Mapping[str, float]) -
 
 def declared_sizes(uncertainty: Mapping[str, float]) -> dict[str, str | float]:
     """A shot's declared standard uncertainties as keys and sizes of a budget; those of 0 are left out."""
-    return {
-        DECLARED[key]: sigma if key in PLAIN else f"{sigma:.9g} {UNITS.get(key, '')}".strip()
-        for key, sigma in uncertainty.items()
-        if key in DECLARED and sigma > 0.0
-    }
+    sizes: dict[str, str | float] = {}
+    for key, sigma in uncertainty.items():
+        one = INPUTS.get(key)
+        if one is not None and one.laboratory is not None and sigma > 0.0:
+            plain = one.unit == "1" and not one.relative
+            unit = "" if one.unit == "1" else one.unit
+            sizes[one.laboratory.key] = sigma if plain else f"{sigma:.9g} {unit}".rstrip()
+    return sizes
 
 
 def yeoh_of(curve: MaterialCurve) -> tuple[dict[str, float], float]:

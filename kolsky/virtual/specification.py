@@ -16,10 +16,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from kolsky.base.errors import InputError
+from kolsky.base.toml import TomlFile, read_toml
 from kolsky.readers.text import full_match
 from kolsky.schema import fields as f
 from kolsky.schema.fields import Section
-from kolsky.schema.shot_file import TomlFile, parse_toml
 from kolsky.virtual.schema import Specification
 
 
@@ -228,7 +228,6 @@ def read_specification(path: str | Path) -> Series:
         path = path / NAME
     if not path.exists():
         raise InputError(path, "there is no such file", cure="`kolsky virtual new FOLDER` writes one")
-    file = parse_toml(path)
-    series = Series(file, file.validated(SpecificationFile))
+    series = Series(*read_toml(path, SpecificationFile))
     series.shot(series.numbers[0])
     return series

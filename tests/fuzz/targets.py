@@ -95,10 +95,10 @@ def settings() -> list[Target]:
     """Files of settings of the commands that take no shot."""
     from test_reading import DATA, STRIP
 
+    from kolsky.base.toml import parse_toml
     from kolsky.bodies.specimen_reading import read_specification as read_specimen
     from kolsky.pictures.measurement import read_measurement
     from kolsky.prediction.predict import read_test
-    from kolsky.schema.shot_file import parse_toml
     from kolsky.studies.sweep import read_design
     from kolsky.virtual.specification import read_specification as read_virtual
 

@@ -4,9 +4,9 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from speckle_pictures import RenderedCylinder, Speckles
 
 from dic.camera import Camera, StereoRig
-from dic.synthetic.speckles import RenderedCylinder, Speckles
 
 FloatArray = NDArray[np.float64]
 

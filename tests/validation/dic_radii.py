@@ -2,11 +2,11 @@
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from speckle_pictures import RenderedCylinder, Speckles
 
 from dic import Camera, Correlation, FullFieldSettings, StereoRig, Tracking, measure_cylinder
 from dic.correlation import Shape
 from dic.result import FittedCylinder
-from dic.synthetic.speckles import RenderedCylinder, Speckles
 
 RADIUS, DISTANCE, ROWS, ARC, HALF_ANGLE, NOISE = 6e-3, 0.3, 90, 0.6, 12.0, 1.0
 SIZES, SUBSETS = (50.0, 100.0), (21, 31, 41)

@@ -22,7 +22,7 @@ FITTED = {
     "Yeoh_o1": "neo_hookean",
     "Yeoh_o2": "reduced_polynomial",
     "Yeoh_o3": "yeoh",
-    "Mooney Rivlin_o1": "mooney_rivlin",
+    "Mooney Rivlin_o1": "mooney_rivlin_2",
     "Mooney Rivlin_o2": "mooney_rivlin_c20",
     "Ogden_o1": "ogden1",
     "Ogden_o2": "ogden2",
@@ -124,7 +124,7 @@ OGDEN_1972 = LAWS["ogden3"].from_classical([0.63e6, 0.0012e6, -0.01e6], [1.3, 5.
 """Ogden's own three terms for Treloar's rubber, from simple tension, equibiaxial tension and pure shear."""
 STEINMANN_2012 = {
     Mode.UNIAXIAL: {"neo_hookean": (0.5673e6,)},
-    Mode.EQUIBIAXIAL: {"neo_hookean": (0.4104e6,), "mooney_rivlin": (0.1713e6, 0.0047e6)},
+    Mode.EQUIBIAXIAL: {"neo_hookean": (0.4104e6,), "mooney_rivlin_2": (0.1713e6, 0.0047e6)},
     Mode.PLANAR: {"neo_hookean": (0.3360e6,)},
 }
 """Constants fitted to one mode of Treloar's data [Pa] (Steinmann, Hossain and Possart 2012, as handed on by

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from dic import Camera, StereoRig
-from dic.calibration import Calibration, PairOutcome, calibrate, detect
 from dic.calibration.bundle import Rig, View
-from dic.calibration.solve import triangulate_target
+from dic.calibration.solve import calibrate, triangulate_target
 from dic.calibration.targets import Chessboard, DottedCylinder, FiducialDots
+from dic.calibration.views import Calibration, PairOutcome, detect
 from dic.camera_files import read_rig
 
 pytestmark = pytest.mark.slow  # some hundred pictures are searched

@@ -11,14 +11,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import dic.surfaces as surfaces
 from dic import Camera, FrameOutcome, StereoRig
 from dic.bodies.axial_displacement import axial_displacement
 from dic.bodies.follow import follow_body
 from dic.bodies.region import Region
 from dic.chain.follow_bodies import flyer_poses
 from dic.correlation import Correlation, Shape
+from dic.correlation.subsets import overlap_factor
 from dic.images import frame_health, grey_noise, open_pictures
+from dic.surfaces import cylinder as cylinder_fit
+from dic.surfaces import surface_history
 from dic.tracking import Tracking
 from kolsky.bars.flyer.flight import FlightOfSpecimen
 from kolsky.bars.flyer.flight import flight_of as report
@@ -80,13 +82,13 @@ def flight_of(folder):
     rim = Correlation(subset=SUBSET, shape=Shape.RIGID, least_pixels=0.4)  # as the chain does it
     flyer = follow(np.ones(len(t), dtype=bool), (-0.4, flyer_last), len(t) - 1, rim, True)
 
-    X, C = surfaces.static_mean(specimen.reconstruction, range(STATIC))
+    X, C = surface_history.static_mean(specimen.reconstruction, range(STATIC))
     known = np.isfinite(X).all(axis=1)
-    overlap = surfaces.overlap_factor(specimen.points[known], SUBSET)
-    free = surfaces.fit_cylinder(X[known], C[known], overlap=overlap)
-    held = surfaces.fit_cylinder(X[known], C[known], overlap=overlap, radius=RADIUS)
-    zero = surfaces.on_cylinder(rig.cameras[0], platen, held)
-    frame = surfaces.test_frame(held, rig, toward_flyer=(0.0, -1.0), zero=zero, zero_sigma=1e-6)
+    overlap = overlap_factor(specimen.points[known], SUBSET)
+    free = cylinder_fit.fit_cylinder(X[known], C[known], overlap=overlap)
+    held = cylinder_fit.fit_cylinder(X[known], C[known], overlap=overlap, radius=RADIUS)
+    zero = cylinder_fit.on_cylinder(rig.cameras[0], platen, held)
+    frame = cylinder_fit.test_frame(held, rig, toward_flyer=(0.0, -1.0), zero=zero, zero_sigma=1e-6)
     static = t <= t[STATIC - 1]
     travel = axial_displacement(flyer, rig, frame, t, static, subset=SUBSET, pictures=series)
     motion, remarks = flyer_poses(flyer, rig, frame, travel, static, subset=SUBSET, length=LENGTH)

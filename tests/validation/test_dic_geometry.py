@@ -9,7 +9,7 @@ import pytest
 
 from dic import StereoRig
 from dic.camera_files import CameraFileError, read_rig, write_rig
-from dic.stereo import epipolar_distance, triangulate
+from dic.stereo.geometry import epipolar_distance, triangulate
 
 
 @pytest.fixture

@@ -11,12 +11,14 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
 from dic import StereoRig
-from dic.calibration import calibrate, detect
+from dic.calibration.solve import calibrate
 from dic.calibration.targets import FiducialDots
+from dic.calibration.views import detect
 from dic.camera_files import read_rig
 from dic.correlation import Correlation, Shape
 from dic.correlation.subsets import apply
-from dic.stereo import match_stereo, triangulate
+from dic.stereo.geometry import triangulate
+from dic.stereo.match import match_stereo
 from dic.tracking import Tracking, track
 
 MPX = 1e3

@@ -9,13 +9,15 @@ import pytest
 import tifffile
 
 from dic import Camera, StereoRig
-from dic.calibration import calibrate, detect
+from dic.calibration.solve import calibrate
 from dic.calibration.targets import FiducialDots
+from dic.calibration.views import detect
 from dic.correlation import Correlation, Shape
 from dic.correlation.subsets import apply
-from dic.stereo import calibration_sigma, calibration_slopes, match_stereo, reconstruct, triangulate
 from dic.stereo.diagnose import Fault, diagnose
-from dic.stereo.reconstruction import Reconstruction
+from dic.stereo.geometry import triangulate
+from dic.stereo.match import match_stereo
+from dic.stereo.reconstruction import Reconstruction, calibration_sigma, calibration_slopes, reconstruct
 from dic.tracking import Tracking, track
 
 N_FRAMES = 60

@@ -19,9 +19,11 @@ from dic.camera_files import read_rig
 from dic.correlation import Correlation, Noise, Shape
 from dic.correlation.subsets import apply
 from dic.outcome import PointOutcome
-from dic.stereo import StereoGates, StereoMatch, StereoSearch, match_stereo, triangulate
-from dic.stereo.geometry import directions
-from dic.surfaces import Cylinder, StrainGauge, fit_cylinder, strains
+from dic.stereo.epipolar_search import StereoGates, StereoSearch
+from dic.stereo.geometry import directions, triangulate
+from dic.stereo.match import StereoMatch, match_stereo
+from dic.surfaces.cylinder import Cylinder, fit_cylinder
+from dic.surfaces.strains import StrainGauge, strains
 from dic.surfaces.surface_history import SurfaceHistory
 from dic.tracking import Tracking, track
 

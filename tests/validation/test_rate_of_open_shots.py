@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import pytest
+from shot_evidence import ShotEvidence
 
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.problem import prepare_shot
 from kolsky.material.relaxation.rate_fit import required_branches
 from kolsky.shot.load import load_shot
-from kolsky.studies.shot_evidence import ShotEvidence
 
 OPEN_01 = Path(__file__).resolve().parents[2] / "runs" / "open-01"
 

@@ -6,18 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from kolsky.base.records import FlyerMotion
-from kolsky.diagnosis.cause_inputs import (
-    DAMPING,
-    DENSITY,
-    FLYER_CLOCK,
-    FORCE_CLOCK,
-    LENGTH,
-    OUTLINE_CLOCK,
-    POISSON,
-    SENSITIVITY,
-    Y_OFFSET,
-    Z_OFFSET,
-)
+from kolsky.shot.inputs import DAMPING, DENSITY, POISSON, SENSITIVITY
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel, Shot
 
@@ -35,7 +24,7 @@ class Row:
     name: str
     """What is wrong."""
     key: str
-    """The cause that is right, a key of `kolsky.diagnosis.cause_inputs`; empty if none can be named."""
+    """The cause that is right, a key of `kolsky.shot.inputs.Cause`; empty if none can be named."""
     wrong: Wrong
     """The shot with it."""
     free: bool = False
@@ -151,18 +140,18 @@ ROWS: tuple[Row, ...] = (
     Row("beta x 4", DAMPING, _damping(4.0)),
     Row("1 - 2 nu x 1/10", POISSON, _poisson(0.1)),
     Row("1 - 2 nu x 5", POISSON, _poisson(5.0)),
-    Row("flyer 20 us late", FLYER_CLOCK, _late(20e-6)),
-    Row("flyer 20 us late, nu and beta free", FLYER_CLOCK, _late(20e-6), free=True),
-    Row("length -1.5 %", LENGTH, _specimen("length", 0.985)),
-    Row("length -1.5 %, nu and beta free", LENGTH, _specimen("length", 0.985), free=True),
+    Row("flyer 20 us late", "flyer.time", _late(20e-6)),
+    Row("flyer 20 us late, nu and beta free", "flyer.time", _late(20e-6), free=True),
+    Row("length -1.5 %", "specimen.length", _specimen("length", 0.985)),
+    Row("length -1.5 %, nu and beta free", "specimen.length", _specimen("length", 0.985), free=True),
     Row("density +5 %", DENSITY, _specimen("density", 1.05), names=(SENSITIVITY,)),
     Row("density -10 %", DENSITY, _specimen("density", 0.9), names=(SENSITIVITY,)),
     Row(CURVE, "", _curve(0.95)),
-    Row("y + 100 um", Y_OFFSET, _outline("y", 1e-4)),
-    Row("Z + 20 um", Z_OFFSET, _outline("Z", 2e-5)),
+    Row("y + 100 um", "centre_line.y_offset", _outline("y", 1e-4)),
+    Row("Z + 20 um", "centre_line.Z_offset", _outline("Z", 2e-5)),
     Row(VOLTAGE, "", _voltage),
-    Row("force 20 us late, nu and beta free", FORCE_CLOCK, _late_force(20e-6), free=True),
-    Row("outline 20 us late, nu and beta free", OUTLINE_CLOCK, _late_outline(20e-6), free=True),
-    Row("outline 20 us early, nu and beta free", OUTLINE_CLOCK, _late_outline(-20e-6), free=True),
+    Row("force 20 us late, nu and beta free", "force.clock_offset", _late_force(20e-6), free=True),
+    Row("outline 20 us late, nu and beta free", "centre_line.time", _late_outline(20e-6), free=True),
+    Row("outline 20 us early, nu and beta free", "centre_line.time", _late_outline(-20e-6), free=True),
 )
 """Every row of the study, in the order of its table."""

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from speckle_pictures import SpecklePattern, render, speckle_pattern
 
 from dic.correlation import Correlation, PictureStack, Shape, correlate
-from dic.synthetic.speckles import SpecklePattern, render, speckle_pattern
 
 FloatArray = NDArray[np.float64]
 
@@ -315,7 +315,7 @@ def page(result: Result) -> str:
     return f"""# {TITLE}
 
 Pictures are computed from a pattern in closed form at the material place that each pixel shows
-({{py:mod}}`dic.synthetic.speckles`), so that the motion is exact and no interpolation has touched them:
+(`tests/helpers/speckle_pictures.py`), so that the motion is exact and no interpolation has touched them:
 {SIDE}² px, speckles of 5 px, eight bits, noise of {SIGMA:g} grey levels, {REPEATS} pairs that differ in
 their noise. Subsets have 21 px every 5 px, and every guess is off by 0.2 px in both directions. The floor
 √(2σ²/ΣG²) is {1e3 * result.floor:.2f} mpx (1 mpx = 0.001 px); rounding to eight bits adds one per cent to σ.

@@ -112,7 +112,7 @@ def page(result: Result) -> str:
 **What is checked.** {{py:func}}`dic.stereo.match.match_stereo` finds the points of camera 0 in camera 1 on a
 surface that curves, says how far off they are, and accepts no false one ({{doc}}`../theory/stereo_matching`).
 
-**Independent source.** `dic.synthetic.speckles` cuts every ray of both cameras with the cylinder and never
+**Independent source.** `speckle_pictures.py` cuts every ray of both cameras with the cylinder and never
 warps a picture; where camera 1 sees a pixel of camera 0 follows from the same rays. Subsets of an affine
 shape function lie on the mean of the cylinder over their width w, $w^2/24R$ below their middle.
 

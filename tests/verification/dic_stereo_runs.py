@@ -10,9 +10,9 @@ from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, grid, pictures, rig, tr
 from dic.correlation import Correlation, PictureStack, Shape
 from dic.correlation.subsets import Match, apply
 from dic.outcome import PointOutcome
-from dic.stereo import Gate, StereoGates, StereoSearch, match_stereo, triangulate
-from dic.stereo.epipolar_search import Pair
-from dic.stereo.match import failed_gates, guided_match, measure_gates
+from dic.stereo.epipolar_search import Pair, StereoGates, StereoSearch
+from dic.stereo.geometry import triangulate
+from dic.stereo.match import Gate, failed_gates, guided_match, match_stereo, measure_gates
 
 FloatArray = NDArray[np.float64]
 

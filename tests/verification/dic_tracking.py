@@ -6,11 +6,11 @@ from functools import cache, partial
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from speckle_pictures import render, speckle_pattern
 
 from dic.correlation import Correlation
 from dic.correlation.subsets import apply
 from dic.outcome import PointOutcome
-from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import Tracking, track
 
 FloatArray = NDArray[np.float64]
@@ -219,7 +219,7 @@ def page(result: Result) -> str:
     half, quarter = (ratio(result.series[name], usual) for name in ("every second", "every fourth"))
     return f"""# {TITLE}
 
-A speckle pattern is computed in closed form ({{py:mod}}`dic.synthetic.speckles`) while it is flattened to
+A speckle pattern is computed in closed form (`tests/helpers/speckle_pictures.py`) while it is flattened to
 λ = 0.25 and spreads to 1.37 times its width: {len(LAMBDA)} frames of {SHAPE[1]} x {SHAPE[0]} px, eight bits,
 noise of {SIGMA:g} grey levels, {SEEDS} patterns. {len(grid())} points with subsets of {
         SUBSET

@@ -18,14 +18,14 @@ from bars_scene import (
     low_pass,
     open_01,
 )
+from coupled_parts import contact_radius, couple
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from order import FittedOrder
 from scene import label_sizes, rms, table
 
 from explicit import CharacteristicBar, Sampling, run
-from explicit.bars import Section, couple, elastic_bar, loaded_line, section_force
-from explicit.bars.coupling import contact_radius
+from explicit.bars import Section, elastic_bar, loaded_line, section_force
 
 FloatArray = NDArray[np.float64]
 

@@ -145,7 +145,7 @@ def page(result: Result) -> str:
 
 **What is checked.** The elements of {{doc}}`../theory/equilibrium`, nearly incompressible ones above all.
 Patch tests of every element, tangents and derivatives against differences, follower pressure and contact
-against closed forms are quick tests in `tests/unit/implicit`.
+against closed forms are quick tests in `tests/unit/equilibrium`.
 
 ## A thick cylinder under pressure
 

@@ -5,12 +5,12 @@ import elastic_checks as checks
 import numpy as np
 import pytest
 from bars_scene import RADIUS, part
+from coupled_parts import contact_radius, couple
 from order import assert_order
 from scene import speed_after_rise
 
 from explicit import Model, Samples, Sampling, cylinder, run
-from explicit.bars import couple, elastic_bar
-from explicit.bars.coupling import contact_radius
+from explicit.bars import elastic_bar
 from explicit.bars.elastic import mesh_of, pressed_share
 from explicit.materials import neo_hookean
 

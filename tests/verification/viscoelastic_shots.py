@@ -6,13 +6,13 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from scene import DENSITY, LENGTH, RADIUS, speed_after_rise
+from shot_evidence import ShotEvidence
 
 from explicit import Model, cylinder
 from explicit.materials import neo_hookean
 from explicit.relaxation import PronySeries
 from kolsky.material.relaxation.evidence import Evidence, HistoryTest, RateModel
 from kolsky.material.relaxation.rate_fit import fit_prony, required_branches
-from kolsky.studies.shot_evidence import ShotEvidence
 
 FloatArray = NDArray[np.float64]
 

@@ -17,10 +17,7 @@ class AsymmetricDots:
 
     Dot k of row i lies at ((2 k + i mod 2) step, i step) and has number ``i * columns + k``.
 
-    Raises
-    ------
-    ValueError
-        Too few dots, a size that is not positive, or dots that touch.
+    Raises ValueError: too few dots, a size that is not positive, or dots that touch.
     """
 
     columns: int
@@ -58,10 +55,7 @@ class AsymmetricDots:
 
         `cv2.findCirclesGrid` puts the dots in order, their centres come from `dic.calibration.dots`.
 
-        Raises
-        ------
-        TargetNotFound
-            If the grid is not found whole.
+        Raises TargetNotFound if the grid is not found whole.
         """
         dots = find_dots(picture, dark=self.dark)
         n = self.columns * self.rows

@@ -64,20 +64,14 @@ class Target(Protocol):
     def detect(self, picture: NDArray[np.generic]) -> Detection:
         """Its points in a picture.
 
-        Raises
-        ------
-        TargetNotFound
-            If it is not seen, or not well enough to number its points.
+        Raises TargetNotFound if it is not seen, or not well enough to number its points.
         """
 
 
 def positive(**lengths: float) -> None:
     """Refuse lengths that are not positive and finite.
 
-    Raises
-    ------
-    ValueError
-        Naming the length.
+    Raises ValueError: naming the length.
     """
     for name, value in lengths.items():
         if not (np.isfinite(value) and value > 0.0):

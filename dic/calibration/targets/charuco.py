@@ -15,10 +15,8 @@ from dic.calibration.targets.base import Detection, Geometry, TargetNotFound, co
 class Charuco:
     """Inner corners of a ChArUco board, numbered as OpenCV numbers them; part of it may be out of view.
 
-    Raises
-    ------
-    ValueError
-        Too few squares, a marker not smaller than its square, an unknown dictionary or one too small.
+    Raises ValueError: too few squares, a marker not smaller than its square, an unknown dictionary or one too
+    small.
     """
 
     columns: int
@@ -68,10 +66,7 @@ class Charuco:
     def detect(self, picture: NDArray[np.generic]) -> Detection:
         """Its corners in a picture, found by OpenCV and located by `cv2.cornerSubPix`.
 
-        Raises
-        ------
-        TargetNotFound
-            If fewer than eight corners are recognised.
+        Raises TargetNotFound if fewer than eight corners are recognised.
         """
         image = eight_bits(picture)
         corners, numbers, _, _ = cv2.aruco.CharucoDetector(self._board()).detectBoard(image)

@@ -21,10 +21,7 @@ class Chessboard:
     columns). Camera 0's picture decides; camera 1's numbering is the one that fits it, so the cameras may
     be rolled against each other.
 
-    Raises
-    ------
-    ValueError
-        Fewer than three corners in a row or column, or a pitch that is not positive.
+    Raises ValueError: fewer than three corners in a row or column, or a pitch that is not positive.
     """
 
     columns: int
@@ -57,10 +54,7 @@ class Chessboard:
         .. [Duda2018] A. Duda, U. Frese, Accurate detection and localization of checkerboard corners for
            calibration, British Machine Vision Conference, 2018.
 
-        Raises
-        ------
-        TargetNotFound
-            If the board is not found whole.
+        Raises TargetNotFound if the board is not found whole.
         """
         image = eight_bits(picture)
         scale = max(1.0, max(image.shape) / LARGE)

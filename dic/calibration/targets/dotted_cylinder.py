@@ -24,11 +24,8 @@ class DottedCylinder:
     in which rows count. Nothing on such a target says which dot is which, so three dots of each camera's
     picture are named by hand.
 
-    Raises
-    ------
-    ValueError
-        A size that is not positive, columns that do not fit round the cylinder, anchors that name a dot
-        which is not there or that lie on a line.
+    Raises ValueError: a size that is not positive, columns that do not fit round the cylinder, anchors that
+    name a dot which is not there or that lie on a line.
     """
 
     columns: int
@@ -88,10 +85,8 @@ class DottedCylinder:
     def detect(self, picture: NDArray[np.generic]) -> Detection:
         """Its dots in a picture, those near the cylinder's limb left out.
 
-        Raises
-        ------
-        TargetNotFound
-            If there is no dot at an anchor, or fewer than twelve dots form a lattice with the anchors.
+        Raises TargetNotFound if there is no dot at an anchor, or fewer than twelve dots form a lattice with
+        the anchors.
         """
         if not self.anchors:
             raise TargetNotFound(

@@ -31,10 +31,8 @@ class FiducialDots:
     may count up or down on the board, as long as `hollow` counts in the same way. Dots beyond the first
     or last column and row, which larger boards have, are not used.
 
-    Raises
-    ------
-    ValueError
-        A size that is not positive, dots that touch, hollow dots that are no L with arms of two lengths.
+    Raises ValueError: a size that is not positive, dots that touch, hollow dots that are no L with arms of
+    two lengths.
     """
 
     columns: int
@@ -96,10 +94,7 @@ class FiducialDots:
     def detect(self, picture: NDArray[np.generic]) -> Detection:
         """Its dots in a picture; dots that touch the picture's edge are left out.
 
-        Raises
-        ------
-        TargetNotFound
-            If there are no three hollow dots in the right places of a lattice of dots.
+        Raises TargetNotFound if there are no three hollow dots in the right places of a lattice of dots.
         """
         dots = find_dots(picture, dark=self.dark)
         candidates = np.flatnonzero(dots.hollow)

@@ -366,20 +366,9 @@ def curve_kernel() -> Any:
 def search(curves: Curves, device: str, threads: int | None = None) -> NDArray[np.float64]:
     """Search the curves of all points.
 
-    Parameters
-    ----------
-    curves
-        What to look for, and where.
-    device
-        "cpu" or "cuda".
-    threads
-        CPU threads; None: all cores the process may use. A result does not depend on it.
-
-    Returns
-    -------
-    NDArray
-        Of each point place (2), gradient (4), correlation, second peak, distance and number of steps, shape
-        [n, `dic.correlation.kernels.curve.OUTPUTS`].
+    ``curves``: what to look for, and where. ``threads``: CPU threads; None: all cores the process may use. A
+    result does not depend on it. Returns: of each point place (2), gradient (4), correlation, second peak,
+    distance and number of steps, shape [n, `dic.correlation.kernels.curve.OUTPUTS`].
     """
     n, where = len(curves.given), select_device(device)
     result = np.zeros((n, OUTPUTS))

@@ -1,15 +1,8 @@
 """Warp's devices, and pictures on them: quintic B-spline coefficients, interpolation, interpolated noise.
 
-The recursive filter of the quintic B-spline (Unser 1999) has a symmetric response that falls by 0.43 a pixel.
-Cut off where it is below `LEAST` of its middle it is a finite one, which any pixel can be given without its
-neighbours' coefficients. Pictures are mirrored at their edges, and so are their coefficients; a Gaussian
-before the spline is part of the same filter.
-
-A spline passes white noise of the pixels on with the spectrum |c(ν)|² of the cardinal quintic spline,
-``c = sinc⁶ / (66 + 52 cos 2πν + 2 cos 4πν) · 120``, ν in cycles per pixel: all of it well below 1/2, none
-around whole numbers, where the copies of the pixels' spectrum lie. A subset that takes samples at ``x = F ξ``
-sees it at ``ν = F⁻ᵀ κ``, with a density of 1/|det F|, folded at whole κ. Steepest descents are smooth, so
-what a match takes up is the spectrum near κ = 0: Eq. (C.6) of docs/theory/correlation.md.
+The recursive filter of the quintic B-spline (Unser 1999) is cut off where its response is below `LEAST` of
+its middle. Pictures are mirrored at their edges, and so are their coefficients; a Gaussian before the spline
+is part of the same filter. The variance that a spline passes on is Eq. (C.6) of docs/theory/correlation.md.
 """
 
 import os
@@ -277,10 +270,7 @@ LINE = 16
 def response(prefilter: float) -> FloatArray:
     """Symmetric filter from grey values to coefficients, after a Gaussian of that standard deviation [px].
 
-    Returns
-    -------
-    NDArray
-        Its middle and one side, shape [n]; the sum of both sides and the middle is 1.
+    Returns: its middle and one side, shape [n]; the sum of both sides and the middle is 1.
     """
     impulse = np.zeros(2 * LONGEST + 1)
     impulse[LONGEST] = 1.0
@@ -394,16 +384,6 @@ def select_device(name: str) -> Any:
     return wp.get_device(alias)
 
 
-def warp_started() -> bool:
-    """Return True if Warp has begun in this process, and with it the driver of a GPU."""
-    return wp._src.context.runtime is not None  # as `warp.init` looks
-
-
-def open_device(name: str) -> None:
-    """Have a device ready: a GPU's context takes a quarter of a second; errors as `select_device`."""
-    wp.empty(1, dtype=wp.float32, device=select_device(name))
-
-
 def own_gpu(count: int) -> int:
     """Number of the GPU that a process takes which shares `count` of them with others: one after the other by
     `WORKER`, the first where it is not set."""
@@ -419,10 +399,7 @@ def _start() -> None:
 
 @contextmanager
 def _without(expected: str) -> Iterator[None]:
-    """Keep one expected line of native code off stderr; anything else still gets there.
-
-    Warp's library says on every start that a machine has no GPU; that is no news to its user.
-    """
+    """Keep one expected line of native code off stderr; anything else still gets there."""
     try:
         saved = os.dup(2)
     except OSError:  # no stderr at all, as under some services: nothing to keep clean

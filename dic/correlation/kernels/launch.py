@@ -33,8 +33,7 @@ Launch = Callable[["Lane", int], None]
 def fill(given: FloatArray, columns: Sequence[NDArray[Any]], rows: slice) -> int:
     """Write rows of columns one column after the other; the count of numbers written.
 
-    ``given``: where to, shape [numbers]. ``columns``: each of shape [n] or [n, k]. ``rows``: which of the n
-    rows.
+    ``given``: where to, shape [numbers]. ``columns``: each of shape [n] or [n, k].
     """
     begin = 0
     for column in columns:

@@ -56,20 +56,8 @@ def frames(
 ) -> Iterator[NDArray[np.float32]]:
     """Light on the pixels, some frames at a time, shape [n, rows, columns].
 
-    Parameters
-    ----------
-    rays
-        What fills the rays.
-    view
-        The camera on the device.
-    weights
-        Weights of lenses, the standard deviation of the first and the step to the next [px].
-    shape
-        Rows and columns [px].
-    n_frames
-        Number of frames.
-    device, threads
-        Warp's device; threads on a CPU.
+    ``weights``: weights of lenses, the standard deviation of the first and the step to the next [px].
+    ``shape``: rows and columns [px]. ``device``, ``threads``: warp's device; threads on a CPU.
     """
     rows, columns = shape
     fine, pad = view.fine, view.pad
@@ -190,10 +178,7 @@ def upload_bodies(bodies: tuple[RevolvedBody, ...], n: int, camera: Camera, devi
 
 
 def _bins(y: FloatArray) -> NDArray[np.int64]:
-    """First and last segment that reaches into each of `BINS` even layers of a body, shape [n, BINS, 2].
-
-    Segments between the two that do not reach into the layer cost time and nothing else.
-    """
+    """First and last segment that reaches into each of `BINS` even layers of a body, shape [n, BINS, 2]."""
     span = np.stack([y.min(axis=1), y.max(axis=1)], axis=1)
     low, high = np.minimum(y[:, :-1], y[:, 1:]), np.maximum(y[:, :-1], y[:, 1:])
     edge = span[:, :1] + (span[:, 1:] - span[:, :1]) * np.linspace(0.0, 1.0, BINS + 1)

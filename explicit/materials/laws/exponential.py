@@ -100,7 +100,6 @@ class VerondaWestmann(_Exponential):
     NAME: ClassVar[str] = "veronda_westmann"
     FORMULA: ClassVar[str] = r"C_1\left(e^{\alpha x} - 1\right) - \frac{C_1\alpha}{2} y"
     MODULUS: ClassVar[str] = r"C_1\alpha"
-    SECOND_INVARIANT: ClassVar[bool] = True
     SHARE: ClassVar[float] = 0.5
     PARAMETERS: ClassVar[tuple[ParameterSpec, ...]] = (
         ParameterSpec("C1", "Pa", 0.0, np.inf, 60e3, "factor of the exponential", strict=True),

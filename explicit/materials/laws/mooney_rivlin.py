@@ -24,7 +24,6 @@ class MooneyRivlin(InvariantLaw):
     NAME: ClassVar[str] = "mooney_rivlin"
     FORMULA: ClassVar[str] = r"C_{10} x + C_{01} y + C_{11} x y"
     MODULUS: ClassVar[str] = r"2(C_{10} + C_{01})"
-    SECOND_INVARIANT: ClassVar[bool] = True
     PARAMETERS: ClassVar[tuple[ParameterSpec, ...]] = (
         ParameterSpec("C10", "Pa", 0.0, np.inf, 9e3, "factor of I1_bar - 3"),
         ParameterSpec("C01", "Pa", 0.0, np.inf, 3.5e3, "factor of I2_bar - 3"),

@@ -1,8 +1,7 @@
 """Warp kernels of the factorisation: fronts are filled, and one system is solved with their factors.
 
-The matrix of a front is a sum of element matrices, or of what its two halves left. The sums are plain
-loops over
-memory, written out for a CPU in C++: through Warp's index arithmetic they take ten times as long. In a
+The matrix of a front is a sum of element matrices, or of what its two halves left. The sums are plain loops
+over memory, written out for a CPU in C++: through Warp's index arithmetic they take ten times as long. In a
 substitution every number of the factors is read once: the time is that of the memory.
 """
 

@@ -1,18 +1,14 @@
 """Multifrontal factorisation of element matrices on a dissected mesh, by dense BLAS and LAPACK.
 
 The cells are halved repeatedly along the longest axis of their centres (recursive coordinate bisection;
-Berger
-and Bokhari 1987) until few are left. An unknown belongs to the smallest part of the mesh that holds all its
-cells, and is eliminated there. A front is the dense matrix of a part's own unknowns and of those of its
-boundary,
-which belong to its ancestors (Duff and Reid 1983; George 1973). Each front is assembled from its cells or
-its two
-halves and eliminated in part,
+Berger and Bokhari 1987) until few are left. An unknown belongs to the smallest part of the mesh that holds
+all its cells, and is eliminated there. A front is the dense matrix of a part's own unknowns and of those of
+its boundary, which belong to its ancestors (Duff and Reid 1983; George 1973). Each front is assembled from
+its cells or its two halves and eliminated in part,
 
     F = [F11 .; F21 F22],   F11 = L11 L11^T,   L21 = F21 L11^-T,   F22 <- F22 - L21 L21^T,        (F.1)
 
-and the remainder goes to the parent. A matrix that is not symmetric, or not positive definite, is
-eliminated
+and the remainder goes to the parent. A matrix that is not symmetric, or not positive definite, is eliminated
 by F11 = P L U in the same fronts instead; rows are exchanged inside a front only, which suffices where no
 unknown is without a stiffness of its own.
 """

@@ -1,12 +1,10 @@
 """Linear solvers by name.
 
-"multifrontal" (`kolsky.equilibrium.linear.multifrontal`) eliminates element matrices in dense fronts and
-is the
-usual choice; "superlu" is SciPy's; "pardiso" is Intel's (extra `pardiso`); "amg" is the method of conjugate
-gradients with an algebraic multigrid of smoothed aggregation (Vanek, Mandel and Brezina 1996; PyAMG, the
-extra
-`amg`), for more unknowns than a factorisation has memory for. Its near-null space is the rigid motions.
-`BridgedSolver` adds blocks between points of different elements (contact).
+"multifrontal" (`kolsky.equilibrium.linear.multifrontal`) eliminates element matrices in dense fronts and is
+the usual choice; "superlu" is SciPy's; "pardiso" is Intel's (extra `pardiso`); "amg" is the method of
+conjugate gradients with an algebraic multigrid of smoothed aggregation (Vanek, Mandel and Brezina 1996;
+PyAMG, the extra `amg`), for more unknowns than a factorisation has memory for. Its near-null space is the
+rigid motions. `BridgedSolver` adds blocks between points of different elements (contact).
 """
 
 from collections.abc import Callable

@@ -94,7 +94,7 @@ def _remarks_on(
     return tuple(said)
 
 
-_LAWS_TRIED = ("yeoh", "mooney_rivlin", "ogden2", "gent")
+_LAWS_TRIED = ("yeoh", "mooney_rivlin_2", "ogden2", "gent")
 """Laws of the library beside the curves of nodes: of the first invariant with two ways to go on, of both
 invariants, of the stretches."""
 LARGEST_LIKENESS = 0.9

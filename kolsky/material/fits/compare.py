@@ -243,8 +243,9 @@ class Comparison:
 def candidates(names: Sequence[str] = ()) -> tuple[Candidate, ...]:
     """The laws of these names, all if none is given.
 
-    Beside the laws' own names: "mooney_rivlin" has its two constants, "mooney_rivlin_c11" the mixed term too,
-    and "mooney_rivlin_c20" is the polynomial with the square of I1 - 3 alone.
+    A law's name is the law with all of its constants, as in every command. Two more have some constants 0:
+    "mooney_rivlin_2" is mooney_rivlin with C10 and C01 only, "mooney_rivlin_c20" is polynomial with C10, C01
+    and C20 only.
 
     Raises ValueError if a name is not known.
     """
@@ -323,8 +324,7 @@ def _farthest(test: HomogeneousTest) -> float:
 
 def _known() -> dict[str, Candidate]:
     made = {name: Candidate(name, law) for name, law in LAWS.items()}
-    made["mooney_rivlin"] = Candidate("mooney_rivlin", LAWS["mooney_rivlin"], {"C11": 0.0})
-    made["mooney_rivlin_c11"] = Candidate("mooney_rivlin_c11", LAWS["mooney_rivlin"])
+    made["mooney_rivlin_2"] = Candidate("mooney_rivlin_2", LAWS["mooney_rivlin"], {"C11": 0.0})
     squares = {"C11": 0.0, "C02": 0.0}
     made["mooney_rivlin_c20"] = Candidate("mooney_rivlin_c20", LAWS["polynomial"], squares)
     return made

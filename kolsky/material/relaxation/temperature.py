@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from kolsky.base.arrays import FloatArray
 from kolsky.material.relaxation.evidence import DynamicTest
@@ -171,7 +171,7 @@ def superpose(sweep: TemperatureSweep) -> Superposition:
     scatter = square / freedom
     sigma = np.zeros(levels.size)
     sigma[free] = np.sqrt(np.diag(_covariance(found.jac, scatter)))
-    made = Superposition(sweep, full(found.x), sigma, scatter, float(chi2.sf(square, freedom)))
+    made = Superposition(sweep, full(found.x), sigma, scatter, float(chdtrc(freedom, square)))
     if free.size < 2 or not made.determined:
         return made
     return _with_law(made, problem, square, free)
@@ -193,7 +193,7 @@ def _with_law(
         bounds=([-np.inf, least], [np.inf, 1e5]), x_scale=np.abs(begin),
     )  # fmt: skip
     more = max(0.0, float(found.fun @ found.fun) - square) / max(1.0, made.scatter)
-    likely = float(chi2.sf(more, free.size - 2)) if free.size > 2 else 1.0
+    likely = float(chdtrc(free.size - 2, more)) if free.size > 2 else 1.0
     covariance = _covariance(found.jac, made.scatter)
     return replace(made, C1=float(found.x[0]), C2=float(found.x[1]), covariance=covariance, law_likely=likely)
 

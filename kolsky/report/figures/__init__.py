@@ -14,7 +14,6 @@ __all__ = [
     "BUDGETS",
     "CALIBRATION",
     "CHECKS",
-    "CHECK_RUNS",
     "FLYER_TESTS",
     "FULL_FIELDS",
     "JOINT",
@@ -68,7 +67,6 @@ PLACES: dict[str, tuple[str, ...]] = {
     # Recordings behind an identification; shown before those of `REGISTRY`
     "RECORDINGS": ("recordings.RECORDED",),
     # Check run of an identification: those of `REGISTRY` that show nothing else
-    "CHECK_RUNS": ("comparison.COMPARISON", "comparison.SIMULATION"),
     # Identification
     "REGISTRY": ("comparison.COMPARISON", "misfit.MISFIT", "misfit.UNCERTAINTY", "comparison.SIMULATION"),
     # Surfaces measured by image correlation
@@ -134,7 +132,6 @@ SHOWN_BY: dict[str, str] = {
     "kolsky.bars.reduction.repeated_tests.RepeatedTests": "REPEATS",
     "kolsky.bars.records.FlyerResult": "FLYER_TESTS",
     "kolsky.bars.records.WavesResult": "WAVES",
-    "kolsky.inverse.result.CheckRun": "CHECK_RUNS",
     "kolsky.inverse.result.Identification": "REGISTRY",
     "kolsky.inverse.joint_result.JointResult": "JOINT",
     "kolsky.studies.rate_dependence.SlowDynamics": "RELAXATIONS",

@@ -20,7 +20,7 @@ from kolsky.report.figures.base import (
 )
 
 if TYPE_CHECKING:
-    from dic.calibration import Calibration
+    from dic.calibration.views import Calibration
 
 
 COLOURS = (SHAPE, MODEL)

@@ -8,7 +8,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
-from kolsky.inverse.result import ShowsCheckRun, worst_imbalance
+from kolsky.inverse.result import Identification, worst_imbalance
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
@@ -33,7 +33,7 @@ from kolsky.report.scene.stills import draw_still, scene_of_stills
 from kolsky.results.numbers import percent
 
 
-def _caption_force(result: ShowsCheckRun) -> str:
+def _caption_force(result: Identification) -> str:
     """Return the caption."""
     return (
         "Force on the transmission platen: every recorded sample, means over bins and the simulation at the "
@@ -42,7 +42,7 @@ def _caption_force(result: ShowsCheckRun) -> str:
     )
 
 
-def draw_force(result: ShowsCheckRun, panels: Panels) -> None:
+def draw_force(result: Identification, panels: Panels) -> None:
     """Draw the overlay and the residual."""
     c = result.comparison
     time = MS * c.force_time
@@ -67,7 +67,7 @@ def draw_force(result: ShowsCheckRun, panels: Panels) -> None:
     low.margins(y=0.25)
 
 
-def _caption_outline_residual(result: ShowsCheckRun) -> str:
+def _caption_outline_residual(result: Identification) -> str:
     """Return the caption."""
     outside = int((~result.comparison.inside).sum())
     counted = f"{outside} point{'' if outside == 1 else 's'} outside the model’s range"
@@ -97,7 +97,7 @@ def cells(time: NDArray[np.float64], frame: NDArray[np.int64], y: NDArray[np.flo
     return corners
 
 
-def _draw_outline_residual(result: ShowsCheckRun, panels: Panels) -> None:
+def _draw_outline_residual(result: Identification, panels: Panels) -> None:
     """Draw the map with its colour bar."""
     c, line, response, ax = result.comparison, result.comparison.centre_line, result.response, panels["map"]
     ax.set_xlabel("Time $t$ (ms)")
@@ -128,7 +128,7 @@ def _draw_outline_residual(result: ShowsCheckRun, panels: Panels) -> None:
 OUTLINES = 6
 
 
-def chosen_frames(result: ShowsCheckRun) -> NDArray[np.int64]:
+def chosen_frames(result: Identification) -> NDArray[np.int64]:
     """Frame numbers at equal distances through the window, the last one included, shape [<= 6]."""
     frames = np.unique(result.comparison.centre_line.frame)
     if frames.size <= OUTLINES:
@@ -136,7 +136,7 @@ def chosen_frames(result: ShowsCheckRun) -> NDArray[np.int64]:
     return frames[np.round(np.arange(1, OUTLINES + 1) * (frames.size - 1) / OUTLINES).astype(int)]
 
 
-def _caption_outlines(result: ShowsCheckRun) -> str:
+def _caption_outlines(result: Identification) -> str:
     """Return the caption."""
     return (
         "Outline of the specimen on the camera side at six times: measured points with ±2σ and the simulated "
@@ -145,7 +145,7 @@ def _caption_outlines(result: ShowsCheckRun) -> str:
     )
 
 
-def _draw_outlines(result: ShowsCheckRun, panels: Panels) -> None:
+def _draw_outlines(result: Identification, panels: Panels) -> None:
     """Draw the overlay above the residual, one column per time."""
     c, line, response = result.comparison, result.comparison.centre_line, result.response
     frames = chosen_frames(result)
@@ -187,7 +187,7 @@ def _draw_outlines(result: ShowsCheckRun, panels: Panels) -> None:
     panels[f"outline {max(frames.size, 1) - 1}"].legend(loc="upper right", bbox_to_anchor=(1.0, 0.9))
 
 
-def _caption_force_residual(result: ShowsCheckRun) -> str:
+def _caption_force_residual(result: Identification) -> str:
     """Return the caption."""
     return (
         "Residual of the force over the standard deviation of each bin, with the band of k = 2 (left), and "
@@ -196,7 +196,7 @@ def _caption_force_residual(result: ShowsCheckRun) -> str:
     )
 
 
-def _draw_force_residual(result: ShowsCheckRun, panels: Panels) -> None:
+def _draw_force_residual(result: Identification, panels: Panels) -> None:
     """Draw history and histogram."""
     c = result.comparison
     weighted = (c.force_model - c.force_measured) / c.force_sigma
@@ -225,7 +225,7 @@ def _draw_force_residual(result: ShowsCheckRun, panels: Panels) -> None:
     share.tick_params(labelleft=False)
 
 
-COMPARISON: tuple[FigureKind[ShowsCheckRun], ...] = (
+COMPARISON: tuple[FigureKind[Identification], ...] = (
     FigureKind(
         name="force",
         width=COLUMN,
@@ -282,7 +282,7 @@ PARTS = {
 }
 
 
-def _caption_energy(result: ShowsCheckRun) -> str:
+def _caption_energy(result: Identification) -> str:
     """Return the caption."""
     worst = percent(worst_imbalance(result.response))
     return (
@@ -292,7 +292,7 @@ def _caption_energy(result: ShowsCheckRun) -> str:
     )
 
 
-def _draw_energy(result: ShowsCheckRun, panels: Panels) -> None:
+def _draw_energy(result: Identification, panels: Panels) -> None:
     """Draw the stacked ledger above its residual."""
     ledger, time = result.response.energy, MS * result.response.surface_times
     top, low = panels["ledger"], panels["residual"]
@@ -329,7 +329,7 @@ LINES = 16
 """Lines of the mesh drawn in each direction, about; more would print as a grey area."""
 
 
-def _caption_meshes(result: ShowsCheckRun) -> str:
+def _caption_meshes(result: Identification) -> str:
     """Return the caption."""
     size = f"{result.refined_mesh[0]} × {result.refined_mesh[1]} elements"
     thinned = "" if max(result.refined_mesh) < 2 * LINES else ", some of its lines"
@@ -339,20 +339,20 @@ def _caption_meshes(result: ShowsCheckRun) -> str:
     )
 
 
-def _kept_nodes(result: ShowsCheckRun) -> bool:
+def _kept_nodes(result: Identification) -> bool:
     """Return True if the result holds the nodes of the simulation at the optimum."""
     nodes = result.response.nodes
     return nodes is not None and bool(np.isfinite(nodes).any())
 
 
-def _panel_size(result: ShowsCheckRun) -> tuple[float, float]:
+def _panel_size(result: Identification) -> tuple[float, float]:
     """Half-width and height of a panel [mm of the specimen], the same for all."""
     assert result.response.nodes is not None  # checked by `applies`
     r, y = np.moveaxis(result.response.nodes[0], -1, 0)
     return 1.08 * MM * largest(r), 1.25 * MM * largest(y)
 
 
-def _meshes_height(result: ShowsCheckRun) -> float:
+def _meshes_height(result: Identification) -> float:
     """Height of the figure [mm]: panels of equal scale, room for the labels."""
     width, height = _panel_size(result)
     return 11.0 + (PAGE - 14.0) / MESHES * height / (2.0 * width)
@@ -363,7 +363,7 @@ def _thinned(elements: int) -> list[int]:
     return sorted({*range(0, elements + 1, max(1, elements // LINES)), elements})
 
 
-def _draw_meshes(result: ShowsCheckRun, panels: Panels) -> None:
+def _draw_meshes(result: Identification, panels: Panels) -> None:
     """Draw the lines of the mesh; nodes run along the radius first, as `explicit.mesh.cylinder` numbers
     them."""
     response, line = result.response, result.comparison.centre_line
@@ -400,7 +400,7 @@ def _draw_meshes(result: ShowsCheckRun, panels: Panels) -> None:
             ax.tick_params(labelleft=False)
 
 
-def _caption_scene(result: ShowsCheckRun) -> str:
+def _caption_scene(result: Identification) -> str:
     """Return the caption."""
     return (
         "The check run, its half behind a cut along the axis, between the platens (cut too), coloured by the "
@@ -409,12 +409,12 @@ def _caption_scene(result: ShowsCheckRun) -> str:
     )
 
 
-def _can_show_stills(result: ShowsCheckRun) -> bool:
+def _can_show_stills(result: Identification) -> bool:
     """Return True if the result holds the scene."""
     return has_scene(result)
 
 
-def _draw_scene(result: ShowsCheckRun, panels: Panels) -> None:
+def _draw_scene(result: Identification, panels: Panels) -> None:
     """Set the pictures side by side."""
     stage = scene_of_stills(result)
     axes = [panels[f"scene {column}"] for column in range(STILLS)]
@@ -431,7 +431,7 @@ def _draw_scene(result: ShowsCheckRun, panels: Panels) -> None:
     smooth_bar(bar)
 
 
-SIMULATION: tuple[FigureKind[ShowsCheckRun], ...] = (
+SIMULATION: tuple[FigureKind[Identification], ...] = (
     FigureKind(
         name="energy",
         width=COLUMN,

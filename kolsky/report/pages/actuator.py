@@ -1,7 +1,6 @@
 """Page of a pressurised actuator."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,15 +8,10 @@ import numpy as np
 from kolsky.bodies.actuator_bending import SearchEnd, relative_bend
 from kolsky.report.body_views import ActuatorView
 from kolsky.report.figures import ACTUATORS
-from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
 from kolsky.results import numbers
 
 BAR = 1e-5
-
-
-def write_page(path: Path, shown: ActuatorView, inputs: Mapping[str, str]) -> None:
-    """Write the page as a single HTML file without scripts or outside resources."""
-    write_html(path, render(shown, inputs))
 
 
 def render(shown: ActuatorView, inputs: Mapping[str, str]) -> str:
@@ -27,11 +21,14 @@ def render(shown: ActuatorView, inputs: Mapping[str, str]) -> str:
         kind="Pressurised actuator",
         heading=shown.name,
         subject="bend",
-        warnings=[f"{text[:1].upper()}{text[1:]}." for text in shown.warnings],
+        warnings=sentences(shown.warnings),
         tables=[table for table in tables(shown) if table["rows"]],
         figures=draw_figures(ACTUATORS.values(), shown),
         inputs=list(inputs.items()),
     )
+
+
+write_page = page_writer(render)
 
 
 def _degrees(value: float) -> str:

@@ -1,24 +1,15 @@
 """Page of an error budget."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kolsky.report.figures import BUDGETS
-from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
 from kolsky.results import numbers
 from kolsky.results.nomenclature import name_of
 from kolsky.studies.budget.records import Budget, Campaign
-
-
-def write_page(path: Path, results: Sequence[Budget], campaign: Campaign | None) -> None:
-    """Write the page as a single HTML file without scripts or outside resources.
-
-    Raises OSError if the file cannot be written; an older one is then unchanged.
-    """
-    write_html(path, render(results, campaign))
 
 
 def render(results: Sequence[Budget], campaign: Campaign | None) -> str:
@@ -37,6 +28,9 @@ def render(results: Sequence[Budget], campaign: Campaign | None) -> str:
         budgets=[_table(result) for result in results],
         campaign=[] if campaign is None else _campaign(campaign),
     )
+
+
+write_page = page_writer(render)
 
 
 def _table(result: Budget) -> dict[str, Any]:
@@ -121,10 +115,9 @@ def _warnings(result: Budget) -> list[str]:
 
 def _campaign(campaign: Campaign) -> list[tuple[str, str]]:
     rates = campaign.rates
-    where = "half at either end" if campaign.layout == "ends" else "evenly in the logarithm"
     return [
         ("shots", str(campaign.shots)),
-        ("nominal strain rates", f"{rates[0]:.4g} to {rates[-1]:.4g} 1/s, {where}"),
+        ("nominal strain rates", f"{rates[0]:.4g} to {rates[-1]:.4g} 1/s, half at either end"),
         ("standard deviation of one shot about the line", numbers.plain(campaign.sigma, 3)),
         ("expanded uncertainty of the slope per decade", numbers.plain(campaign.half_width, 3)),
     ]

@@ -1,23 +1,12 @@
 """Page of a stereo calibration: figures, parameters with their uncertainties, every pair of images."""
 
-from pathlib import Path
 from typing import Any
 
-from dic.calibration import Calibration
+from dic.calibration.views import Calibration
 from kolsky.report.figures import CALIBRATION
-from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
 from kolsky.results import numbers
 from kolsky.results import numbers as plain_text
-
-
-def write_page(path: Path, name: str, found: Calibration) -> None:
-    """Write the page as a single HTML file without scripts or outside resources.
-
-    ``path``: the file, replaced atomically if it exists; its folder must exist. ``name``: name of the
-    calibration. ``found``: the result. Raises OSError if the file cannot be written; an older one is then
-    unchanged.
-    """
-    write_html(path, render(name, found))
 
 
 def render(name: str, found: Calibration) -> str:
@@ -32,6 +21,9 @@ def render(name: str, found: Calibration) -> str:
         warnings=[f"{warning}." for warning in warnings(found)],
         pairs=[_row(pair) for pair in found.pairs],
     )
+
+
+write_page = page_writer(render)
 
 
 def _row(pair: Any) -> dict[str, Any]:

@@ -1,25 +1,15 @@
 """Page of a shot before anything is run: what was understood, and what is taken as exact."""
 
 from itertools import groupby
-from pathlib import Path
 
 from kolsky.report.figures import figures_of
-from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
 from kolsky.results.nomenclature import typeset
 from kolsky.shot.bars import CheckedBars
 from kolsky.shot.records import ShotBase
 from kolsky.shot.summary import EXACT, Entry, summarise
 
 PAGE = "check.html"
-
-
-def write_page(path: Path, shot: ShotBase | CheckedBars) -> None:
-    """Write the page as a single HTML file without scripts or outside resources.
-
-    ``path``: the file, replaced atomically if it exists; its folder must exist. ``shot``: the shot as it was
-    loaded. Raises OSError if the file cannot be written; an older one is then unchanged.
-    """
-    write_html(path, render(shot))
 
 
 def render(shot: ShotBase | CheckedBars) -> str:
@@ -39,6 +29,9 @@ def render(shot: ShotBase | CheckedBars) -> str:
         exact=[entry.name for entry in summarise(shot) if entry.value == EXACT],
         inputs=list(shot.inputs.items()),
     )
+
+
+write_page = page_writer(render)
 
 
 def _shown(entry: Entry) -> str:

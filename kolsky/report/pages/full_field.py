@@ -1,7 +1,6 @@
 """Page of a full-field measurement: fields, histories, outcomes, settings."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from kolsky.pictures.rig import refinement_words
 from kolsky.pictures.summary import words
 from kolsky.report.figures import FULL_FIELDS
 from kolsky.report.pages import surfaces
-from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
 from kolsky.report.picture_views import FullFieldView
 
 AXES = {
@@ -24,15 +23,6 @@ KINDS = {
     "surface": "Curved surface, two cameras",
     "cylinder": "Cylinder, two cameras",
 }
-
-
-def write_page(path: Path, shown: FullFieldView, inputs: Mapping[str, str]) -> None:
-    """Write the page as a single HTML file without scripts or outside resources.
-
-    ``path``: the file, replaced atomically if it exists; its folder must exist. ``shown``: the result with a
-    picture. ``inputs``: SHA-256 of every file that was read, by name.
-    """
-    write_html(path, render(shown, inputs))
 
 
 def render(shown: FullFieldView, inputs: Mapping[str, str]) -> str:
@@ -56,6 +46,9 @@ def render(shown: FullFieldView, inputs: Mapping[str, str]) -> str:
         inputs=list(inputs.items()),
         axes=AXES[result.kind],
     )  # fmt: skip
+
+
+write_page = page_writer(render)
 
 
 def warnings(result: FullField) -> list[str]:

@@ -6,9 +6,8 @@ from the page, see `instrument`.
 
 import base64
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,8 +17,7 @@ from markupsafe import Markup
 from explicit import Ending
 from kolsky.base.apparatus import SLIDING_LAW
 from kolsky.base.arrays import FloatArray
-from kolsky.diagnosis.cause_inputs import CANDIDATES, WITHOUT_TRACE
-from kolsky.diagnosis.causes import DISPLAY_UNITS
+from kolsky.diagnosis.cause_inputs import WITHOUT_TRACE
 from kolsky.inverse.parameters import PARAMETERS, has_effect, reference_words
 from kolsky.inverse.result import CauseFinding, Estimate, Identification, Verdict, worst_imbalance
 from kolsky.report.figures import RECORDINGS, REGISTRY
@@ -27,15 +25,16 @@ from kolsky.report.pages.rendering import (
     FigureGroup,
     draw_groups,
     environment,
+    page_writer,
     render_page,
     script,
-    write_html,
 )
 from kolsky.report.pages.uncertainty import changes, choices, likelihood_tables
 from kolsky.results import display, nomenclature, numbers
 from kolsky.results.display import in_display_units
 from kolsky.results.identification_rows import fit_tables, held_line
 from kolsky.results.nomenclature import in_words, name_of, route_label
+from kolsky.shot.inputs import SHOWN, causes
 from kolsky.shot.recordings import ShotRecordings
 
 _NUMERICS = {"mesh": "mesh and step", "roughness": "roughness of the response"}
@@ -269,11 +268,11 @@ def cause_table(result: Identification) -> dict[str, Any]:
 
 
 def _cause_row(result: Identification, cause: CauseFinding) -> dict[str, Any]:
-    factor, unit = DISPLAY_UNITS.get(cause.unit, (1.0, "" if cause.unit == "1" else cause.unit))
+    factor, unit = SHOWN.get(cause.unit, (1.0, "" if cause.unit == "1" else cause.unit))
     unit = unit.replace("u", "µ", 1) if unit in ("us", "um") else unit
     value, half = numbers.measured(factor * cause.value, 2.0 * factor * cause.sigma)
     declared = numbers.plain(factor * cause.exact, 6) if cause.exact == cause.exact else numbers.NOTHING
-    check = next((c.check for c in CANDIDATES if c.key == cause.key), cause.key)
+    check = next((c.check for c in causes() if c.key == cause.key), cause.key)
     words = cause.words + (f", beside {cause.beside}" if cause.beside else "")
     return {
         "words": words,
@@ -372,50 +371,16 @@ _SHOWN = (*_TESTED, *_TABLES, "recordings")
 """Entries of provenance that have their own table; all others are listed under "Further"."""
 
 
-def write_report(
-    path: Path,
-    identification: Identification,
-    recordings: ShotRecordings | None = None,
-    *,
-    processes: int = 1,
-    ahead: Mapping[str, Callable[[], str]] | None = None,
-) -> None:
-    """Write the report of one shot as a single HTML file that needs no network.
-
-    Parameters
-    ----------
-    path : Path
-        The file, replaced atomically if it exists; its folder must exist.
-    identification : Identification
-        The result. Of its provenance, "specimen", "specimen_length", "interface", "declared_interface",
-        "support" and "window_s" make the table of the test; "checks", "inputs" (file name to SHA-256),
-        "settings" and "versions" have their own tables; every other entry is listed under "Further".
-    recordings : Recorded, optional
-        Recordings of the shot's own files; without them their sections are left out.
-    processes : int
-        Processes that draw; see `dic.processes.run_parallel`.
-    ahead : mapping, optional
-        As of `kolsky.report.pages.rendering.draw_groups`.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an older one is then unchanged.
-    """
-    write_html(path, render(identification, recordings, processes=processes, ahead=ahead))
-
-
 def render(
     identification: Identification,
     recordings: ShotRecordings | None = None,
     *,
     processes: int = 1,
-    ahead: Mapping[str, Callable[[], str]] | None = None,
 ) -> str:
     """Return the report as HTML text; see `write_report`."""
     result = in_display_units(identification)
     provenance = result.provenance
-    figures = _figures(identification, result, recordings, processes, ahead)
+    figures = _figures(identification, result, recordings, processes)
     return render_page(
         _TEMPLATE,
         using=_templates(),
@@ -450,12 +415,14 @@ def render(
     )
 
 
+write_report = page_writer(render)
+
+
 def _figures(
     identification: Identification,
     result: Identification,
     recordings: ShotRecordings | None,
     processes: int,
-    ahead: Mapping[str, Callable[[], str]] | None,
 ) -> dict[str, dict[str, Any]]:
     """Draw all figures, those of the recordings first; by name, as the template takes them.
 
@@ -464,13 +431,8 @@ def _figures(
     groups = [FigureGroup(REGISTRY.values(), identification, captioned=result)]
     if recordings is not None:
         groups.insert(0, FigureGroup(RECORDINGS.values(), recordings))
-    drawn = draw_groups(groups, processes=processes, ahead=ahead)
+    drawn = draw_groups(groups, processes=processes)
     return {figure["id"].replace("-", "_"): figure for figure in drawn}
-
-
-def load_template() -> None:
-    """Read and compile the page's template before it is wanted; it is kept."""
-    _templates().get_template(_TEMPLATE)
 
 
 @cache

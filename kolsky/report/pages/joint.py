@@ -1,23 +1,14 @@
 """Page of several shots identified together."""
 
-from pathlib import Path
 from typing import Any
 
 from kolsky.inverse.joint_result import JointResult, interval
 from kolsky.inverse.parameters import reference_words
 from kolsky.inverse.result import Verdict
 from kolsky.report.figures import JOINT
-from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
 from kolsky.results import numbers
 from kolsky.results.nomenclature import name_of
-
-
-def write_page(path: Path, found: JointResult) -> None:
-    """Write the page as a single HTML file without scripts or outside resources.
-
-    Raises OSError if the file cannot be written; an older one is then unchanged.
-    """
-    write_html(path, render(found))
 
 
 def render(found: JointResult) -> str:
@@ -27,12 +18,15 @@ def render(found: JointResult) -> str:
         kind="Several impact tests of one material, identified together",
         heading=f"{len(found.shots)} shots",
         subject="joint identification",
-        warnings=[f"{text[:1].upper()}{text[1:]}." for text in found.warnings],
+        warnings=sentences(found.warnings),
         figures=draw_figures([kind for kind in JOINT.values() if kind.applies(found)], found),
         facts=_facts(found),
         parameters=[_parameter(found, name) for name in found.estimates],
         shots=[_shot(found, k) for k in range(len(found.shots))],
     )
+
+
+write_page = page_writer(render)
 
 
 def _facts(found: JointResult) -> list[tuple[str, str]]:

@@ -1,22 +1,13 @@
 """Page of laws fitted to homogeneous tests."""
 
-from pathlib import Path
 from typing import Any
 
 from kolsky.material.fits.compare import Comparison, Row
 from kolsky.material.fits.fit import Fit
 from kolsky.material.fits.tables import failure
 from kolsky.report.figures import MATERIALS
-from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
 from kolsky.results import numbers
-
-
-def write_page(path: Path, comparison: Comparison, hashes: dict[str, str], remarks: list[str]) -> None:
-    """Write the page as a single HTML file without scripts or outside resources.
-
-    Raises OSError if the file cannot be written; an older one is then unchanged.
-    """
-    write_html(path, render(comparison, hashes, remarks))
 
 
 def render(comparison: Comparison, hashes: dict[str, str], remarks: list[str]) -> str:
@@ -53,6 +44,9 @@ def render(comparison: Comparison, hashes: dict[str, str], remarks: list[str]) -
         ],
         inputs=list(hashes.items()),
     )
+
+
+write_page = page_writer(render)
 
 
 def _law(row: Row, f: Fit, least: float, best: bool) -> dict[str, Any]:

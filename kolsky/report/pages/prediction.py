@@ -1,12 +1,10 @@
 """Page of a planned test."""
 
-from pathlib import Path
-
 from kolsky.prediction.design import Aim, Scan
 from kolsky.prediction.output import events_table
 from kolsky.prediction.predict import RATE_TO, Numbers, Prediction, doubts
 from kolsky.report.figures import PREDICTIONS, SCANS
-from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
 from kolsky.results import numbers
 
 WORDS = {
@@ -22,14 +20,6 @@ WORDS = {
 """The numbers of a test in words, and shown number over SI."""
 
 
-def write_page(path: Path, found: Prediction, scan: Scan | None = None, aim: Aim | None = None) -> None:
-    """Write the page as a single HTML file without scripts or outside resources.
-
-    Raises OSError if the file cannot be written; an older one is then unchanged.
-    """
-    write_html(path, render(found, scan, aim))
-
-
 def render(found: Prediction, scan: Scan | None = None, aim: Aim | None = None) -> str:
     """Return the page as HTML text; see `write_page`."""
     figures = draw_figures(PREDICTIONS.values(), found)
@@ -41,7 +31,7 @@ def render(found: Prediction, scan: Scan | None = None, aim: Aim | None = None) 
         kind="Planned impact test, predicted",
         heading=found.test.declared.name,
         subject="prediction",
-        warnings=[f"{text[:1].upper()}{text[1:]}." for text in doubts(found)],
+        warnings=sentences(doubts(found)),
         facts=rows(found.numbers),
         aim=[] if aim is None else _aimed(aim),
         events=[
@@ -50,6 +40,9 @@ def render(found: Prediction, scan: Scan | None = None, aim: Aim | None = None) 
         ],
         figures=figures,
     )
+
+
+write_page = page_writer(render)
 
 
 def rows(found: Numbers) -> list[tuple[str, str]]:

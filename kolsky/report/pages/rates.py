@@ -3,13 +3,12 @@
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kolsky.report.figures import RATES, FigureKind
-from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
 from kolsky.results import numbers
 from kolsky.results.numbers import NOTHING, measured, percent, plain
 from kolsky.studies.rates.records import GroupRates, RatedShot, RateReport
@@ -244,14 +243,6 @@ def _scatter(group: GroupRates) -> list[dict[str, str]]:
     ]
 
 
-def write_page(path: Path, report: RateReport) -> None:
-    """Write the page as a single HTML file without scripts or outside resources.
-
-    Raises OSError if the file cannot be written; an older one is then unchanged.
-    """
-    write_html(path, render(report))
-
-
 def render(report: RateReport) -> str:
     """Return the page as HTML text; see `write_page`."""
     groups, number = [], 1
@@ -271,6 +262,9 @@ def render(report: RateReport) -> str:
         groups=groups,
         shared=percent(report.shared),
     )
+
+
+write_page = page_writer(render)
 
 
 def figures_of(report: RateReport, index: int) -> Mapping[str, FigureKind[Any]]:

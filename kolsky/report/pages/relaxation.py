@@ -1,21 +1,11 @@
 """Page of relaxation, oscillation, temperature sweeps and shots on one axis of time."""
 
-from pathlib import Path
-
 import numpy as np
 
 from kolsky.report.figures import RELAXATIONS
-from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
 from kolsky.results import numbers
 from kolsky.studies.rate_dependence import SlowDynamics
-
-
-def write_page(path: Path, found: SlowDynamics, hashes: dict[str, str]) -> None:
-    """Write the page as a single HTML file without scripts or outside resources.
-
-    Raises OSError if the file cannot be written; an older one is then unchanged.
-    """
-    write_html(path, render(found, hashes))
 
 
 def render(found: SlowDynamics, hashes: dict[str, str]) -> str:
@@ -78,3 +68,6 @@ def render(found: SlowDynamics, hashes: dict[str, str]) -> str:
         ],
         inputs=list(hashes.items()),
     )
+
+
+write_page = page_writer(render)

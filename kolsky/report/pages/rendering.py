@@ -2,11 +2,11 @@
 
 import base64
 import hashlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Concatenate, ParamSpec
 from unicodedata import category
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -48,7 +48,7 @@ def printable_text(value: Any) -> Any:
     """
     if not isinstance(value, str) or isinstance(value, Markup):
         return value
-    # Separators stay, and so do surrogates, which `write_html` shows as escapes.
+    # Separators stay, and so do surrogates, which `page_writer` shows as escapes.
     line = "".join("□" if c not in "\t\n\r" and category(c) in ("Cc", "Cf") else c for c in value)
     return shortened(line, LONGEST)
 
@@ -99,7 +99,6 @@ def draw_groups(
     first: int = 1,
     processes: int = 1,
     mark: str = "",
-    ahead: Mapping[str, Callable[[], str]] | None = None,
 ) -> list[dict[str, Any]]:
     """Draw the figures that apply and return them numbered, as the templates take them.
 
@@ -107,32 +106,28 @@ def draw_groups(
     side by side end together if what they do last is short.
 
     ``groups``: groups of figures in the order of the page. ``first``: number of the first figure.
-    ``processes``: processes that draw; see `dic.processes.run_parallel`. ``mark``: beside the names of the
-    figures in their ids, where a page has a figure of one name several times. ``ahead``: gives the pictures,
-    by the figures' names, that `inline_svg` draws elsewhere.
+    ``processes``: processes that draw; see `dic.processes.run_parallel`. ``mark``: added to the names of the
+    figures in their ids, where a page has a figure of one name several times.
     """
-    ahead = ahead or {}
     figures = [(kind, group) for group in groups for kind in group.kinds if kind.applies(group.about)]
     names = [f"{kind.name}-{mark}" if mark else kind.name for kind, _ in figures]
     with infrequent_gc():
-        here = {
-            name: partial(inline_svg, kind, group.shown, name)
+        draw = [
+            partial(inline_svg, kind, group.shown, name)
             for (kind, group), name in zip(figures, names, strict=True)
-            if name not in ahead
-        }
-        pictures = dict(
-            zip(here, run_parallel([*here.values()][::-1], processes=processes)[::-1], strict=True)
-        )
-        pictures |= {name: ahead[name]() for name in names if name in ahead}
+        ]
+        pictures = run_parallel(draw[::-1], processes=processes)[::-1]
     return [
         {
             "id": name,
             "number": number,
-            "svg": Markup(pictures[name]),  # serialised as XML: every text is escaped
+            "svg": Markup(picture),  # serialised as XML: every text is escaped
             "caption": with_subscripts(kind.caption(group.about)),
             "width": kind.width,
         }
-        for number, (name, (kind, group)) in enumerate(zip(names, figures, strict=True), start=first)
+        for number, (name, picture, (kind, group)) in enumerate(
+            zip(names, pictures, figures, strict=True), start=first
+        )
     ]
 
 
@@ -173,11 +168,24 @@ def digest(text: str) -> Markup:
     return Markup(f"'sha256-{found}'")
 
 
-def write_html(path: Path, html: str) -> None:
-    """Write a page as a single file; an older one is replaced when the new one is complete.
+_P = ParamSpec("_P")
 
-    Raises OSError if the file cannot be written; an older one is then unchanged.
+
+def sentences(texts: Iterable[str]) -> list[str]:
+    """Return warnings as sentences."""
+    return [f"{text[:1].upper()}{text[1:]}." for text in texts]
+
+
+def page_writer(render: Callable[_P, str]) -> Callable[Concatenate[Path, _P], None]:
+    """Return the function that writes a page to a file, given the function that returns it as text.
+
+    ``render``: its arguments follow the file's path, whose folder must exist. The file needs no network, has
+    no scripts of others, and replaces an older one when it is complete; an OSError leaves that unchanged.
     """
-    with replacing(Path(path)) as partial:
-        # Names of files can contain bytes that are no text; they are written as escapes.
-        partial.write_bytes(html.encode("utf-8", errors="backslashreplace"))
+
+    def write_page(path: Path, *arguments: _P.args, **options: _P.kwargs) -> None:
+        with replacing(Path(path)) as partial:
+            # Names of files can contain bytes that are no text; they are written as escapes.
+            partial.write_bytes(render(*arguments, **options).encode("utf-8", errors="backslashreplace"))
+
+    return write_page

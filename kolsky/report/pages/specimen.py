@@ -1,7 +1,6 @@
 """Page of whole specimens: fits to force curves, or of a sheet to a displacement field."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,13 +10,8 @@ from kolsky.bodies.specimen_fit import ConstantVerdict
 from kolsky.bodies.specimen_studies import cross_table
 from kolsky.report.body_views import SheetView, SpecimenView
 from kolsky.report.figures import SHEETS, SPECIMENS
-from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
 from kolsky.results import numbers
-
-
-def write_page(path: Path, shown: SpecimenView | SheetView, inputs: Mapping[str, str]) -> None:
-    """Write the page as a single HTML file without scripts or outside resources."""
-    write_html(path, render(shown, inputs))
 
 
 def render(shown: SpecimenView | SheetView, inputs: Mapping[str, str]) -> str:
@@ -37,7 +31,7 @@ def render(shown: SpecimenView | SheetView, inputs: Mapping[str, str]) -> str:
         kind="Sheet in a slow test" if sheet else "Whole specimens in slow tests",
         heading=shown.name,
         subject="fitted constants",
-        warnings=[f"{text[:1].upper()}{text[1:]}." for text in shown.warnings],
+        warnings=sentences(shown.warnings),
         constants=rows,
         tests=list(tests),
         table=table,
@@ -45,6 +39,9 @@ def render(shown: SpecimenView | SheetView, inputs: Mapping[str, str]) -> str:
         figures=draw_figures((SHEETS if sheet else SPECIMENS).values(), shown),
         inputs=list(inputs.items()),
     )
+
+
+write_page = page_writer(render)
 
 
 def _shown_value(spec: ConstantSpec, value: float | None) -> str:

@@ -3,8 +3,7 @@
 `rows_of_points` and `rows_of_frames` serve the page of a full-field measurement too.
 """
 
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 from dic import output
@@ -13,7 +12,7 @@ from kolsky.bars.flyer import flight
 from kolsky.pictures import summary
 from kolsky.pictures.summary import words
 from kolsky.report.figures import SURFACES
-from kolsky.report.pages.rendering import FigureGroup, draw_groups, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
 from kolsky.report.picture_views import SurfaceView
 
 
@@ -38,31 +37,11 @@ def rows_of_frames(bad: Mapping[Any, FrameOutcome]) -> list[tuple[str, str, str,
     return [(str(frame), words(outcome), outcome.cause, outcome.cure) for frame, outcome in bad.items()]
 
 
-def write_page(
-    path: Path,
-    shown: SurfaceView,
-    inputs: Mapping[str, str],
-    *,
-    processes: int = 1,
-    ahead: Mapping[str, Callable[[], str]] | None = None,
-) -> None:
-    """Write the page as a single HTML file without scripts or outside resources.
-
-    ``path``: the file, replaced atomically if it exists; its folder must exist. ``shown``: the result with
-    some pictures. ``inputs``: SHA-256 of every file that was read, by name. ``processes``: processes that
-    draw; see `dic.processes.run_parallel`. ``ahead``: figures drawn elsewhere, as of
-    `kolsky.report.pages.rendering.draw_groups`. Raises OSError if the file cannot be written; an older one is
-    then unchanged.
-    """
-    write_html(path, render(shown, inputs, processes=processes, ahead=ahead))
-
-
 def render(
     shown: SurfaceView,
     inputs: Mapping[str, str],
     *,
     processes: int = 1,
-    ahead: Mapping[str, Callable[[], str]] | None = None,
 ) -> str:
     """Return the page as HTML text; see `write_page`."""
     result = shown.result
@@ -72,7 +51,7 @@ def render(
         kind="Surfaces from two series of pictures",
         heading=shown.shot,
         subject="surfaces",
-        figures=draw_groups([FigureGroup(SURFACES.values(), shown)], processes=processes, ahead=ahead),
+        figures=draw_figures(SURFACES.values(), shown, processes=processes),
         rows=list({**summary.printed(result), **flight.printed(shown.flight)}.items()),
         warnings=[f"{r.name.capitalize()}. {r.text}. Cure: {r.cure}." for r in result.remarks],
         outcomes=_outcomes(shown),
@@ -89,6 +68,9 @@ def render(
         inputs=list(inputs.items()),
         seconds=[(name, f"{value:.3g} s") for name, value in result.seconds.items()],
     )
+
+
+write_page = page_writer(render)
 
 
 def _outcomes(shown: SurfaceView) -> list[dict[str, Any]]:

@@ -2,14 +2,13 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kolsky.inverse.run_table import SCALE_FORCE, SCALE_SHAPE
 from kolsky.report.figures import SWEEPS
-from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
 from kolsky.results import numbers
 from kolsky.results.nomenclature import name_of
 from kolsky.studies.sweep_analysis import OUTPUTS, SweepAnalysis
@@ -18,14 +17,6 @@ MOST_LISTED = 200
 """Largest number of runs in the page's table; the CSV file has all."""
 CHOSEN = "those that failed, then those with the smallest misfit"
 WORDS = {"Phi_F": "Φ_F", "Phi_S": "Φ_S", "Phi": "Φ"}
-
-
-def write_page(path: Path, result: SweepAnalysis, *, warnings: Sequence[str] = ()) -> None:
-    """Write the page as a single HTML file without scripts or outside resources.
-
-    Raises OSError if the file cannot be written; an older one is then unchanged.
-    """
-    write_html(path, render(result, warnings))
 
 
 def render(result: SweepAnalysis, warnings: Sequence[str] = ()) -> str:
@@ -39,7 +30,7 @@ def render(result: SweepAnalysis, warnings: Sequence[str] = ()) -> str:
         kind="Design of experiments over one impact test",
         heading=result.shot,
         subject="sweep",
-        warnings=[f"{text[:1].upper()}{text[1:]}." for text in warnings],
+        warnings=sentences(warnings),
         figures=draw_figures(SWEEPS.values(), result),
         facts=[
             ("runs", f"{n}, {completed} completed"),
@@ -63,6 +54,9 @@ def render(result: SweepAnalysis, warnings: Sequence[str] = ()) -> str:
         listed=f"All {len(listed)} runs" if len(listed) == n else f"{len(listed)} of {n} runs: {CHOSEN}",
         runs=[_row(result, i) for i in listed],
     )
+
+
+write_page = page_writer(render)
 
 
 def _named(name: str) -> str:

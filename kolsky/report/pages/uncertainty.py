@@ -12,25 +12,19 @@ from kolsky.results import numbers
 from kolsky.results.identification_rows import sensitivity_rows, unseen_notes
 from kolsky.results.nomenclature import name_of, route_label, short
 from kolsky.schema.apparatus import IDENTIFY_KEYS
+from kolsky.shot.inputs import INPUTS
 from kolsky.uncertainty.warnings import PAST_CURVE, equivalent_strain
 
-INPUTS = {
-    **{name: short(name) for name, p in PARAMETERS.items() if p.uncertainty},
-    "curve_scale": "scale of the quasi-static stress",
-    "specimen_diameter": "specimen’s diameter",
-    "specimen_length": "specimen’s length",
-    "specimen_density": "specimen’s density",
-    "sensitivity": "sensitivity of the force",
-    "clock_offset": "clock of the force against the cameras’",
-    "Z_offset": "axis of the outline, Z",
-    "y_offset": "height of the outline, y",
-}
-"""Words for the keys of [uncertainty]."""
 FACTORS = {"s": (1e6, "µs"), "m": (1e6, "µm")}
 """Factor and unit in which an uncertainty is shown."""
-PLAIN = tuple(name for name, p in PARAMETERS.items() if p.uncertainty and p.unit == "1")
-"""Keys whose uncertainty is absolute, not relative."""
 OPEN = "open"
+
+
+def _words(key: str) -> str:
+    """What an input is, a parameter with its symbol."""
+    if key in PARAMETERS:
+        return short(key)
+    return INPUTS[key].words if key in INPUTS else key
 
 
 def likelihood_tables(result: Identification) -> dict[str, Any]:
@@ -77,10 +71,11 @@ def _posterior(result: Identification) -> list[tuple[str, str]]:
 
 
 def _declared(result: Identification, part: Declaration) -> dict[str, Any]:
-    factor, unit = FACTORS.get(part.unit, (1.0, "") if part.key in PLAIN else (100.0, "%"))
+    plain = part.key in INPUTS and not INPUTS[part.key].relative
+    factor, unit = FACTORS.get(part.unit, (1.0, "") if plain else (100.0, "%"))
     declared = np.isfinite(part.sigma)
     return {
-        "words": INPUTS.get(part.key, part.key),
+        "words": _words(part.key),
         "sigma": f"{numbers.plain(factor * part.sigma, 3)} {unit}".rstrip() if declared else numbers.NOTHING,
         "shifts": [
             numbers.plain(part.shifts[name], 2) if name in part.shifts else numbers.NOTHING
@@ -128,7 +123,7 @@ def parts(result: Identification, estimate: Estimate) -> dict[str, float]:
     found |= {NUMERICS.get(source, source): sigma for source, sigma in computed.items()}
     for declared in result.systematic:
         if estimate.name in declared.shifts:
-            words = INPUTS.get(declared.key, declared.key)
+            words = _words(declared.key)
             found[f"the declared uncertainty of the {words}"] = abs(declared.shifts[estimate.name])
     return dict(sorted(found.items(), key=lambda part: -part[1]))
 
@@ -193,7 +188,7 @@ def _curve(result: Identification) -> list[str]:
 
 def _undeclared(result: Identification) -> list[str]:
     """Return the inputs that count as exact."""
-    open_ = [INPUTS.get(part.key, part.key) for part in result.systematic if part.status == UNDECLARED]
+    open_ = [_words(part.key) for part in result.systematic if part.status == UNDECLARED]
     if not open_:
         return []
     return [
@@ -246,7 +241,7 @@ def _inputs(result: Identification) -> list[dict[str, Any]]:
         if part is not None and part.shifts:
             done = "larger by its declared standard uncertainty"
         shifts = {} if part is None else dict(part.shifts)
-        rows.append(_row(result, INPUTS[key], taken, shifts, done))
+        rows.append(_row(result, _words(key), taken, shifts, done))
     return rows
 
 

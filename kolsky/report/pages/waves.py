@@ -1,24 +1,15 @@
 """Page of the classical reduction of bar signals: figure, results, corrections, uncertainty budget."""
 
-from pathlib import Path
 from typing import Any
 
 from kolsky.bars.records import FlyerResult, ReducedTest
 from kolsky.report.figures import figures_of
-from kolsky.report.pages.rendering import draw_figures, render_page, write_html
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
 from kolsky.results import numbers
 from kolsky.results.nomenclature import typeset
 
 SHOWN = {"Pa": (1e-6, "MPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/V": (1e6, "µm/m/V")}
 """Factor and unit of the page by SI unit; other units are shown unchanged."""
-
-
-def write_page(path: Path, result: ReducedTest) -> None:
-    """Write the page as a single HTML file without scripts or outside resources.
-
-    Raises OSError if the file cannot be written; an older one is then unchanged.
-    """
-    write_html(path, render(result))
 
 
 def render(result: ReducedTest) -> str:
@@ -72,6 +63,9 @@ def render(result: ReducedTest) -> str:
         settings=list(result.settings.items()),
         inputs=list(result.inputs.items()),
     )
+
+
+write_page = page_writer(render)
 
 
 def sensitivity_rows(result: ReducedTest) -> list[dict[str, Any]]:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from dic import SurfaceHistory
     from explicit.materials.volumetric import VolumetricLaw
     from kolsky.base.records import MaterialCurve
-    from kolsky.inverse.result import Identification, ShowsCheckRun
+    from kolsky.inverse.result import Identification
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class Scene:
         return self.surface.position[frame, self.surface.valid[frame]]
 
 
-def has_scene(result: ShowsCheckRun) -> bool:
+def has_scene(result: Identification) -> bool:
     """Return True if a result holds the data of a scene."""
     try:
         _simulated_frames(result)
@@ -177,7 +177,7 @@ def has_scene(result: ShowsCheckRun) -> bool:
 
 
 def scene_of(
-    result: ShowsCheckRun,
+    result: Identification,
     *,
     field: str = "stretch",
     solid: Solid | None = None,
@@ -232,7 +232,7 @@ def scene_of(
     )
 
 
-def _simulated_frames(result: ShowsCheckRun) -> tuple[explicit.Mesh, NDArray[np.bool_]]:
+def _simulated_frames(result: Identification) -> tuple[explicit.Mesh, NDArray[np.bool_]]:
     """The mesh of the check run, and which of its times it reached."""
     if result.response.nodes is None:
         raise SceneDataMissing("the result kept no nodes of its check run")
@@ -243,7 +243,7 @@ def _simulated_frames(result: ShowsCheckRun) -> tuple[explicit.Mesh, NDArray[np.
     return mesh, whole
 
 
-def _mesh(result: ShowsCheckRun) -> explicit.Mesh:
+def _mesh(result: Identification) -> explicit.Mesh:
     """Rebuild the mesh of the simulation from the provenance of the result."""
     import explicit
 

@@ -32,7 +32,7 @@ from kolsky.report.scene.scene_data import (
 )
 
 if TYPE_CHECKING:
-    from kolsky.inverse.result import ShowsCheckRun
+    from kolsky.inverse.result import Identification
 
 COUNT = 3
 """Number of still pictures in a report."""
@@ -53,7 +53,7 @@ LIGHT = (EYE + 0.35 * UP - 0.35 * RIGHT) / np.linalg.norm(EYE + 0.35 * UP - 0.35
 """Unit vector toward the light, from above the left shoulder."""
 
 
-def scene_of_stills(result: ShowsCheckRun) -> Scene:
+def scene_of_stills(result: Identification) -> Scene:
     """Scene at the times of the stills.
 
     Raises SceneDataMissing if the result lacks its data, see `kolsky.report.scene.scene_data.has_scene`.

@@ -10,56 +10,22 @@ from scipy.stats import norm, qmc
 
 from doe.ledger import Run
 from kolsky.base.arrays import FloatArray
+from kolsky.shot.inputs import INPUTS, Input
 from kolsky.virtual.schema import Specification
 
 NOISE = "noise"
 """The factor that no key holds: the streams of all instruments, drawn anew."""
-WORDS = {
-    NOISE: "noise of all instruments",
-    "imperfections.length": "specimen’s length",
-    "imperfections.diameter": "specimen’s diameter",
-    "imperfections.density": "specimen’s density",
-    "imperfections.sensitivity": "force transducer’s sensitivity",
-    "imperfections.gain": "gain of the force’s amplifier",
-    "imperfections.curve": "scale of the quasi-static curve",
-    "imperfections.poisson": "Poisson’s ratio",
-    "imperfections.damping": "damping",
-    "imperfections.trigger": "cameras’ clock against the recorder’s",
-    "imperfections.y_offset": "height of the outline",
-    "imperfections.Z_offset": "axis of the outline",
-    "imperfections.baseline": "step of the force’s baseline",
-    "imperfections.tilt": "pitch of the flyer",
-    "imperfections.off_centre": "specimen off centre",
-    "transmitted.delay": "delay of the force’s cable",
-    "transmitted.drift": "drift of the force’s baseline",
-}
-"""Known factors in words; another key is its own."""
-SHARED = {
-    "imperfections.density",
-    "imperfections.sensitivity",
-    "imperfections.gain",
-    "imperfections.curve",
-    "imperfections.poisson",
-    "imperfections.damping",
-    "transmitted.delay",
-}
-"""Factors that are the same in all shots of a campaign; the others are drawn anew for each."""
-USUAL: dict[str, str | float] = {
-    "imperfections.length": "0.5 %",
-    "imperfections.diameter": "0.3 %",
-    "imperfections.density": "0.5 %",
-    "imperfections.sensitivity": "1 %",
-    "imperfections.curve": "1 %",
-    "imperfections.poisson": 0.0003,
-    "imperfections.damping": "5 us",
-    "imperfections.trigger": "1 us",
-    "imperfections.y_offset": "20 um",
-    "imperfections.Z_offset": "10 um",
-    "imperfections.baseline": "1 mV",
-    "imperfections.tilt": "0.3 deg",
-    "imperfections.off_centre": "0.1 mm",
-}
-"""Standard uncertainties of a careful laboratory, taken where a specification has no [budget]."""
+
+
+def _in_laboratory(key: str) -> Input | None:
+    """The input in which a virtual laboratory errs by a key of its specification."""
+    return next((one for one in INPUTS.values() if one.laboratory and one.laboratory.key == key), None)
+
+
+def usual_sizes() -> dict[str, str | float]:
+    """Standard uncertainties of a careful laboratory, taken where a specification has no [budget]."""
+    sources = [one.laboratory for one in INPUTS.values() if one.laboratory is not None]
+    return {one.key: one.usual for one in sorted(sources, key=lambda one: one.order) if one.usual is not None}
 
 
 @dataclass(frozen=True)
@@ -73,13 +39,17 @@ class Factor:
 
     @property
     def words(self) -> str:
-        """What it is."""
-        return WORDS.get(self.key, self.key)
+        """What it is; an unknown key is its own."""
+        if self.key == NOISE:
+            return "noise of all instruments"
+        one = _in_laboratory(self.key)
+        return self.key if one is None or one.laboratory is None else one.laboratory.words or one.words
 
     @property
     def shared(self) -> bool:
-        """Whether one error is common to all shots of a campaign."""
-        return self.key in SHARED
+        """Whether one error is common to all shots of a campaign; else it is drawn anew for each."""
+        one = _in_laboratory(self.key)
+        return one is not None and one.shared != "" and not (one.laboratory and one.laboratory.anew)
 
 
 def factors_of(sizes: Mapping[str, Any]) -> tuple[Factor, ...]:

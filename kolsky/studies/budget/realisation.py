@@ -23,6 +23,7 @@ from kolsky.inverse.problem import DEFAULT, Settings, choose, prepare_shot
 from kolsky.inverse.refined_search import refined_numerics
 from kolsky.inverse.search import search_shot
 from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.work import Work
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
 from kolsky.studies.budget.factors import NOISE, Factor, shifted
@@ -91,7 +92,7 @@ class Estimate:
 
 def whole_search(shot: Shot, settings: Settings) -> Estimate:
     """The optimum of `kolsky.identify`, without its uncertainty from other sources."""
-    found = search_shot(prepare_shot(shot), settings, lambda stage, done, total: None)
+    found = search_shot(prepare_shot(shot), settings, Work())
     names = found.stages.box.names
     return Estimate(
         dict(zip(names, found.fine.x.tolist(), strict=True)),
@@ -103,21 +104,9 @@ def whole_search(shot: Shot, settings: Settings) -> Estimate:
 def refit(shot: Shot, settings: Settings, start: Mapping[str, float]) -> Estimate:
     """The optimum next to a start, on the refined mesh, with the weights of `whole_search`.
 
-    The path of the flyer stays as fitted to its record, as with `settings.replicates` of 0.
-
-    Parameters
-    ----------
-    shot
-        The test.
-    settings
-        As those of the whole search; what is free is what the start names.
-    start
-        Free parameters and where they begin, SI.
-
-    Raises
-    ------
-    ValueError
-        If no run at the start completes.
+    The path of the flyer stays as fitted to its record, as with `settings.replicates` of 0. ``settings``: as
+    those of the whole search; what is free is what the start names. ``start``: free parameters and where they
+    begin, SI. Raises ValueError if no run at the start completes.
     """
     free = {name: (settings.free or {}).get(name) for name in start}
     freed = choose(replace(settings, free=free), shot)
@@ -126,7 +115,7 @@ def refit(shot: Shot, settings: Settings, start: Mapping[str, float]) -> Estimat
         prepare_shot(shot),
         freed.settings,
         box,
-        lambda stage, done, total: None,
+        Work(),
         prior=freed.prior(shot),
     )
     first = np.clip([start[name] for name in box.names], box.lower, box.upper)

@@ -3,7 +3,7 @@
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -194,7 +194,6 @@ FEWEST_SHOTS = 4
 """Fewest shots of a slope, as `kolsky rate` asks for."""
 MOST_SHOTS = 1000
 """Shots beyond which no campaign is planned."""
-Layout = Literal["ends", "even"]
 
 
 @dataclass(frozen=True)
@@ -202,9 +201,7 @@ class Campaign:
     """A planned series of shots."""
 
     rates: FloatArray
-    """Nominal strain rate of each shot [1/s], ascending, shape [n]."""
-    layout: Layout
-    """Half of the shots at either end of the range, or evenly spread in the logarithm."""
+    """Nominal strain rate of each shot [1/s], half of them at either end of the range, shape [n]."""
     sigma: float
     """Standard deviation of one shot's stiffness factor about the line [-]."""
     half_width: float
@@ -239,34 +236,26 @@ def slope_half_width(rates: FloatArray, sigma: float) -> float:
     return float(student.ppf(0.975, len(x) - 2) * sigma / np.sqrt(spread))
 
 
-def plan_campaign(
-    lowest: float, highest: float, wanted: float, sigma: float, *, layout: Layout = "ends"
-) -> Campaign:
-    """The fewest shots between two rates whose slope is known to a wanted expanded uncertainty.
+def plan_campaign(lowest: float, highest: float, wanted: float, sigma: float) -> Campaign:
+    """The fewest shots, half at either of two rates, whose slope is known to a wanted expanded uncertainty.
 
     ``lowest``, ``highest``: nominal strain rates [1/s]. ``wanted``: expanded uncertainty of the slope per
-    decade, 95 % [-]. ``sigma``: as `shot_sigma` gives it [-]. ``layout``: where the shots are. Raises
-    ValueError if the rates or the wanted uncertainty cannot be, or more than `MOST_SHOTS` would be needed.
+    decade, 95 % [-]. ``sigma``: as `shot_sigma` gives it [-]. Raises ValueError if the rates or the wanted
+    uncertainty cannot be, or more than `MOST_SHOTS` would be needed.
     """
     if not 0.0 < lowest < highest < np.inf:
         raise ValueError(f"rates must be > 0 and ascend, got {lowest:g} and {highest:g} 1/s")
     if not wanted > 0.0:
         raise ValueError(f"the wanted uncertainty must be > 0, got {wanted:g}")
     for n in range(FEWEST_SHOTS, MOST_SHOTS + 1):
-        rates = _rates(lowest, highest, n, layout)
+        rates = np.concatenate([np.full(n // 2, lowest), np.full(n - n // 2, highest)])
         half = slope_half_width(rates, sigma)
         if half <= wanted:
-            return Campaign(rates, layout, sigma, half)
+            return Campaign(rates, sigma, half)
     raise ValueError(
         f"{MOST_SHOTS} shots do not reach {wanted:g} per decade, but {half:.3g}: widen the rates, or reduce "
         f"the {sigma:.3g} of one shot"
     )
-
-
-def _rates(lowest: float, highest: float, n: int, layout: Layout) -> FloatArray:
-    if layout == "even":
-        return np.asarray(np.geomspace(lowest, highest, n))
-    return np.concatenate([np.full(n // 2, lowest), np.full(n - n // 2, highest)])
 
 
 def write_budget(path: Path, result: Budget) -> Path:

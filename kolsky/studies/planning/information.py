@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from doe.sensitivity import LinearData
-from doe.uncertainty.covariance import SingularInformationError
+from doe.information import LinearData, SingularInformationError
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Forward, Numerics
 from kolsky.inverse.problem import PreparedShot
@@ -46,10 +45,9 @@ class Instruments:
         for name in ("bin_width", "force_sigma", "frame_interval", "outline_sigma"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise ValueError(f"{name} must be finite and > 0, got {getattr(self, name)}")
-        if not 0.0 <= self.points < np.inf:
-            raise ValueError(f"points must be finite and >= 0 per m, got {self.points}")
-        if not 0.0 <= self.clearance < np.inf:
-            raise ValueError(f"clearance must be finite and >= 0 m, got {self.clearance}")
+        for name, unit in (("points", "per m"), ("clearance", "m")):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise ValueError(f"{name} must be finite and >= 0 {unit}, got {getattr(self, name)}")
         if self.bin_width > 0.5 * (self.window[1] - self.window[0]):
             raise ValueError(f"bin_width must be at most half the window, got {self.bin_width} s")
 
@@ -153,12 +151,10 @@ class Information:
         return column[: self.n_force], field
 
     def densities(self, *, alone: bool = False) -> tuple[FloatArray, FloatArray]:
-        """Shares in what is known of each parameter, per time and per time and height.
+        """Shares in what is known of each parameter, per time [1/s], shape [d, n_bins], and per time and
+        height [1/(m s)], shape [d, n_frames, n_heights], NaN where nothing is seen.
 
         If some direction is not seen, no parameter has shares in the estimate of all: then all are NaN.
-
-        Returns: [1/s], shape [d, n_bins]. Returns: [1/(m s)], shape [d, n_frames, n_heights]; NaN where
-        nothing is seen.
         """
         try:
             shares = self.data.shares_alone if alone else self.data.shares

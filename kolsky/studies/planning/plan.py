@@ -5,14 +5,20 @@ Window, frames, heights and rate are compared by the determinant or the trace of
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from doe.information import Criterion, UndecidedError, costs
-from doe.sensitivity import Placement, best_groups, best_window
-from doe.uncertainty.covariance import SingularInformationError
+from doe.information import (
+    Criterion,
+    Placement,
+    SingularInformationError,
+    UndecidedError,
+    best_groups,
+    best_window,
+    costs,
+)
 from kolsky.base.arrays import FloatArray
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.parameters import any_slides
@@ -85,10 +91,7 @@ def camera_heights(found: Information, count: int) -> list[Choice]:
     """The few heights at which an outline would tell most, together with the force; none without cameras, or
     if no choice decides all parameters.
 
-    Raises
-    ------
-    ValueError
-        If there are fewer heights on the map.
+    Raises ValueError if there are fewer heights on the map.
     """
     heights = found.sensitivity.grid.heights
     if not 1 <= count <= len(heights):
@@ -97,26 +100,6 @@ def camera_heights(found: Information, count: int) -> list[Choice]:
         )
     chosen = _chosen(found, found.by_height(), count, best_groups)
     return [Choice(c, heights[list(p.chosen)], _deviations(p.information, found)) for c, p in chosen]
-
-
-def rate_of(
-    found: Information, factor: float, *, length: float, travel: float, discrepancy: tuple[float, float]
-) -> Rate:
-    """The test at another speed of the flyer, from its information.
-
-    ``found``: information at that rate. ``factor``: speed over the shot's own. ``length``, ``travel``: the
-    specimen's length and the flyer's displacement over the window [m]. ``discrepancy``: as in
-    `kolsky.studies.planning.information.information`.
-    """
-    edges = found.sensitivity.grid.edges
-    return Rate(
-        factor=factor,
-        peak_force=float(found.sensitivity.force.max()),
-        mean_rate=travel / length / float(edges[-1] - edges[0]),
-        discrepancy=discrepancy,
-        expected=Expected.of(found.data),
-        cost={c: float(costs(found.data.information, c)) for c in CRITERIA},
-    )
 
 
 def best_rate(rates: Sequence[Rate], criterion: Criterion) -> Rate:
@@ -259,9 +242,16 @@ def plan(
             numerics=numerics,
             discrepancy=left_out,
         )
-        travel = float(path.position(end) - path.position(start))
+        travel, edges = float(path.position(end) - path.position(start)), found.sensitivity.grid.edges
         judged.append(
-            rate_of(found, factor, length=shot.specimen.length, travel=travel, discrepancy=left_out)
+            Rate(
+                factor=factor,
+                peak_force=float(found.sensitivity.force.max()),
+                mean_rate=travel / shot.specimen.length / float(edges[-1] - edges[0]),
+                discrepancy=left_out,
+                expected=Expected.of(found.data),
+                cost={c: float(costs(found.data.information, c)) for c in CRITERIA},
+            )
         )
         if factor == 1.0:
             own = found, left_out
@@ -310,6 +300,8 @@ def _scale_shift(found: Information, sigma_gain: float) -> FloatArray:
 
 def correlations(expected: Expected, names: Sequence[str]) -> dict[str, float | None]:
     """Correlations of the estimates by pair, e.g. "stiffness_factor, damping"."""
-    pairs = list(chain.from_iterable(((i, j) for j in range(i + 1, len(names))) for i in range(len(names))))
     R = expected.correlation
-    return {f"{names[i]}, {names[j]}": None if R is None else float(R[i, j]) for i, j in pairs}
+    return {
+        f"{names[i]}, {names[j]}": None if R is None else float(R[i, j])
+        for i, j in combinations(range(len(names)), 2)
+    }

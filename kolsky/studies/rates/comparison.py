@@ -230,24 +230,12 @@ def compare(
     shared: float = 0.0,
     grouped_by: str = "",
 ) -> RateReport:
-    """Compare shots within their groups.
+    """Compare shots, at least one, within their groups.
 
-    Parameters
-    ----------
-    shots
-        At least one.
-    strains
-        Nominal compressive strains of the tables, each in (0, 1).
-    shared
-        Relative standard uncertainty of all stiffness factors together, e.g. of a transducer's calibration or
-        the baseline's bias, which no result contains [-].
-    grouped_by
-        Key of the shot files that gave the groups.
-
-    Raises
-    ------
-    ValueError
-        If there is no shot, a strain is outside (0, 1), or `shared` is negative.
+    ``strains``: nominal compressive strains of the tables, each in (0, 1). ``shared``: relative standard
+    uncertainty of all stiffness factors together, e.g. of a transducer's calibration or the baseline's bias,
+    which no result contains [-]. ``grouped_by``: key of the shot files that gave the groups. Raises
+    ValueError if there is no shot, a strain is outside (0, 1), or `shared` is negative.
     """
     if not shots:
         raise ValueError("there is no shot to compare")

@@ -38,13 +38,8 @@ def _rows(names: list[str], rows: Iterable[tuple[Any, ...]]) -> Columns:
     columns: Columns = {name: [] for name in names}
     for row in rows:
         for name, cell in zip(names, row, strict=True):
-            columns[name].append(_plain(cell))
+            columns[name].append(cell)
     return columns
-
-
-def _plain(cell: Any) -> Any:
-    """A NumPy number as Python's own."""
-    return cell.item() if hasattr(cell, "item") else cell
 
 
 def _of_mappings(rows: Iterable[dict[str, Any]]) -> Columns:

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,12 @@ from pydantic import ConfigDict
 
 from kolsky.base.errors import InputError
 from kolsky.base.records import MaterialCurve
+from kolsky.base.toml import TomlFile
 from kolsky.inverse.result import Identification
 from kolsky.results.hdf5 import read_identification
 from kolsky.schema import fields as f
 from kolsky.schema.fields import Section
-from kolsky.schema.shot_file import Source, TomlFile, folder_of, parsed
+from kolsky.schema.shot_file import Source, folder_of, parsed
 from kolsky.shot.load import load_shot
 from kolsky.shot.optical_data import measured
 from kolsky.shot.records import OpticalData, Shot
@@ -57,10 +59,7 @@ class RateShotFile(Section):
 def declarations(shot: Source) -> tuple[TomlFile, RateShotFile]:
     """Read material, group, rig and the reference curve's rate from a shot file.
 
-    Raises
-    ------
-    InputError
-        If there is no such file, or one of these cannot be used.
+    Raises InputError if there is no such file, or one of these cannot be used.
     """
     file = parsed(shot)
     declared = file.validated(RateShotFile)
@@ -258,7 +257,14 @@ def rate(
     collected: dict[str, RatedShot] = {}
     for number, (file, name) in enumerate(zip(files, groups, strict=True)):
         progress("rate", number, len(paths))
-        one = replace(_collected(file, name, identify, progress), keep_unexplained=keep_unexplained)
+        one = collected_shot(
+            file,
+            group=name,
+            identify=None if identify is None else partial(identify, file.path),
+            # What pictures give is kept among the shot's own results.
+            measure=partial(measured, folder=file.path.parent / "results", progress=progress),
+        )
+        one = replace(one, keep_unexplained=keep_unexplained)
         if one.name in collected:
             raise InputError(
                 file.path.parent, f"another shot is called {one.name!r} too", cure="give each its own name"
@@ -266,13 +272,3 @@ def rate(
         collected[one.name] = one
     progress("rate", len(paths), len(paths))
     return compare(list(collected.values()), strains=strains, shared=shared, grouped_by=key)
-
-
-def _collected(file: TomlFile, group: str, identify: Identify | None, progress: Any) -> RatedShot:
-    """One shot; what its pictures give is kept among its own results."""
-    return collected_shot(
-        file,
-        group=group,
-        identify=None if identify is None else lambda shot: identify(file.path, shot),
-        measure=lambda seen: measured(seen, file.path.parent / "results", progress=progress),
-    )

@@ -8,8 +8,8 @@ from kolsky.bars.flyer.front_path import front_path
 from kolsky.bars.flyer.path import FlyerPath, fit_flyer
 from kolsky.base.arrays import FloatArray
 from kolsky.base.records import FlyerMotion, FrontVelocity, MaterialCurve
-from kolsky.inverse.parameters import PARAMETERS
 from kolsky.inverse.result import Identification, Verdict
+from kolsky.shot.inputs import INPUTS
 from kolsky.shot.records import Shot
 from kolsky.studies.rates.scatter import Pooled, Slope
 
@@ -56,10 +56,7 @@ class StrainHistory:
     def time_at(self, strain: FloatArray) -> FloatArray:
         """First time at which a strain is reached [s], shape of `strain`.
 
-        Raises
-        ------
-        ValueError
-            If a strain is not positive or was not reached.
+        Raises ValueError if a strain is not positive or was not reached.
         """
         e = np.asarray(strain, dtype=float)
         bad = e[~((e > 0.0) & (e <= self.largest))]
@@ -140,15 +137,11 @@ WITHHELD = (Verdict.UNEXPLAINED, Verdict.CONTRADICTED)
 PARAMETER = "stiffness_factor"
 COMMON_PARTS = {"material curve": "curve", "force scale": "rig", "motion scale": "rig"}
 """Parts of the noise that shots share, and what they share it through."""
-COMMON_DECLARED = {
-    "sensitivity": "rig",
-    "clock_offset": "rig",
-    "curve_scale": "curve",
-    "specimen_density": "group",
-    **{name: "group" for name, p in PARAMETERS.items() if p.uncertainty},
-}
-"""Keys of [uncertainty] that shots share, likewise; a specimen's size and the place of the cameras' axes are
-each shot's own."""
+
+
+def _shared(key: str) -> str:
+    """What shots share an input through; empty for a key that is none."""
+    return INPUTS[key].shared if key in INPUTS else ""
 
 
 @dataclass(frozen=True)
@@ -202,7 +195,7 @@ class RatedShot:
         estimate = self.found.estimates[PARAMETER]
         own = [s for name, s in estimate.noise_parts.items() if name not in COMMON_PARTS]
         own.append(estimate.numerical_parts.get("roughness", 0.0))
-        own += [shift for key, shift in self._declared().items() if key not in COMMON_DECLARED]
+        own += [shift for key, shift in self._declared().items() if not _shared(key)]
         return float(np.sqrt(sum(s**2 for s in own)))
 
     @property
@@ -235,9 +228,9 @@ class RatedShot:
             # whatever the side that the mesh had been corrected to.
             parts["mesh and step", self.conditions["mesh"]] = mesh
         declared = {
-            (f"declared {key.replace('_', ' ')}", through[COMMON_DECLARED[key]]): shift
+            (f"declared {key.replace('_', ' ')}", through[_shared(key)]): shift
             for key, shift in self._declared().items()
-            if key in COMMON_DECLARED
+            if _shared(key)
         }
         return parts | declared
 

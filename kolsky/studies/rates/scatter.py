@@ -194,21 +194,10 @@ class Pooled:
 
 
 def pool(values: FloatArray, sigma: FloatArray, *, common: FloatArray | None = None) -> Pooled:
-    """Mean of shots with their scatter.
+    """Mean of n shots with their scatter, from estimates and their independent standard uncertainties, [n].
 
-    Parameters
-    ----------
-    values
-        Estimates, shape [n], n >= 2.
-    sigma
-        Their independent standard uncertainties, shape [n].
-    common
-        What they share, see `kolsky.studies.rates.scatter.mixed_fit`, shape [n_shared, n].
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two, or a number cannot be used.
+    ``common``: what they share, see `mixed_fit`, shape [n_shared, n]. Raises ValueError if there are fewer
+    than two, or a number cannot be used.
     """
     y, s = np.asarray(values, dtype=float), np.asarray(sigma, dtype=float)
     if y.size < FEWEST_POOLED:
@@ -326,20 +315,10 @@ def slope(
 ) -> Slope:
     """Meta-regression on log10 rate, with the conditions that a claim must meet.
 
-    Parameters
-    ----------
-    rates
-        Nominal strain rate of each shot [1/s], shape [n].
-    spreads
-        Standard uncertainty of log10 rate as the rate of a whole test: its spread inside the test, and the
-        noise of its mean [decade], shape [n].
-    values, sigma, common
-        As in `kolsky.studies.rates.scatter.pool`.
-
-    Raises
-    ------
-    ValueError
-        If a rate is not positive, or a number cannot be used.
+    ``rates``: nominal strain rate of each shot [1/s], shape [n]. ``spreads``: standard uncertainty of log10
+    rate as the rate of a whole test: its spread inside the test, and the noise of its mean [decade], shape
+    [n]. ``values``, ``sigma``, ``common``: as in `pool`. Raises ValueError if a rate is not positive, or a
+    number cannot be used.
     """
     v, spread, y, s = (np.asarray(a, dtype=float) for a in (rates, spreads, values, sigma))
     if v.size == 0 or not ((v > 0.0) & np.isfinite(v)).all():

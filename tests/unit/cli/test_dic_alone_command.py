@@ -6,10 +6,10 @@ import json
 import cv2
 import numpy as np
 import pytest
+from speckle_pictures import render, speckle_pattern
 from typer.testing import CliRunner
 
 from dic.outcome import PointOutcome
-from dic.synthetic.speckles import render, speckle_pattern
 from kolsky.base.errors import InputError
 from kolsky.cli.commandline import app
 from kolsky.pictures.dic_file import read_full_field

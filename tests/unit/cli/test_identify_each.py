@@ -21,6 +21,7 @@ from kolsky.cli.commandline import app
 from kolsky.cli.identify import Printout, SingleShotJob, identify_each, refuse_shared, run_jobs
 from kolsky.cli.identify_shots import JointOptions
 from kolsky.cli.options import SolverOptions
+from kolsky.cli.sweep import Workers
 from kolsky.cli.terminal import is_quiet
 
 OPEN_01 = Path(__file__).resolve().parents[3] / "runs" / "open-01"
@@ -38,7 +39,7 @@ def made_up(task: SingleShotJob, *, processes: int) -> Printout:
 
 @pytest.fixture
 def stubbed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "answered", made_up)
+    monkeypatch.setattr(module, "_run_job", made_up)
 
 
 def paths(*names: str) -> list[Path]:
@@ -50,7 +51,7 @@ def test_shots_are_answered_in_their_order_and_a_bad_one_stops_no_other(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     with pytest.raises(InputErrors, match="is odd") as raised:
-        identify_each(paths("b", "bad", "a"), ALIKE, processes=None, dask="", as_json=True)
+        identify_each(paths("b", "bad", "a"), ALIKE, Workers(), as_json=True)
     assert len(raised.value.problems) == 2
     printed = capsys.readouterr()
     first, second, third = json.loads(printed.out)["shots"]
@@ -70,7 +71,7 @@ def test_the_workers_of_a_cluster_take_the_shots(
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"
     ) as some:
-        ask = partial(identify_each, processes=None, dask=some.scheduler_address, as_json=False)
+        ask = partial(identify_each, workers=Workers(dask=some.scheduler_address), as_json=False)
         ask(paths("b", "a"), SingleShotJob(Path(), SolverOptions(), (6, 8), {}, out=tmp_path))
         said = capsys.readouterr().out.splitlines()
         assert [line.split()[0] for line in said[:2]] == ["b:", "a:"]
@@ -116,7 +117,7 @@ def test_threads_of_a_worker(
     )
     monkeypatch.setattr("kolsky.cli.sweep.dask_client", lambda named: Client())
     alike = SingleShotJob(Path(), SolverOptions(threads=given), (6, 8), {})
-    identify_each(paths("a"), alike, processes=processes, dask=dask, as_json=False)
+    identify_each(paths("a"), alike, Workers(processes, dask), as_json=False)
     assert [task.solver.threads for task in seen] == [threads]
 
 
@@ -156,16 +157,16 @@ def test_two_shots_never_write_to_one_place(tmp_path: Path) -> None:
 
 
 def test_what_does_not_go_together_is_refused() -> None:
-    refuse_shared(None, "")
-    JointOptions(None, 0, 0.1, "", no_scatter=False).refuse()
-    for given in ((1, ""), (None, "here")):
-        with pytest.raises(InputError, match="shares out shots that are identified by themselves"):
-            refuse_shared(*given)
+    refuse_shared(Workers())
+    JointOptions().refuse()
+    for given in (Workers(1), Workers(dask="here")):
+        with pytest.raises(InputError, match="is for shots that are identified one by one"):
+            refuse_shared(given)
     for joint, option in (
-        (JointOptions(Path("a"), 0, 0.1, "", no_scatter=False), "slow-tests"),
-        (JointOptions(None, 4, 0.1, "", no_scatter=False), "curve-nodes"),
-        (JointOptions(None, 0, 0.1, "1 %", no_scatter=False), "gain-each"),
-        (JointOptions(None, 0, 0.1, "", no_scatter=True), "no-scatter"),
+        (JointOptions(slow_tests=Path("a")), "slow-tests"),
+        (JointOptions(curve_nodes=4), "curve-nodes"),
+        (JointOptions(gain_each="1 %"), "gain-each"),
+        (JointOptions(no_scatter=True), "no-scatter"),
     ):
         with pytest.raises(InputError, match=f"--{option} is for several shots together"):
             joint.refuse()

@@ -8,14 +8,7 @@ from kolsky.inverse.forward import Numerics
 
 
 def options(**given: object) -> JointOptions:
-    plain: dict[str, object] = {
-        "slow_tests": None,
-        "nodes": 0,
-        "roughness": 0.1,
-        "gain_each": "",
-        "no_scatter": False,
-    }
-    return JointOptions(**{**plain, **given})  # type: ignore[arg-type]
+    return JointOptions(**given)  # type: ignore[arg-type]
 
 
 def settings(asked: JointOptions):  # type: ignore[no-untyped-def]
@@ -31,17 +24,17 @@ def settings(asked: JointOptions):  # type: ignore[no-untyped-def]
 
 
 def test_the_options_reach_the_settings() -> None:
-    made = settings(options(nodes=6, roughness=0.2, gain_each="0.5 %", no_scatter=True))
+    made = settings(options(curve_nodes=6, curve_roughness=0.2, gain_each="0.5 %", no_scatter=True))
     assert (made.curve_nodes, made.curve_roughness, made.scatter) == (6, 0.2, False)
     assert made.gain_each == pytest.approx(0.005)
     assert (made.hold, made.refined_mesh, made.replicates, made.seed) == (("damping",), (24, 32), 3, 2)
     assert not options().asked
-    assert options(nodes=4).asked
+    assert options(curve_nodes=4).asked
 
 
 def test_values_that_cannot_be_name_the_command_line() -> None:
     with pytest.raises(InputError, match="curve_nodes must be 0 or 4 to 24, got 3"):
-        settings(options(nodes=3))
+        settings(options(curve_nodes=3))
     with pytest.raises(InputError, match="--gain-each"):
         settings(options(gain_each="much"))
 

@@ -14,12 +14,13 @@ from typer.testing import CliRunner
 
 from kolsky.base.errors import InputError
 from kolsky.base.toml import blanks
+from kolsky.base.units import dimension_of
 from kolsky.cli import app
 from kolsky.cli.new import template
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel
 from kolsky.survey.new_file import fill_in, with_notes
-from kolsky.survey.tables import dimension_of, survey, unit_in
+from kolsky.survey.tables import survey, unit_in
 
 runner = CliRunner()
 GERMAN = {

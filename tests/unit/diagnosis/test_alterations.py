@@ -9,8 +9,9 @@ import pytest
 
 from kolsky.bars.signals.transducers import bin_force
 from kolsky.base.records import CentreLine, ForceHistory
-from kolsky.diagnosis.cause_inputs import UNALTERED, Alteration, contact_spread
+from kolsky.diagnosis.cause_inputs import changed_vector, contact_spread, radii
 from kolsky.inverse.observations import Observations
+from kolsky.shot.inputs import UNCHANGED, Change
 
 STEP, FRAME = 1e-6, 1e-5
 SLOPE, RADIUS, SWELL, TAPER = 4e5, 5e-3, 20.0, 0.1
@@ -46,8 +47,8 @@ def observations() -> Observations:
     return Observations(force=force, bins=bin_force(force, window=(0.0, 2e-4), width=FRAME), centre_line=line)
 
 
-def parts(alteration: Alteration) -> tuple[np.ndarray, np.ndarray]:
-    vector = alteration.vector(response(), observations())
+def parts(change: Change) -> tuple[np.ndarray, np.ndarray]:
+    vector = changed_vector(change, response(), observations())
     return vector[:20], vector[20:]
 
 
@@ -56,36 +57,36 @@ TIMES, HEIGHTS = np.repeat(FRAME * np.arange(21), 2), np.tile([1e-3, 3e-3], 21)
 
 
 def test_unaltered_is_the_run_itself() -> None:
-    force, Z = parts(UNALTERED)
+    force, Z = parts(UNCHANGED)
     np.testing.assert_allclose(force, SLOPE * CENTRES, rtol=1e-12)
     np.testing.assert_allclose(Z, RADIUS + SWELL * TIMES + TAPER * HEIGHTS, rtol=1e-12)
 
 
 def test_scale_and_zero_of_the_force_leave_the_outline() -> None:
-    force, Z = parts(Alteration(force_factor=2.0, force_offset=3.0))
+    force, Z = parts(Change(force_factor=2.0, force_offset=3.0))
     np.testing.assert_allclose(force, 2.0 * SLOPE * CENTRES + 3.0, rtol=1e-12)
-    np.testing.assert_array_equal(Z, parts(UNALTERED)[1])
+    np.testing.assert_array_equal(Z, parts(UNCHANGED)[1])
 
 
 @pytest.mark.parametrize("lag", [1.2e-5, -1.2e-5])
 def test_a_lag_makes_a_recording_late(lag: float) -> None:
-    force, _ = parts(Alteration(force_lag=lag))
+    force, _ = parts(Change(force_lag=lag))
     inside = (CENTRES - lag > FRAME) & (CENTRES - lag < 2e-4 - FRAME)  # whole bins of the run
     np.testing.assert_allclose(force[inside], SLOPE * (CENTRES - lag)[inside], rtol=1e-9)
-    _, Z = parts(Alteration(outline_lag=lag))
+    _, Z = parts(Change(outline_lag=lag))
     # At rest before the start; straight on after the end.
     np.testing.assert_allclose(Z, RADIUS + SWELL * np.maximum(TIMES - lag, 0.0) + TAPER * HEIGHTS, rtol=1e-12)
 
 
 def test_a_force_goes_on_evenly_after_its_end() -> None:
-    force, _ = parts(Alteration(force_lag=-3.0 * FRAME))
+    force, _ = parts(Change(force_lag=-3.0 * FRAME))
     np.testing.assert_allclose(force[-3:], SLOPE * 2e-4, rtol=1e-9)
 
 
 def test_places_of_the_outline() -> None:
-    Z = parts(UNALTERED)[1]
-    np.testing.assert_allclose(parts(Alteration(y_offset=5e-4))[1], Z + TAPER * 5e-4, rtol=1e-9)
-    np.testing.assert_allclose(parts(Alteration(Z_offset=2e-5))[1], Z - 2e-5, rtol=1e-12)
+    Z = parts(UNCHANGED)[1]
+    np.testing.assert_allclose(parts(Change(y_offset=5e-4))[1], Z + TAPER * 5e-4, rtol=1e-9)
+    np.testing.assert_allclose(parts(Change(Z_offset=2e-5))[1], Z - 2e-5, rtol=1e-12)
 
 
 def test_delays_of_a_tilted_face_have_the_density_of_a_semicircle() -> None:
@@ -96,17 +97,19 @@ def test_delays_of_a_tilted_face_have_the_density_of_a_semicircle() -> None:
     assert weights @ lags**2 == pytest.approx(2.0**2 / 4.0, rel=1e-12)
     assert weights @ lags**4 == pytest.approx(2.0**4 / 8.0, rel=1e-12)
     # A ramp in the mean begins neither earlier nor later.
-    force, _ = parts(Alteration(spread=5e-6))
+    force, _ = parts(Change(spread=5e-6))
     np.testing.assert_allclose(force[1:-1], SLOPE * CENTRES[1:-1], rtol=1e-9)
 
 
-def test_radii_that_are_known_serve_every_alteration_that_sees_the_outline_alike() -> None:
+def test_radii_that_are_known_serve_every_change_that_sees_the_outline_alike() -> None:
     run, seen = response(), observations()
-    late = Alteration(outline_lag=3e-6, y_offset=1e-4)
-    radii = late.radii(run, seen)
+    late = Change(outline_lag=3e-6, y_offset=1e-4)
+    known = radii(late, run, seen)
     for other in (late, replace(late, force_factor=1.1, force_lag=2e-6, Z_offset=5e-6)):
         assert other.sight == late.sight
-        np.testing.assert_array_equal(other.vector(run, seen, radii=radii), other.vector(run, seen))
+        np.testing.assert_array_equal(
+            changed_vector(other, run, seen, known=known), changed_vector(other, run, seen)
+        )
     for other in (replace(late, outline_lag=0.0), replace(late, y_offset=0.0)):
         assert other.sight != late.sight
-        assert not np.array_equal(other.radii(run, seen), radii)
+        assert not np.array_equal(radii(other, run, seen), known)

@@ -7,17 +7,16 @@ import numpy as np
 import pytest
 
 from kolsky.diagnosis import cause_model
-from kolsky.diagnosis.cause_inputs import Alteration, Changed
 from kolsky.diagnosis.cause_model import MOST_KEPT, CauseModel, Point
+from kolsky.shot.inputs import Change
 
 
 class Counted(CauseModel):
     """Runs are their points; a launch is the list of its points."""
 
-    def __init__(self, threads: int = 1) -> None:
-        numerics = SimpleNamespace(device="cpu", threads=threads)
+    def __init__(self) -> None:
         self.stages: Any = SimpleNamespace(
-            settings=SimpleNamespace(held={}, numerics=numerics),
+            settings=SimpleNamespace(held={}),
             box=SimpleNamespace(names=("m",), dimension=1),
         )
         self.first, self.runs = None, 0
@@ -47,7 +46,7 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> list[list[list[float]]]:
 
 
 def at(x: float, **changed: Any) -> Point:
-    return Point(np.array([x]), Changed(**changed))
+    return Point(np.array([x]), Change(**changed))
 
 
 def test_a_launch_for_each_model_and_a_run_for_all_that_is_made_of_it(
@@ -58,7 +57,7 @@ def test_a_launch_for_each_model_and_a_run_for_all_that_is_made_of_it(
     asked = [
         at(1.0),
         at(2.0),
-        at(1.0, alteration=Alteration(force_factor=2.0)),
+        at(1.0, force_factor=2.0),
         at(1.0, **longer),
         at(9.0),
         at(3.0, **longer),
@@ -82,17 +81,3 @@ def test_what_was_run_lately_is_not_run_again(launched: list[list[list[float]]])
     assert len(model._recent) == MOST_KEPT
     model.respond([at(1.0)])
     assert launched[-1] == [[1.0]]
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_what_is_run_ahead_is_not_run_again(threads: int, launched: list[list[list[float]]]) -> None:
-    model: Any = Counted(threads)
-    model.respond([at(1.0)])
-    with model.ahead([at(1.0), at(2.0), at(9.0), at(2.0, alteration=Alteration(force_factor=2.0))]):
-        assert model.respond([at(1.0), at(3.0)]) == [1.0, 3.0]  # what is at work is no matter
-    assert sorted(launched[1:]) == [[[2.0, 9.0]], [[3.0]]]
-    assert model.respond([at(2.0), at(9.0), at(1.0), at(3.0)]) == [2.0, None, 1.0, 3.0]
-    with model.ahead([at(2.0)]):
-        pass
-    assert not any(launched[3:])  # nothing is left to run
-    assert model.runs == 4

@@ -1,41 +1,28 @@
-"""Far values beside runs: the same trials as one by one, whatever is run ahead of them."""
+"""Far values of inputs: the same trials in one launch as one by one."""
 
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pytest
 
 from kolsky.diagnosis.cause_fit import fit_linear
-from kolsky.diagnosis.cause_inputs import CandidateInput, Changed
 from kolsky.diagnosis.cause_model import Point
 from kolsky.diagnosis.cause_search import FINER, CauseSearch, scan_inputs
+from kolsky.shot.inputs import Cause, Change
 from tests.unit.diagnosis.test_declared_causes import K, LinearModel, candidate, expected, stages
 
 NARROW, WIDE, ALTERED = "narrow", "wide", "altered"
 
 
-class Ahead(LinearModel):
-    """A model that notes what is run ahead, and what is asked for meanwhile."""
+class Asked(LinearModel):
+    """A model that notes what is asked for."""
 
-    def __init__(self, *args: Any, beside: bool) -> None:
+    def __init__(self, *args: Any) -> None:
         super().__init__(*args)
-        self.beside = beside
-        self.launched: list[list[str]] = []
-        self.asked: list[tuple[list[str], list[str]]] = []
-        self._at_work: list[str] = []
-
-    @contextmanager
-    def ahead(self, points: Any) -> Any:
-        self._at_work = [key for point in points for key in point.changed.values]
-        self.launched.append(sorted(set(self._at_work)))
-        yield
-        self._at_work = []
+        self.asked: list[list[str]] = []
 
     def vectors(self, points: Any) -> Any:
-        keys = sorted({key for point in points for key in point.changed.values})
-        self.asked.append((keys, sorted(set(self._at_work))))
+        self.asked.append(sorted({key for point in points for key in point.changed.values}))
         found = super().vectors(points)
         for row, point in zip(found, points, strict=True):
             # Two valleys, so that each input has two values from which both neighbours are worse.
@@ -43,7 +30,7 @@ class Ahead(LinearModel):
         return found
 
 
-def inputs() -> list[CandidateInput]:
+def inputs() -> list[Cause]:
     coarse = tuple(0.5 * n for n in range(-8, 9))
     return [
         replace(candidate(ALTERED), scan=coarse),
@@ -52,7 +39,7 @@ def inputs() -> list[CandidateInput]:
     ]
 
 
-def search(*, beside: bool) -> tuple[CauseSearch, Ahead]:
+def search() -> tuple[CauseSearch, Asked]:
     rng = np.random.default_rng(8)
     rows = np.linalg.qr(rng.standard_normal((K, 5)))[0].T
     columns = {
@@ -61,17 +48,17 @@ def search(*, beside: bool) -> tuple[CauseSearch, Ahead]:
             ("m", ALTERED, NARROW, WIDE, "bend"), (300.0, 9.0, 9.0, 9.0, 1.0), rows, strict=True
         )
     }
-    model = Ahead(columns, -2.0 * columns[NARROW] + rng.standard_normal(K), beside=beside)
+    model = Asked(columns, -2.0 * columns[NARROW] + rng.standard_normal(K))
     one: Any = model
     return CauseSearch(stages(), one, expected(), np.ones(K, dtype=bool), inputs()), model
 
 
-def one_by_one(one: CauseSearch, tried: list[tuple[CandidateInput, float]]) -> dict[float, float]:
+def one_by_one(one: CauseSearch, tried: list[tuple[Cause, float]]) -> dict[float, float]:
     """Loss of each value, by a whole fit of its own."""
     losses = {}
     for c, u in tried:
         if c.lowest <= u <= c.highest:
-            vector = one.model.vectors([Point(one.x, Changed(values={c.key: u}))])[0]
+            vector = one.model.vectors([Point(one.x, Change(values={c.key: u}))])[0]
             fit = fit_linear(one.residual(vector), one.slope, one.expected, one.allowed(c))
             losses[u] = one.loss(one.expected.misfits(fit.residual))
     return losses
@@ -88,10 +75,8 @@ def floors(losses: dict[float, float]) -> list[float]:
     return sorted(found, key=lambda u: losses[u])[:2]
 
 
-@pytest.mark.parametrize("beside", [True, False])
-def test_the_trials_are_those_of_every_value_by_itself(beside: bool) -> None:
-    one, model = search(beside=beside)
-    model.asked.clear()
+def test_the_trials_are_those_of_every_value_by_itself() -> None:
+    one, _ = search()
     found = scan_inputs(one, inputs())
     wanted: list[tuple[str, float]] = []
     for c in (inputs()[0], inputs()[2]):
@@ -105,15 +90,8 @@ def test_the_trials_are_those_of_every_value_by_itself(beside: bool) -> None:
         assert one.loss(t.misfits) == one_by_one(one, [(t.candidate, t.u)])[t.u]
 
 
-def test_what_needs_no_run_is_fitted_beside_runs_and_nothing_is_asked_for_that_is_at_work() -> None:
-    one, model = search(beside=True)
+def test_all_that_does_not_depend_on_others_is_one_launch() -> None:
+    one, model = search()
     model.asked.clear()
     scan_inputs(one, inputs())
-    assert model.launched == [[NARROW], [WIDE], [NARROW]]
-    assert model.asked == [([ALTERED], [NARROW]), ([NARROW], [WIDE]), ([WIDE], [NARROW]), ([NARROW], [])]
-
-
-def test_without_an_idle_core_all_that_can_be_is_one_launch() -> None:
-    one, model = search(beside=False)
-    scan_inputs(one, inputs())
-    assert model.launched[0] == [NARROW, WIDE]
+    assert model.asked == [[ALTERED, NARROW, WIDE], [NARROW]]

@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kolsky.diagnosis.cause_inputs import CANDIDATES, DENSITY, POISSON, SENSITIVITY
 from kolsky.diagnosis.cause_search import Trial
 from kolsky.diagnosis.causes import CauseAnalysis, cause_warnings, in_groups, percent, sentence
 from kolsky.inverse.result import CauseFinding
+from kolsky.shot.inputs import DENSITY, POISSON, SENSITIVITY, causes
 
-BY_KEY = {c.key: c for c in CANDIDATES}
+BY_KEY = {c.key: c for c in causes()}
 
 
 def test_every_candidate_has_a_key_of_its_own_and_a_value_that_leads_back() -> None:
-    assert len(BY_KEY) == len(CANDIDATES)
-    for c in CANDIDATES:
+    assert len(BY_KEY) == len(causes())
+    for c in causes():
         for u in [*c.scan, c.coordinate(c.exact) if isfinite(c.exact) and not c.parameter else 1.0]:
             if c.lowest <= u <= c.highest:
                 assert c.coordinate(c.value(u)) == pytest.approx(u, rel=1e-9, abs=1e-15)
@@ -26,7 +26,7 @@ def test_every_candidate_has_a_key_of_its_own_and_a_value_that_leads_back() -> N
 def test_a_gain_is_what_the_evaluated_force_is_multiplied_by() -> None:
     """Where half the sensitivity was declared the force is twice the simulated one: the gain is 1/2."""
     gain = BY_KEY[SENSITIVITY]
-    assert gain.changed(gain.coordinate(0.5)).alteration.force_factor == pytest.approx(2.0)
+    assert gain.changed(gain.coordinate(0.5)).force_factor == pytest.approx(2.0)
 
 
 def test_poisson_s_coordinate_is_the_logarithm_of_what_is_left_to_one_half() -> None:

@@ -13,7 +13,6 @@ from kolsky.diagnosis.clocks import (
     DIRECTIONS,
     Reruns,
     clock_lags,
-    first_lags,
     fit_lag,
     late_prediction,
     origin,
@@ -228,11 +227,6 @@ def test_where_the_map_is_not_linear_the_solver_is_run_again(monkeypatch: pytest
     again = Reruns(np.array([wrong]), np.array([np.nan]), np.array([0.5]), np.array([2.0]), run)
     args: Any = (shot, here, seen, slope, {})
     plain = {lag.recording: lag for lag in clock_lags(*args)}
-    first = first_lags(here, seen, slope)  # type: ignore[arg-type]
-    assert tuple(first) == ("force", "outline", "flyer")
-    with monkeypatch.context() as once:
-        once.setattr("kolsky.diagnosis.clocks.first_lag", None)  # nobody looks for them again
-        assert {lag.recording: lag for lag in clock_lags(*args, first=first)} == plain
     found = {lag.recording: lag for lag in clock_lags(*args, again=again)}
     assert not any(lag.explains for lag in plain.values())
     assert {name for name, lag in found.items() if lag.explains} == {"flyer"}

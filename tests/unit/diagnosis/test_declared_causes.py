@@ -11,28 +11,16 @@ import pytest
 from numpy.typing import NDArray
 
 from kolsky.diagnosis.cause_fit import Allowances, ExpectedResidual, fit_linear
-from kolsky.diagnosis.cause_inputs import (
-    CANDIDATES,
-    DAMPING,
-    DIAMETER,
-    FLYER_CLOCK,
-    FORCE_CLOCK,
-    LENGTH,
-    OUTLINE_CLOCK,
-    POISSON,
-    SENSITIVITY,
-    SPREAD,
-    CandidateInput,
-    Changed,
-)
+from kolsky.diagnosis.cause_inputs import declared_span
 from kolsky.diagnosis.cause_search import CauseSearch
 from kolsky.diagnosis.causes import ALIKE, EVIDENCE, best_trials, ranked
 from kolsky.inverse.result import CauseFinding
+from kolsky.shot.inputs import DAMPING, POISSON, SENSITIVITY, Cause, Change, causes
 
 FloatArray = NDArray[np.float64]
 K = 200
 """Entries, all of the force, each at a time of its own; their noise is 1."""
-BY_KEY = {c.key: c for c in CANDIDATES}
+BY_KEY = {c.key: c for c in causes()}
 
 
 def expected() -> ExpectedResidual:
@@ -78,28 +66,40 @@ def test_an_allowance_widens_the_uncertainty_of_what_it_resembles() -> None:
 @pytest.mark.parametrize(
     ("key", "declared", "wanted"),
     [
-        (DIAMETER, {"specimen_diameter": 0.0005}, (-0.001, 0.001)),
+        ("specimen.diameter", {"specimen_diameter": 0.0005}, (-0.001, 0.001)),
         (SENSITIVITY, {"sensitivity": 0.01}, (1.0 / 1.02, 1.0 / 0.98)),
         (SENSITIVITY, {"sensitivity": 0.8}, (1.0 / 2.6, 100.0)),  # a gain below 0.01 is none
-        (FORCE_CLOCK, {"clock_offset": 1e-6}, (-2e-6, 2e-6)),
-        (FORCE_CLOCK, {}, None),
-        (FORCE_CLOCK, {"onset": 2e-6}, (-4e-6, 4e-6)),  # granted: what the path leaves open
-        (FLYER_CLOCK, {"onset": 2e-6}, (-4e-6, 4e-6)),
-        (FORCE_CLOCK, {"onset": 2e-6, "clock_offset": 1.5e-6}, (-5e-6, 5e-6)),
-        (OUTLINE_CLOCK, {"onset": 2e-6}, None),
-        (SPREAD, {}, (0.0, (16e-6) ** 2)),  # granted; its coordinate is the square
+        ("force.clock_offset", {"clock_offset": 1e-6}, (-2e-6, 2e-6)),
+        ("force.clock_offset", {}, None),
+        ("force.clock_offset", {"onset": 2e-6}, (-4e-6, 4e-6)),  # granted: what the path leaves open
+        ("flyer.time", {"onset": 2e-6}, (-4e-6, 4e-6)),
+        ("force.clock_offset", {"onset": 2e-6, "clock_offset": 1.5e-6}, (-5e-6, 5e-6)),
+        ("centre_line.time", {"onset": 2e-6}, None),
+        ("flyer tilt", {}, (0.0, (16e-6) ** 2)),  # granted; its coordinate is the square
     ],
 )
 def test_what_is_declared_reaches_to_k_2(
     key: str, declared: dict[str, float], wanted: tuple[float, float] | None
 ) -> None:
-    found = BY_KEY[key].within(stages(**declared))
+    found = declared_span(BY_KEY[key], stages(**declared))
     assert found == (None if wanted is None else pytest.approx(wanted, rel=1e-12, abs=1e-18))
 
 
 def test_a_finding_is_within_up_to_k_2() -> None:
     one = CauseFinding(
-        DIAMETER, "", "1", 1.0, 1.00099, 1e-5, 0.9, 150.0, 1.0, {}, {}, False, declared_sigma=0.0005
+        "specimen.diameter",
+        "",
+        "1",
+        1.0,
+        1.00099,
+        1e-5,
+        0.9,
+        150.0,
+        1.0,
+        {},
+        {},
+        False,
+        declared_sigma=0.0005,
     )
     assert one.within
     assert replace(one, value=0.99901).within
@@ -119,7 +119,7 @@ class LinearModel:
     def steps(self, x: FloatArray) -> FloatArray:
         return np.full(1, 0.01)
 
-    def slopes(self, x: FloatArray, changed: Changed) -> list[Any]:
+    def slopes(self, x: FloatArray, changed: Change) -> list[Any]:
         return [SimpleNamespace(x=x + 0.01, changed=changed)]
 
     beside = False
@@ -137,15 +137,15 @@ class LinearModel:
         )
 
 
-def candidate(key: str, declared: str = "") -> CandidateInput:
-    return CandidateInput(
+def candidate(key: str, declared: str = "") -> Cause:
+    return Cause(
         key=key,
         words="a change",
         check="check it",
         scan=(),
         step=0.1,
         typical=1.0,
-        changed=lambda u: Changed(values={key: u}),
+        changed=lambda u: Change(values={key: u}),
         declared=declared,
         simulated=False,
         highest=inf,
@@ -227,30 +227,30 @@ def beside(
 def test_beside_a_refuted_value_its_pair_is_named_when_it_leads_and_is_significant() -> None:
     """The evidence is K ln(1 + off^2 / K)."""
     off = np.sqrt(K * np.expm1(0.6 * EVIDENCE / K))
-    found = beside({DAMPING: off, LENGTH: 0.0}, POISSON)
+    found = beside({DAMPING: off, "specimen.length": 0.0}, POISSON)
     assert (found[0].key, found[0].named, found[0].alike) == (DAMPING, True, ())
     assert found[0].evidence == pytest.approx(0.6 * EVIDENCE, rel=1e-9)  # round-off
     assert [f.named for f in found[1:]] == [False]
     # With nothing refuted, or what is no member of the pair, the evidence is too little.
-    for refuted in ("", LENGTH):
+    for refuted in ("", "specimen.length"):
         assert not any(f.named for f in beside({DAMPING: off, "other": 0.0}, refuted))
     # Another input that the pair does not have is not named, nor is a member behind it.
-    assert not any(f.named for f in beside({DAMPING: 0.5 * off, LENGTH: off}, POISSON))
+    assert not any(f.named for f in beside({DAMPING: 0.5 * off, "specimen.length": off}, POISSON))
     # Where most is left by something else, it explains little of that: the pair has explained enough.
     off = np.sqrt(3.0 * K * np.expm1(0.3 * EVIDENCE / K))
-    (little, _) = beside({DAMPING: off, LENGTH: 0.0}, POISSON, left=3.0)
+    (little, _) = beside({DAMPING: off, "specimen.length": 0.0}, POISSON, left=3.0)
     assert little.explained == pytest.approx(off**2 / (2.0 * K + off**2), rel=1e-9)
     assert little.explained < 0.2
     assert little.named
     # A likelihood ratio of less than exp(5) tells nothing apart, however small the probability.
     small = np.sqrt(K * np.expm1(0.99 * ALIKE / K))
-    assert not any(f.named for f in beside({DAMPING: small, LENGTH: 0.0}, POISSON))
+    assert not any(f.named for f in beside({DAMPING: small, "specimen.length": 0.0}, POISSON))
     # What the noise brings is not significant.
-    assert not any(f.named for f in beside({DAMPING: 1.0, LENGTH: 0.0}, POISSON))
+    assert not any(f.named for f in beside({DAMPING: 1.0, "specimen.length": 0.0}, POISSON))
 
 
 def test_a_value_within_its_declared_uncertainty_is_not_named_with_its_pair() -> None:
-    found = beside({DAMPING: 12.0, LENGTH: 0.0}, POISSON, declared=1.0)  # 1.2 of k = 2
+    found = beside({DAMPING: 12.0, "specimen.length": 0.0}, POISSON, declared=1.0)  # 1.2 of k = 2
     assert not any(f.named for f in found)
     assert found[0].key == DAMPING
     assert found[0].within

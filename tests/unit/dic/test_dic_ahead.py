@@ -4,6 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from speckle_pictures import render, speckle_pattern
 
 from dic import tracking
 from dic.correlation import Correlation, PictureStack, Shape, Templates, correlate
@@ -13,7 +14,6 @@ from dic.correlation.kernels.device import select_device
 from dic.images import PictureError
 from dic.images.series import PicturesInMemory
 from dic.outcome import FrameOutcome
-from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import inputs, track
 from dic.tracking.rigid import track_rigid
 
@@ -134,11 +134,12 @@ def test_points_in_parts_are_found_as_together(monkeypatch, most, referred):
         def __getattr__(self, name):
             return getattr(device, name)
 
+    real_parts = launch.in_parts
     monkeypatch.setattr(launch, "_launch_on_device", searched)
     monkeypatch.setattr(
         launch,
         "in_parts",
-        lambda columns, n, where, go: transfer.in_parts(columns, n, device, go, most=most),
+        lambda columns, n, where, go: real_parts(columns, n, device, go, most=most),
     )
     real = launch.select_device
     monkeypatch.setattr(

@@ -7,17 +7,10 @@ import numpy as np
 import pytest
 
 from dic import Camera
-from dic.calibration import (
-    Calibration,
-    Detection,
-    PairOutcome,
-    TargetNotFound,
-    Undetermined,
-    calibrate,
-)
 from dic.calibration.bundle import (
     SHARED_PARAMETERS,
     Rig,
+    Undetermined,
     View,
     adjust,
     derivatives,
@@ -26,7 +19,9 @@ from dic.calibration.bundle import (
     project_points,
     residuals,
 )
-from dic.calibration.targets import Chessboard, DottedCylinder, FiducialDots
+from dic.calibration.solve import calibrate
+from dic.calibration.targets import Chessboard, Detection, DottedCylinder, FiducialDots, TargetNotFound
+from dic.calibration.views import Calibration, PairOutcome
 
 SIZE = ((512, 512), (512, 512))
 BOARD = FiducialDots(

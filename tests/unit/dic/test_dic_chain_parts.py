@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from speckle_pictures import render, speckle_pattern
 from synthetic_dic import rig, synthetic_result
 
 from dic.bodies.region import Region
@@ -14,8 +15,7 @@ from dic.chain.test_frame import outline_of
 from dic.correlation.subsets import Shape
 from dic.images import PictureError
 from dic.outcome import FrameOutcome
-from dic.surfaces import outline
-from dic.synthetic.speckles import render, speckle_pattern
+from dic.surfaces.outline import outline
 
 SHAPE = (96, 128)
 FRAMES = 6

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
+from speckle_pictures import render, speckle_pattern
 
 from dic import tracking
 from dic.correlation import Correlation, PictureStack, Shape, correlate
@@ -14,7 +15,6 @@ from dic.correlation.kernels import launch as transfer
 from dic.correlation.kernels.device import select_device
 from dic.correlation.kernels.launch import search_kernel
 from dic.correlation.kernels.search import BLOCK
-from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import inputs, track
 
 

@@ -5,10 +5,10 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy import ndimage
+from speckle_pictures import render, speckle_pattern
 
 from dic.correlation import Correlation, PictureStack, correlate
 from dic.correlation.kernels.device import between_pixels, gradient_noise
-from dic.synthetic.speckles import render, speckle_pattern
 
 SIDE = 190
 CENTRE = (SIDE - 1) / 2

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import dic.surfaces as surfaces
 from dic import Camera, PointOutcome, StereoRig
+from dic.correlation.subsets import overlap_factor
 from dic.stereo.reconstruction import Reconstruction
+from dic.surfaces import cylinder as cylinder_fit
+from dic.surfaces import surface_history
 
 RADIUS, LENGTH = 4.75e-3, 6.5e-3
 NOISE = np.array([1e-6, 1e-6, 4e-6])
@@ -60,7 +62,7 @@ def test_the_covariance_of_a_cylinder_is_that_of_its_errors(arc, known):
         X = patch(rng, arc) + NOISE * rng.standard_normal((400, 3))
         C = np.broadcast_to(R @ np.diag(NOISE**2) @ R.T, (400, 3, 3))
         given = {} if known is None else {"radius": RADIUS + known * rng.standard_normal()}
-        fit = surfaces.fit_cylinder(X @ R.T + PLACE, C, **given, radius_sigma=known or 0.0)
+        fit = cylinder_fit.fit_cylinder(X @ R.T + PLACE, C, **given, radius_sigma=known or 0.0)
         n = 4 if known == 0.0 else 5
         off = errors(fit, R)[:n]
         ratios.append(off @ np.linalg.solve(fit.covariance[:n, :n], off) / n)
@@ -74,7 +76,7 @@ def test_a_narrow_arc_says_that_it_knows_no_radius_and_a_wide_one_does():
     sigma = {}
     for arc in (10.0, 20.0, 40.0):
         C = np.broadcast_to(np.diag(NOISE**2), (400, 3, 3))
-        sigma[arc] = surfaces.fit_cylinder(patch(rng, arc), C).sigma[4]
+        sigma[arc] = cylinder_fit.fit_cylinder(patch(rng, arc), C).sigma[4]
     # The sagitta's curvature is seen over the arc squared.
     assert sigma[10.0] / sigma[20.0] == pytest.approx(4.0, rel=0.25)  # 400 random angles; cos, not θ²
     assert sigma[20.0] / sigma[40.0] == pytest.approx(4.0, rel=0.25)
@@ -84,7 +86,7 @@ def test_points_far_off_are_left_out_and_marked():
     rng = np.random.default_rng(1)
     X = patch(rng, 40.0) + NOISE * rng.standard_normal((400, 3))
     X[::20] += [0.0, 0.0, 0.3e-3]  # a flake of paint
-    fit = surfaces.fit_cylinder(X, np.broadcast_to(np.diag(NOISE**2), (400, 3, 3)))
+    fit = cylinder_fit.fit_cylinder(X, np.broadcast_to(np.diag(NOISE**2), (400, 3, 3)))
     assert not fit.used[::20].any()
     assert fit.used.sum() >= 375  # of 380; 4 sigmas leave out 0.02 of them
     assert abs(fit.radius - RADIUS) < 5.0 * fit.sigma[4]
@@ -93,7 +95,7 @@ def test_points_far_off_are_left_out_and_marked():
 def test_a_scatter_beyond_the_sigmas_widens_the_covariance():
     rng = np.random.default_rng(2)
     X = patch(rng, 40.0) + 3.0 * NOISE * rng.standard_normal((400, 3))
-    fit = surfaces.fit_cylinder(X, np.broadcast_to(np.diag(NOISE**2), (400, 3, 3)))
+    fit = cylinder_fit.fit_cylinder(X, np.broadcast_to(np.diag(NOISE**2), (400, 3, 3)))
     assert fit.noise_scale == pytest.approx(3.0, rel=0.15)  # chi-squared of 395 dof: 4 % on its root
 
 
@@ -108,19 +110,19 @@ def test_a_scatter_beyond_the_sigmas_widens_the_covariance():
 def test_points_that_are_no_cylinder_are_refused(change, message):
     X = change(patch(np.random.default_rng(3), 40.0))
     with pytest.raises(ValueError, match=message):
-        surfaces.fit_cylinder(X, np.broadcast_to(np.diag(NOISE**2), (len(X), 3, 3)))
+        cylinder_fit.fit_cylinder(X, np.broadcast_to(np.diag(NOISE**2), (len(X), 3, 3)))
 
 
 def cylinder(rng=None):
     X = patch(rng or np.random.default_rng(5), 40.0, 200)
     if rng is not None:
         X = X + NOISE * rng.standard_normal(X.shape)
-    return surfaces.fit_cylinder(X, np.broadcast_to(np.diag(NOISE**2), (200, 3, 3)))
+    return cylinder_fit.fit_cylinder(X, np.broadcast_to(np.diag(NOISE**2), (200, 3, 3)))
 
 
 @pytest.mark.parametrize(("toward", "sign"), [((0.1, -1.0), 1.0), ((0.0, 3.0), -1.0)])
 def test_the_frame_has_the_declared_sense_and_faces_the_cameras(toward, sign):
-    frame = surfaces.test_frame(cylinder(), rig(), toward_flyer=toward, zero=[1e-3, 2e-3, 3e-3])
+    frame = cylinder_fit.test_frame(cylinder(), rig(), toward_flyer=toward, zero=[1e-3, 2e-3, 3e-3])
     # Points without noise: round-off of a fit to 1e-12 of the radius.
     np.testing.assert_allclose(frame.rotation, np.diag([sign, sign, 1.0]), atol=1e-8)
     np.testing.assert_allclose(frame.origin, [0.0, 2e-3, 0.0], atol=1e-10)
@@ -131,7 +133,7 @@ def test_the_frame_has_the_declared_sense_and_faces_the_cameras(toward, sign):
 
 def test_a_direction_across_the_axis_is_refused():
     with pytest.raises(ValueError, match=r"toward_flyer is \(1.0, 0.2\)"):
-        surfaces.test_frame(cylinder(), rig(), toward_flyer=(1.0, 0.2), zero=np.zeros(3))
+        cylinder_fit.test_frame(cylinder(), rig(), toward_flyer=(1.0, 0.2), zero=np.zeros(3))
 
 
 def test_the_covariance_of_the_frame_is_that_of_its_errors():
@@ -140,7 +142,7 @@ def test_the_covariance_of_the_frame_is_that_of_its_errors():
     off = []
     for _ in range(120):
         zero = np.array([1e-3, 2e-6 * rng.standard_normal(), 3e-3])
-        frame = surfaces.test_frame(
+        frame = cylinder_fit.test_frame(
             cylinder(rng), rig(), toward_flyer=(0.0, -1.0), zero=zero, zero_sigma=2e-6
         )
         off.append((frame.positions(points) - points) / frame.sigma(points))
@@ -152,10 +154,10 @@ def test_a_pixel_is_carried_back_to_the_cylinder():
     camera = replace(rig().cameras[0], distortion=(-0.15, 0.0, 1e-4, 0.0, 0.0))
     X = np.array([1.5e-3, 1e-3, np.sqrt(RADIUS**2 - 1.5e-3**2)])
     # The pixel is exact to the undistortion's 1e-12, the cylinder to the fit's.
-    found = surfaces.on_cylinder(camera, camera.project(X), cylinder())
+    found = cylinder_fit.on_cylinder(camera, camera.project(X), cylinder())
     np.testing.assert_allclose(found, X, atol=1e-10)
     with pytest.raises(ValueError, match="passes the cylinder"):
-        surfaces.on_cylinder(camera, [5.0, 256.0], cylinder())
+        cylinder_fit.on_cylinder(camera, [5.0, 256.0], cylinder())
 
 
 def reconstruction(positions, outcome):
@@ -175,11 +177,11 @@ def test_a_surface_in_a_turned_rig_is_the_surface_in_the_test_frame():
     X = patch(rng, 30.0, 50)
     moved = np.array([X, X, X * [1.1, 0.8, 1.1]])
     R = Rotation.from_rotvec([0.1, -0.2, 1.3]).as_matrix()
-    frame = surfaces.SpecimenFrame(R, PLACE, np.zeros((6, 6)))
+    frame = cylinder_fit.SpecimenFrame(R, PLACE, np.zeros((6, 6)))
     outcome = np.zeros((3, 50), dtype=np.int64)
     outcome[0, 3] = outcome[2, 4] = PointOutcome.LOW_CORRELATION
     seen = reconstruction(frame.in_rig(moved), outcome)
-    surface = surfaces.to_surface(seen, frame, [0.0, 1.0, 2.0], reference=(0, 1))
+    surface = surface_history.to_surface(seen, frame, [0.0, 1.0, 2.0], reference=(0, 1))
     np.testing.assert_allclose(surface.X, X, atol=1e-15)
     np.testing.assert_allclose(surface.position[surface.valid], moved[surface.valid], atol=1e-15)
     # The noise is R's: its components in the test frame are the diagonal of R C Rᵀ.
@@ -193,11 +195,11 @@ def test_a_point_without_a_reference_must_be_left_out_by_name():
     outcome[0, 2] = PointOutcome.OUT_OF_VIEW
     X = patch(np.random.default_rng(8), 30.0, 10)
     seen = reconstruction(np.array([X, X]), outcome)
-    frame = surfaces.SpecimenFrame(np.eye(3), np.zeros(3), np.zeros((6, 6)))
+    frame = cylinder_fit.SpecimenFrame(np.eye(3), np.zeros(3), np.zeros((6, 6)))
     with pytest.raises(ValueError, match="1 of 10 points"):
-        surfaces.to_surface(seen, frame, [0.0, 1.0])
-    points = surfaces.referenced(seen)
-    assert surfaces.to_surface(seen, frame, [0.0, 1.0], points=points).n_points == 9
+        surface_history.to_surface(seen, frame, [0.0, 1.0])
+    points = surface_history.referenced(seen)
+    assert surface_history.to_surface(seen, frame, [0.0, 1.0], points=points).n_points == 9
 
 
 def test_the_mean_of_static_frames_keeps_the_noise_of_the_material_picture():
@@ -206,20 +208,18 @@ def test_the_mean_of_static_frames_keeps_the_noise_of_the_material_picture():
     common = rng.standard_normal((n, 3))
     own = rng.standard_normal((frames, n, 3))
     seen = reconstruction(NOISE * np.sqrt(0.5) * (common + own), np.zeros((frames, n), dtype=np.int64))
-    mean, C = surfaces.static_mean(seen, range(frames))
+    mean, C = surface_history.static_mean(seen, range(frames))
     ratio = mean.std(axis=0) / np.sqrt(np.einsum("nii->ni", C)[0])
     assert ratio == pytest.approx(np.ones(3), abs=0.07)  # 2000 draws: 1.6 %
 
 
 def test_overlapping_subsets_promise_less_and_distant_ones_nothing_less():
     grid = np.stack(np.meshgrid(np.arange(0.0, 50.0, 5.0), np.arange(0.0, 50.0, 5.0)), axis=-1).reshape(-1, 2)
-    factor = surfaces.overlap_factor(grid, 20.0)
+    factor = overlap_factor(grid, 20.0)
     # In the interior the triangles add up to (s / step)² = 16.
     middle = (np.abs(grid - 25.0) <= 5.0).all(axis=1)
     np.testing.assert_allclose(factor[middle], 16.0)
-    np.testing.assert_allclose(surfaces.overlap_factor(grid, 5.0), 1.0)
+    np.testing.assert_allclose(overlap_factor(grid, 5.0), 1.0)
     valid = np.zeros((2, 100), dtype=bool)
     valid[1, [0, 1]] = True
-    np.testing.assert_allclose(
-        surfaces.overlap_factor(grid, 20.0, valid)[:, :3], [[1, 1, 1], [1.75, 1.75, 1]]
-    )
+    np.testing.assert_allclose(overlap_factor(grid, 20.0, valid)[:, :3], [[1, 1, 1], [1.75, 1.75, 1]])

@@ -14,9 +14,20 @@ from test_dic_calibration import SIZE, parameters, sightings, true_poses
 
 from dic import Camera, StereoRig, camera_files, open_pictures
 from dic import images as picture_formats
-from dic.calibration import TARGETS, Detection, Target, TargetNotFound, calibrate, detect
-from dic.calibration.targets import AsymmetricDots, Charuco, Chessboard, DottedCylinder, FiducialDots
+from dic.calibration.solve import calibrate
+from dic.calibration.targets import (
+    TARGETS,
+    AsymmetricDots,
+    Charuco,
+    Chessboard,
+    Detection,
+    DottedCylinder,
+    FiducialDots,
+    Target,
+    TargetNotFound,
+)
 from dic.calibration.targets.base import Geometry, counts, positive
+from dic.calibration.views import detect
 from dic.camera_files import CameraFileError, read_rig
 from dic.camera_files.source import Source, printed
 from dic.images import PictureError

@@ -19,7 +19,7 @@ from dic.bodies.edge_fit import (
 )
 from dic.camera import Camera
 from dic.chain.test_frame import MODEL, end_in_camera, of_phases, weighted_mean
-from dic.surfaces import SpecimenFrame
+from dic.surfaces.cylinder import SpecimenFrame
 
 FINE = 8
 U = np.arange(-HALF, HALF + 1.0)

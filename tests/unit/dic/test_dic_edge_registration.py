@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
+from speckle_pictures import Speckles
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 
 from dic.bodies.edge_registration import (
@@ -14,8 +15,7 @@ from dic.bodies.edge_registration import (
     consistent_frames,
     least_zncc,
 )
-from dic.surfaces import SpecimenFrame
-from dic.synthetic.speckles import Speckles
+from dic.surfaces.cylinder import SpecimenFrame
 
 SCALE = 5400.0 / 0.295  # pixels per metre where the cylinder faces the cameras
 TOP = 0.5 * (SHAPE[0] - 1) / SCALE  # height that the first row shows

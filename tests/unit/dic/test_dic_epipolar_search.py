@@ -6,9 +6,9 @@ from epipolar_numpy import search as search_in_numpy
 from stereo_scene import SHAPE, grid, pictures, rig
 
 from dic.correlation.subsets import identity
-from dic.stereo import StereoSearch
 from dic.stereo.epipolar_search import (
     Candidates,
+    StereoSearch,
     distance_along,
     facet_geometry,
     gradient,

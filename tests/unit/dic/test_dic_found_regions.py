@@ -6,11 +6,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from speckle_pictures import render, speckle_pattern
 
 from dic.bodies.edges import _last_edge, follow_edge, rigid_limit, row_correlation
 from dic.bodies.region import _painted, find_regions, polygon_mask
 from dic.images import PictureError
-from dic.synthetic.speckles import render, speckle_pattern
 
 SHAPE, STATIC, FRAMES, SPEED = (96, 112), 4, 30, 1.7
 TOP, BOTTOM = 5.3, 84.6  # where the specimen begins and ends at rest [px]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from speckle_pictures import RenderedCylinder
 from test_dic_cylinder import rig
 
 from dic.correlation.subsets import Shape
@@ -17,10 +18,9 @@ from dic.full_field.stereo import (
 )
 from dic.images.series import PicturesInMemory
 from dic.outcome import PointOutcome
-from dic.surfaces import fit_cylinder
+from dic.surfaces.cylinder import fit_cylinder
 from dic.surfaces.strains import StrainOutcome
 from dic.surfaces.surface_history import SurfaceHistory
-from dic.synthetic.speckles import RenderedCylinder
 from dic.tracking import Track
 
 STEP, SUBSET, SIGMA = 10.0, 9.0, 0.02

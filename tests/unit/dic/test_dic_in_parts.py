@@ -5,6 +5,7 @@ import os
 
 import numpy as np
 import pytest
+from speckle_pictures import render, speckle_pattern
 from test_dic_strains import at_rest, grid, history
 
 from dic import processes
@@ -12,8 +13,7 @@ from dic.chain import inputs, outliers
 from dic.chain.inputs import ChainError, inspect_pictures
 from dic.images.series import DecodedPictures, PicturesInMemory, decode_once
 from dic.processes import allow_forks, can_fork, parts
-from dic.surfaces import StrainGauge, strains
-from dic.synthetic.speckles import render, speckle_pattern
+from dic.surfaces.strains import StrainGauge, strains
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="one core, or no copies of processes here")
 

@@ -5,11 +5,11 @@ from functools import cache
 import correlation_twin as twin
 import numpy as np
 import pytest
+from speckle_pictures import render, speckle_pattern
 
 from dic import PointOutcome
 from dic.correlation import Correlation, Noise, PictureStack, Shape, correlate
 from dic.correlation import subsets as warps
-from dic.synthetic.speckles import render, speckle_pattern
 
 SIDE = 128
 CENTRE = (SIDE - 1) / 2

@@ -8,8 +8,8 @@ from dic.bodies import axial_displacement
 from dic.bodies.axial_displacement import Translations, translations
 from dic.bodies.follow import TrackedBody
 from dic.outcome import PointOutcome
-from dic.stereo import reconstruct
-from dic.surfaces import SpecimenFrame
+from dic.stereo.reconstruction import reconstruct
+from dic.surfaces.cylinder import SpecimenFrame
 
 STATIC, ALONE, FRAMES = 4, 6, 16
 HIGH, FAR = 0.01, 0.3

@@ -9,7 +9,7 @@ from dic.camera import Camera, StereoRig
 from dic.chain import outliers
 from dic.chain.outliers import axis_in_picture, past_the_ends, visible_room
 from dic.outcome import PointOutcome
-from dic.surfaces import SpecimenFrame
+from dic.surfaces.cylinder import SpecimenFrame
 
 FOCAL, AWAY = 5400.0, 0.3
 """Focal length [px] and distance of the cameras from the axis [m]: 18 px/mm."""

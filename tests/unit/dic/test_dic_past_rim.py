@@ -9,7 +9,7 @@ from stereo_scene import FOCAL, RADIUS, SHAPE, rig
 from dic.chain import follow_bodies, remarks
 from dic.chain.follow_bodies import CLEAR, before_rim
 from dic.outcome import PointOutcome
-from dic.surfaces import SpecimenFrame
+from dic.surfaces.cylinder import SpecimenFrame
 
 CAMERA = rig().cameras[0]
 FRAME = SpecimenFrame(np.eye(3), np.zeros(3), np.zeros((6, 6)))

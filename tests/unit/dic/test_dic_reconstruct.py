@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from dic import Camera, PointOutcome, StereoRig
-from dic.stereo import reconstruct
 from dic.stereo import reconstruction as subject
-from dic.stereo.reconstruction import narrow_gates
+from dic.stereo.reconstruction import narrow_gates, reconstruct
 from dic.tracking.inputs import Track
 
 N_FRAMES, N_POINTS = 4, 6

@@ -5,13 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from speckle_pictures import Speckles
 from stereo_scene import CYLINDER, NOISE, RADIUS, SHAPE, rig
 
 from dic.bodies.axial_displacement import combine_rest, common_sigma, include_static_frames
 from dic.bodies.rest_from_rim import RestGeometry, combine_rims, face_width, find_rim, first_varying
 from dic.images import PictureError
-from dic.surfaces import SpecimenFrame
-from dic.synthetic.speckles import Speckles
+from dic.surfaces.cylinder import SpecimenFrame
 
 SCALE = 5400.0 / 0.295  # pixels per metre where the cylinder faces the cameras
 RIG = rig()

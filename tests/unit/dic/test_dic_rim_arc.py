@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from speckle_pictures import render, speckle_pattern
 
 from dic.bodies.edges import BLOCKS, block_edge, end_arc
-from dic.synthetic.speckles import render, speckle_pattern
 
 SHAPE = (140, 160)
 

@@ -11,8 +11,8 @@ from dic.bodies.follow import TrackedBody
 from dic.camera import StereoRig
 from dic.chain.follow_bodies import subsample
 from dic.outcome import PointOutcome
-from dic.stereo import reconstruct
-from dic.surfaces import SpecimenFrame
+from dic.stereo.reconstruction import reconstruct
+from dic.surfaces.cylinder import SpecimenFrame
 
 STATIC, FRAMES = 4, 16
 FRAME = SpecimenFrame(np.eye(3), np.zeros(3), np.zeros((6, 6)))

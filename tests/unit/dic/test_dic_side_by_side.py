@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import warp as wp
+from speckle_pictures import render, speckle_pattern
 
 from dic.bodies import follow
 from dic.calibration import solve
@@ -18,7 +19,6 @@ from dic.correlation.kernels.device import select_device
 from dic.images.series import PicturesInMemory
 from dic.outcome import FrameOutcome, PointOutcome
 from dic.processes import allow_forks, can_fork
-from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import rigid
 
 sharing = pytest.mark.skipif(not can_fork(), reason="one core, or no copies of processes here")

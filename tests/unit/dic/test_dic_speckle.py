@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from dic.synthetic.speckles import SpecklePattern, render, speckle_pattern
+from speckle_pictures import SpecklePattern, render, speckle_pattern
 
 
 def test_grey_values_are_the_plain_sum():

@@ -7,15 +7,16 @@ import warp as wp
 from boards import averaged, dots, flat, pose
 from scipy import ndimage
 from scipy.special import ndtr
+from speckle_pictures import render, speckle_pattern
 from threadpoolctl import threadpool_info
 
 from dic import PointOutcome
 from dic.basics import median
 from dic.bodies.body_motion import MotionPrior, Observations, adjust
-from dic.calibration import TargetNotFound, detect, detect_series
 from dic.calibration.bundle import View, derivatives, join_views, poses_of, project_points
 from dic.calibration.dots import _upper, centroids, quantiles
-from dic.calibration.targets import FiducialDots
+from dic.calibration.targets import FiducialDots, TargetNotFound
+from dic.calibration.views import detect, detection_begun
 from dic.camera import Camera
 from dic.correlation import Correlation, PictureStack, Shape, Templates, correlate
 from dic.correlation.kernels.device import PAD, on_device, on_host, response, select_device
@@ -24,7 +25,6 @@ from dic.images import PictureError
 from dic.images.series import DecodedPictures, decode_once
 from dic.stereo.diagnose import _median
 from dic.stereo.geometry import inverse, largest_eigenvalue
-from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking.rigid import _in_view, _nothing
 from kolsky.base.process import single_threaded_libraries
 
@@ -203,7 +203,8 @@ def test_series_are_detected_as_picture_by_picture():
     blank = np.full((240, 320), 128, dtype=np.uint8)
     series = [Counted([board(), blank, board((0.1, 0.2, 0.3))]), Counted([board((0.0, 0.3, 0.0)), None])]
     told = []
-    found = detect_series(series, (GRID, GRID), progress=lambda done, total: told.append((done, total)))
+    with detection_begun(series, (GRID, GRID)) as views:
+        found = views(lambda done, total: told.append((done, total)))
     assert [len(views) for views in found] == [3, 2]
     assert isinstance(found[0][1], TargetNotFound)
     assert isinstance(found[1][1], PictureError)

@@ -10,7 +10,9 @@ from dic.camera import StereoRig
 from dic.correlation import Correlation, Shape
 from dic.correlation.subsets import apply, identity
 from dic.outcome import PointOutcome
-from dic.stereo import Gate, StereoGates, StereoMatch, StereoSearch, match_stereo, triangulate
+from dic.stereo.epipolar_search import StereoGates, StereoSearch
+from dic.stereo.geometry import triangulate
+from dic.stereo.match import Gate, StereoMatch, match_stereo
 
 QUADRATIC = Correlation(subset=21, shape=Shape.QUADRATIC)
 

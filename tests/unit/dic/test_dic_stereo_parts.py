@@ -6,13 +6,21 @@ import numpy as np
 import pytest
 from epipolar_numpy import correlation, curve_distances, points_along
 from numpy.typing import NDArray
+from speckle_pictures import RenderedCylinder
 from stereo_scene import SHAPE, rig
 
 from dic.correlation.subsets import Match
-from dic.stereo import Gate, StereoGates, StereoSearch, epipolar_distance
-from dic.stereo.epipolar_search import distance_along, facet_geometry, fit_facet, gradient, normals
-from dic.stereo.match import GateValues, disagreement, failed_gates, neighbourhood, propagate
-from dic.synthetic.speckles import RenderedCylinder
+from dic.stereo.epipolar_search import (
+    StereoGates,
+    StereoSearch,
+    distance_along,
+    facet_geometry,
+    fit_facet,
+    gradient,
+    normals,
+)
+from dic.stereo.geometry import epipolar_distance
+from dic.stereo.match import Gate, GateValues, disagreement, failed_gates, neighbourhood, propagate
 
 FloatArray = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ import pytest
 
 from dic import PointOutcome, SurfaceHistory
 from dic.correlation.subsets import overlap_correlation
-from dic.surfaces import StrainGauge, StrainOutcome, strains
+from dic.surfaces.strains import StrainGauge, StrainOutcome, strains
 
 RADIUS, SCALE = 4.75e-3, 1.0 / 18e3  # 18 px/mm
 NOISE = np.array([1e-6, 1e-6, 4e-6])
@@ -64,7 +64,6 @@ def test_a_homogeneous_compression_has_its_closed_forms_at_every_point(order):
         np.testing.assert_allclose(strain.value[..., 0], f(wide) + 0.0 * X[:, 0], atol=1e-12)
         np.testing.assert_allclose(strain.value[..., 1], f(lam) + 0.0 * X[:, 0], atol=1e-12)
         np.testing.assert_allclose(strain.value[..., 2], 0.0, atol=1e-12)
-    np.testing.assert_allclose(found.area_ratio, lam**0.5 + 0.0 * X[:, 0], atol=1e-12)
     stretch, _ = found.principal_stretch
     np.testing.assert_allclose(stretch[1:, :, 1], lam[1:] + 0.0 * X[:, 0], atol=1e-12)
 

@@ -1,12 +1,11 @@
-"""The outline from several columns and the deviation from axisymmetry, on bodies of known shape."""
+"""The outline from several columns, on bodies of known shape."""
 
 import numpy as np
 import pytest
 
-from dic import FrameOutcome, PointOutcome, SurfaceHistory, centre_line
+from dic import PointOutcome, SurfaceHistory, centre_line
 from dic.correlation.subsets import overlap_correlation
-from dic.surfaces import axisymmetry, outline
-from dic.surfaces.outline import rows_of
+from dic.surfaces.outline import outline, rows_of
 
 RADIUS, HEIGHT, SCALE = 4.75e-3, 6.5e-3, 1.0 / 18e3
 NOISE = np.array([1e-6, 1e-6, 4e-6])
@@ -18,13 +17,12 @@ def grid(step=5.0, half=50.0):
     return np.stack([x.ravel(), y.ravel()], axis=-1)
 
 
-def barrel(points, bulge, shift=0.0, tilt=0.0):
-    """Places on a barrel about an axis that is shifted and leans toward x; x and y are the pixels'."""
+def barrel(points, bulge):
+    """Places on a barrel about y and its radius there; x and y are the pixels'."""
     y = points[:, 1] * SCALE
     r = RADIUS + bulge * (1.0 - (2.0 * y / HEIGHT - 1.0) ** 2)
     angle = np.arcsin(points[:, 0] * SCALE / RADIUS)
-    axis = shift + tilt * (y - 0.5 * (y.min() + y.max()))
-    return np.stack([axis + r * np.sin(angle), y, r * np.cos(angle)], axis=-1), r
+    return np.stack([r * np.sin(angle), y, r * np.cos(angle)], axis=-1), r
 
 
 def history(points, places, rng=None, outcome=None):
@@ -101,45 +99,3 @@ def test_an_outline_that_cannot_be_is_refused(options):
     surface = history(points, barrel(points, 0.0)[0][None])
     with pytest.raises(ValueError, match=r"must be"):
         outline(surface, points, **({"half_width": 1e-3, "subset": SUBSET} | options))
-
-
-def test_shift_and_lean_of_the_axis_are_found_with_their_sigmas():
-    points = grid(step=10.0)
-    true = np.array([30e-6, 0.004])
-    place, _ = barrel(points, 0.5e-3, *true)
-    rng = np.random.default_rng(2)
-    found = axisymmetry(history(points, np.repeat(place[None], 150, axis=0), rng), points, subset=SUBSET)
-    shift, tilt = (found.shift - true[0]) / found.shift_sigma, (found.tilt - true[1]) / found.tilt_sigma
-    # 150 frames: the standard deviation is known to 6 %, the mean to 8 %; the second order of the shift
-    # on the distances, (30 µm)²/2r = 0.1 µm, is even in the angle.
-    for off in (shift, tilt):
-        assert off.std() == pytest.approx(1.0, abs=0.18)
-        assert abs(off.mean()) < 0.25
-    assert (found.rms > 5.0 * found.expected).all()
-
-
-def test_a_body_of_revolution_shows_noise_only():
-    points = grid(step=10.0)
-    place, _ = barrel(points, 0.5e-3)
-    found = axisymmetry(
-        history(points, np.repeat(place[None], 150, axis=0), np.random.default_rng(3)), points, subset=SUBSET
-    )
-    ratio = found.residual / found.residual_sigma
-    assert ratio.std(axis=0) == pytest.approx(np.ones(8), abs=0.24)  # 150 frames: 6 %, four of them
-    assert np.mean(found.rms**2 / found.expected**2) == pytest.approx(1.0, abs=0.15)  # about 150 x 4 dof: 6 %
-    assert (np.diff(found.angle) > 0.0).all()
-
-
-def test_a_frame_with_too_few_points_is_an_outcome_and_bad_options_are_refused():
-    points = grid(step=10.0)
-    place, _ = barrel(points, 0.5e-3)
-    outcome = np.zeros((2, len(points)), dtype=np.int64)
-    outcome[1, 5:] = PointOutcome.OUT_OF_VIEW
-    surface = history(points, np.array([place, place]), outcome=outcome)
-    found = axisymmetry(surface, points, subset=SUBSET)
-    assert found.outcome.tolist() == [FrameOutcome.VALID, FrameOutcome.LOST]
-    assert np.isnan(found.shift[1])
-    assert np.isfinite(found.shift[0])
-    for options in ({"degree": 30}, {"bins": 1}, {"subset": 0.0}):
-        with pytest.raises(ValueError, match=r"must be"):
-            axisymmetry(surface, points, **({"subset": SUBSET} | options))

@@ -6,10 +6,18 @@ import pytest
 from boards import LENS, MATRIX, averaged, cylinder, dots, flat, pixels, pose
 
 from dic import Camera
-from dic.calibration import TARGETS, TargetNotFound, detect
 from dic.calibration.bundle import View, centroids, project_points
 from dic.calibration.dots import noise_level
-from dic.calibration.targets import AsymmetricDots, Charuco, Chessboard, DottedCylinder, FiducialDots
+from dic.calibration.targets import (
+    TARGETS,
+    AsymmetricDots,
+    Charuco,
+    Chessboard,
+    DottedCylinder,
+    FiducialDots,
+    TargetNotFound,
+)
+from dic.calibration.views import detect
 
 HOLLOW = ((2, 2), (7, 2), (2, 5))
 GRID = FiducialDots(columns=10, rows=8, pitch=1.2e-3, diameter=0.6e-3, hollow=HOLLOW, hole=0.28e-3)

@@ -4,12 +4,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from speckle_pictures import render, speckle_pattern
 
 from dic.correlation import Correlation
 from dic.correlation.subsets import apply, identity
 from dic.images import PictureError
 from dic.outcome import FrameOutcome, PointOutcome
-from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import Track, Tracking, track
 
 SHAPE = (110, 120)

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
+from speckle_pictures import render, speckle_pattern
 
 from dic.correlation import Correlation, Noise
 from dic.correlation.subsets import identity
 from dic.images import PictureError
 from dic.outcome import FrameOutcome
-from dic.synthetic.speckles import render, speckle_pattern
 from dic.tracking import Tracking, _compose_points, enlarged_subset
 from dic.tracking.frame_match import (
     Neighbours,

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from speckle_pictures import render, speckle_pattern
 
 from dic.bodies.axial_displacement import AxialDisplacement
 from dic.bodies.region import Region, carry_region
@@ -15,7 +16,6 @@ from dic.chain.inputs import ChainError
 from dic.chain.remarks import fastest_share, of_travel, uneven_steps
 from dic.images.health import frame_health
 from dic.outcome import FrameOutcome
-from dic.synthetic.speckles import render, speckle_pattern
 
 SPEED, FRAME, STATIC = 2.5, 1e-5, 6
 

@@ -7,8 +7,8 @@ import pytest
 from test_dic_calibration import CHESS, SIZE, sightings, true_poses
 from test_dic_pair_order import TEXT
 
-import dic.calibration
-from dic.calibration import calibrate
+import dic.calibration.views
+from dic.calibration.solve import calibrate
 from dic.calibration.views import PairOutcome
 from dic.images import PictureError
 from dic.images.series import PicturesInMemory, PictureSizeError
@@ -63,7 +63,7 @@ def test_pictures_without_a_partner_are_named(tmp_path, monkeypatch):
         "_series",
         lambda toml, name, pattern: SimpleNamespace(n_frames=len(numbers[name]), numbers=numbers[name]),
     )
-    monkeypatch.setattr(dic.calibration, "detection_begun", lambda *given: pytest.fail("not reached"))
+    monkeypatch.setattr(dic.calibration.views, "detection_begun", lambda *given: pytest.fail("not reached"))
     with pytest.raises(InputError, match="camera 1 has none numbered 0"):
         calibration.calibration_of(toml, section, lambda *told: None)
     numbers["camera_1"] = (10, 11, 12)

@@ -7,8 +7,7 @@ from stereo_scene import CYLINDER, DISTANCE, FOCAL, SHAPE, grid, pictures, rig
 
 from dic.camera import Camera, StereoRig
 from dic.correlation.subsets import identity
-from dic.stereo import StereoSearch
-from dic.stereo.epipolar_search import distance_along, ideal_box, search, subsets, visible_piece
+from dic.stereo.epipolar_search import StereoSearch, distance_along, ideal_box, search, subsets, visible_piece
 from dic.stereo.geometry import directions
 
 LIMITS = (0.015, 6.0)

@@ -66,7 +66,7 @@ def test_the_page_lists_what_no_entry_point_reaches() -> None:
 def test_every_part_has_an_example() -> None:
     used = {i.target for block in BLOCKS for i in imports_of(block, "page")}
     without = [name for name in LISTED if not any(name in enclosing(target) for target in used)]
-    assert without == ["explicit.adjoint.perturbed_runs"]  # what `jacobian` and `gradient` hand over
+    assert not without, f"without an example on docs/python_only.md: {', '.join(without)}"
 
 
 def unused_names() -> list[str]:
@@ -126,11 +126,8 @@ def test_the_examples_give_the_answers_they_were_made_with(run: dict) -> None:
     assert run["slopes"].stiffness_factor == pytest.approx(float(force @ difference), rel=1e-4)
     assert run["by_stiffness"].derivative.force_transmission.shape == (1, 10)
     assert run["by_stiffness"].study.smooth.all()
-    assert run["solid"].poisson == pytest.approx((6e6 - 4e4) / (12e6 + 4e4))
-    assert run["stress"].sum() == pytest.approx(0.0, abs=1e-9)
     # The force is of first degree in the constants together: its second derivatives take them to 0.
     constants, curvature = run["rubber"].parameters(), run["curvature"]
     assert np.abs(curvature * constants).max() > 1e-3
     assert curvature @ constants == pytest.approx(0.0, abs=1e-6 * np.abs(curvature * constants).max())
-    assert run["picture"].shape == (64, 64)
     assert run["parts"] is not None

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from doe import Box, ResponseSurrogate, full_factorial, sobol
 from doe.surrogates import Kernel, SurrogateError
-from doe.surrogates.quality import Fitness, fitness, held_out, leave_one_out, nested
+from doe.surrogates.quality import Fitness, fitness, nested
 
 FloatArray = NDArray[np.float64]
 BOX = Box(("x", "y"), (0.0, 1.0), (2.0, 3.0))
@@ -21,34 +21,6 @@ def response(points: FloatArray) -> FloatArray:
 
 def fit(x: FloatArray, y: FloatArray) -> ResponseSurrogate:
     return ResponseSurrogate.fit(BOX, x, y, scale=SIGMA, kernels=CUBIC, variance=1.0)
-
-
-def test_held_out_errors_by_hand() -> None:
-    points, others = sobol(BOX, 16, rng=1).points, sobol(BOX, 8, rng=2).points
-    surrogate = fit(points, response(points))
-    errors = held_out(surrogate, others, response(others), SIGMA)
-    residuals = response(others) - surrogate.predict(others)
-    np.testing.assert_array_equal(errors.residuals, residuals)
-    np.testing.assert_allclose(errors.rms**2, (residuals**2).sum(axis=0) / 8)
-    np.testing.assert_array_equal(errors.largest, np.abs(residuals).max(axis=0))
-    np.testing.assert_allclose(errors.share_of_noise * SIGMA, errors.rms)
-    assert errors.overall == pytest.approx(np.sqrt(((residuals / SIGMA) ** 2).sum() / residuals.size))
-    run, entry = errors.worst()
-    assert abs(residuals[run, entry]) / SIGMA[entry] == (np.abs(residuals) / SIGMA).max()
-    # The response starts at zero whatever the parameters are; round-off of the components is left.
-    assert errors.rms[0] < 1e-14
-    with pytest.raises(ValueError, match="held-out run 3 built the surrogate"):
-        held_out(surrogate, np.concatenate([others[:3], points[:1]]), response(others[:4]), SIGMA)
-    with pytest.raises(ValueError, match=r"sigma must be finite and > 0, got 0\.0 for entry 2"):
-        leave_one_out(surrogate, np.where(np.arange(25) == 2, 0.0, 1.0))
-
-
-def test_leave_one_out_errors_are_those_of_the_surrogate() -> None:
-    points = sobol(BOX, 16, rng=1).points
-    surrogate = fit(points, response(points))
-    errors = leave_one_out(surrogate, SIGMA)
-    np.testing.assert_array_equal(errors.residuals, surrogate.loo_residuals)
-    assert errors.overall == pytest.approx(surrogate.loo_rms, rel=1e-12)
 
 
 def test_beginnings_of_the_order_are_spread() -> None:

@@ -1,5 +1,7 @@
 """Radial basis functions: leave-one-out against refits, exactness on polynomials, order of convergence."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -102,18 +104,19 @@ def test_error_converges_with_the_order_of_the_spline() -> None:
 @pytest.mark.parametrize("n", [7, 9, 12])
 def test_nine_runs_are_plenty_for_a_smooth_response(n: int) -> None:
     u, x = np.linspace(0.0, 1.0, n)[:, None], np.linspace(0.0, 1.0, 301)[:, None]
-    fit, candidates = choose_kernel(u, np.sqrt(0.75 + 0.5 * u), DEFAULT_KERNELS)
+    fit = choose_kernel(u, np.sqrt(0.75 + 0.5 * u), DEFAULT_KERNELS)
     # sqrt(m) over m in [0.75, 1.25]: what a wave speed does with a stiffness. 1e-5 of its size.
     assert np.abs(fit.predict(x) - np.sqrt(0.75 + 0.5 * x)).max() < 1e-5
-    assert len(candidates) == len(DEFAULT_KERNELS)
-    best = min((c for c in candidates if not c.refused), key=lambda c: c.loo_rms)
-    assert best.kernel == fit.kernel
-    assert best.loo_rms == fit.loo_rms
+    others = []
+    for kernel in DEFAULT_KERNELS:
+        with suppress(SurrogateError):
+            others.append(RadialBasis.fit(u, np.sqrt(0.75 + 0.5 * u), kernel).loo_rms)
+    assert fit.loo_rms == min(others)
 
 
 def test_rough_data_choose_a_rough_kernel() -> None:
     u = np.linspace(0.0, 1.0, 11)[:, None]
-    fit, _ = choose_kernel(u, np.abs(u - 0.47), DEFAULT_KERNELS)
+    fit = choose_kernel(u, np.abs(u - 0.47), DEFAULT_KERNELS)
     # Smooth kernels ring at a kink; the leave-one-out error must see it.
     assert fit.kernel.name in ("thin_plate_spline", "cubic")
 

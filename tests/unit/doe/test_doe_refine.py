@@ -82,7 +82,7 @@ def test_it_is_reproducible() -> None:
 
 
 def test_new_runs_are_apart_and_in_the_region() -> None:
-    found = refined(batch=5)
+    found = refined()
     for each in found.rounds:
         assert BOX.contains(each.points).all()
         u = BOX.unit(each.points)
@@ -131,7 +131,7 @@ def test_a_rough_function_keeps_its_region_wide() -> None:
 
 def test_what_is_refused() -> None:
     with pytest.raises(ValueError, match="must be at least 1, got 0"):
-        refined(batch=0)
+        refined(max_rounds=0)
     cut = refined(max_rounds=1)
     assert not cut.converged
     assert "rounds were used up" in cut.ended

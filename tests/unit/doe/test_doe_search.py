@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from doe import Box, SearchOutcome, from_points, full_factorial, multi_start, nelder_mead
+from doe import Box, SearchOutcome, nelder_mead
 
 FloatArray = NDArray[np.float64]
 BOX = Box(("x", "y"), (-2.0, -1.0), (2.0, 3.0))
@@ -105,38 +105,12 @@ def test_running_out_of_evaluations_is_said(limit: int) -> None:
     assert result.value == result.trace_values.min()
 
 
-def test_multi_start_reports_disagreement() -> None:
-    # x^4 - 2 x^2 + 0.1 x: minima near -1 (the deeper) and +1; roots of 4 x^3 - 4 x + 0.1.
-    box = Box(("x",), (-2.0,), (2.0,))
-    minima = np.sort(np.roots([4.0, 0.0, -4.0, 0.1]).real)[[0, 2]]
-    search = multi_start(
-        lambda p: float(np.polyval([1, 0, -2, 0.1, 0], p[0])), full_factorial(box, 7), n_starts=4
-    )
-    # Starts: +-2/3 and +-4/3, two in each valley.
-    ends = np.array([result.x[0] for result in search.results])
-    # 10 tolerances of 1e-6 times the edge 4.
-    np.testing.assert_allclose(np.sort(ends), np.repeat(minima, 2), atol=4e-5)
-    assert search.best.x[0] == pytest.approx(minima[0], abs=4e-5)
-    assert not search.agree
-    assert len(search.disagreeing) == 2
-    np.testing.assert_allclose(search.distances[2:], (minima[1] - minima[0]) / 4.0, atol=2e-5)
-    assert np.all(np.diff(search.excesses) >= 0.0)
-
-
-def test_multi_start_agrees_on_one_minimum() -> None:
-    search = multi_start(rosenbrock, full_factorial(BOX, 4), n_starts=3)
-    assert search.agree
-    assert len(search.results) == 3
-
-
 def test_not_a_number_is_refused_with_the_point() -> None:
     def broken(p: FloatArray) -> float:
         return float("nan") if p[0] > 0.5 else rosenbrock(p)
 
     with pytest.raises(ValueError, match=r"the function is nan at x = .*, y = .*; it must be finite"):
         nelder_mead(broken, BOX)
-    with pytest.raises(ValueError, match="the function is nan at x = 1, y = 1;"):
-        multi_start(broken, from_points(BOX, [[0.0, 0.0], [1.0, 1.0]]), n_starts=1)
 
 
 def test_refusals() -> None:
@@ -148,5 +122,3 @@ def test_refusals() -> None:
         nelder_mead(rosenbrock, BOX, tolerance=0.0)
     with pytest.raises(ValueError, match="max_evaluations must be at least 3"):
         nelder_mead(rosenbrock, BOX, max_evaluations=2)
-    with pytest.raises(ValueError, match=r"n_starts must be in \[1, 4\]"):
-        multi_start(rosenbrock, full_factorial(BOX, 2), n_starts=5)

@@ -81,8 +81,6 @@ def test_leave_one_out_of_the_response_is_the_refit() -> None:
         residual = values[i] - other.predict(points[i : i + 1], extrapolate=True)[0]
         # All components kept, so that the basis does not matter; round-off of the solve, in units of scale.
         np.testing.assert_allclose(surrogate.loo_residuals[i] / SCALE, residual / SCALE, atol=1e-9)
-    rms = np.sqrt(np.mean(surrogate.loo_residuals**2, axis=0))
-    assert np.array_equal(surrogate.loo_rms_entries, rms)
     assert surrogate.loo_rms == pytest.approx(
         np.sqrt(np.mean((surrogate.loo_residuals / SCALE) ** 2)), rel=1e-12
     )
@@ -105,18 +103,12 @@ def test_leave_one_out_contains_what_truncation_lost() -> None:
     assert np.abs(kept - values).max() > 1e-2  # something was lost
 
 
-@pytest.mark.parametrize("truncation", [10.0, 0.1, 1e-3])
-def test_truncation_error_is_honest(truncation: float) -> None:
+def test_truncation_error_is_honest() -> None:
     values = response(sobol(BOX, 16, rng=3).points)
-    reduced = PrincipalComponents.fit(values, scale=SCALE, truncation=truncation)
+    reduced = PrincipalComponents.fit(values, scale=SCALE, variance=0.999)
     error = values - reduced.expand(reduced.scores(values))
     np.testing.assert_allclose(reduced.truncation / SCALE, error / SCALE, atol=1e-11)  # round-off of O(100)
     np.testing.assert_allclose(reduced.truncation_error, np.abs(error).max(axis=0), atol=1e-11)
-    assert np.all(reduced.truncation_error <= truncation * SCALE * (1.0 + 1e-9))
-    # One component fewer would not have done.
-    q = reduced.n_components - 1
-    fewer = ((values - values.mean(axis=0)) / SCALE) @ (np.eye(80) - reduced.basis[:q].T @ reduced.basis[:q])
-    assert np.abs(fewer).max() > truncation
 
 
 @pytest.mark.parametrize("variance", [0.9, 0.999, 1.0 - 1e-8])
@@ -187,10 +179,6 @@ def test_refusals() -> None:
         ResponseSurrogate.fit(BOX, points, values, scale=np.append(SCALE[:-1], 0.0))
     with pytest.raises(ValueError, match=r"variance must be in \(0, 1\], got 1.1"):
         ResponseSurrogate.fit(BOX, points, values, variance=1.1)
-    with pytest.raises(ValueError, match="truncation must be finite and >= 0"):
-        ResponseSurrogate.fit(BOX, points, values, truncation=-1.0)
-    with pytest.raises(SurrogateError, match="that is round-off; raise truncation"):
-        ResponseSurrogate.fit(BOX, points, values, truncation=0.0)
     with pytest.raises(SurrogateError, match="at least 4 runs"):
         ResponseSurrogate.fit(BOX, points[:3], values[:3])
 

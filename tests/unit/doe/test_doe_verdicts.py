@@ -9,9 +9,7 @@ from doe.uncertainty import (
     Channel,
     Likelihood,
     VerdictKind,
-    gauss_newton,
     profile_likelihoods,
-    sandwich,
     verdicts,
 )
 from doe.uncertainty.profile import LEVEL
@@ -54,20 +52,3 @@ def test_correlation_widens_an_interval_by_its_root(correlation: float) -> None:
     assert high is not None
     # sigma = 0.1 x inflation
     assert high - low == pytest.approx(2.0 * 1.959963984540054 * np.sqrt(correlation) * 0.2, rel=1e-5)
-
-
-def test_gauss_newton_divides_by_the_degrees_of_freedom() -> None:
-    # Two numbers from five data: s^2 = 12 / (5 - 2) = 4; the columns are orthogonal.
-    J = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 2.0], [0.0, 0.0], [0.0, 0.0]])
-    residual = np.array([2.0, -2.0, 0.0, 2.0, 0.0])
-    np.testing.assert_allclose(gauss_newton(J, residual), np.diag([2.0, 1.0]), atol=1e-15)
-    np.testing.assert_allclose(gauss_newton(J, residual, scaled=False), np.diag([0.5, 0.25]), atol=1e-15)
-
-
-def test_sandwich_by_hand() -> None:
-    # The mean of ten data in five blocks of two: sums of 2 and -2 over ten, times 5 / 4.
-    residual = np.array([1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0])
-    found = sandwich(np.ones((10, 1)), residual, block=2)[0, 0]
-    assert found == pytest.approx(5 * 0.04 * 5.0 / 4.0, rel=1e-12)
-    with pytest.raises(ValueError, match="more than 4 are needed"):
-        sandwich(np.ones((8, 1)), residual[:8], block=2)

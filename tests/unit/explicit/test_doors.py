@@ -7,8 +7,10 @@ fit.
 
 import importlib.util
 import inspect
+import re
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -25,74 +27,21 @@ from explicit import Response, Samples
 from explicit.contact import CONTACT_LAWS
 from explicit.elements import ELEMENTS
 from explicit.materials import LAWS
+from explicit.materials.families import InvariantLaw
+from explicit.materials.laws.mooney_rivlin import MooneyRivlin
 from explicit.precision import PRECISIONS
+from kolsky.bodies.specimen_constants import constants_of
 from kolsky.material.fits.compare import candidates
 from kolsky.material.fits.fit import fit_law
 from kolsky.material.fits.homogeneous import Mode, incompressible_stress
 from kolsky.material.fits.homogeneous_test import HomogeneousTest
 from kolsky.schema.material import LawSection
 
-KNOWLES = '''
-"""Power law in I1_bar (Knowles 1977)."""
-
-from dataclasses import dataclass
-from typing import ClassVar
-
-import numpy as np
-import warp as wp
-
-from explicit.materials.families import InvariantLaw
-from explicit.materials.law import ParameterSpec
-
-
-@dataclass(frozen=True)
-class Knowles(InvariantLaw):
-    """W = mu / (2 b) ((1 + b (I1_bar - 3) / n)^n - 1)."""
-
-    NAME: ClassVar[str] = "knowles"
-    PARAMETERS: ClassVar[tuple[ParameterSpec, ...]] = (
-        ParameterSpec("mu", "Pa", 0.0, np.inf, 25e3, "shear modulus at rest", strict=True),
-        ParameterSpec("b", "1", 1e-3, np.inf, 0.5, "factor of I1_bar - 3", strict=True),
-        ParameterSpec("n", "1", 0.5, np.inf, 1.4, "exponent", strict=True),
-    )
-
-    mu: float
-    b: float
-    n: float
-
-    def W(self, I1, I2):
-        return np.asarray(self.mu / (2.0 * self.b) * (self._base(I1) ** self.n - 1.0))
-
-    def dW_dI(self, I1, I2):
-        return np.asarray(0.5 * self.mu * self._base(I1) ** (self.n - 1.0)), np.zeros(np.shape(I1))
-
-    def d2W_dI2(self, I1, I2):
-        curvature = 0.5 * self.mu * self.b * (self.n - 1.0) / self.n * self._base(I1) ** (self.n - 2.0)
-        return np.asarray(curvature), np.zeros(np.shape(I1)), np.zeros(np.shape(I1))
-
-    def _base(self, I1):
-        return 1.0 + self.b * (np.asarray(I1) - 3.0) / self.n
-
-    @staticmethod
-    def invariant_functions(precision):
-        real = precision.real
-        zero, half, one, two = real(0.0), real(0.5), real(1.0), real(2.0)
-
-        @wp.func
-        def slopes(x: real, y: real, row: wp.array(dtype=real)):
-            return half * row[0] * wp.pow(one + row[1] * x / row[2], row[2] - one), zero
-
-        @wp.func
-        def curvatures(x: real, y: real, row: wp.array(dtype=real)):
-            factor = half * row[0] * row[1] * (row[2] - one) / row[2]
-            return factor * wp.pow(one + row[1] * x / row[2], row[2] - two), zero, zero
-
-        @wp.func
-        def energy(x: real, y: real, row: wp.array(dtype=real)):
-            return row[0] / (two * row[1]) * (wp.pow(one + row[1] * x / row[2], row[2]) - one)
-
-        return slopes, curvatures, energy
-'''
+DOCS = Path(__file__).parents[3] / "docs"
+(KNOWLES,) = re.findall(
+    r"^```python\n(.*?)^```$", (DOCS / "tour.md").read_text("utf-8"), re.DOTALL | re.MULTILINE
+)
+"""The law that the tour writes out."""
 TACKY = '''
 """Tacky: sticks while pressed, pulls up to a stress, and sticks again when pressed again."""
 
@@ -140,7 +89,7 @@ class Twin(FBar):
 '''
 
 
-TABLES = Path(__file__).parents[3] / "docs" / "_ext" / "made_tables.py"
+TABLES = DOCS / "_ext" / "made_tables.py"
 
 
 def module_of(source: str, folder: Path, name: str, *, write: bool = True) -> ModuleType:
@@ -198,6 +147,22 @@ def test_a_contact_law_gets_the_battery(members: Any, check: Callable[..., None]
     check(members[1].name)
 
 
+def test_the_second_invariant_is_found_in_the_law() -> None:
+    """A law does not say that it depends on I2_bar: its kernels follow from its energy."""
+    both = {
+        name for name, law in LAWS.items() if issubclass(law, InvariantLaw) and law.uses_second_invariant()
+    }
+    assert both == {"mooney_rivlin", "polynomial", "veronda_westmann"}
+
+    class Dormant(MooneyRivlin):
+        """Its example has no share of I2_bar."""
+
+        PARAMETERS = tuple(replace(s, example=0.0) if s.name != "C10" else s for s in MooneyRivlin.PARAMETERS)
+
+    assert Dormant.example().constants()[1] == 0.0
+    assert Dormant.uses_second_invariant()
+
+
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("mapping", ["simulation", "worker", None])
 def test_its_warp_functions_are_its_twin(
@@ -249,6 +214,15 @@ def test_a_fit_finds_the_constants_of_a_new_law(members: Any) -> None:
     (candidate,) = candidates(["knowles"])
     found = fit_law(candidate.law, [HomogeneousTest("exact", Mode.UNIAXIAL, stretch, stress)])
     np.testing.assert_allclose(list(found.values.values()), law.constants(), rtol=1e-4)  # of an exact curve
+
+
+def test_a_name_means_the_same_constants_in_every_command(members: Any) -> None:
+    """Fits, specimens and actuators take the constants of [law]; a body has Poisson's ratio too."""
+    for name, law in LAWS.items():
+        (candidate,) = candidates([name])
+        assert (candidate.law, dict(candidate.held)) == (law, {})
+        names = [spec.name for spec in law.PARAMETERS]
+        assert [spec.name for spec in constants_of(name)] == [*names, "poisson"]
 
 
 def test_a_shot_may_name_a_new_law(members: Any) -> None:

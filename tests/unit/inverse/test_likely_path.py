@@ -87,8 +87,8 @@ class Onset(MadeUp):
     def know_front_noise(self, modes: np.ndarray, offset: np.ndarray | None = None) -> None:
         self.observations = replace(self.observations, front_noise=modes, front_offset=offset)
 
-    def move_front(self, path: FlyerPath, moved: float) -> None:
-        self.prepared.path, self.front_moved = path, moved
+    def move_front(self, path: FlyerPath) -> None:
+        self.prepared.path = path
 
     follow = StagedRuns.follow
 
@@ -108,7 +108,7 @@ def test_the_path_goes_where_the_data_put_it_and_the_frequency_with_it() -> None
     # A prior of unit variance and a noise that is small beside the rings: what was planted, nearly.
     np.testing.assert_allclose(made.prepared.path.jerk, [4.0, -3.0], rtol=0.1)
     # Two amplitudes whose replicates scatter by nearly one: 4 and 3 have a root mean square of 3.5.
-    assert made.front_moved == pytest.approx(12.5**0.5, rel=0.3)
+    assert made.front.moved == pytest.approx(12.5**0.5, rel=0.3)
     # Its prediction counts as if the path had not moved.
     seen = Objective(made.observations, np.empty(0, dtype=bool)).vectors(made.predicted(TRUTH[None], COARSE))
     np.testing.assert_allclose(seen[0], ringing(TRUTH)[0], atol=1.5)  # of rings of 15

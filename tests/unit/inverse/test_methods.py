@@ -8,8 +8,7 @@ import pytest
 from synthetic import CHECKS, synthetic
 
 from kolsky.base.apparatus import Interface
-from kolsky.inverse.problem import Settings
-from kolsky.inverse.result import AGREEMENT, LEAST_SQUARES, SIMPLEX, Identification, Method, disagreements
+from kolsky.inverse.result import AGREEMENT, PROFILE, SIMPLEX, Identification, Method, disagreements
 from kolsky.report.pages.identification import render
 from kolsky.results.hdf5 import read_identification, write_identification
 from kolsky.results.numbers import NOTHING
@@ -39,9 +38,9 @@ def test_distance_in_half_widths() -> None:
 def test_who_disagrees() -> None:
     near, far = (
         method(SIMPLEX, 1.1 + 0.9 * AGREEMENT * 0.02),
-        method(LEAST_SQUARES, 1.1 - 1.1 * AGREEMENT * 0.02),
+        method(PROFILE, 1.1 - 1.1 * AGREEMENT * 0.02),
     )
-    assert [(m.name, p) for m, p, _ in disagreements([near, far])] == [(LEAST_SQUARES, "stiffness_factor")]
+    assert [(m.name, p) for m, p, _ in disagreements([near, far])] == [(PROFILE, "stiffness_factor")]
     # What is not known agrees with nothing.
     assert len(list(disagreements([method(SIMPLEX, 1.1, half_width=0.0)]))) == 1
 
@@ -54,7 +53,7 @@ def test_a_user_is_told() -> None:
     off = {**values, name: e.value + e.sigma}
     own = Method.compared(SIMPLEX, values, answer=answer, half_width=half, runs=17)
     other = Method.compared(
-        LEAST_SQUARES, off, answer=answer, half_width=half, runs=66, converged=False, ended="it is rough"
+        PROFILE, off, answer=answer, half_width=half, runs=66, converged=False, ended="it is rough"
     )
     result = replace(found, methods=(own, other))
     said = collect_warnings(result, checks=CHECKS, interface=Interface(faces="bonded", side="bonded"))
@@ -64,10 +63,10 @@ def test_a_user_is_told() -> None:
     assert "0.5 of the k = 2 half width" in told[0]
     assert "it is rough" in told[0]
     saved = to_json(result)["methods"]
-    assert [each["name"] for each in saved] == [SIMPLEX, LEAST_SQUARES]
+    assert [each["name"] for each in saved] == [SIMPLEX, PROFILE]
     assert saved[1]["distances"][name] == pytest.approx(0.5)
     assert saved[1]["runs"] == 66
-    assert any(LEAST_SQUARES in row and "not at rest" in text for row, text in details(result).items())
+    assert any(PROFILE in row and "not at rest" in text for row, text in details(result).items())
 
 
 def test_a_method_that_failed_is_said() -> None:
@@ -76,7 +75,7 @@ def test_a_method_that_failed_is_said() -> None:
     half = {p: 2.0 * q.sigma for p, q in found.estimates.items()}
     nothing = dict.fromkeys(values, float("nan"))
     unknown = Method.compared(
-        LEAST_SQUARES, nothing, answer=values, half_width=half, runs=0, converged=False, ended="no run"
+        PROFILE, nothing, answer=values, half_width=half, runs=0, converged=False, ended="no run"
     )
     result = replace(found, methods=(unknown, unknown))
     assert to_json(result)["methods"][0]["values"] == dict.fromkeys(values)
@@ -92,7 +91,7 @@ def page(result: Identification) -> str:
 
 def test_the_report_lists_them() -> None:
     found = synthetic(nodes=False)
-    one = (method(SIMPLEX, 1.115), replace(method(LEAST_SQUARES, 1.09), ended="it is rough"))
+    one = (method(SIMPLEX, 1.115), replace(method(PROFILE, 1.09), ended="it is rough"))
     text = page(replace(found, methods=one))
     assert "Optimum by method" in text
     assert "It is rough" in text
@@ -100,11 +99,6 @@ def test_the_report_lists_them() -> None:
 
 
 def test_the_result_file_keeps_them(tmp_path: Path) -> None:
-    methods = (method(SIMPLEX, 1.115), replace(method(LEAST_SQUARES, 1.09), converged=False, shared_runs=3))
+    methods = (method(SIMPLEX, 1.115), replace(method(PROFILE, 1.09), converged=False, shared_runs=3))
     write_identification(tmp_path / "identification.h5", replace(synthetic(), methods=methods))
     assert read_identification(tmp_path / "identification.h5").methods == methods
-
-
-def test_settings_know_two_choices() -> None:
-    with pytest.raises(ValueError, match='methods must be "surrogate" or "all"'):
-        Settings(methods="some")  # type: ignore[arg-type]

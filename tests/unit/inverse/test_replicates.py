@@ -11,6 +11,7 @@ from kolsky.inverse import staged_runs
 from kolsky.inverse.problem import Settings
 from kolsky.inverse.run_table import Replicates
 from kolsky.inverse.staged_runs import StagedRuns
+from kolsky.inverse.work import Work
 
 
 class Shot:
@@ -34,7 +35,7 @@ class Shot:
 def replicated(shot: Any, monkeypatch: pytest.MonkeyPatch, *, lesson: bool) -> Replicates:
     monkeypatch.setattr(staged_runs, "predict", lambda rows, observations: rows)
     box = Box.of({"stiffness_factor": (0.5, 2.0)})
-    stages = StagedRuns(shot, Settings(replicates=3), box, lambda stage, done, total: None)
+    stages = StagedRuns(shot, Settings(replicates=3), box, Work())
     asked = stages.replicate(np.array([1.1]), lesson=lesson)
     found = asked()
     assert stages.replicates is found
@@ -75,7 +76,7 @@ def test_they_depend_on_what_was_when_they_were_asked_for(monkeypatch: pytest.Mo
     first, later = Shot(), Shot()
     monkeypatch.setattr(staged_runs, "predict", lambda rows, observations: rows)
     box = Box.of({"stiffness_factor": (0.5, 2.0)})
-    stages = StagedRuns(first, Settings(replicates=3), box, lambda stage, done, total: None)  # type: ignore[arg-type]
+    stages = StagedRuns(first, Settings(replicates=3), box, Work())  # type: ignore[arg-type]
     assert stages.replicates is None
     asked = stages.replicate(np.array([1.1]))
     assert first.motion.size == 0  # put off

@@ -27,6 +27,7 @@ from kolsky.inverse.run_table import RunTable
 from kolsky.inverse.staged_runs import StagedRuns
 from kolsky.inverse.surrogate_mesh_search import MeshOptimum, search_meshes, starts
 from kolsky.inverse.valleys import from_search, search_box, to_search
+from kolsky.inverse.work import Work
 
 BOX = Box.of({"stiffness_factor": (0.75, 1.5), "poisson": (0.49, 0.4999)})
 COARSE, FINE = (16, 22), (64, 86)
@@ -221,7 +222,7 @@ def test_a_run_confirms_when_no_step_is_longer_than_a_fifth_of_sigma() -> None:
 
 def test_a_mesh_in_step_with_another_is_run_at_shifted_points() -> None:
     prepared: Any = SimpleNamespace(observations=None)
-    stages = StagedRuns(prepared, Settings(), BOX, lambda *told: None)
+    stages = StagedRuns(prepared, Settings(), BOX, Work())
     points = np.array([[1.0, 0.4998], [1.1, 0.499]])
     np.testing.assert_array_equal(stages.solver_values(points, (24, 32)), points)
     stages._coarse = [(points, None)]  # type: ignore[list-item]

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from coupled_parts import couple
 from shot_folders import shot_in
 from typer.testing import CliRunner
 
 import explicit
 import kolsky
-from explicit.bars import Section, couple, elastic_bar
+from explicit.bars import Section, elastic_bar
 from kolsky.base.apparatus import Bar, ElasticBody
 from kolsky.base.errors import InputError
 from kolsky.cli.commandline import app
@@ -89,7 +90,7 @@ def test_a_meshed_bar_is_the_characteristic_one_where_waves_are_long(shot: Shot)
 
 
 def test_elastic_parts_are_those_of_the_full_model(shot: Shot) -> None:
-    """Against `explicit.bars.couple`, which marches the parts in time in every pass."""
+    """Against `coupled_parts.couple`, which marches the parts in time in every pass."""
     parts = (replace(PLATEN, diameter=9.5e-3), replace(SOFT, length=0.2))
     body = ElasticBody("mesh", parts, element_size=5e-3, transducer_depth=14e-3)
     prepared, found = run(replace(shot, support="mesh", transmission_bar=BAR, behind=body, incident=None))

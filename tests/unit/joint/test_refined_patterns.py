@@ -136,7 +136,7 @@ def test_patterns_with_which_the_search_does_not_rest_are_put_back(
     def scattered(problem: Any, found: Optimum) -> Optimum:
         return replace(found, confirmed=anew if problem.stack is stacks["anew"] else old)
 
-    monkeypatch.setattr(joint_search, "with_patterns_anew", with_patterns)
+    monkeypatch.setattr(joint_search, "with_refined_patterns", with_patterns)
     monkeypatch.setattr(joint_search, "with_scatter", scattered)
     said: list[str] = []
     found = joint_search.with_patterns_and_scatter(made, before, said)  # type: ignore[arg-type]

@@ -5,13 +5,17 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import numpy as np
+import openpyxl
 import pytest
+from scipy.io import savemat
 from shot_folders import OPEN_01
 from typer.testing import CliRunner
 
 from kolsky.base.errors import InputError
 from kolsky.cli import app
+from kolsky.readers import text
 from kolsky.readers.table import PLAIN, Column, detect_layout, layout_in_words, read_table
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import ForceChannel
@@ -126,3 +130,64 @@ def test_units_below_the_header_are_no_data(tmp_path: Path) -> None:
     )
     assert table.first_line == 3
     assert layout_in_words(path) == "semicolons, decimal commas, units in line 2"
+
+
+@pytest.mark.parametrize(
+    "delimiter",
+    [*text.DELIMITERS, text.Delimiter("pipe", "|", "pipes")],
+    ids=lambda d: d.name,
+)
+def test_a_delimiter_is_one_line_of_the_registry(
+    delimiter: text.Delimiter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A table with it is found by `channels` and `check`, and a wrong column is refused by name."""
+    if delimiter not in text.DELIMITERS:
+        monkeypatch.setattr(text, "DELIMITERS", (*text.DELIMITERS, delimiter))
+    shutil.copytree(OPEN_01, tmp_path / "shot", ignore=shutil.ignore_patterns("results"))
+    table = tmp_path / "shot" / "frames.csv"
+    with table.open(encoding="utf-8", newline="") as file:
+        names, *rows = csv.reader(file)
+    bare = [[name.split(" ")[0] for name in names], *rows]
+    toml = tmp_path / "shot" / "shot.toml"
+    above, header, frames = toml.read_text("utf-8").partition("\n[frames]")
+    for name, plain in zip(names, bare[0], strict=True):
+        frames = frames.replace(f'"{name}"', f'"{plain}"', 1)
+    table.write_text("\n".join(delimiter.character.join(row) for row in bare), "utf-8")
+    channels = CliRunner().invoke(app, ["channels", str(table), "--json"])
+    assert channels.exit_code == 0, channels.output
+    assert f'"delimiter": "{delimiter.name}"' in channels.output
+    found = layout_in_words(table)
+    assert found == "" if delimiter == text.COMMA else found.startswith(delimiter.plural)
+    with pytest.raises(InputError, match=f"separated by {delimiter.plural}"):
+        read_table(table).values(Column("absent"))
+    toml.write_text(above + header + frames, "utf-8")
+    checked = CliRunner().invoke(app, ["check", str(tmp_path / "shot")])
+    assert checked.exit_code == 0, checked.output
+    assert delimiter.plural in checked.output or delimiter == text.COMMA
+
+
+@pytest.mark.parametrize("name", ["frames.csv", "quasi_static.csv"])
+@pytest.mark.parametrize("ending", [".xlsx", ".mat", ".h5"])
+def test_a_workbook_or_arrays_stand_for_a_text(name: str, ending: str, tmp_path: Path) -> None:
+    """The same numbers to the last bit, by the same door."""
+    there = read_table(OPEN_01 / name)
+    plain = {f"c{i}": there.values(Column(column)) for i, column in enumerate(there.header)}
+    path = tmp_path / f"table{ending}"
+    if ending == ".xlsx":
+        book = openpyxl.Workbook()
+        assert book.active is not None
+        for row in ([*plain], *zip(*(x.tolist() for x in plain.values()), strict=True)):
+            book.active.append(row)
+        book.save(path)
+    elif ending == ".mat":
+        savemat(path, plain)
+    else:
+        with h5py.File(path, "w") as file:
+            for key, values in plain.items():
+                file[key] = values
+    here = read_table(path)
+    assert len(here.header) == len(plain)
+    for key, values in plain.items():
+        np.testing.assert_array_equal(here.values(Column(f"/{key}" if ending == ".h5" else key)), values)
+    with pytest.raises(InputError, match="'absent' is missing"):
+        here.values(Column("absent"))

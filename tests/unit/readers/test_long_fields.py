@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from kolsky.base.toml import key_lines as toml_lines
 from kolsky.base.units import UnitError, quantity, unit_factor
 from kolsky.readers.header import _number, key_lines, split_unit
-from kolsky.schema.shot_file import key_lines as toml_lines
 from kolsky.survey.tables import unit_in
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="needs an alarm of POSIX")

@@ -14,34 +14,31 @@ from dic.images import PictureError, open_pictures, tiff
 from kolsky.base import hdf5
 from kolsky.base.errors import InputError
 from kolsky.base.hdf5 import Format, reading, take
-from kolsky.readers import delimited, excel
+from kolsky.base.toml import DEEPEST, LONGEST_LINE, parse_toml
+from kolsky.readers import contents, delimited, excel
+from kolsky.readers.child import mat
 from kolsky.readers.contents import LARGEST_SAMPLE, Layout
-from kolsky.readers.matlab import DamagedError, variables
 from kolsky.readers.meshes import read_gmsh
 from kolsky.readers.recordings import list_channels, read_recordings
-from kolsky.schema.shot_file import DEEPEST, LONGEST_LINE, parse_toml
 
 
 def test_variables_share_one_limit(tmp_path: Path) -> None:
-    """Two variables of 800 bytes fit into 1700 bytes, not into 1500, packed or not."""
+    """Two variables of 800 bytes fit into 1600 bytes, not into 1500, packed or not."""
     for packed in (False, True):
-        savemat(tmp_path / "a.mat", {"a": np.ones(100), "b": np.ones(100)}, do_compression=packed)
-        data = (tmp_path / "a.mat").read_bytes()
-        assert [one.name for one in variables(data, 1760)] == ["a", "b"]
-        with pytest.raises(DamagedError, match=r"more than|larger than"):
-            list(variables(data, 1500))
+        path = str(tmp_path / "a.mat")
+        savemat(path, {"a": np.ones(100), "b": np.ones(100)}, do_compression=packed)
+        assert mat(path, str(tmp_path / "a.npz"), 1600) == [("a", "number"), ("b", "number")]
+        with pytest.raises(ValueError, match="more than"):
+            mat(path, str(tmp_path / "a.npz"), 1500)
 
 
-def test_numbers_stored_in_a_byte_count_as_what_they_become(tmp_path: Path) -> None:
-    """MATLAB keeps 100 whole doubles in 100 bytes; they are 800 in memory."""
+def test_a_file_that_ends_its_reader_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A library that dies in the child ends no process but that."""
     savemat(tmp_path / "a.mat", {"a": np.ones(100)})
-    data = bytearray((tmp_path / "a.mat").read_bytes())
-    place = data.rindex(struct.pack("<II", 9, 800))
-    small = data[:place] + struct.pack("<II", 2, 100) + bytes(100) + bytes(4)
-    struct.pack_into("<I", small, 132, len(small) - 136)
-    assert next(variables(bytes(small), 800)).values is not None
-    with pytest.raises(DamagedError, match="larger than"):
-        list(variables(bytes(small), 799))
+    (tmp_path / "child.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n")
+    monkeypatch.setattr(contents, "__file__", str(tmp_path / "contents.py"))
+    with pytest.raises(InputError, match=r"its reader ended with code -11"):
+        list_channels(tmp_path / "a.mat")
 
 
 def _tiff(path: Path, strip: bytes) -> Path:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from figure_overlaps import overlaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from test_rates_report import five
@@ -14,7 +15,7 @@ from wavesmaker import made_result
 from kolsky.prediction.predict import predict, read_test
 from kolsky.report.canvas import build
 from kolsky.report.figures import PREDICTIONS, RATES, SWEEPS, WAVES
-from kolsky.report.free_labels import free_legends, overlaps
+from kolsky.report.free_labels import free_legends
 from kolsky.studies.rates.comparison import compare
 
 

@@ -17,7 +17,7 @@ from wavesmaker import made_result
 from dic import PointOutcome, SurfaceHistory
 from kolsky.prediction.predict import predict, read_test
 from kolsky.report.ipython import SHOWN, register_with
-from kolsky.report.notebook import WRITERS, html, to_dataframe, to_xarray
+from kolsky.report.notebook import TABLES, html, to_dataframe, to_xarray
 from kolsky.results.tables import tables
 from kolsky.shot.load import load_shot
 from kolsky.studies.rates.comparison import compare
@@ -181,7 +181,9 @@ def test_any_result_has_its_tables(which: str, tmp_path: Path) -> None:
 
 
 def test_the_types_that_have_tables_are_there() -> None:
-    for name, writer in WRITERS.items():
+    for name, known in TABLES.items():
         module, _, kind = name.rpartition(".")
         assert isinstance(getattr(importlib.import_module(module), kind), type)
-        assert writer.main
+        module, _, function = known.function.rpartition(".")
+        assert callable(getattr(importlib.import_module(module), function))
+        assert known.main

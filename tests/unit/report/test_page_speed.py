@@ -90,7 +90,7 @@ def test_a_result_file_that_cannot_be_written_leaves_nothing(
     def page(folder: Path, *given: object, **options: object) -> None:
         (folder / result_folder.PAGE).write_text("page", encoding="utf-8")
 
-    monkeypatch.setattr(result_folder, "recorded", lambda shot, folder: SimpleNamespace(numbers={}))
+    monkeypatch.setattr(result_folder, "shot_recordings", lambda shot, folder: SimpleNamespace(numbers={}))
     monkeypatch.setattr(result_folder, "write_identify_page", page)
     result_folder.write_identify_results(tmp_path / "good", RESULTS["one"], None, processes=processes)
     assert {"identification.h5", "report.html"} <= {path.name for path in (tmp_path / "good").iterdir()}

@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import pyvista
+from figure_overlaps import overlaps
 from matplotlib.axis import Axis
 from synthetic import EVIL, N_AXIAL, N_RADIAL, RESULTS, synthetic
 
@@ -22,7 +23,6 @@ from kolsky.inverse.result import Identification, Verdict
 from kolsky.report.canvas import build, inline_svg, save_figures
 from kolsky.report.figures import REGISTRY
 from kolsky.report.figures.comparison import cells, chosen_frames
-from kolsky.report.free_labels import overlaps
 from kolsky.report.pages.identification import _flattened, render, write_report
 from kolsky.report.paraview import write_vtu
 from kolsky.results.display import QUALITY, in_display_units, recorded_label

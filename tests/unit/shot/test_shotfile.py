@@ -8,8 +8,8 @@ import pytest
 from pydantic import BaseModel, Field
 
 from kolsky.base.errors import InputError, InputErrors
-from kolsky.base.toml import line_of
-from kolsky.schema.shot_file import key_lines, parse_toml, shot_toml
+from kolsky.base.toml import key_lines, line_of, parse_toml
+from kolsky.schema.shot_file import shot_toml
 
 FILLED = Path(__file__).parents[2] / "data" / "filled_shot.toml"
 """A shot file with every key, optional ones as remarks."""
@@ -305,6 +305,11 @@ def test_lines_of_keys() -> None:
     assert line_of(lines, "t.b.x") == 4
     assert line_of(lines, "t.unknown") == 3
     assert line_of(lines, "unknown") is None
+
+
+def test_what_stands_inside_a_value_is_no_key() -> None:
+    text = 'a = """\nb = 1\n[c]\n"""\nd = [\n  [1, 2],  # ]\n  { e = 3 },\n]\nf = 4\n'
+    assert key_lines(text) == {"a": 1, "d": 5, "f": 9}
 
 
 class OfSeveralKinds(BaseModel):

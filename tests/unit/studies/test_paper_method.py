@@ -108,8 +108,8 @@ def test_the_profile_takes_the_least_over_the_other_parameter() -> None:
     fit = CostSurrogate.fit(box, points, cost)
     x, least = method.profile(fit)
     np.testing.assert_allclose(least, (x - 1.0) ** 2, atol=0.01)  # interpolation between seven levels
-    assert method.friction_told(fit, 0.5)  # at f = 2 the least is 1 above
-    assert not method.friction_told(fit, 1.5)
+    assert method.friction_constrained(fit, 0.5)  # at f = 2 the least is 1 above
+    assert not method.friction_constrained(fit, 1.5)
 
 
 def test_without_an_outline_the_force_alone_counts() -> None:

@@ -12,7 +12,7 @@ import pytest
 from barrecord import classical_shot
 from typer.testing import CliRunner
 
-from doe.sensitivity import LinearData
+from doe.information import LinearData
 from kolsky.cli import app
 from kolsky.inverse.forward import Numerics
 from kolsky.inverse.problem import prepare_shot

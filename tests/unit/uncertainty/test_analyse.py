@@ -121,7 +121,7 @@ def surrogate() -> tuple[CorrectedSurrogate, Objective, Box]:
     objective = Objective(prepared.observations, np.asarray(prediction.inside.all(axis=0)))
     vectors = objective.vectors(prediction)
     model = CorrectedSurrogate(ResponseSurrogate.fit(box, points, vectors, scale=objective.noise))
-    model = model.through(np.array([1.1]), vectors[2]).through(np.array([1.13]), vectors[3])
+    model = model.through(np.array([1.13]), vectors[3], 0.1 * (vectors[3] - vectors[2])[:, None])
     return model, objective.with_discrepancy(vectors[2]), box
 
 

@@ -13,15 +13,17 @@ from kolsky.base.records import CentreLine, ForceHistory
 from kolsky.inverse.objective import Objective
 from kolsky.inverse.observations import observe
 from kolsky.inverse.parameters import PARAMETERS
+from kolsky.shot.inputs import CLOCK, INPUTS
 from kolsky.uncertainty.input_changes import (
     InputDirection,
     InputDirections,
-    MovedInputs,
+    ModelAtOptimum,
     MovedRuns,
     height_follows,
     outline_follows,
+    parameter_step,
+    plain_amount,
 )
-from kolsky.uncertainty.inputs import CLOCK, parameter_step, plain_amount
 
 FloatArray = NDArray[np.float64]
 TIME = np.linspace(0.0, 1e-3, 101)
@@ -57,7 +59,9 @@ def response() -> Any:
 
 def change(key: str, step: float) -> FloatArray:
     one = objective()
-    return MovedInputs(one, one.observations, response()).change(key, step)
+    seen = INPUTS[key].seen
+    assert seen is not None
+    return seen(ModelAtOptimum(one, one.observations, response()), step)
 
 
 MODEL_FORCE = STEEP * (0.05e-3 + 1e-4 * np.arange(10))
@@ -251,8 +255,8 @@ def test_heights_go_with_a_length_that_the_pictures_have_a_part_in() -> None:
     assert height_follows(shot, 1e-3) == pytest.approx(1.5e-6)
     assert height_follows(shot, -1e-3) == pytest.approx(-1.5e-6)
     one = objective()
-    moved = MovedInputs(one, one.observations, response()).heights_with_length(shot, 1e-3)
+    moved = ModelAtOptimum(one, one.observations, response()).heights_with_length(shot, 1e-3)
     np.testing.assert_allclose(moved[10:], 1.5e-6 * TAPER, rtol=1e-6)  # higher, on a wider part of the cone
     np.testing.assert_allclose(moved[:10], 0.0, atol=1e-12)
     shot.length_by_pictures = None
-    assert not MovedInputs(one, one.observations, response()).heights_with_length(shot, 1e-3).any()
+    assert not ModelAtOptimum(one, one.observations, response()).heights_with_length(shot, 1e-3).any()

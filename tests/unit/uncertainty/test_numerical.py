@@ -1,6 +1,5 @@
 """The numerics' part of an answer in closed form."""
 
-import threading
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -9,13 +8,12 @@ import numpy as np
 import pytest
 
 from kolsky.inverse.forward import Numerics
-from kolsky.inverse.work import EarlyRun, Launch
+from kolsky.inverse.work import Launch, Work
 from kolsky.uncertainty import mesh_error
 from kolsky.uncertainty.mesh_error import (
     GradedChange,
     MeshChange,
     mesh_change,
-    mesh_change_beside,
     numerical_parts,
     windows_of,
 )
@@ -167,9 +165,8 @@ def staged(monkeypatch: pytest.MonkeyPatch, lost: str = "", **offset: float) -> 
         settings=SimpleNamespace(numerics=Numerics(), refined_mesh=(64, 86), held={"poisson": 0.49}),
         box=SimpleNamespace(names=("stiffness_factor",)),
         prepared=SimpleNamespace(forward=None),
-        early=None,
         observations=None,
-        seconds={},
+        work=Work(),
         solver_values=lambda points, mesh: points + shifts.get(mesh, np.zeros(1)),
         offsets=shifts,
     )
@@ -203,32 +200,6 @@ def test_changes_are_taken_at_the_answer(monkeypatch: pytest.MonkeyPatch) -> Non
         mesh_change(*staged(monkeypatch, lost="one_point"))
 
 
-def test_a_graded_run_that_is_at_work_is_not_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    usual = mesh_change(*staged(monkeypatch))
-    made: list[list[tuple[int, int]]] = []
-
-    def counted(launches: list[Launch]) -> list[Any]:
-        made.append([launch.numerics.mesh for launch in launches])
-        return usual_runs(launches)
-
-    ended = SimpleNamespace(outcomes=[SimpleNamespace(ok=True)], seen=np.array([6.5, np.nan]))
-    ended.describe = lambda row: "over"
-    for x, forward, taken in ((1.0, None, True), (1.1, None, False), (1.0, "another path", False)):
-        stages, fine = staged(monkeypatch)
-        usual_runs = mesh_error.run_side_by_side
-        monkeypatch.setattr(mesh_error, "run_side_by_side", counted)
-        stages.early = EarlyRun(np.array([x]), forward, lambda: ended)  # type: ignore[arg-type]
-        found = mesh_change(stages, fine)
-        assert ((64, 86) in made[-1]) is not taken
-        assert len(made[-1]) == (3 if taken else 4)
-        np.testing.assert_array_equal(found.coarser, usual.coarser)
-        np.testing.assert_array_equal(found.element, usual.element)
-        assert found.graded is not None
-        assert usual.graded is not None
-        np.testing.assert_array_equal(found.graded.graded, usual.graded.graded)
-        np.testing.assert_array_equal(found.graded.coarser, usual.graded.coarser)
-
-
 def test_lost_runs_are_told_from_those_left_out_on_purpose(monkeypatch: pytest.MonkeyPatch) -> None:
     for what, mesh in (("(40, 54)", (40, 54)), ("(64, 86)", (64, 86))):
         found = mesh_change(*staged(monkeypatch, lost=what))
@@ -248,32 +219,3 @@ def test_lost_runs_are_told_from_those_left_out_on_purpose(monkeypatch: pytest.M
     stages, fine = staged(monkeypatch)
     stages.settings.numerics = Numerics(compressible=0.49)
     assert (mesh_change(stages, fine).graded, mesh_change(stages, fine).lost) == (None, ())
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_runs_beside_other_work_say_the_same(monkeypatch: pytest.MonkeyPatch, threads: int) -> None:
-    stages, fine = staged(monkeypatch, m=0.2)
-    stages.settings.numerics = Numerics(threads=threads)
-    alone, runs = mesh_change(stages, fine), []
-    monkeypatch.setattr(mesh_error, "mesh_error_runs", _told(mesh_error.mesh_error_runs, runs))
-    with mesh_change_beside(stages, fine) as told:
-        assert not runs or threads > 1
-        found = told()
-        told()
-    # Asked twice they are made once; one thread has no core that would be idle beside the block.
-    assert runs == [threads == 1]
-    np.testing.assert_array_equal(found.coarser, alone.coarser)
-    assert found.graded is not None
-    assert alone.graded is not None
-    np.testing.assert_array_equal(found.graded.error, alone.graded.error)
-    without = mesh_change_beside(*staged(monkeypatch, lost="one_point"))
-    with pytest.raises(ValueError, match="did not complete"), without as told:
-        told()
-
-
-def _told(made: Any, runs: list[bool]) -> Any:
-    def told(*given: Any) -> Any:
-        runs.append(threading.current_thread() is threading.main_thread())
-        return made(*given)
-
-    return told

@@ -8,7 +8,7 @@ import pytest
 import tifffile
 from scipy.stats import chi2
 
-from dic.calibration import calibrate
+from dic.calibration.solve import calibrate
 from dic.images import open_pictures
 from kolsky.schema.pictures import CalibrationSection, DicSection, PicturesSection
 from kolsky.virtual.calibration_pictures import lens_model, poses_of, rig_of, target_of

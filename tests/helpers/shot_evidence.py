@@ -39,21 +39,6 @@ class ShotEvidence:
     label: str = "shot"
     """What it is, for tables."""
 
-    def __post_init__(self) -> None:
-        if len(self.edges) < 2 or not (np.diff(self.edges) > 0.0).all():
-            raise ValueError("edges must ascend, and there must be at least 2")
-        n = len(self.edges) - 1
-        if np.shape(self.force) != (n,) or np.shape(self.sigma) != (n,):
-            raise ValueError(
-                f"force and sigma need one value per bin, {n}, got {np.shape(self.force)} and "
-                f"{np.shape(self.sigma)}"
-            )
-        if not np.isfinite(self.force).all() or not (np.asarray(self.sigma) > 0.0).all():
-            raise ValueError("force must be finite and its sigma > 0 N in every bin")
-        unknown = {"stiffness_factor", "relaxation", "material"} & set(self.held)
-        if unknown:
-            raise ValueError(f"held must leave {', '.join(sorted(unknown))} to the fit")
-
     @classmethod
     def of(cls, prepared: PreparedShot, numerics: Numerics) -> "ShotEvidence":
         """The evidence of a prepared shot, with its own values of everything but rate and stiffness.

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.implicit.models import PULL, TIGHT, clamped
 
 from explicit.device import select_device
 from kolsky.equilibrium.equations import Equations
 from kolsky.equilibrium.points import Points
 from kolsky.equilibrium.sensitivity import direct
 from kolsky.equilibrium.solve import solve
-from tests.unit.implicit.models import PULL, TIGHT, clamped
 
 MODELS = {
     "plane stress": clamped(),

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.unit.implicit.models import MOONEY, PULL, TIGHT, clamped, sliding
 
 from kolsky.equilibrium.meshes import rectangle
 from kolsky.equilibrium.model import Coupled, Fixed, Model, Prescribed, Pressure, RigidPlane
 from kolsky.equilibrium.solid import CompressibleNeoHookean
 from kolsky.equilibrium.solution import Outcome
 from kolsky.equilibrium.solve import Newton, solve
-from tests.unit.implicit.models import MOONEY, PULL, TIGHT, clamped, sliding
 
 
 def test_the_way_does_not_matter():

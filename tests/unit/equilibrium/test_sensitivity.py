@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.unit.implicit.models import MOONEY, PULL, TIGHT, clamped, sliding
 
 from explicit.materials import LAWS
 from kolsky.equilibrium.meshes import rectangle
@@ -9,7 +10,6 @@ from kolsky.equilibrium.model import Coupled, Fixed, Model, Pressure, RigidPlane
 from kolsky.equilibrium.sensitivity import adjoint, direct, second
 from kolsky.equilibrium.solid import Isotropic, bulk
 from kolsky.equilibrium.solve import solve
-from tests.unit.implicit.models import MOONEY, PULL, TIGHT, clamped, sliding
 
 PRESSED = rectangle((1.0, 1.0), (1, 1), kind="quad9")
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from tests.unit.implicit.models import MOONEY, TIGHT, sliding
 
 from explicit.materials import LAWS
 from kolsky.equilibrium.meshes import rectangle
@@ -21,7 +22,6 @@ from kolsky.equilibrium.model import (
 )
 from kolsky.equilibrium.solid import CompressibleNeoHookean, Isotropic, bulk
 from kolsky.equilibrium.solve import solve
-from tests.unit.implicit.models import MOONEY, TIGHT, sliding
 
 COUPLED = CompressibleNeoHookean(9e3, 4e4)
 

@@ -1,0 +1,79 @@
+"""The answer of a search with its budget: sources of error, estimates, routes, run beside the data."""
+
+from __future__ import annotations
+
+from kolsky.inverse.estimates import (
+    comparison,
+    curves,
+    estimates,
+    held_values,
+    search_routes,
+    surrogate_quality,
+)
+from kolsky.inverse.parameters import MOVED, any_slides
+from kolsky.inverse.problem import PreparedShot, provenance
+from kolsky.inverse.result import Identification
+from kolsky.inverse.run_table import terms
+from kolsky.inverse.search import Search, held_answer
+from kolsky.uncertainty.budgets import Sources, budgeted, input_changes, noise_parts, route_difference
+from kolsky.uncertainty.input_changes import InputDirections, declared_changes
+from kolsky.uncertainty.mesh_error import mesh_change, numerical_parts
+
+
+def error_sources(found: Search, directions: InputDirections | None) -> Sources:
+    """Everything that moves the optimum, as changes of the data vector; the mesh's share is run.
+
+    ``found``: the search. ``directions``: what each input does to the data vector; None leaves out what
+    shot.toml declares uncertain. Raises ValueError as `kolsky.uncertainty.mesh_error.mesh_change`.
+    """
+    stages, fine = found.stages, found.fine
+    declared = stages.prepared.forward.shot.uncertainty
+    return Sources(
+        inputs=input_changes(fine.objective, stages.replicates),
+        mesh=mesh_change(stages, fine),
+        deviations=fine.deviations,
+        declared=None if directions is None else declared_changes(directions, declared),
+    )
+
+
+def budgeted_answer(prepared: PreparedShot, found: Search, sources: Sources) -> Identification:
+    """The identification as the search and its budget give it: neither judged nor diagnosed.
+
+    ``prepared``: the shot before the search moved its path. ``found``, ``sources``: the search, and what
+    moves its optimum.
+    """
+    stages, fine, shot = found.stages, found.fine, prepared.forward.shot
+    box, observations, settings = stages.box, stages.observations, found.freed.settings
+    prediction, gain = fine.check.prediction, fine.objective.gain(fine.jacobian)
+    optima = search_routes(fine.box, fine.objective, fine.model)
+    routes = [budgeted(box.names, one, sources) for one in optima]
+    if observations.has_shape:
+        routes.append(found.paper_route())
+    answers = estimates(
+        box,
+        fine.x,
+        noise=noise_parts(fine, sources),
+        numerical=numerical_parts(sources.mesh, gain, roughness=fine.roughness),
+        mesh_shift=sources.mesh.shift(gain),
+        mesh_correction=sources.mesh.correction(gain),
+        confirmed=fine.confirmed,
+        outline=observations.has_shape,
+    )
+    return Identification(
+        shot=shot.name,
+        estimates=answers,
+        fixed=held_values(shot, box, settings.held),
+        routes=tuple(routes),
+        route_difference=route_difference(box.names, optima, sources),
+        terms=terms(prediction, observations, 0),
+        comparison=comparison(prediction, observations),
+        response=fine.check.response,
+        mesh=settings.numerics.mesh,
+        refined_mesh=settings.refined_mesh,
+        design=stages.table.build(box),
+        curves=curves(fine.box, fine.objective, fine.model, fine.x),
+        surrogate=surrogate_quality(stages, found.coarse, fine, lost=len(sources.mesh.lost)),
+        seconds=dict(stages.work.seconds),
+        held_answer=None if found.held is None else held_answer(found, answers[MOVED]),
+        provenance=provenance(shot, settings, prepared, sliding=any_slides([*box.names, *settings.held])),
+    )

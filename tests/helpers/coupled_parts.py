@@ -1,0 +1,130 @@
+"""Specimens on elastic parts that are marched in time: waveform iteration (Lelarasmee and others 1982).
+
+The specimen on a support of known motion gives a force, the elastic parts under this force give a motion. The
+parts are stiffer than the specimen by four orders of magnitude, so a pass leaves about that share of the
+error. It is the reference for the pulses of `explicit.bars.elastic`.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from explicit import MovingSupport, PlatenMotion, Response, Samples, Sampling, Stepping, run
+from explicit.arrays import FloatArray
+from explicit.bars.coupling import mean_force
+from explicit.bars.elastic import ElasticBar, ElasticHistory
+from explicit.model import Model
+
+_CONTACT_RADIUS_EVERY = 8
+"""Knots of the flyer's motion from one contact radius to the next."""
+ON_PLATEN = 1e-6
+"""A side node this share of the specimen's length above the platen lies on it."""
+
+
+@dataclass(frozen=True)
+class Coupled:
+    """A batch whose specimens and elastic parts agree on force and motion."""
+
+    response: Response
+    """The specimens at the knots of the flyer's motion, and at every eighth of them their surface."""
+    support: MovingSupport
+    """The motion of the transmission platen's face; `run` with it repeats the simulation at other times."""
+    parts: tuple[ElasticHistory, ...]
+    """What the elastic parts did, one for each sample."""
+    change: FloatArray
+    """Largest change of a transmitted force [N] from each pass of the specimens to the next,
+    shape [n_passes - 1]."""
+
+
+def contact_radius(response: Response, length: float) -> FloatArray:
+    """Radius of the patch on the transmission platen [m], shape [n_samples, n_surface_times].
+
+    It is that of the outermost node of the side surface that lies on the platen.
+    """
+    height = response.surface_y - response.surface_y[:, :, :1]
+    return np.asarray(np.where(np.abs(height) <= ON_PLATEN * length, response.surface_r, 0.0).max(axis=2))
+
+
+def couple(
+    model: Model,
+    samples: Samples,
+    parts: ElasticBar,
+    *,
+    tolerance: float = 1e-3,
+    max_passes: int = 6,
+    stepping: Stepping | None = None,
+    device: str = "cpu",
+    threads: int | None = None,
+) -> Coupled:
+    """Simulate specimens on elastic parts.
+
+    Parameters
+    ----------
+    model, samples
+        As for `run`. The model's own support carries the first pass; a better guess saves at most one.
+    parts : ElasticBar
+        The parts behind the specimen. The force presses on its face evenly within the specimen's contact
+        radius; a specimen wider than the face presses on all of it.
+    tolerance : float
+        Largest change of the transmitted force from one pass to the next that ends the iteration [N].
+    max_passes : int
+        Passes after which it is given up, at least 2.
+    stepping, device, threads
+        As for `run`.
+
+    Raises
+    ------
+    ValueError
+        If `tolerance` or `max_passes` is outside its range.
+    RuntimeError
+        If a simulation does not complete or the force still changes after `max_passes`.
+    """
+    if max_passes < 2 or not tolerance > 0.0:
+        raise ValueError(f"need tolerance > 0 N and max_passes >= 2, got {tolerance} and {max_passes}")
+    motion = model.motions[0]
+    knots = motion.start + motion.step * np.arange(len(motion.position), dtype=np.float64)
+    surface = np.unique(np.append(knots[::_CONTACT_RADIUS_EVERY], knots[-1]))
+    sampling = Sampling(knots, surface, ledger_every=len(surface))
+    face_radius = float(parts.mesh.nodes[parts.mesh.face, 0].max())
+    change: list[float] = []
+    before: FloatArray | None = None
+    for _ in range(max_passes):
+        response = run(model, samples, sampling, stepping=stepping, device=device, threads=threads)
+        response.require_completed()
+        if before is not None:
+            change.append(float(np.abs(response.force_transmission - before).max()))
+            if change[-1] <= tolerance:
+                break
+        before = response.force_transmission
+        radius = np.minimum(contact_radius(response, model.mesh.length), face_radius)
+        histories = tuple(
+            _elastic_response(parts, knots, impulse, np.interp(knots, surface, patch))
+            for impulse, patch in zip(response.impulse_transmission, radius, strict=True)
+        )
+        support = MovingSupport(tuple(_support_motion(history, motion) for history in histories))
+        model = replace(model, support=support)
+    else:
+        raise RuntimeError(
+            f"the transmitted force still changes by {change[-1]:.3g} N after {max_passes} passes, "
+            f"tolerance {tolerance:g} N: raise max_passes, or the parts are too soft for this iteration"
+        )
+    return Coupled(response, support, histories, np.array(change))
+
+
+def _elastic_response(
+    parts: ElasticBar, knots: FloatArray, impulse: FloatArray, radius: FloatArray
+) -> ElasticHistory:
+    times, force = mean_force(knots, impulse)
+    return parts.integrate(times, force, np.interp(times, knots, radius))
+
+
+def _support_motion(history: ElasticHistory, flyer: PlatenMotion) -> PlatenMotion:
+    """The face's motion on the knots of the flyer's; into the parts is away from the specimen."""
+    knots = np.linspace(history.times[0], history.times[-1], len(flyer.position))
+    position = -history.face_motion(knots)
+    return PlatenMotion(
+        start=flyer.start,
+        step=flyer.step,
+        position=position - position[0],
+        velocity=-history.face_motion(knots, 1),
+    )
