@@ -46,20 +46,8 @@ _GATE_PASSES = 5
 """Most times that the gate is applied again without what it took out."""
 
 
-@dataclass(frozen=True)
-class Projected:
-    """Values at targets."""
-
-    values: FloatArray
-    """Shape [n_targets, k], unit of what was projected."""
-    mean_only: NDArray[np.bool_]
-    """Targets at which the points allow no quadratic: the weighted mean, shape [n_targets]."""
-    outside: FloatArray
-    """Distance of a target from its nearest point over the points' spacing [-], shape [n_targets]."""
-
-
-def project(points: FloatArray, values: FloatArray, targets: FloatArray) -> Projected:
-    """Project point values on targets by local quadratics.
+def project(points: FloatArray, values: FloatArray, targets: FloatArray) -> FloatArray:
+    """Project point values on targets by local quadratics, shape [n_targets, k].
 
     ``points``: where values are known [m], shape [n, 2]. ``values``: shape [n, k]: any number of fields, in
     any unit. ``targets``: where they are wanted [m], shape [n_targets, 2]. Raises ValueError if there are
@@ -71,8 +59,9 @@ def project(points: FloatArray, values: FloatArray, targets: FloatArray) -> Proj
         raise ValueError("values must be finite: leave out the points that image correlation lost")
     tree = cKDTree(points)
     distance, near = tree.query(targets, k=NEIGHBOURS)
-    weights, flat = _weights(points[near] - targets[:, None], distance)
-    return Projected(np.einsum("nk,nkf->nf", weights, values[near]), flat, distance[:, 0] / spacing(points))
+    return np.asarray(
+        np.einsum("nk,nkf->nf", _weights(points[near] - targets[:, None], distance), values[near])
+    )
 
 
 def spacing(points: FloatArray) -> float:
@@ -98,7 +87,7 @@ def outliers(points: FloatArray, values: FloatArray, *, gate: float = GATE) -> N
             break
         own, field = points[good], values[good]
         distance, near = cKDTree(own).query(own, k=_GATE_NEIGHBOURS + 1)
-        weights, _ = _weights(own[near[:, 1:]] - own[:, None], distance[:, 1:])
+        weights = _weights(own[near[:, 1:]] - own[:, None], distance[:, 1:])
         expected = np.einsum("nk,nkf->nf", weights, field[near[:, 1:]])
         # A point at an edge is extrapolated: its prediction has more noise of its own.
         deviation = np.abs(field - expected) / np.sqrt(1.0 + (weights**2).sum(axis=1))[:, None]
@@ -118,15 +107,14 @@ def point_noise(points: FloatArray, values: FloatArray) -> float:
     Of what is smooth over `GATE_NEIGHBOURS` points nothing is left; a rough field counts as noise too.
     """
     distance, near = cKDTree(points).query(points, k=_GATE_NEIGHBOURS + 1)
-    weights, _ = _weights(points[near[:, 1:]] - points[:, None], distance[:, 1:])
+    weights = _weights(points[near[:, 1:]] - points[:, None], distance[:, 1:])
     expected = np.einsum("nk,nkf->nf", weights, values[near[:, 1:]])
     deviation = np.abs(values - expected) / np.sqrt(1.0 + (weights**2).sum(axis=1))[:, None]
     return float(MAD * np.median(deviation))
 
 
-def _weights(offsets: FloatArray, distance: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Weights c of the local fit, whose value at the target is sum c_k f_k, [n, k]; and where it is the
-    mean."""
+def _weights(offsets: FloatArray, distance: FloatArray) -> FloatArray:
+    """Weights c of the local fit, whose value at the target is sum c_k f_k, shape [n, k]."""
     length = np.maximum(distance.max(axis=1), np.finfo(float).tiny)
     x, y = np.moveaxis(offsets / length[:, None, None], -1, 0)
     weight = LEAST_WEIGHT + (1.0 - LEAST_WEIGHT) * (1.0 - distance / length[:, None]) ** 2
@@ -139,7 +127,7 @@ def _weights(offsets: FloatArray, distance: FloatArray) -> tuple[FloatArray, NDA
     constant[:, 0] = 1.0
     found = np.einsum("nka,na->nk", weighed, np.linalg.solve(normal, constant)[..., 0])
     found[flat] = (weight / weight.sum(axis=1, keepdims=True))[flat]
-    return np.asarray(found), flat
+    return np.asarray(found)
 
 
 ENDS = "pad"

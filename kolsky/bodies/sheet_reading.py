@@ -74,7 +74,7 @@ def read_field(spec: Specification) -> MeasuredField:
         raise toml.error(
             "field.points", "lie on no whole cell of the mesh", cure="check field.mesh_unit and the origin"
         )
-    found = project(points[kept], flat[kept], sheet.mesh.points).values
+    found = project(points[kept], flat[kept], sheet.mesh.points)
     nodal = np.moveaxis(found.reshape(len(found), -1, 2), 0, 1)
     data = FieldData(pad, force, nodal, cells, noise, section.sigma_force, spacing(points) ** 2)
     problem = FieldProblem(sheet, data, spec.constants)

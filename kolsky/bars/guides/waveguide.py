@@ -123,13 +123,8 @@ def check_bar(bar: Bar) -> None:
         raise ValueError(f"poisson of a bar must be in [0, 0.5), got {bar.poisson}")
 
 
-def _stiffness_of(bar: Bar, speed: ComplexArray) -> ComplexArray:
-    """Eq. (B.6): rho A (omega / k)^2 [N] of a bar whose waves have the speed omega / k [m/s]."""
-    return bar.density * area(bar) * speed**2
-
-
 def _impedance_of(bar: Bar, speed: ComplexArray) -> ComplexArray:
-    """Eq. (B.5): rho A omega / k [N s/m] of such a bar."""
+    """Eq. (B.5): rho A omega / k [N s/m] of a bar whose waves have the speed omega / k [m/s]."""
     return bar.density * area(bar) * speed
 
 
@@ -218,7 +213,7 @@ class ViscoelasticWaveguide:
 
     def stiffness(self, omega: ArrayLike) -> ComplexArray:
         """Eq. (B.6): rho A (omega / k)^2, which is E* A in a thin bar [N]."""
-        return _stiffness_of(self.bar, self._speed(np.asarray(omega)))
+        return self.bar.density * area(self.bar) * self._speed(np.asarray(omega)) ** 2
 
     def impedance(self, omega: ArrayLike) -> ComplexArray:
         """Eq. (B.5): rho A omega / k [N s/m]."""
