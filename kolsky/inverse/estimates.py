@@ -230,7 +230,12 @@ def held_values(shot: Shot, box: Box, held: Mapping[str, float]) -> dict[str, fl
 
 
 def surrogate_quality(
-    stages: StagedRuns, coarse: CoarseOptimum, fine: RefinedOptimum, *, lost: int = 0
+    stages: StagedRuns,
+    coarse: CoarseOptimum,
+    fine: RefinedOptimum,
+    *,
+    valley_margin: float = np.inf,
+    lost: int = 0,
 ) -> dict[str, float]:
     """The figures of `Identification.surrogate`; `lost` runs were to tell the mesh's error."""
     n = fine.objective.n_force
@@ -241,8 +246,8 @@ def surrogate_quality(
         found["loo_shape"] = _rms(left_out[:, n:])
     if stages.front is not None:
         found["front_moved"] = stages.front.moved
-    if np.isfinite(stages.valley_margin):
-        found["valley_margin"] = stages.valley_margin
+    if np.isfinite(valley_margin):
+        found["valley_margin"] = valley_margin
     found |= {"check_shift_sigmas": fine.moved, "check_force": _rms(fine.missed[:n])}
     if outline:
         found["check_shape"] = _rms(fine.missed[n:])

@@ -73,6 +73,8 @@ class Search:
     """What the stiffness factor alone would have given; None where it was alone."""
     designs: RunTable | None = None
     """The runs of designs over the whole range, which the paper's cost is told by; None if all runs are."""
+    valley_margin: float = np.inf
+    """By how much -2 ln L of the next valley of Poisson's ratio lies above this one [-]."""
 
     def paper_route(self) -> Route:
         """The optimum of the paper's cost; as in the paper all but the stiffness is held, if it was tried."""
@@ -132,7 +134,7 @@ def _search_several(freed: Freed, stages: StagedRuns) -> Search | dict[str, str]
     start = _declared_values(stages.prepared.forward.shot, box)
     if held is not None:
         start[box.names.index(MOVED)] = held.coarse.x[0]
-    optima = search_meshes(stages, np.clip(start, box.lower, box.upper))
+    optima, margin = search_meshes(stages, np.clip(start, box.lower, box.upper))
     coarse = optima[stages.settings.numerics.mesh]
     lost = not_identifiable(box, coarse.x, coarse.sigma)
     if freed.by_default and lost:
@@ -144,7 +146,7 @@ def _search_several(freed: Freed, stages: StagedRuns) -> Search | dict[str, str]
     if held is not None:
         stages.table.take(held.stages.table, held.values)
         held = replace(held, refined=found[2])
-    return Search(freed, stages, found[0], found[1], held)
+    return Search(freed, stages, found[0], found[1], held, valley_margin=margin)
 
 
 def _search_held(stages: StagedRuns) -> HeldSearch:

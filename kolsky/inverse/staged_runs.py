@@ -47,7 +47,6 @@ class StagedRuns:
         self.offsets: dict[tuple[int, int], FloatArray] = {}
         self._replicates: Callable[[], Replicates | None] = lambda: None
         self.front: MovedFront | None = None
-        self.valley_margin = np.inf
         self.rng = np.random.default_rng(settings.seed)
         self.table = RunTable(box.names)
         self._coarse: list[tuple[FloatArray, Prediction]] = []

@@ -79,29 +79,31 @@ class MeshOptimum:
     """Whether the search came to rest."""
 
 
-def search_meshes(stages: StagedRuns, start: FloatArray) -> dict[tuple[int, int], MeshOptimum]:
+def search_meshes(stages: StagedRuns, start: FloatArray) -> tuple[dict[tuple[int, int], MeshOptimum], float]:
     """Optima on the mesh of the replicates and on the surrogate's, the second from the first.
 
     ``stages``: the identification's simulations; all runs join their table. ``start``: a first guess in
-    parameter units, shape [d]. Raises ValueError if no run of the scan completes, or no search can start.
+    parameter units, shape [d]. Returns: the optima, and by how much -2 ln L of the next valley of Poisson's
+    ratio lies above this one [-], infinite where there is none. Raises ValueError if no run of the scan
+    completes, or no search can start.
     """
     surrogate = stages.settings.numerics
     first = surrogate.with_mesh(min(surrogate.mesh, stages.settings.replicate_mesh))
     points, objective = starts(stages, start, first)
     ends = _least_squares_on(stages, objective, first, points, FIRST_STEPS)
-    begin = ends[0].x
+    begin, margin = ends[0].x, np.inf
     if VALLEY in stages.box.names:
         summit = likeliest_summit(stages, np.array([end.x for end in ends]), first, objective.counted)
-        begin, stages.valley_margin = summit.x, summit.margin
+        begin, margin = summit.x, summit.margin
         if stages.settings.replicates:
             # Without them least squares would go back to the floor.
             stages.know_front_noise(summit.patterns)
             objective = replace(objective, observations=stages.observations)
     (best,) = _least_squares_on(stages, objective, first, begin[None], MOST_STEPS)
     if surrogate.mesh == first.mesh:
-        return follow_meshes(stages, objective, best, np.zeros(stages.box.dimension))
+        return follow_meshes(stages, objective, best, np.zeros(stages.box.dimension)), margin
     (fine,) = _least_squares_on(stages, objective, surrogate, best.x[None], MOST_STEPS)
-    return follow_meshes(stages, objective, fine, best.x - fine.x)
+    return follow_meshes(stages, objective, fine, best.x - fine.x), margin
 
 
 def search_meshes_for_one(stages: StagedRuns, coarse: CoarseOptimum) -> dict[tuple[int, int], MeshOptimum]:

@@ -72,7 +72,9 @@ def budgeted_answer(prepared: PreparedShot, found: Search, sources: Sources) -> 
         refined_mesh=settings.refined_mesh,
         design=stages.table.build(box),
         curves=curves(fine.box, fine.objective, fine.model, fine.x),
-        surrogate=surrogate_quality(stages, found.coarse, fine, lost=len(sources.mesh.lost)),
+        surrogate=surrogate_quality(
+            stages, found.coarse, fine, valley_margin=found.valley_margin, lost=len(sources.mesh.lost)
+        ),
         seconds=dict(stages.work.seconds),
         held_answer=None if found.held is None else held_answer(found, answers[MOVED]),
         provenance=provenance(shot, settings, prepared, sliding=any_slides([*box.names, *settings.held])),

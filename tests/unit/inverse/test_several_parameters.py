@@ -109,7 +109,7 @@ def test_a_scan_finds_the_valley_from_a_bad_start() -> None:
     points, _ = starts(made, bad, made.settings.numerics)
     # Within half an oscillation of ten: 10 % of 1 - 2 nu, and the stiffness is 5 % off.
     assert 1.0 - 2.0 * points[0, 1] == pytest.approx(0.0024, rel=0.1)
-    found = search_meshes(made, bad)[COARSE]
+    found = search_meshes(made, bad)[0][COARSE]
     # The mesh answers at shifted points; its own noise moves it by no more than a few sigma.
     assert (np.abs(found.x - TRUTH - SHIFT) < 4.0 * found.sigma).all()
 
@@ -117,7 +117,7 @@ def test_a_scan_finds_the_valley_from_a_bad_start() -> None:
 def test_steps_with_the_coarse_slopes_end_at_the_least_squares_of_the_refined_mesh() -> None:
     made: Any = MadeUp()
     one = Objective(made.observations, np.empty(0, dtype=bool))
-    start = search_meshes(made, np.array([1.05, 0.4955]))[COARSE].x
+    start = search_meshes(made, np.array([1.05, 0.4955]))[0][COARSE].x
     h = 1e-6 * np.array([1.0, 0.01])
     slope = np.column_stack(
         [(ringing(start - SHIFT + d) - ringing(start - SHIFT - d))[0] / (2.0 * d.sum()) for d in np.diag(h)]
