@@ -10,7 +10,6 @@ import csv
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -352,19 +351,20 @@ CURE = "pip install 'kolsky[notebook]'"
 
 def pandas() -> Any:
     """The package pandas; an ImportError says how to get it."""
-    return _optional("pandas")
+    try:
+        import pandas as package
+    except ImportError:
+        raise ImportError(f"this needs pandas: {CURE}") from None
+    return package
 
 
 def xarray() -> Any:
     """The package xarray; an ImportError says how to get it."""
-    return _optional("xarray")
-
-
-def _optional(name: str) -> Any:
     try:
-        return import_module(name)
+        import xarray as package
     except ImportError:
-        raise ImportError(f"this needs {name}: {CURE}") from None
+        raise ImportError(f"this needs xarray: {CURE}") from None
+    return package
 
 
 def html_table(caption: str, rows: list[tuple[str, str]]) -> str:

@@ -220,7 +220,7 @@ def simulate_sheet(measured: MeasuredField, *, seed: int | None = None) -> Simul
     problem = measured.problem
     cost = _simulated(problem)
     nodal = np.moveaxis(cost.state.displacements, 0, 1)
-    at_points = project(problem.sheet.mesh.points, nodal.reshape(len(nodal), -1), measured.points).values
+    at_points = project(problem.sheet.mesh.points, nodal.reshape(len(nodal), -1), measured.points)
     u = np.moveaxis(at_points.reshape(len(measured.points), -1, 2), 0, 1)
     force = cost.state.force
     if seed is not None:

@@ -23,8 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtr, stdtrit
 
 from doe import Box
 from doe.least_squares import Whitening
@@ -352,8 +351,7 @@ def expanded_scatter(sigma: float, between: float, shots: int) -> float:
     if between <= 0.0 or sigma <= 0.0:
         return COVERAGE * sigma
     freedom = (shots - 1) * (sigma / min(between, sigma)) ** 4
-    level = float(norm.cdf(COVERAGE))
-    return float(student.ppf(level, freedom)) * sigma
+    return float(stdtrit(freedom, ndtr(COVERAGE))) * sigma
 
 
 COARSE_PATTERNS = (

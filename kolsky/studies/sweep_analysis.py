@@ -116,7 +116,19 @@ class SweepAnalysis:
 
 
 def analyse_sweep(shot: str, box: Box, table: DesignTable, *, rng: int = 1) -> SweepAnalysis:
-    """Interpolate the misfits of a sweep's runs and look at them as a whole; ``rng``: seed of the samples."""
+    """Interpolate the misfits of a sweep's runs and look at them as a whole.
+
+    Parameters
+    ----------
+    shot
+        Name of the shot.
+    box
+        The design's box.
+    table
+        Every run.
+    rng
+        Seed of the samples.
+    """
     phi = misfit_sum(table)
     columns = {"Phi_F": table.phi_force, "Phi_S": table.phi_shape, "Phi": phi}
     outputs = {

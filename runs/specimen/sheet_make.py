@@ -55,7 +55,7 @@ def main(folder: Path) -> None:
     points = np.stack([x.ravel(), y.ravel()], axis=-1)
     columns: dict[str, list[float]] = {n: [] for n in ("frame", "x (mm)", "y (mm)", "ux (mm)", "uy (mm)")}
     for frame, u in enumerate(solution.displacements, start=1):
-        seen = project(mesh.points, u, points).values + 2e-6 * rng.standard_normal(points.shape)
+        seen = project(mesh.points, u, points) + 2e-6 * rng.standard_normal(points.shape)
         table = (np.full(len(points), frame), *(1e3 * points.T), *np.round(1e3 * seen.T, 6))
         for name, values in zip(columns, table, strict=True):
             columns[name] += values.tolist()

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from explicit.relaxation import PronySeries
 from kolsky.base.arrays import FloatArray
@@ -325,7 +325,7 @@ def required_branches(
         fits.append(fit_prony(law, evidence, n, start=fits[-1].model, max_evaluations=max_evaluations))
     scatter = fits[-1].scatter
     gains = [max(a.chi_square - b.chi_square, 0.0) / scatter for a, b in pairwise(fits)]
-    return RateVerdict(tuple(fits), tuple(float(chi2.sf(gain, 2)) for gain in gains))
+    return RateVerdict(tuple(fits), tuple(float(chdtrc(2, gain)) for gain in gains))
 
 
 SETBACK = 0.01

@@ -8,6 +8,7 @@ import base64
 import json
 from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -415,7 +416,34 @@ def render(
     )
 
 
-write_report = page_writer(render)
+def write_report(
+    path: Path,
+    identification: Identification,
+    recordings: ShotRecordings | None = None,
+    *,
+    processes: int = 1,
+) -> None:
+    """Write the report of one shot as a single HTML file that needs no network.
+
+    Parameters
+    ----------
+    path : Path
+        The file, replaced atomically if it exists; its folder must exist.
+    identification : Identification
+        The result. Of its provenance, "specimen", "specimen_length", "interface", "declared_interface",
+        "support" and "window_s" make the table of the test; "checks", "inputs" (file name to SHA-256),
+        "settings" and "versions" have their own tables; every other entry is listed under "Further".
+    recordings : ShotRecordings, optional
+        Recordings of the shot's own files; without them their sections are left out.
+    processes : int
+        Number of processes that draw the figures.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; an older one is then unchanged.
+    """
+    page_writer(render)(path, identification, recordings, processes=processes)
 
 
 def _figures(
