@@ -14,7 +14,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from functools import partial
-from multiprocessing import Pipe
 from typing import Any, Generic, TypeVar
 
 from dic.following import end_with
@@ -204,46 +203,3 @@ def _fork(work: Callable[[], Any], there: Any) -> int:
         there.send(work())
     finally:
         os._exit(0)
-
-
-class WorkerProcess(Generic[Result]):
-    """The process, as the one that forked it sees it.
-
-    ``tell``: sends something to it, which must be picklable; returns when it was taken, or the process is
-    gone. ``result``: waits for what its work returns.
-    """
-
-    def __init__(self, tell: Callable[[Any], None], result: PendingResult[Result]) -> None:
-        self.tell, self.result = tell, result
-
-
-@contextmanager
-def worker_process(
-    work: Callable[[Callable[[], Any]], Result], instead: Callable[[list[Any]], Result]
-) -> Iterator[WorkerProcess[Result]]:
-    """Fork a process that is told later what to work on; it ends with the block. See
-    `dic.processes.can_fork`.
-
-    ``work``: its work, of a function that waits for the next thing told and returns it. The result is copied.
-    ``instead``: the same work here, of all that was told: where the process does not deliver. What it raises
-    is raised by the result. Yields: the process.
-    """
-    said, (taken, handed) = list[Any](), Pipe(duplex=False)
-    forked = list[bool]()  # filled here only
-
-    def either() -> Result:
-        if forked:
-            return instead(said)
-        handed.close()  # or else a parent that is gone would be waited for
-        return work(taken.recv)
-
-    with background(either, fork=True) as result, handed:
-        forked.append(True)
-        taken.close()  # or else a process that is gone would be waited for
-
-        def tell(what: Any) -> None:
-            said.append(what)
-            with suppress(OSError):  # it is gone
-                handed.send(what)
-
-        yield WorkerProcess(tell, result)

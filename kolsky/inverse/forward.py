@@ -1,7 +1,7 @@
 """Simulation of a shot: numerical choices, batches of runs, elastic parts, force transducers.
 
 `Forward` turns parameter values into a batch of the solver. Parts behind the specimen and of the flyer
-are linear (`explicit.bars.pulse`). Specimen and parts run in turn, each under the forces or motions of
+are linear (`explicit.bars.elastic`). Specimen and parts run in turn, each under the forces or motions of
 the other's last pass, until the forces agree (waveform iteration). A transducer at the depth x of a
 uniform bar shows the force at the face later by x / c_0, plus the inertia of what lies before it.
 

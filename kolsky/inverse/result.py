@@ -1,8 +1,7 @@
 """The result of an identification: estimates with intervals, and the records that support them (SI).
 
 `Identification` holds estimates, routes, the check run beside the data, goodness of fit, clocks, likely
-causes, profiles, declared inputs, other choices and other methods. `CheckRun` is the part that is known
-before the uncertainty of the answer.
+causes, profiles, declared inputs, other choices and other methods.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from math import inf, isfinite, nan
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -645,45 +644,3 @@ def worst_imbalance(response: Response) -> float:
     if not np.isfinite(response.energy.external[0]).any():
         return float("nan")
     return float(response.energy.imbalance()[0])
-
-
-class ShowsCheckRun(Protocol):
-    """What tells of a check run: a `CheckRun`, or the `Identification` that it becomes part of."""
-
-    @property
-    def comparison(self) -> Comparison:
-        """The run beside the data."""
-        ...
-
-    @property
-    def response(self) -> Response:
-        """The run itself."""
-        ...
-
-    @property
-    def refined_mesh(self) -> tuple[int, int]:
-        """Its mesh."""
-        ...
-
-    @property
-    def provenance(self) -> dict[str, Any]:
-        """Input hashes, settings, versions."""
-        ...
-
-
-@dataclass(frozen=True)
-class CheckRun:
-    """The check run at the answer on the refined mesh, each field as of `Identification`."""
-
-    comparison: Comparison
-    """The run beside the data."""
-    response: Response
-    """The run itself, with all nodes."""
-    refined_mesh: tuple[int, int]
-    """Elements across the radius and along the length."""
-    provenance: dict[str, Any]
-    """Input hashes, settings, versions."""
-
-    def is_of(self, found: Identification) -> bool:
-        """Whether an identification has this very run, and not another one with the same numbers."""
-        return all(getattr(found, name) is getattr(self, name) for name in self.__dataclass_fields__)

@@ -112,7 +112,7 @@ def test_what_is_wrong_with_camera_1_is_said(monkeypatch):
 
 def test_large_series_are_inspected_in_one_process(monkeypatch):
     monkeypatch.setattr(inputs, "MOST_SENT", 6 * 64 * 64 - 1)
-    monkeypatch.setattr(inputs, "beside", None)
+    monkeypatch.setattr(inputs, "background", None)
     monkeypatch.setattr(processes, "cores", lambda: 4)
     with allow_forks():
         assert inspect_pictures(series(), np.arange(6) < 3).health[0][4] != 0

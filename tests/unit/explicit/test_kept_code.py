@@ -66,7 +66,7 @@ def test_the_source_of_the_package_is_hashed_whole(monkeypatch: pytest.MonkeyPat
     read = Path.read_bytes
 
     def changed(path: Path) -> bytes:
-        return read(path) + (b"#" if path.name == "two_passes.py" else b"")
+        return read(path) + (b"#" if path.name == "memory.py" else b"")
 
     monkeypatch.setattr(Path, "read_bytes", changed)
     assert kernel._package.__wrapped__() != before

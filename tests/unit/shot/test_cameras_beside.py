@@ -27,11 +27,11 @@ def begun(toml: Any, section: Any, *, predict: bool) -> Iterator[Callable[..., A
 def test_who_works_out_the_cameras(
     monkeypatch: pytest.MonkeyPatch, cores: int, forks: bool, here: bool
 ) -> None:
-    monkeypatch.setattr(rig, "calibration_begun", begun)
+    monkeypatch.setattr(rig, "calibration_in_background", begun)
     monkeypatch.setattr(rig, "_crop_to_pictures", lambda pictures, found: found)
     monkeypatch.setattr(rig, "cores", lambda: cores)
     if not forks:
-        monkeypatch.setattr(rig, "allowed", lambda: False)
+        monkeypatch.setattr(rig, "may_fork", lambda: False)
     section = SimpleNamespace(file=None)
     pictures: Any = SimpleNamespace(toml=SimpleNamespace(declared=SimpleNamespace(calibration=section)))
     told: list[tuple[str, int, int]] = []
