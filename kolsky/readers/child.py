@@ -10,6 +10,7 @@ import math
 import os
 import signal
 import sys
+from collections.abc import Callable
 from typing import Any
 
 MEMORY = {"xls": 1_300_000_000, "mat": 2_500_000_000}
@@ -75,4 +76,5 @@ def mat(path: str, place: str, most: int = UNPACKED_LIMIT) -> list[tuple[str, st
 
 if __name__ == "__main__":
     limit(sys.argv[1])
-    json.dump({"xls": xls, "mat": mat}[sys.argv[1]](*sys.argv[2:]), sys.stdout, default=str)
+    readers: dict[str, Callable[..., object]] = {"xls": xls, "mat": mat}
+    json.dump(readers[sys.argv[1]](*sys.argv[2:]), sys.stdout, default=str)
