@@ -83,6 +83,8 @@ def law_of(p: Published) -> AnyLaw:
         return LAWS[kind](KPA * x[0], x[1])
     if p.name == "Yeoh_o1":
         return LAWS[kind](2.0 * KPA * x[0])  # C10 is half the shear modulus
+    if kind == "mooney_rivlin_2":
+        return LAWS["mooney_rivlin"](*(KPA * x))
     if kind == "mooney_rivlin_c20":
         return LAWS["polynomial"](*(KPA * x))
     return LAWS[kind](*(KPA * x))
