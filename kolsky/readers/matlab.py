@@ -104,13 +104,16 @@ def _plain(path: Path) -> tuple[list[NamedArray], dict[str, float], list[str]]:
         array = next(numbers)
         if array.size == 1:
             scalars[name] = float(array.ravel()[0])
-        else:
-            for column_name, samples, column in columns_of(name, array.shape):
+            continue
+        columns = list(columns_of(name, array.shape))
+        if not columns:
+            others.append(f"{name} (array of {' x '.join(map(str, array.shape))})")
+        for column_name, samples, column in columns:
 
-                def values(array: np.ndarray = array, column: int | None = column) -> FloatArray:
-                    return column_of(array, column)
+            def values(array: np.ndarray = array, column: int | None = column) -> FloatArray:
+                return column_of(array, column)
 
-                arrays.append(NamedArray(column_name, samples, values))
+            arrays.append(NamedArray(column_name, samples, values))
     return arrays, scalars, others
 
 

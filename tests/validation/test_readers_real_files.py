@@ -123,7 +123,11 @@ def test_files_that_matlab_wrote(shared):
     files = sorted((shared / "data/dic/multidic_cylinder/calib_cylinder").glob("*.mat"))
     assert files
     for path in files:
-        listed = {n: kind for n, _, kind in whosmat(str(path)) if not n.startswith("__")}
+        listed = {
+            n: kind if len(shape) < 3 else "more than a table"
+            for n, shape, kind in whosmat(str(path))
+            if not n.startswith("__")
+        }
         others = {n for n, kind in listed.items() if kind not in NUMBERS}
         if others == set(listed):
             with pytest.raises(InputError, match="holds no numeric array") as refused:
