@@ -2,9 +2,10 @@
 
 The band of a curve keeps common uncertainty apart from noise: errors are correlated along the curve.
 
-.. math:: T = \\bar T + \\sum_j z_j\\,\\mathbf m_j + \\boldsymbol\\sigma \\circ \\boldsymbol\\epsilon ,
-\\qquad
-          z_j, \\epsilon_i \\sim N(0, 1)
+.. math::
+
+   T = \\bar T + \\sum_j z_j\\,\\mathbf m_j + \\boldsymbol\\sigma \\circ \\boldsymbol\\epsilon ,
+   \\qquad z_j, \\epsilon_i \\sim N(0, 1)
 
 A *mode* :math:`\\mathbf m_j` moves the whole curve by one standard uncertainty of one cause. Specimens differ
 as wholes: one that is 5 % too stiff is so at every strain, and drawing points one by one would average that
