@@ -234,7 +234,7 @@ ALIKE = 0.05
 
 
 @dataclass(frozen=True)
-class _EdgeFit:
+class EdgeFit:
     """An edge that was found."""
 
     place: float
@@ -275,7 +275,7 @@ def fit_edge(
     *,
     reach: float = 2.0,
     sure: bool = False,
-) -> _EdgeFit | None:
+) -> EdgeFit | None:
     """Find an edge in strips.
 
     ``strips``: grey values, shape [n_frames, n_rows, n_columns]. ``u``: places of the rows, outward from the
@@ -340,7 +340,7 @@ def fit_edge(
     if abs(best.x[0]) > reach - AT_END:
         return None
     sigma = sandwich(best.x, u, width, free, moments, counts, bound)
-    return _EdgeFit(
+    return EdgeFit(
         place=float(best.x[0]),
         sigma=sigma,
         band=float(best.x[8]) if free else 0.0,

@@ -33,7 +33,7 @@ all frames."""
 
 
 @dataclass(frozen=True)
-class _EdgeView:
+class EdgeView:
     """The edge strip as one camera sees it, and its material picture."""
 
     camera: Camera
@@ -58,7 +58,7 @@ class _EdgeView:
 class VisiblePixels:
     """The pixels of a camera that show the body, beside the same places of the material picture."""
 
-    view: _EdgeView
+    view: EdgeView
     X: FloatArray
     """Their places on the body at the time of the material picture, in the test frame [m], shape [n, 3]."""
     grey: FloatArray
@@ -135,7 +135,7 @@ def rays_on_body(
 
 def _edge_view(
     camera: Camera, material: FloatArray, frame: SpecimenFrame, radius: float, outward: FloatArray
-) -> _EdgeView:
+) -> EdgeView:
     """The edge strip in one camera; the body comes in by the border that `outward` (x, y) points to."""
     rows, columns = material.shape
     y, x = np.mgrid[0:rows, 0:columns]
@@ -147,11 +147,11 @@ def _edge_view(
     X = rays_on_body(camera, pixels, frame, radius)
     smooth = ndimage.spline_filter(np.asarray(material, dtype=np.float64), order=5, mode="mirror")
     hit = np.isfinite(X).all(axis=1)
-    return _EdgeView(camera, smooth, pixels[hit].astype(np.int64), X[hit], row[near][hit].astype(np.int64))
+    return EdgeView(camera, smooth, pixels[hit].astype(np.int64), X[hit], row[near][hit].astype(np.int64))
 
 
 def _visible_pixels(
-    view: _EdgeView,
+    view: EdgeView,
     picture: FloatArray,
     first: Camera,
     frame: SpecimenFrame,

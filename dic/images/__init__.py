@@ -21,7 +21,7 @@ from dic.outcome import Remark
 
 
 @dataclass(frozen=True)
-class _DeclaredPictures:
+class DeclaredPictures:
     """A series with some of its facts declared; see `dic.images.Pictures`."""
 
     pictures: Pictures
@@ -64,7 +64,7 @@ def declared(
     crop_offset: tuple[float, float] | None = None,
     times: Sequence[float] | NDArray[np.float64] | None = None,
     n_frames: int | None = None,
-) -> _DeclaredPictures:
+) -> DeclaredPictures:
     """A series with facts declared that its file does not hold.
 
     ``bits``: bits that carry the grey value: 12 for a 12-bit camera whose values lie in 16 bits.
@@ -94,7 +94,7 @@ def declared(
             )
     if is_dataclass(pictures) and not isinstance(pictures, type):
         pictures = replace(pictures, bits=used)  # the reader holds its frames to this and not to its header
-    return _DeclaredPictures(pictures, count, used, offset, clock)
+    return DeclaredPictures(pictures, count, used, offset, clock)
 
 
 def of_colours(series: Sequence[Pictures]) -> tuple[Remark, ...]:

@@ -102,7 +102,7 @@ LARGEST_FILE = 2**29
 
 
 @dataclass(frozen=True)
-class _NumberedPictures:
+class NumberedPictures:
     """Frames that are files of their own; see `dic.images.Pictures`."""
 
     path: Path
@@ -134,7 +134,7 @@ class _NumberedPictures:
         return checked_frame(file, index, _decode(file, index)[0], self.shape, self.bits)
 
 
-def read_folder(path: Path, pattern: str | None = None) -> _NumberedPictures:
+def read_folder(path: Path, pattern: str | None = None) -> NumberedPictures:
     """Open the series in a folder.
 
     ``path``: the folder. ``pattern``: names of the series with one `*` for the number, e.g. ``"cam0_*.png"``;
@@ -165,7 +165,7 @@ def read_folder(path: Path, pattern: str | None = None) -> _NumberedPictures:
     return _opened(path, [found.get(number) for number in numbers], tuple(numbers))
 
 
-def read_files(files: Sequence[Path]) -> _NumberedPictures:
+def read_files(files: Sequence[Path]) -> NumberedPictures:
     """Open picture files in the order given; frame i is file i, and a file that is not there a missing frame.
 
     Raises PictureError if there is no file or none can be decoded.
@@ -175,7 +175,7 @@ def read_files(files: Sequence[Path]) -> _NumberedPictures:
     return _opened(files[0].parent, list(files), tuple(range(len(files))))
 
 
-def _opened(path: Path, files: list[Path | None], numbers: tuple[int, ...]) -> _NumberedPictures:
+def _opened(path: Path, files: list[Path | None], numbers: tuple[int, ...]) -> NumberedPictures:
     """The series, with shape and depth of its first picture that can be decoded."""
     failures: list[PictureError] = []
     for index, file in enumerate(files):
@@ -189,7 +189,7 @@ def _opened(path: Path, files: list[Path | None], numbers: tuple[int, ...]) -> _
         shape = checked_shape(file, *picture.shape)
         data = file.read_bytes()
         used = checked_bits(file, bits, 16)
-        return _NumberedPictures(
+        return NumberedPictures(
             path, tuple(files), numbers, shape, used, coloured=not tiff.sniff(file, data) and _colours(data)
         )
     raise PictureError(

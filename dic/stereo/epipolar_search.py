@@ -186,7 +186,7 @@ def gradient(seen: FacetGeometry, distance: FloatArray, normal: FloatArray) -> F
     return np.asarray(np.asarray(distance)[..., None, None] * (seen.P @ plane))
 
 
-class _FacetFit(NamedTuple):
+class FacetFit(NamedTuple):
     """The facet that a measured gradient speaks of."""
 
     normal: FloatArray
@@ -198,7 +198,7 @@ class _FacetFit(NamedTuple):
     shape [...]."""
 
 
-def fit_facet(rig: StereoRig, pixels0: FloatArray, distance: FloatArray, A: FloatArray) -> _FacetFit:
+def fit_facet(rig: StereoRig, pixels0: FloatArray, distance: FloatArray, A: FloatArray) -> FacetFit:
     """The facet with the gradient `A` of camera 1's pixel by camera 0's, and how far it is from being one.
 
     ``rig``: the cameras. ``pixels0``: where camera 0 sees the facets [px], shape [n, 2]. ``distance``: along
@@ -222,7 +222,7 @@ def fit_facet(rig: StereoRig, pixels0: FloatArray, distance: FloatArray, A: Floa
     to1 = _unit(rig.cameras[1].centre - seen.X)
     cosines = -np.sum(normal * seen.d, axis=-1), np.sum(normal * to1, axis=-1)
     angles = tuple(np.arccos(np.clip(cosine, -1.0, 1.0)) for cosine in cosines)
-    return _FacetFit(normal, (angles[0], angles[1]), wrong)
+    return FacetFit(normal, (angles[0], angles[1]), wrong)
 
 
 def distance_along(rig: StereoRig, pixels0: FloatArray, X: FloatArray) -> FloatArray:

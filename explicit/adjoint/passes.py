@@ -116,7 +116,7 @@ class Source(NamedTuple):
 
 
 @dataclass
-class _ReturnedWave:
+class ReturnedWave:
     """The wave that left in each step and, interpolated from it, the one that returned.
 
     The time loop stores `BAR_HISTORY` values of the outgoing wave in a round trip, each that of the first
@@ -182,7 +182,7 @@ class ForwardRun:
     """What was recorded, without leading axes."""
     checkpoints: list[dict[str, NDArray[Any]]]
     """The state at the beginning of every segment."""
-    wave: _ReturnedWave
+    wave: ReturnedWave
     """What left and what returned in a moving support."""
 
     @property
@@ -209,7 +209,7 @@ def run_forward(plan: PhasePlan, sampling: Sampling, steps: StepSequence | None 
     rest["touched"][model.mesh.upper_face] = 1
     window.begin(rest)
     window.view["worst"][0] = 0.0
-    wave = _ReturnedWave(plan.support)
+    wave = ReturnedWave(plan.support)
     outline = _Outline(plan, sampling.surface_times)
     checkpoints = [window.state(0)]
     taken: list[float] = []

@@ -122,7 +122,7 @@ _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
 @dataclass(frozen=True)
-class _ElementMatrices:
+class ElementMatrices:
     """Matrices of every element over a full turn; degrees of freedom (u_r, u_x) corner by corner."""
 
     stiffness: FloatArray
@@ -131,7 +131,7 @@ class _ElementMatrices:
     """Row-sum share of the mass at each corner [kg], shape [n_elements, 4]."""
 
 
-def _element_matrices(mesh: ElasticMesh) -> _ElementMatrices:
+def _element_matrices(mesh: ElasticMesh) -> ElementMatrices:
     """Integrate stiffness with 2 x 2 and mass with the same Gauss points (Hughes 2000, 2.9 and 3.11).
 
     The mass is exact: N r det j is of degree 2 in each local coordinate. The hoop term N^2 / r is not a
@@ -157,7 +157,7 @@ def _element_matrices(mesh: ElasticMesh) -> _ElementMatrices:
         strain[:, 2, 0::2] = shape / radius[:, None]
         stiffness += np.einsum("eki,ekl,elj,e->eij", strain, law, strain, dv, optimize=True)
         mass += shape * (density * dv)[:, None]
-    return _ElementMatrices(stiffness, mass)
+    return ElementMatrices(stiffness, mass)
 
 
 def _elasticity(young: float, poisson: float) -> FloatArray:
@@ -184,7 +184,7 @@ def nodal_mass(mesh: ElasticMesh, corner_mass: FloatArray) -> FloatArray:
     return mass
 
 
-def largest_frequency(matrices: _ElementMatrices) -> float:
+def largest_frequency(matrices: ElementMatrices) -> float:
     """Bound of the mesh's largest angular frequency [rad/s]: the largest of a single element's."""
     inverse_root = np.repeat(matrices.mass, 2, axis=1) ** -0.5
     scaled = inverse_root[:, :, None] * matrices.stiffness * inverse_root[:, None, :]

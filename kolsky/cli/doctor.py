@@ -69,7 +69,7 @@ LEAST_SPACE = 1e9
 
 
 @dataclass(frozen=True)
-class _Installation:
+class Installation:
     """What was found, and what is missing."""
 
     versions: Mapping[str, str | None]
@@ -117,7 +117,7 @@ class _Installation:
         }
 
 
-def examine(folder: Path) -> _Installation:
+def examine(folder: Path) -> Installation:
     """Look at the installation; nothing is left behind."""
     versions = {
         "kolsky": _version("kolsky"),
@@ -136,7 +136,7 @@ def examine(folder: Path) -> _Installation:
     free = float(shutil.disk_usage(folder).free) if folder.is_dir() else None
     if free is not None and free < LEAST_SPACE:
         problems.append(f"{folder.resolve()} has {free / 1e6:.0f} MB left: make room, or give --out FOLDER")
-    return _Installation(
+    return Installation(
         versions=versions,
         extras={name: _version(name, *_TWINS.get(name, ())) for name in EXTRAS},
         devices=devices,

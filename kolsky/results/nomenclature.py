@@ -15,7 +15,7 @@ from kolsky.results import numbers
 
 
 @dataclass(frozen=True)
-class _Name:
+class WrittenName:
     """Symbol, words and display unit of a parameter."""
 
     symbol: str
@@ -31,15 +31,15 @@ class _Name:
 
 
 _NAMES = {
-    "force_discrepancy": _Name("τ_F", r"\tau_F", "discrepancy of the force", "N"),
-    "shape_discrepancy": _Name("τ_Z", r"\tau_Z", "discrepancy of the outline", "µm", 1e6),
+    "force_discrepancy": WrittenName("τ_F", r"\tau_F", "discrepancy of the force", "N"),
+    "shape_discrepancy": WrittenName("τ_Z", r"\tau_Z", "discrepancy of the outline", "µm", 1e6),
 }
 
 
-def _name_entry(parameter: str) -> _Name | None:
+def _name_entry(parameter: str) -> WrittenName | None:
     if parameter in PARAMETERS:
         p = PARAMETERS[parameter]
-        return _Name(p.written, p.tex, p.words, p.shown_unit, p.shown_factor)
+        return WrittenName(p.written, p.tex, p.words, p.shown_unit, p.shown_factor)
     return _NAMES.get(parameter)
 
 
@@ -54,14 +54,14 @@ _ROUTES = {
 }
 
 
-def name_of(parameter: str, unit: str | None = None) -> _Name:
+def name_of(parameter: str, unit: str | None = None) -> WrittenName:
     """Return how a parameter is written; an unknown one is written by its key."""
     known = _name_entry(parameter)
     if known is not None:
         return known
     words = parameter.replace("_", " ")
     escaped = words.replace("\\", " ").replace("$", " ").replace("^", " ").replace(" ", r"\ ")
-    return _Name(words, rf"\mathrm{{{escaped}}}", words, unit or "SI")
+    return WrittenName(words, rf"\mathrm{{{escaped}}}", words, unit or "SI")
 
 
 def short(parameter: str) -> str:

@@ -112,7 +112,7 @@ class SceneDataMissing(ValueError):
 
 
 @dataclass(frozen=True)
-class _Mesh:
+class SceneMesh:
     """Connectivity of the mesh: elements, faces and side surface."""
 
     quads: NDArray[np.int64]
@@ -129,7 +129,7 @@ class _Mesh:
 class Scene:
     """One simulation with measured data, ready to be drawn."""
 
-    mesh: _Mesh
+    mesh: SceneMesh
     """The mesh."""
     times: FloatArray
     """Times of the pictures [s], shape [n_times]."""
@@ -221,7 +221,7 @@ def scene_of(
     low, high = np.percentile(elements, _FIELD_RANGE)
     shown = np.asarray(chosen(len(nodes)))
     return Scene(
-        mesh=_Mesh(mesh.quads, mesh.lower_face, mesh.side, mesh.upper_face),
+        mesh=SceneMesh(mesh.quads, mesh.lower_face, mesh.side, mesh.upper_face),
         times=response.surface_times[whole][shown],
         nodes=nodes[shown],
         values=_at_nodes(mesh, elements[shown]),
