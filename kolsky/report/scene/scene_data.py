@@ -51,7 +51,7 @@ def solid_of(curve: MaterialCurve, result: Identification) -> Solid:
 
 
 @dataclass(frozen=True)
-class _FieldKind:
+class FieldKind:
     """Scalar field with one value per element."""
 
     label: str
@@ -95,10 +95,10 @@ def strain_energy(F: FloatArray, solid: Solid | None) -> FloatArray:
     return np.asarray(1e-6 * solid.stiffness_factor * (solid.law.energy(b_bar) + solid.volume.energy(J)))
 
 
-FIELDS: dict[str, _FieldKind] = {
-    "stretch": _FieldKind("Smallest stretch (1)", smallest_stretch, "viridis"),
-    "pressure": _FieldKind("Pressure (MPa)", pressure, "cividis", needs_solid=True),
-    "energy": _FieldKind("Strain energy (MJ/m³)", strain_energy, "viridis", needs_solid=True),
+FIELDS: dict[str, FieldKind] = {
+    "stretch": FieldKind("Smallest stretch (1)", smallest_stretch, "viridis"),
+    "pressure": FieldKind("Pressure (MPa)", pressure, "cividis", needs_solid=True),
+    "energy": FieldKind("Strain energy (MJ/m³)", strain_energy, "viridis", needs_solid=True),
 }
 """Fields by name."""
 
