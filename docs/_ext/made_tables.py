@@ -291,8 +291,8 @@ def advised(name: str) -> str:
 
 
 def equilibria(name: str) -> str:
-    """Times of equilibria, as `benchmarks.implicit` measured them."""
-    from benchmarks.implicit_table import table
+    """Times of equilibria, as `benchmarks.equilibrium` measured them."""
+    from benchmarks.equilibrium_table import table
 
     made = _results(name)
     return _not_yet(name) if made is None else table(made)

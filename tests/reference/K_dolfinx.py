@@ -6,7 +6,7 @@ Usage: python runs/actuator/mesh_of.py runs/actuator/pneunet.toml MESH.npz
 DOLFINx 0.5.2 (Debian 12, `python3-dolfinx`; not a dependency of this project). Quadratic tetrahedra,
 W = mu/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2, weight, and the pressure p on the deformed walls of the cavity,
 p int J F^-T N . v dS, whose derivative UFL takes. --degree is that of the quadrature, in the body and on
-faces; 2 are the points of `implicit`.
+faces; 2 are the points of `kolsky.equilibrium`.
 """
 
 import argparse

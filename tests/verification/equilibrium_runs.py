@@ -25,7 +25,7 @@ NEARLY = 1e7
 """Bulk over shear modulus of the cylinder, whose closed form is incompressible."""
 PEER_FORCES = (1.91994687, 3.27886483, 4.36322188, 5.29174569, 6.12069051)
 """Forces [N] of FElupe 11.3.0 on 6 x 3 x 1 27-node hexahedra, in five steps to 125 % at nu = 0.45:
-``python -m benchmarks.implicit --cells 6x3x1 --steps 5 --json FILE``."""
+``python -m benchmarks.equilibrium --cells 6x3x1 --steps 5 --json FILE``."""
 
 MEMBRANE_OF_PEER = Path(__file__).resolve().parent.parent / "reference" / "L_cook.csv"
 """Cook's membrane by `tests/reference/L_dolfinx.py`."""

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.implicit import SIZE, felupe, strip
+from benchmarks.equilibrium import SIZE, felupe, strip
 from kolsky.equilibrium.solve import solve
 
 FILE = Path(__file__).resolve().parents[2] / "reference" / "J_strip.csv"

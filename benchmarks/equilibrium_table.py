@@ -1,4 +1,4 @@
-"""What `benchmarks.implicit` measured, kept in one file and as the table of a page."""
+"""What `benchmarks.equilibrium` measured, kept in one file and as the table of a page."""
 
 import json
 from pathlib import Path

@@ -1,13 +1,13 @@
 """Equilibria of a pulled strip: seconds beside FElupe in the same run, and growth with the size.
 
-    python -m benchmarks.implicit                     # 25 515 displacements, 10 steps to 125 %, and a peer
-    python -m benchmarks.implicit --peer dolfinx --python /usr/bin/python3
-    python -m benchmarks.implicit --cells 20x5x1 --peer none
-    python -m benchmarks.implicit --growth 1e4 3e4 1e5 3e5 1e6 --steps 1 --strain 0.125 --peer none \
+    python -m benchmarks.equilibrium                     # 25 515 displacements, 10 steps to 125 %, and a peer
+    python -m benchmarks.equilibrium --peer dolfinx --python /usr/bin/python3
+    python -m benchmarks.equilibrium --cells 20x5x1 --peer none
+    python -m benchmarks.equilibrium --growth 1e4 3e4 1e5 3e5 1e6 --steps 1 --strain 0.125 --peer none \
         --json benchmarks/results/implicit_growth.json --where "name of the machine"
-    python -m benchmarks.implicit --device cuda             # element kernels on a GPU
-    python -m benchmarks.implicit --linear amg --growth 1e6 --peer none
-    python -m benchmarks.implicit --kind tet4 --cells 73x18x8 --peer none   # 63 072 tetrahedra
+    python -m benchmarks.equilibrium --device cuda             # element kernels on a GPU
+    python -m benchmarks.equilibrium --linear amg --growth 1e6 --peer none
+    python -m benchmarks.equilibrium --kind tet4 --cells 73x18x8 --peer none   # 63 072 tetrahedra
 
 The strip is that of Schumacher and others (2020), 100 x 25 x 5 mm, bonded at both ends, of a neo-Hookean
 rubber with Poisson's ratio 0.45. `--peer felupe` solves the same mesh with the same element, law, Gauss
@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.implicit_table import merged
+from benchmarks.equilibrium_table import merged
 from explicit.arrays import FloatArray
 from explicit.materials import LAWS, bulk_modulus
 from kolsky.equilibrium.elements import element
@@ -137,7 +137,7 @@ def cells_for(displacements: float, kind: str) -> tuple[int, int, int]:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Command line."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.implicit",
+        prog="python -m benchmarks.equilibrium",
         description=__doc__,
         formatter_class=argparse.RawTextHelpFormatter,
     )
