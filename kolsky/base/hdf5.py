@@ -200,10 +200,8 @@ def put(
 def put_text(parent: OpenGroup, name: str, value: str | Iterable[str], *, escape: bool = False) -> None:
     """Write a text or several as a dataset of fixed-length UTF-8.
 
-    Raises
-    ------
-    ValueError
-        If a text has a NUL character or a lone surrogate, unless `escape` writes them as escapes.
+    Raises ValueError if a text has a NUL character or a lone surrogate, unless `escape` writes them as
+    escapes.
     """
     texts = [value] if isinstance(value, str) else list(value)
     if escape:

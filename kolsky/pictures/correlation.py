@@ -238,15 +238,8 @@ def correlate(
 ) -> StereoResult:
     """The stereo result of a shot.
 
-    Parameters
-    ----------
-    pictures, device, progress, cameras, idle
-        As of `kolsky.shot.optical_data.surfaces`.
-
-    Raises
-    ------
-    InputError
-        As `kolsky.shot.optical_data.surfaces`.
+    ``pictures``, ``device``, ``progress``, ``cameras``, ``idle``: as of `kolsky.shot.optical_data.surfaces`.
+    Raises InputError as `kolsky.shot.optical_data.surfaces`.
     """
     toml, declared = pictures.toml, pictures.toml.declared
     section = declared.dic

@@ -37,11 +37,8 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read a sheet as a table with metadata, names, units and samples.
 
-    Raises
-    ------
-    InputError
-        If it is no workbook, is too large unpacked, declares XML entities, has several sheets with data and
-        none is named, or a cell holds an error; and as `kolsky.readers.delimited.read_lines`.
+    Raises InputError if it is no workbook, is too large unpacked, declares XML entities, has several sheets
+    with data and none is named, or a cell holds an error; and as `kolsky.readers.delimited.read_lines`.
     """
     sha256 = file_hash(path, limit=COMPRESSED_LIMIT)
     _check_archive(path)

@@ -18,11 +18,8 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read a sheet as a table with metadata, names, units and samples.
 
-    Raises
-    ------
-    InputError
-        If it is no workbook, is damaged, or has several sheets with data and none is named; and as
-        `kolsky.readers.delimited.read_lines`.
+    Raises InputError if it is no workbook, is damaged, or has several sheets with data and none is named; and
+    as `kolsky.readers.delimited.read_lines`.
     """
     sha256, title, rows = _chosen(path, layout.sheet)
     return sheet_contents(path, sha256, "excel 97", title, rows, layout)

@@ -33,10 +33,7 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read the numeric arrays of a file.
 
-    Raises
-    ------
-    InputError
-        If it is no .mat file or damaged, or holds nothing but objects, cells or structures.
+    Raises InputError if it is no .mat file or damaged, or holds nothing but objects, cells or structures.
     """
     sha256 = file_hash(path)
     arrays, scalars, others, version = _arrays(path)

@@ -33,11 +33,8 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read all channels of a file.
 
-    Raises
-    ------
-    InputError
-        If RigolWFM is missing, the make is not known, the file is damaged or cut off, or declares XML
-        entities.
+    Raises InputError if RigolWFM is missing, the make is not known, the file is damaged or cut off, or
+    declares XML entities.
     """
     sha256 = file_hash(path, limit=SCOPE_LIMIT)
     companion = _companion(path)

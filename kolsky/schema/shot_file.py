@@ -97,13 +97,12 @@ class ShotFile(Section):
 
     @model_validator(mode="after")
     def _pictures_where_they_act(self) -> "ShotFile":
-        for name in ("calibration", "dic", "reporting"):
-            if self.pictures is None and getattr(self, name) is not None:
-                raise f.problem(
-                    "is given, but there are no [pictures], so it would have no effect",
-                    key=name,
-                    cure="remove the table, or add [pictures]",
-                )
+        if self.pictures is None:
+            self.without(
+                ("calibration", "dic", "reporting"),
+                "there are no [pictures]",
+                "remove the table, or add [pictures]",
+            )
         return self
 
     def data_files(self) -> dict[str, str]:
@@ -198,11 +197,8 @@ def parsed(source: Source) -> TomlFile:
 def shot_toml(source: Source) -> ShotToml:
     """A whole shot file, validated.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read, is no TOML, or declares anything unknown, incomplete or impossible;
-        several problems come as one `InputErrors`.
+    Raises InputError if it cannot be read, is no TOML, or declares anything unknown, incomplete or
+    impossible; several problems come as one `InputErrors`.
     """
     file = parsed(source)
     if isinstance(file, ShotToml):

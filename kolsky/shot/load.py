@@ -16,7 +16,7 @@ from kolsky.base.units import in_us
 from kolsky.pictures.frames import body_moves, flyer_motion, read_frames, sound_at_rest
 from kolsky.pictures.picture_set import PictureSet, open_pictures
 from kolsky.pictures.specimen_length import RimAtRest, conditioned_length, length_notes
-from kolsky.readers.measured_tables import FrameTimes
+from kolsky.readers.measured_tables import FrameTable
 from kolsky.schema.apparatus import elastic_body
 from kolsky.schema.material import declared_relaxation
 from kolsky.schema.shot_file import ShotFile, ShotToml, Source, is_bar_driven, parsed, shot_toml
@@ -45,25 +45,11 @@ def window(
     """The window on the shot's clock: as declared, else from the last static frame to the last covered one
     before symmetry ends.
 
-    Parameters
-    ----------
-    toml
-        The shot file.
-    frame_time
-        Frame times on the shot's clock [s], shape [n_frames].
-    flyer_end
-        Time of the last flyer displacement [s].
-    scope
-        The force channel.
-    scope_time
-        Its sample times on the shot's clock [s], shape [n_samples].
-    symmetry_end
-        Time at which the flyer leaves its first direction [s], None if it does not or is not known.
-
-    Raises
-    ------
-    InputError
-        If the specimen already moves at the start, or the recordings do not cover the window.
+    ``toml``: the shot file. ``frame_time``: frame times on the shot's clock [s], shape [n_frames].
+    ``flyer_end``: time of the last flyer displacement [s]. ``scope``: the force channel. ``scope_time``: its
+    sample times on the shot's clock [s], shape [n_samples]. ``symmetry_end``: time at which the flyer leaves
+    its first direction [s], None if it does not or is not known. Raises InputError if the specimen already
+    moves at the start, or the recordings do not cover the window.
     """
     declared = toml.declared
     rest = float(frame_time[declared.frames.static - 1])
@@ -199,7 +185,7 @@ def check_shot(source: Source) -> "ShotBase | CheckedBars":
     return load_shot(toml)
 
 
-def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
+def _with_surface(toml: ShotToml, frames: FrameTable, rest: float) -> Shot:
     """A shot whose outline, and perhaps flyer, come from exports of a whole surface."""
     from kolsky.shot.surface import measured_surface
 
@@ -225,7 +211,7 @@ def _with_surface(toml: ShotToml, frames: FrameTimes, rest: float) -> Shot:
 
 
 def _with_pictures(
-    toml: ShotToml, frames: FrameTimes, rest: float, measure: Callable[[PictureSet], OpticalData] | None
+    toml: ShotToml, frames: FrameTable, rest: float, measure: Callable[[PictureSet], OpticalData] | None
 ) -> Shot:
     """A shot whose flyer and outline come from its pictures."""
     shot = _with_picture_set(toml, frames, open_pictures(toml, frames))
@@ -287,7 +273,7 @@ def _with_length(shot: Shot, rim: RimAtRest) -> Shot:
     )
 
 
-def _with_picture_set(toml: ShotToml, frames: FrameTimes, pictures: PictureSet) -> PicturedShot:
+def _with_picture_set(toml: ShotToml, frames: FrameTable, pictures: PictureSet) -> PicturedShot:
     folder, declared = toml.path.parent, toml.declared
     rest = float(frames.time[declared.frames.static - 1] + declared.frames.clock_offset)
     force = force_channel(folder, rest, toml)
@@ -295,7 +281,7 @@ def _with_picture_set(toml: ShotToml, frames: FrameTimes, pictures: PictureSet) 
     return PicturedShot(**_base(toml, frames, force, curve, curve_hashes, pictures.inputs), pictures=pictures)
 
 
-def _open(source: Source) -> tuple[ShotToml, FrameTimes]:
+def _open(source: Source) -> tuple[ShotToml, FrameTable]:
     """The shot file and the frame times."""
     toml = shot_toml(source)
     _all_there(toml, toml.path.parent)
@@ -304,7 +290,7 @@ def _open(source: Source) -> tuple[ShotToml, FrameTimes]:
 
 def _base(
     toml: ShotToml,
-    frames: FrameTimes,
+    frames: FrameTable,
     force: ForceChannel,
     curve: MaterialCurve,
     curve_hashes: dict[str, str],

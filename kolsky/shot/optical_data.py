@@ -83,31 +83,14 @@ def surfaces(
 ) -> Surfaces:
     """Correlate the pictures of a shot, or read back what they gave.
 
-    Parameters
-    ----------
-    pictures
-        The pictures.
-    folder
-        Where `RESULT_FILE` is or will be. It is used again if inputs, declarations and the version of the
-        chain are those it was made with.
-    device
-        Where pictures are correlated, "cpu" or a CUDA device.
-    again
-        Correlate even if there is such a file.
-    progress
-        Told of the frames done, stage by stage.
-    cameras
-        The cameras that `kolsky.pictures.rig.calibrate_in_background` has begun to find; None: they are found
-        here.
-    idle
-        Work of the caller's for the time in which this process waits for another one.
-    known
-        Told of a result that was computed now, before its flight is fitted and its file written.
-
-    Raises
-    ------
-    InputError
-        If the cameras cannot be calibrated or nothing can be measured.
+    ``pictures``: the pictures. ``folder``: where `RESULT_FILE` is or will be. It is used again if inputs,
+    declarations and the version of the chain are those it was made with. ``device``: where pictures are
+    correlated, "cpu" or a CUDA device. ``again``: correlate even if there is such a file. ``progress``: told
+    of the frames done, stage by stage. ``cameras``: the cameras that
+    `kolsky.pictures.rig.calibrate_in_background` has begun to find; None: they are found here. ``idle``: work
+    of the caller's for the time in which this process waits for another one. ``known``: told of a result that
+    was computed now, before its flight is fitted and its file written. Raises InputError if the cameras
+    cannot be calibrated or nothing can be measured.
     """
     path, key = folder / RESULT_FILE, key_of(pictures)
     length = pictures.toml.declared.specimen.length

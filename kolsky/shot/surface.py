@@ -13,7 +13,7 @@ from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine, FlyerMotion
 from kolsky.readers.dic_export import DicExport, PointState, matching, read
-from kolsky.readers.measured_tables import FrameTimes
+from kolsky.readers.measured_tables import FrameTable
 from kolsky.schema.measured import SurfaceSection
 from kolsky.schema.shot_file import ShotToml
 
@@ -94,10 +94,7 @@ def surface_history(
 def outline(surface: SurfaceHistory, *, half_width: float) -> CentrePoints:
     """Points near the centre line, carried round the circle to it; the axis is that of the placement.
 
-    Raises
-    ------
-    ValueError
-        As `dic.surfaces.surface_history.centre_line`.
+    Raises ValueError as `dic.surfaces.surface_history.centre_line`.
     """
     return centre_line(surface, half_width=half_width)
 
@@ -127,7 +124,7 @@ def _unit(axis: str) -> FloatArray:
 
 
 def measured_surface(
-    toml: ShotToml, section: SurfaceSection, frames: FrameTimes
+    toml: ShotToml, section: SurfaceSection, frames: FrameTable
 ) -> tuple[CentreLine, FlyerMotion | None, dict[str, str]]:
     """The outline, the flyer's motion if its area was exported, and the hashes of the files by pattern.
 
@@ -170,7 +167,7 @@ def measured_surface(
 
 
 def _export(
-    folder: Path, pattern: str, section: SurfaceSection, frames: FrameTimes, toml: ShotToml
+    folder: Path, pattern: str, section: SurfaceSection, frames: FrameTable, toml: ShotToml
 ) -> tuple[DicExport, FloatArray]:
     """The files of a pattern and the times of their frames on the shot's clock [s]."""
     export = read(

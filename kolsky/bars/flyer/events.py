@@ -275,25 +275,14 @@ def flyer_events(
 
     Returns: each event with time, sigma and how it was found, or why it was not.
 
-    Parameters
-    ----------
-    motion
-        The flyer's displacement toward the specimen at the frames, on the shot's clock.
-    rest
-        A time in the static frames [s].
-    incident
-        Force at the flyer's transducer, compression positive [N].
-    transmitted
-        Transmitted force, compression positive [N].
-    bar
-        The transmission bar: the specimen's back face then moves as the transmitted force and its returns
-        from the bar's free end have it, and the arrest is the flyer's relative to that face. At rest if left
-        out; needs `transmitted`.
-    symmetry
-        Frame times [s] and what `kolsky.bars.flyer.flight.symmetry_end` found at them, where there are
-        pictures.
-    ringing
-        Span over which the transducers' signals are averaged [s]; longer than the flyer rings.
+    ``motion``: the flyer's displacement toward the specimen at the frames, on the shot's clock. ``rest``: a
+    time in the static frames [s]. ``incident``: force at the flyer's transducer, compression positive [N].
+    ``transmitted``: transmitted force, compression positive [N]. ``bar``: the transmission bar: the
+    specimen's back face then moves as the transmitted force and its returns from the bar's free end have it,
+    and the arrest is the flyer's relative to that face. At rest if left out; needs `transmitted`.
+    ``symmetry``: frame times [s] and what `kolsky.bars.flyer.flight.symmetry_end` found at them, where there
+    are pictures. ``ringing``: span over which the transducers' signals are averaged [s]; longer than the
+    flyer rings.
     """
     if not ringing >= 0.0:
         raise ValueError(f"ringing is {ringing:g} s, must be >= 0 s")

@@ -111,24 +111,13 @@ def synchronise(
     Raises ValueError if the mass or the travel is not positive, too few frames move within the travel, or the
     signal does not cover them.
 
-    Parameters
-    ----------
-    motion
-        The flyer's displacement at the frames, on the declared clock; its zero is arbitrary.
-    force
-        Force at the transducer [N], compression positive, baseline removed.
-    mass
-        Mass between its sensing plane and the specimen [kg].
-    rest
-        A time on the signal's clock before the wave arrives [s]; integration begins there.
-    travel
-        Displacement up to which frames are used [m]; some 5 % of the specimen's length.
-    sigma_zero
-        Standard uncertainty of the force's zero [N].
-    sigma_trigger
-        Standard uncertainty of the declared clocks against each other [s]; added in quadrature.
-    reach
-        Largest lag that is looked for, either way [s].
+    ``motion``: the flyer's displacement at the frames, on the declared clock; its zero is arbitrary.
+    ``force``: force at the transducer [N], compression positive, baseline removed. ``mass``: mass between its
+    sensing plane and the specimen [kg]. ``rest``: a time on the signal's clock before the wave arrives [s];
+    integration begins there. ``travel``: displacement up to which frames are used [m]; some 5 % of the
+    specimen's length. ``sigma_zero``: standard uncertainty of the force's zero [N]. ``sigma_trigger``:
+    standard uncertainty of the declared clocks against each other [s]; added in quadrature. ``reach``:
+    largest lag that is looked for, either way [s].
     """
     if not mass > 0.0:
         raise ValueError(f"the mass before the transducer is {mass:g} kg, must be > 0 kg")

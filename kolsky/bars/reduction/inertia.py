@@ -347,24 +347,12 @@ def compensate_mass(
 
     Raises ValueError if shapes differ, the mass is not positive, a sigma is negative, or the side is unknown.
 
-    Parameters
-    ----------
-    time
-        Times of the histories on one clock [s], shape [n], increasing.
-    force
-        Force at the gauge [N].
-    acceleration
-        Acceleration of the mass in the direction of the incident wave [m/s^2].
-    mass
-        Mass between the sensing plane and the specimen [kg].
-    side
-        Where the gauge is: "incident" or "transmission".
-    sigma_time
-        Standard uncertainty of the acceleration's clock against the force's [s].
-    apply
-        False leaves the force as it is; the correction is measured all the same.
-    source
-        Where the acceleration is from, for the audit log.
+    ``time``: times of the histories on one clock [s], shape [n], increasing. ``force``: force at the gauge
+    [N]. ``acceleration``: acceleration of the mass in the direction of the incident wave [m/s^2]. ``mass``:
+    mass between the sensing plane and the specimen [kg]. ``side``: where the gauge is: "incident" or
+    "transmission". ``sigma_time``: standard uncertainty of the acceleration's clock against the force's [s].
+    ``apply``: False leaves the force as it is; the correction is measured all the same. ``source``: where the
+    acceleration is from, for the audit log.
     """
     t = np.asarray(time, dtype=np.float64)
     _one_shape(t, (force, acceleration))

@@ -189,18 +189,10 @@ def repeated_tests(
 
     Raises ValueError if an option is unknown, or as `kolsky.bars.reduction.repeated_tests.average`.
 
-    Parameters
-    ----------
-    reductions
-        Reductions by the names of the tests, with their full bands (`kolsky.bars.reduction.analyse`).
-    quantity
-        A key of `QUANTITIES`.
-    over
-        "strain" or "time"; "strain" not for the strain itself.
-    way
-        "one wave", "two waves" or "three waves".
-    points
-        Points of the common axis; see `kolsky.bars.reduction.repeated_tests.average`.
+    ``reductions``: reductions by the names of the tests, with their full bands
+    (`kolsky.bars.reduction.analyse`). ``quantity``: a key of `QUANTITIES`. ``over``: "strain" or "time";
+    "strain" not for the strain itself. ``way``: "one wave", "two waves" or "three waves". ``points``: points
+    of the common axis; see `kolsky.bars.reduction.repeated_tests.average`.
     """
     if quantity not in QUANTITIES or over not in AXES or quantity == over:
         raise ValueError(

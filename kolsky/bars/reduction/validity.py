@@ -410,23 +410,12 @@ def validity(
     Raises ValueError if shapes differ, an option is outside its range, or the averaging leaves fewer than 3
     intervals.
 
-    Parameters
-    ----------
-    time
-        Times [s], uniform, shape [n].
-    front_force, back_force
-        Forces on the specimen's faces, the front one after mass compensation [N].
-    strain
-        Nominal compression [-].
-    inertial_stress
-        What inertia adds to the nominal stress, radial and axial together [Pa], shape [n]: see
-        `kolsky.bars.reduction.inertia`.
-    area
-        Cross-section of the specimen before the test [m^2].
-    share
-        Share of the stress that may be inertia, and that the forces may differ by [-], in (0, 1).
-    average
-        Length of the averaging intervals [s]; each sample by itself if 0. Noise is taken as white.
+    ``time``: times [s], uniform, shape [n]. ``front_force``, ``back_force``: forces on the specimen's faces,
+    the front one after mass compensation [N]. ``strain``: nominal compression [-]. ``inertial_stress``: what
+    inertia adds to the nominal stress, radial and axial together [Pa], shape [n]: see
+    `kolsky.bars.reduction.inertia`. ``area``: cross-section of the specimen before the test [m^2]. ``share``:
+    share of the stress that may be inertia, and that the forces may differ by [-], in (0, 1). ``average``:
+    length of the averaging intervals [s]; each sample by itself if 0. Noise is taken as white.
     """
     t, extra = np.asarray(time, dtype=np.float64), np.asarray(inertial_stress, dtype=np.float64)
     _check(t, (front_force.value, back_force.value, strain.value, extra), area, share, average)
