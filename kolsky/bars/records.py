@@ -7,6 +7,7 @@ test.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -16,8 +17,8 @@ from kolsky.base.records import Recording
 
 ANALYSES = ("one wave", "two waves", "three waves")
 """Keys of the mappings of a `Reduction`."""
-_SHARED_HISTORIES = ("front_force", "back_force", "front_velocity", "back_velocity")
-"""Histories of a `Reduction` that all analyses share."""
+HISTORIES = {"front_force": "N", "back_force": "N", "front_velocity": "m/s", "back_velocity": "m/s"}
+"""Histories of a `Reduction` that all analyses share, and their units."""
 
 
 @dataclass(frozen=True)
@@ -197,7 +198,7 @@ def histories(reduction: Reduction) -> dict[str, History]:
         )
         for analysis in ANALYSES
     }
-    return by_analysis | {name: getattr(reduction, name) for name in _SHARED_HISTORIES}
+    return by_analysis | {name: getattr(reduction, name) for name in HISTORIES}
 
 
 def map_histories(reduction: Reduction, change: Callable[[str, History], History]) -> Reduction:
@@ -206,15 +207,13 @@ def map_histories(reduction: Reduction, change: Callable[[str, History], History
     def changed(kind: str) -> dict[str, History]:
         return {key: change(f"{kind}, {key}", history) for key, history in getattr(reduction, kind).items()}
 
+    shared: dict[str, Any] = {name: change(name, getattr(reduction, name)) for name in HISTORIES}
     return replace(
         reduction,
         strain=changed("strain"),
         rate=changed("rate"),
         stress=changed("stress"),
-        front_force=change("front_force", reduction.front_force),
-        back_force=change("back_force", reduction.back_force),
-        front_velocity=change("front_velocity", reduction.front_velocity),
-        back_velocity=change("back_velocity", reduction.back_velocity),
+        **shared,
     )
 
 

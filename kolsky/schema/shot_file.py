@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from kolsky.base.errors import InputError
 from kolsky.base.toml import TomlFile, parse_toml
@@ -32,16 +32,43 @@ from kolsky.schema.measured import (
 from kolsky.schema.pictures import CalibrationSection, DicSection, PicturesSection, ReportingSection
 
 
-class ShotFile(Section):
-    """A whole shot.toml, in SI: what the cameras saw is exported, in pictures, or both."""
+class CommonTables(Section):
+    """What every shot that is identified declares, in SI, however it was measured."""
 
     format: Literal[1]
     name: f.Name | None = None
+    specimen: SpecimenSection
+    interface: InterfaceSection
+    curve: CurveSection | None = None
+    law: LawSection | None = None
+    model: ModelSection
+    relaxation: RelaxationSection | None = None
+    window: WindowSection = WindowSection()
+    uncertainty: UncertaintySection | None = None
+
+    @model_validator(mode="after")
+    def _one_baseline(self) -> "CommonTables":
+        one_baseline(self.curve, self.law)
+        return self
+
+    @property
+    def baseline(self) -> CurveSection | LawSection:
+        """The reference of m: [curve], or [law] where it is given and does not leave that to the curve."""
+        return chosen_baseline(self.curve, self.law)
+
+
+class BarDrivenShotFile(CommonTables):
+    """Tables for `identify` beside bars and gauges; those are in `kolsky.schema.bars`."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
+
+
+class ShotFile(CommonTables):
+    """A whole shot.toml, in SI: what the cameras saw is exported, in pictures, or both."""
+
     material: f.Name | None = None
     group: f.Name | None = None
     rig: f.Name | None = None
-    specimen: SpecimenSection
-    interface: InterfaceSection
     transmission: TransmissionSection
     force: ForceSection
     incident_force: IncidentForceSection | None = None
@@ -58,17 +85,6 @@ class ShotFile(Section):
     recorders: dict[str, RecorderSection] = Field(default_factory=dict)
     gauges: GaugesSection | None = None
     waves: WavesSection | None = None
-    uncertainty: UncertaintySection | None = None
-    curve: CurveSection | None = None
-    law: LawSection | None = None
-    model: ModelSection
-    relaxation: RelaxationSection | None = None
-    window: WindowSection = WindowSection()
-
-    @model_validator(mode="after")
-    def _one_baseline(self) -> "ShotFile":
-        one_baseline(self.curve, self.law)
-        return self
 
     @model_validator(mode="after")
     def _incident_force_where_it_is_known(self) -> "ShotFile":
@@ -89,11 +105,6 @@ class ShotFile(Section):
                 cure="remove it, or add [incident_force] with compared = true",
             )
         return self
-
-    @property
-    def baseline(self) -> CurveSection | LawSection:
-        """The reference of m: [curve], or [law] where it is given and does not leave that to the curve."""
-        return chosen_baseline(self.curve, self.law)
 
     @model_validator(mode="after")
     def _pictures_where_they_act(self) -> "ShotFile":

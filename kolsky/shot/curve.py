@@ -1,19 +1,23 @@
-"""The quasi-static curves of a shot, with their bands: of the first pull and of the conditioned material."""
+"""What a shot declares of its specimen, with its quasi-static curves and their bands: of the first pull and
+of the conditioned material."""
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kolsky.base.apparatus import Specimen
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import MaterialCurve
+from kolsky.base.toml import TomlFile
 from kolsky.readers.table import Column, Table, read_table
 from kolsky.schema.fields import ModeColumns
-from kolsky.schema.material import CurveSection, LawSection
-from kolsky.shot.records import Shot, ShotBase
+from kolsky.schema.material import CurveSection, LawSection, declared_relaxation
+from kolsky.schema.shot_file import CommonTables
+from kolsky.shot.records import ModelSettings, Shot, ShotBase
 
 AnyShot = TypeVar("AnyShot", bound=ShotBase)
 
@@ -40,6 +44,26 @@ def read_curve(folder: Path, section: CurveSection | LawSection) -> tuple[Materi
         hashes[section.conditioned] = digest
         curve = replace(curve, conditioned=other)
     return curve, hashes
+
+
+def shot_fields(file: TomlFile, declared: CommonTables) -> dict[str, Any]:
+    """The fields of `ShotBase` that do not depend on how the shot was measured.
+
+    Raises InputError as `read_curve`.
+    """
+    folder = file.path.parent
+    curve, hashes = read_curve(folder, declared.baseline)
+    return {
+        "name": declared.name or folder.resolve().name,
+        "folder": folder,
+        "file": file,
+        "specimen": Specimen(**declared.specimen.model_dump()),
+        "interface": declared.interface.interface(),
+        "model": ModelSettings(**declared.model.model_dump()),
+        "curve": curve,
+        "inputs": hashes,
+        **declared_relaxation(declared.relaxation, declared.uncertainty),
+    }
 
 
 def with_pull(shot: AnyShot, pull: Literal["first", "conditioned"]) -> AnyShot:

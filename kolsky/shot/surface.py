@@ -8,7 +8,7 @@ import numpy as np
 
 from dic.outcome import PointOutcome
 from dic.surfaces.cylinder import Cylinder, fit_cylinder
-from dic.surfaces.surface_history import CentrePoints, SurfaceHistory, centre_line
+from dic.surfaces.surface_history import SurfaceHistory, centre_line
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
 from kolsky.base.records import CentreLine, FlyerMotion
@@ -91,14 +91,6 @@ def surface_history(
     )
 
 
-def outline(surface: SurfaceHistory, *, half_width: float) -> CentrePoints:
-    """Points near the centre line, carried round the circle to it; the axis is that of the placement.
-
-    Raises ValueError as `dic.surfaces.surface_history.centre_line`.
-    """
-    return centre_line(surface, half_width=half_width)
-
-
 def flyer_motion(export: DicExport, placement: Placement, time: FloatArray, *, sigma: float) -> FlyerMotion:
     """Mean displacement toward the specimen of the points that are valid in every frame.
 
@@ -145,7 +137,7 @@ def measured_surface(
             )
         else:
             placement = declared_placement(y=section.y, Z=section.Z, origin=section.origin)
-        points = outline(
+        points = centre_line(
             surface_history(export, placement, time, sigma=section.sigma), half_width=section.half_width
         )
     except ValueError as error:

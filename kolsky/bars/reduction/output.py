@@ -10,19 +10,12 @@ import numpy as np
 
 from dic.files import text_cell
 from kolsky.bars.audit import table_of
-from kolsky.bars.records import BarSignal, FlyerResult, History, ReducedTest, WavesResult
+from kolsky.bars.records import HISTORIES, BarSignal, FlyerResult, History, ReducedTest, WavesResult
 from kolsky.base.arrays import FloatArray
 from kolsky.base.files import replacing, write_table
 from kolsky.base.hdf5 import Format, OpenGroup, data, group, put, put_text, writing
 
 FORMAT = Format("kolsky-waves")
-HISTORIES = {
-    "front_force": "N",
-    "back_force": "N",
-    "front_velocity": "m/s",
-    "back_velocity": "m/s",
-}
-"""Single histories of a reduction and their units."""
 WAYS = {"one wave": "one_wave", "two waves": "two_waves", "three waves": "three_waves"}
 """Group names of the ways of analysis."""
 

@@ -127,13 +127,9 @@ def correct_friction(
         found = fit_nodes(test)
     except FitFailedError as error:
         raise ValueError(f"the friction cannot be taken out: {error}") from error
-    failed: list[ModelFit] = []
     nearest = min(found, key=lambda one: one.chi2)
-    for candidate in candidates(laws) if laws else ():
-        try:
-            found.append(fit_candidate(test, candidate, nearest))
-        except FitFailedError as error:
-            failed.append(ModelFit.without(candidate.name, str(error)))
+    more, failed = _fit_candidates(test, laws, nearest)
+    found += more
     found, test = on_refined_mesh(found, test)
     positive = [(one.model.stress(test.own(one.theta), band.strain) > 0.0).all() for one in found]
     failed += [
@@ -147,6 +143,20 @@ def correct_friction(
     if best.misfit > LARGEST_MISFIT:
         raise ValueError(cause_of_misfit(best, test))
     return _correction(band, test, found, weights, failed)
+
+
+def _fit_candidates(
+    test: MeasuredSpecimen, laws: tuple[str, ...], near: ModelOptimum
+) -> tuple[list[ModelOptimum], list[ModelFit]]:
+    """Fits of laws of the library, and those that failed with their reasons."""
+    found: list[ModelOptimum] = []
+    failed: list[ModelFit] = []
+    for candidate in candidates(laws) if laws else ():
+        try:
+            found.append(fit_candidate(test, candidate, near))
+        except FitFailedError as error:
+            failed.append(ModelFit.without(candidate.name, str(error)))
+    return found, failed
 
 
 def checked_test(
@@ -318,13 +328,7 @@ def fit_specimen(
     """
     test = checked_test(band, specimen, ends, bulge, bulge_sigma, numerics or CorrectionNumerics())
     near = fit_nodes(test, continuations=("exponential",))[0]
-    found: list[ModelOptimum] = []
-    failed: list[ModelFit] = []
-    for candidate in candidates(laws):
-        try:
-            found.append(fit_candidate(test, candidate, near))
-        except FitFailedError as error:
-            failed.append(ModelFit.without(candidate.name, str(error)))
+    found, failed = _fit_candidates(test, laws, near)
     if not found:
         raise ValueError("; ".join(f"{one.name}: {one.reason}" for one in failed))
     found, test = on_refined_mesh(found, test, near=np.inf)

@@ -161,32 +161,18 @@ def _laws(comparison: Comparison) -> Columns:
 
 
 def _constants(comparison: Comparison) -> Columns:
-    made: Columns = {k: [] for k in ("law", "constant", "value (SI)", "u (SI)", "unit", "state")}
+    rows = []
     for row, f in _fitted(comparison):
-        for spec in f.law.PARAMETERS:
-            free = spec.name in f.free
-            state = "at a bound" if spec.name in f.at_bound else "fitted" if free else "held"
-            made["law"].append(row.candidate.name)
-            made["constant"].append(spec.name)
-            made["value (SI)"].append(f.values[spec.name])
-            sigma = f.sigma[spec.name] if state == "fitted" else math.nan
-            made["u (SI)"].append(sigma if math.isfinite(sigma) else "")
-            made["unit"].append(spec.unit)
-            made["state"].append(state)
+        constants = [(spec.name, f.values[spec.name], spec.unit) for spec in f.law.PARAMETERS]
         if "poisson" in f.free and f.poisson is not None:
-            state = "at a bound" if "poisson" in f.at_bound else "fitted"
-            sigma = f.sigma["poisson"]
-            row_of = (
-                row.candidate.name,
-                "poisson",
-                f.poisson,
-                sigma if math.isfinite(sigma) else "",
-                "1",
-                state,
-            )
-            for key, value in zip(made, row_of, strict=True):
-                made[key].append(value)
-    return made
+            constants.append(("poisson", f.poisson, "1"))
+        for name, value, unit in constants:
+            state = "at a bound" if name in f.at_bound else "fitted" if name in f.free else "held"
+            sigma = f.sigma[name] if state == "fitted" else math.nan
+            known = sigma if math.isfinite(sigma) else ""
+            rows.append((row.candidate.name, name, value, known, unit, state))
+    headings = ("law", "constant", "value (SI)", "u (SI)", "unit", "state")
+    return {heading: [row[k] for row in rows] for k, heading in enumerate(headings)}
 
 
 def _errors(comparison: Comparison) -> Columns:
