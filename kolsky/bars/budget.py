@@ -142,10 +142,6 @@ class Budget:
         nu = np.floor(self.freedom(output) * (1.0 + 1e-12))  # 4 may have become 4 - 1e-15
         return np.asarray(student.ppf(0.5 + 0.5 * probability, nu))
 
-    def expanded(self, output: str, *, k: float = 2.0) -> FloatArray:
-        """Expanded uncertainty U = k u_c, shape [...]."""
-        return k * self.sigma(output)
-
     def history(self, output: str, unit: str) -> History:
         """An output with its combined standard uncertainty."""
         return History(self.value[self._known(output)], self.sigma(output), unit)

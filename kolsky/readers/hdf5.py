@@ -179,8 +179,6 @@ def _last(name: str) -> str:
     return name.rsplit("/", 1)[-1].lower()
 
 
-BINARY = True
-
 _MOST = 2000
 """Most objects in a file that are looked at."""
 

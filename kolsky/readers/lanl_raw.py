@@ -12,8 +12,6 @@ from kolsky.readers.header import check_width, keys_beside
 from kolsky.readers.sheet import Sheet
 from kolsky.readers.text import Dialect, read_text
 
-BINARY = False
-
 
 def sniff(path: Path) -> bool:
     """True if a file ends in .raw and its first line has at least three fields between tabs."""
