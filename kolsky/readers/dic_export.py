@@ -165,7 +165,7 @@ def read(
     if layout not in LAYOUTS or unit not in UNITS:
         raise InputError(
             paths[0],
-            f"is declared to be of '{layout}' in '{unit}'",
+            f"is said to be of '{layout}' in '{unit}'",
             allowed=f"one of {', '.join(LAYOUTS)} in one of {', '.join(UNITS)}",
         )
     numbers = _frame_numbers(paths)
