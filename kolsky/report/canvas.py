@@ -141,7 +141,7 @@ def _style() -> matplotlib.RcParams:
 
 
 def build(kind: FigureKind[Any], shown: Any) -> Figure:
-    """Draw one figure in its journal size.
+    """Draw one figure in its journal size; its label is its caption.
 
     ``kind``: an entry of one of the registries in `figures`. ``shown``: result to show; `kind.applies` must
     be true for it.
@@ -152,7 +152,7 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
         FigureCanvasAgg(figure)
         mosaic: list[Any] = kind.panels(shown)
         drawn = in_display_units(shown) if isinstance(shown, Identification) else shown
-        kind.draw(drawn, figure.subplot_mosaic(mosaic, **kind.mosaic))
+        figure.set_label(kind.draw(drawn, figure.subplot_mosaic(mosaic, **kind.mosaic)))
         for ax in figure.axes:
             for spine in ax.spines.values():
                 spine.set_in_layout(False)  # ticks point inward: a spine lies on the edge of its axes
@@ -214,15 +214,14 @@ def save_figures(
     return written
 
 
-def inline_svg(kind: FigureKind[Any], shown: Any, name: str | None = None) -> str:
-    """One figure as SVG to stand inside an HTML page.
+def inline_svg(figure: Figure, name: str) -> str:
+    """A drawn figure as SVG to stand inside an HTML page.
 
-    Ids carry the figure's name, or the given one, so that several figures of a page cannot clash. Namespaces,
-    metadata and the document head are left out: HTML needs none, and nothing in the page then names another
-    address.
+    Ids carry the given name, so that several figures of a page cannot clash. Namespaces, metadata and the
+    document head are left out: HTML needs none, and nothing in the page then names another address.
     """
     buffer = io.StringIO()
-    _save(build(kind, shown), buffer, "svg", dpi=_ON_PAGE)
+    _save(figure, buffer, "svg", dpi=_ON_PAGE)
     root = ElementTree.fromstring(buffer.getvalue())
     for metadata in root.findall(f"{_SVG}metadata"):
         root.remove(metadata)
@@ -233,7 +232,7 @@ def inline_svg(kind: FigureKind[Any], shown: Any, name: str | None = None) -> st
         "stroke-linejoin": "round",
         "stroke-linecap": "butt",
     }
-    prefix = f"{name or kind.name}-"
+    prefix = f"{name}-"
     for element in root.iter():
         element.tag = element.tag.removeprefix(_SVG)
         _plain_style(element)

@@ -1,4 +1,4 @@
-"""Figures of every page by file; a new one is its file and its entry in one of the registries below."""
+"""Figures of every page; a new one is its function and its name in one of the registries of `PLACES`."""
 
 from collections.abc import Iterable, Mapping
 from importlib import import_module
@@ -6,124 +6,124 @@ from typing import Any
 
 from kolsky.report.figures.base import FigureKind
 
-__all__ = [
-    "ACTUATORS",
-    "BARS_TOGETHER",
-    "BAR_CHECKS",
-    "BASELINES",
-    "BUDGETS",
-    "CALIBRATION",
-    "CHECKS",
-    "FLYER_TESTS",
-    "FULL_FIELDS",
-    "JOINT",
-    "MATERIALS",
-    "MODULI",
-    "PICTURE_CHECKS",
-    "PLANS",
-    "PREDICTIONS",
-    "RATES",
-    "RECORDINGS",
-    "REGISTRY",
-    "RELAXATIONS",
-    "REPEATS",
-    "SCANS",
-    "SENSITIVITY",
-    "SHEETS",
-    "SHOWN_BY",
-    "SPECIMENS",
-    "SPECKLES",
-    "SURFACES",
-    "SWEEPS",
-    "TRENDS",
-    "WAVES",
-    "FigureKind",
-    "figures_of",
-]
-
 Registry = Mapping[str, FigureKind[Any]]
 """Figures of one page by name, in the order in which the page shows them."""
 
 
-def by_name(*files: Iterable[FigureKind[Any]]) -> Registry:
-    """Return the figures of several files as one registry.
+def by_name(figures: Iterable[FigureKind[Any]]) -> Registry:
+    """Return figures as a registry.
 
     Raises
     ------
     ValueError
         If two figures have the same name.
     """
-    found: dict[str, FigureKind[Any]] = {}
-    for kind in (kind for figures in files for kind in figures):
-        if kind.name in found:
+    registry: dict[str, FigureKind[Any]] = {}
+    for kind in figures:
+        if kind.name in registry:
             raise ValueError(f"two figures of one page are called {kind.name!r}; rename one of them")
-        found[kind.name] = kind
-    return found
+        registry[kind.name] = kind
+    return registry
 
 
 PLACES: dict[str, tuple[str, ...]] = {
     # Several shots identified together
-    "JOINT": ("joint.FIGURES",),
+    "JOINT": ("joint.joint_shots", "joint.joint_curve"),
     # Recordings behind an identification; shown before those of `REGISTRY`
-    "RECORDINGS": ("recordings.RECORDED",),
-    # Check run of an identification: those of `REGISTRY` that show nothing else
+    "RECORDINGS": ("recordings.raw_signals", "recordings.flyer_path", "recordings.picture_pair"),
     # Identification
-    "REGISTRY": ("comparison.COMPARISON", "misfit.MISFIT", "misfit.UNCERTAINTY", "comparison.SIMULATION"),
+    "REGISTRY": (
+        "comparison.force",
+        "comparison.shape_residual",
+        "comparison.profiles",
+        "comparison.force_residual",
+        "misfit.misfit",
+        "misfit.contour",
+        "misfit.likelihood",
+        "misfit.ridge",
+        "misfit.corner",
+        "comparison.energy",
+        "comparison.meshes",
+        "comparison.scene",
+    ),
     # Surfaces measured by image correlation
-    "SURFACES": ("surface_points.SURFACE_POINTS", "surface_motion.FIGURES", "surface_points.SPECKLE_OVERLAY"),
+    "SURFACES": (
+        "surface_points.overlay_sigma",
+        "surface_points.overlay_epipolar",
+        "surface_points.lost_points",
+        "surface_motion.kymograph",
+        "surface_motion.flyer",
+        "surface_motion.flight",
+        "surface_points.speckles",
+    ),
     # Stereo calibration
-    "CALIBRATION": ("calibration.FIGURES",),
+    "CALIBRATION": ("calibration.calibration_residuals", "calibration.calibration_pairs"),
     # Shot before anything is run
-    "CHECKS": ("recordings.CHECKED",),
+    "CHECKS": ("recordings.checked_shot",),
     # Shot whose pictures are not correlated yet
-    "PICTURE_CHECKS": ("recordings.CHECKED_PICTURES",),
+    "PICTURE_CHECKS": ("recordings.checked_pictures",),
     # Test between bars before it is reduced
-    "BAR_CHECKS": ("waves.CHECKED_BARS",),
+    "BAR_CHECKS": ("waves.checked_bars",),
     # Speckle pattern of one camera
-    "SPECKLES": ("surface_points.SPECKLE_FLOOR",),
+    "SPECKLES": ("surface_points.speckle_floor",),
     # Reduction of a test between bars
-    "WAVES": ("waves.REDUCTION",),
+    "WAVES": ("waves.waves",),
     # Classical reduction of a flyer test
-    "FLYER_TESTS": ("waves.FLYER_TEST",),
+    "FLYER_TESTS": ("waves.flyer_test",),
     # Measurement by image correlation alone
-    "FULL_FIELDS": ("surface_points.FULL_FIELD",),
+    "FULL_FIELDS": ("surface_points.full_field", "surface_points.histories"),
     # Shot with the bars together
-    "BARS_TOGETHER": ("waves.BARS_TOGETHER",),
+    "BARS_TOGETHER": ("waves.bars_together",),
     # Repeated tests
-    "REPEATS": ("waves.REPEATED_TESTS",),
+    "REPEATS": ("waves.repeats",),
     # Plan of an experiment
-    "PLANS": ("planning.PLANNED",),
+    "PLANS": ("planning.plan_information", "planning.plan_slopes", "planning.plan_choices"),
     # Planned test
-    "PREDICTIONS": ("planning.PREDICTED",),
+    "PREDICTIONS": ("planning.signals",),
     # Scan of a planned test
-    "SCANS": ("planning.SCANNED",),
+    "SCANS": ("planning.scan",),
     # Group of shots compared over their strain rates
-    "RATES": ("rates.SLOPES", "rates.EQUAL_STRAIN"),
+    "RATES": ("rates.rate_slope", "rates.rate_forest", "rates.rate_stiffness", "rates.rate_equal_strain"),
     # Trends of a shot, Figs. 7 to 10 of Mates et al. (2012)
-    "TRENDS": ("studies.TREND_FIGURES",),
+    "TRENDS": (
+        "studies.trend_poisson",
+        "studies.trend_damping",
+        "studies.trend_friction",
+        "studies.trend_stiffness",
+    ),
     # Reference curve from quasi-static tests
-    "BASELINES": ("material.REFERENCE_CURVE",),
+    "BASELINES": ("material.baseline",),
     # Laws fitted to homogeneous tests
-    "MATERIALS": ("material.FITTED_LAWS",),
+    "MATERIALS": ("material.material_fits", "material.material_residuals", "material.material_stability"),
     # Global sensitivity of a shot
-    "SENSITIVITY": ("studies.SOBOL_INDICES",),
+    "SENSITIVITY": ("studies.sensitivity",),
     # Design of experiments over a shot's parameters
-    "SWEEPS": ("studies.SWEEP",),
+    "SWEEPS": ("studies.sweep_maps", "studies.sweep_effects", "studies.sweep_indices"),
     # Error budget
-    "BUDGETS": ("studies.BUDGET",),
+    "BUDGETS": ("studies.budget",),
     # Moduli of tests of every kind over their time scales
-    "MODULI": ("rates.MODULI",),
+    "MODULI": ("rates.rate_moduli",),
     # Slow tests and shots on one axis of time
-    "RELAXATIONS": ("material.SLOW_TESTS",),
+    "RELAXATIONS": (
+        "material.relaxation_moduli",
+        "material.relaxation_holds",
+        "material.relaxation_oscillation",
+        "material.relaxation_shifts",
+    ),
     # Whole specimens fitted to forces
-    "SPECIMENS": ("specimen.SPECIMEN",),
+    "SPECIMENS": ("specimen.forces", "specimen.correlations", "specimen.strains", "specimen.mesh"),
     # Sheet fitted to a displacement field
-    "SHEETS": ("specimen.SHEET",),
+    "SHEETS": (
+        "specimen.sheet_map",
+        "specimen.sheet_histories",
+        "specimen.sheet_steps",
+        "specimen.sheet_fields",
+    ),
     # Pressurised actuator
-    "ACTUATORS": ("actuator.FIGURES",),
+    "ACTUATORS": ("actuator.shapes", "actuator.bend", "actuator.motion", "actuator.markers", "actuator.loop"),
 }
-"""Files and names of the figures of each registry; a file is loaded when one of its registries is asked
-for, since a command shows one page."""
+"""Files and functions of the figures of each registry in the order of its page; a file is loaded when one of
+its registries is needed, since a command shows one page."""
 
 SHOWN_BY: dict[str, str] = {
     "dic.calibration.views.Calibration": "CALIBRATION",
@@ -156,21 +156,17 @@ SHOWN_BY: dict[str, str] = {
 }
 """Registries by the class of what their figures show."""
 
+__all__ = ["SHOWN_BY", "FigureKind", "figures_of", *PLACES]
+
 
 def __getattr__(name: str) -> Registry:
     """Load a registry of `PLACES` when it is first asked for."""
     if name not in PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = by_name(*map(_figures, PLACES[name]))
-    globals()[name] = found
-    return found
-
-
-def _figures(place: str) -> Iterable[FigureKind[Any]]:
-    """Figures of one file, "file.NAME": those of a list, or the one."""
-    file, _, name = place.partition(".")
-    found = getattr(import_module(f"{__name__}.{file}"), name)
-    return (found,) if isinstance(found, FigureKind) else found
+    places = (place.split(".") for place in PLACES[name])
+    registry = by_name(getattr(import_module(f"{__name__}.{file}"), figure) for file, figure in places)
+    globals()[name] = registry
+    return registry
 
 
 def figures_of(shown: Any) -> Registry:

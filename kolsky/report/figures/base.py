@@ -1,12 +1,13 @@
 """Definition of a figure: its size, its panels and the function that draws it."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colorbar import Colorbar
+from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ LONG_LABELS = 1e4
 
 @dataclass(frozen=True)
 class FigureKind(Generic[Shown]):
-    """One figure of a page; a new one is its file and its entry in a registry of `kolsky.report.figures`."""
+    """One figure of a page, made by `figure`."""
 
     name: str
     """Name of the saved file, letters, digits and hyphens."""
@@ -50,16 +51,48 @@ class FigureKind(Generic[Shown]):
     """Width [mm]."""
     height: Callable[[Shown], float]
     """Height [mm]."""
-    caption: Callable[[Shown], str]
-    """Caption in plain text."""
     panels: Callable[[Shown], list[list[str]]]
     """Mosaic of panel names, as `Figure.subplot_mosaic` takes it; "." leaves a place empty."""
-    draw: Callable[[Shown, Panels], None]
-    """Draws a result into the panels; computes only differences and ratios of what it is given."""
-    mosaic: dict[str, Any] = field(default_factory=dict)
-    """Further options of `Figure.subplot_mosaic`."""
-    applies: Callable[[Shown], bool] = lambda result: True
+    draw: Callable[[Shown, Panels], str]
+    """Draws a result into the panels and returns the caption; computes only differences and ratios."""
+    applies: Callable[[Shown], bool]
     """True if the result holds what the figure shows."""
+    mosaic: Mapping[str, Any]
+    """Further options of `Figure.subplot_mosaic`."""
+
+    def caption(self, result: Shown) -> str:
+        """Return the caption in plain text."""
+        scratch = Figure(layout="constrained")
+        return self.draw(result, scratch.subplot_mosaic(self.panels(result), **self.mosaic))
+
+
+def figure(
+    width: float,
+    height: float | Callable[[Any], float],
+    panels: list[list[str]] | Callable[[Any], list[list[str]]],
+    *,
+    applies: Callable[[Any], bool] = lambda result: True,
+    **mosaic: Any,
+) -> Callable[[Callable[[Shown, Panels], str]], FigureKind[Shown]]:
+    """Make a figure of the function that draws it and returns its caption; the name is the function's.
+
+    ``width``, ``height``: size [mm]. ``panels``: names of the panels, row by row. ``height`` and ``panels``
+    may be functions of the result. ``applies``: true if a result holds what the figure shows. ``mosaic``:
+    further options of `Figure.subplot_mosaic`.
+    """
+
+    def kind(draw: Callable[[Shown, Panels], str]) -> FigureKind[Shown]:
+        return FigureKind(
+            name=draw.__name__.replace("_", "-"),
+            width=width,
+            height=height if callable(height) else lambda result: height,
+            panels=panels if callable(panels) else lambda result: panels,
+            draw=draw,
+            applies=applies,
+            mosaic=mosaic,
+        )
+
+    return kind
 
 
 def label_panel(ax: Axes, text: str) -> None:

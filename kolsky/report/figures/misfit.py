@@ -28,9 +28,9 @@ from kolsky.report.figures.base import (
     PAGE,
     ROUTES,
     SHAPE,
-    FigureKind,
     Panels,
     few_ticks,
+    figure,
     label_panel,
     note_empty,
     smooth_bar,
@@ -42,23 +42,12 @@ MISFIT_PARTS = ("chi2", "phi", "routes")
 RUN_MARKERS = {"design": "o", "refinement": "s", "check": "D"}
 
 
-def _caption_misfit(result: Identification) -> str:
-    """Return the caption."""
-    others = "" if len(result.curves) < 2 else " (curves: the others at their optimum; pale: all runs)"
-    return (
-        f"Misfit along each free parameter{others}. Left: joint χ² of the surrogate, corrected to the "
-        "refined mesh (line), and of the check runs on it (diamonds), over the surrogate’s smallest value; "
-        "the triangles are the force-only and outline-only optima in the colours of the right panel. Centre: "
-        "Φ_F and Φ_S, Eqs. (M.4) and (M.3), over the surrogate’s smallest values, with every run; those on "
-        "the surrogate’s own mesh (circles: design, squares: refinement) lie off the lines by that mesh’s "
-        "error. Crosses on the axis: runs that did not complete. Right: the optimum of each route with ±2 of "
-        "its standard uncertainty, that of the cost Φ from the runs on the surrogate’s mesh. Dashed line and "
-        "band: the joint optimum and its k = 2 interval, numerical part included."
-    )
-
-
-def _draw_misfit(result: Identification, panels: Panels) -> None:
-    """Draw three panels per parameter."""
+@figure(
+    PAGE,
+    lambda result: 58.0 * max(1, len(result.estimates)),
+    lambda result: [[f"{name} {part}" for part in MISFIT_PARTS] for name in result.estimates],
+)
+def misfit(result: Identification, panels: Panels) -> str:
     letters = iter("abcdefghijklmnopqrstuvwx")
     for name, estimate in result.estimates.items():
         curve = next((c for c in result.curves if c.parameter == name), None)
@@ -83,6 +72,17 @@ def _draw_misfit(result: Identification, panels: Panels) -> None:
         _draw_routes(routes, name, estimate, result)
         for ax in (chi2, phi, routes):
             few_ticks(ax, 5)
+    others = "" if len(result.curves) < 2 else " (curves: the others at their optimum; pale: all runs)"
+    return (
+        f"Misfit along each free parameter{others}. Left: joint χ² of the surrogate, corrected to the "
+        "refined mesh (line), and of the check runs on it (diamonds), over the surrogate’s smallest value; "
+        "the triangles are the force-only and outline-only optima in the colours of the right panel. Centre: "
+        "Φ_F and Φ_S, Eqs. (M.4) and (M.3), over the surrogate’s smallest values, with every run; those on "
+        "the surrogate’s own mesh (circles: design, squares: refinement) lie off the lines by that mesh’s "
+        "error. Crosses on the axis: runs that did not complete. Right: the optimum of each route with ±2 of "
+        "its standard uncertainty, that of the cost Φ from the runs on the surrogate’s mesh. Dashed line and "
+        "band: the joint optimum and its k = 2 interval, numerical part included."
+    )
 
 
 def _draw_chi2(ax: Axes, curve: SurrogateCurve, result: Identification) -> None:
@@ -165,24 +165,13 @@ def _draw_routes(ax: Axes, parameter: str, estimate: Estimate, result: Identific
     ax.margins(x=0.2)
 
 
-def _caption_contour(result: Identification) -> str:
-    """Return the caption."""
-    return (
-        "Joint χ² of the runs on the surrogate’s mesh (circles) over the smallest of them, with the weights "
-        "of the final search, in the plane of the two free parameters, interpolated between the runs and "
-        "nowhere else; crosses: runs that did not complete. Left: the whole design; right: the box of the "
-        "last refinement (dashed on the left). Stars: the optima, all but that of the cost Φ corrected to "
-        "the refined mesh, so they lie off the valley by that mesh’s shift; bars: the k = 2 intervals."
-    )
-
-
 def _two_free(result: Identification) -> bool:
     """Return True if exactly two parameters are free."""
     return len(result.design.names) == 2
 
 
-def _draw_contour(result: Identification, panels: Panels) -> None:
-    """Draw filled contours of log10 chi-square, the runs and the optima."""
+@figure(PAGE, 78.0, [["whole", "near"]], applies=_two_free)
+def contour(result: Identification, panels: Panels) -> str:
     design = result.design
     curves = {curve.parameter: curve for curve in result.curves}
     whole, near = panels["whole"], panels["near"]
@@ -200,6 +189,13 @@ def _draw_contour(result: Identification, panels: Panels) -> None:
         whole.add_patch(Rectangle((left, low), right - left, high - low, fill=False, ls="--", ec="white"))
     if result.routes:
         _figure_of(whole).legend(*whole.get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    return (
+        "Joint χ² of the runs on the surrogate’s mesh (circles) over the smallest of them, with the weights "
+        "of the final search, in the plane of the two free parameters, interpolated between the runs and "
+        "nowhere else; crosses: runs that did not complete. Left: the whole design; right: the box of the "
+        "last refinement (dashed on the left). Stars: the optima, all but that of the cost Φ corrected to "
+        "the refined mesh, so they lie off the valley by that mesh’s shift; bars: the k = 2 intervals."
+    )
 
 
 def _plane(ax: Axes, result: Identification, box: FloatArray) -> None:
@@ -254,43 +250,16 @@ def _figure_of(ax: Axes) -> Figure:
     return figure
 
 
-MISFIT: tuple[FigureKind[Identification], ...] = (
-    FigureKind(
-        name="misfit",
-        width=PAGE,
-        height=lambda result: 58.0 * max(1, len(result.estimates)),
-        caption=_caption_misfit,
-        panels=lambda result: [[f"{name} {part}" for part in MISFIT_PARTS] for name in result.estimates],
-        draw=_draw_misfit,
-    ),
-    FigureKind(
-        name="contour",
-        width=PAGE,
-        height=lambda result: 78.0,
-        caption=_caption_contour,
-        panels=lambda result: [["whole", "near"]],
-        draw=_draw_contour,
-        applies=_two_free,
-    ),
-)
-
-
 LIKELIHOOD_THRESHOLD = 3.84
 
 
-def _caption_likelihood(result: Identification) -> str:
-    """Return the caption."""
-    others = ", the other parameters re-optimised at every point" if len(result.profiles) > 1 else ""
-    return (
-        f"Profile likelihood of each free parameter from the noise of force and outline{others}: the rise of "
-        "−2 ln L over its smallest value and over the factor by which residuals that are correlated in time "
-        "raise the parameter’s variance. Dashed: 3.84, where the 95 % interval (band) ends; dotted: the "
-        "answer."
-    )
-
-
-def _draw_likelihood(result: Identification, panels: Panels) -> None:
-    """Draw one panel per parameter."""
+@figure(
+    COLUMN,
+    lambda result: 46.0 * len(result.profiles),
+    lambda result: [[profile.name] for profile in result.profiles],
+    applies=lambda result: bool(result.profiles),
+)
+def likelihood(result: Identification, panels: Panels) -> str:
     for number, profile in enumerate(result.profiles):
         ax = panels[profile.name]
         if len(result.profiles) > 1:
@@ -315,6 +284,13 @@ def _draw_likelihood(result: Identification, panels: Panels) -> None:
         ax.set_xlabel(axis_label(profile.name, result.estimates[profile.name].unit))
         ax.set_ylabel(r"Rise of $-2\,\ln L$ (–)")
         few_ticks(ax, 5)
+    others = ", the other parameters re-optimised at every point" if len(result.profiles) > 1 else ""
+    return (
+        f"Profile likelihood of each free parameter from the noise of force and outline{others}: the rise of "
+        "−2 ln L over its smallest value and over the factor by which residuals that are correlated in time "
+        "raise the parameter’s variance. Dashed: 3.84, where the 95 % interval (band) ends; dotted: the "
+        "answer."
+    )
 
 
 LIKELIHOOD_COLOURS = (MODEL, FORCE)
@@ -322,27 +298,23 @@ MOST_SAMPLES = 5.0
 """Largest square root of the rise over the correlation that has a colour of its own."""
 
 
-def _caption_ridge(result: Identification) -> str:
-    """Return the caption."""
+@figure(COLUMN, 72.0, [["plane"]], applies=lambda result: result.ridge is not None)
+def ridge(result: Identification, panels: Panels) -> str:
     assert result.ridge is not None
     first, second = (name_of(name).symbol for name in result.ridge.names)
-    return (
+    caption = (
         "Rise of −2 ln L over the plane of the two free parameters, over the factor by which correlated "
         f"residuals raise the variance of {first}; its square root is a distance in standard deviations. "
         f"Dashed: the profiles of {first} and {second}, on which the other parameter is optimised at "
         "every point; in the same colour the rise at which each has its 95 % interval. Star: the "
         "answer."
     )
-
-
-def _draw_ridge(result: Identification, panels: Panels) -> None:
-    """Draw filled contours and both paths."""
     ax, ridge = panels["plane"], result.ridge
     assert ridge is not None
     profiles = {profile.name: profile for profile in result.profiles}
     if not set(ridge.names) <= set(profiles):
         note_empty(ax, "no profiles")
-        return
+        return caption
     distance = np.sqrt(ridge.rise / profiles[ridge.names[0]].correlation)
     drawn = ax.contourf(
         ridge.x,
@@ -366,6 +338,7 @@ def _draw_ridge(result: Identification, panels: Panels) -> None:
     assert isinstance(figure, Figure)
     smooth_bar(figure.colorbar(drawn, ax=ax, label="Distance from the best fit (σ)", pad=0.02))
     figure.legend(*ax.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    return caption
 
 
 BINS = 30
@@ -373,21 +346,23 @@ DOTS = 800
 """Most samples drawn as dots of a pair."""
 
 
-def _caption_corner(result: Identification) -> str:
-    """Return the caption."""
+def _corner_panels(result: Identification) -> list[list[str]]:
+    """The lower triangle."""
     assert result.posterior is not None
-    chains = result.posterior
-    state = "converged" if chains.converged else "not converged"
-    return (
-        f"Samples of the posterior ({state}, {chains.steps} steps of each walker, longest autocorrelation "
-        f"time {chains.autocorrelation:.3g} steps) with the likelihood to the power of {chains.power:.3g}. "
-        "Dashed: median; dotted: 95 % interval; lines across pairs: the answer. Priors: "
-        f"{chains.prior}."
-    )
+    names = result.posterior.names
+    return [
+        [f"{row} {column}" if j <= i else "." for j, column in enumerate(names)]
+        for i, row in enumerate(names)
+    ]
 
 
-def _draw_corner(result: Identification, panels: Panels) -> None:
-    """Draw histograms on the diagonal, pairs below it."""
+@figure(
+    PAGE,
+    lambda result: 20.0 + 36.0 * len(result.posterior.names if result.posterior else ()),
+    _corner_panels,
+    applies=lambda result: result.posterior is not None,
+)
+def corner(result: Identification, panels: Panels) -> str:
     chains = result.posterior
     assert chains is not None
     every = max(1, -(-len(chains.samples) // DOTS))
@@ -418,49 +393,17 @@ def _draw_corner(result: Identification, panels: Panels) -> None:
             few_ticks(ax, 4)
             if i != j:
                 ax.set_ylim(np.min(y), np.max(y))
+    assert result.posterior is not None
+    chains = result.posterior
+    state = "converged" if chains.converged else "not converged"
+    return (
+        f"Samples of the posterior ({state}, {chains.steps} steps of each walker, longest autocorrelation "
+        f"time {chains.autocorrelation:.3g} steps) with the likelihood to the power of {chains.power:.3g}. "
+        "Dashed: median; dotted: 95 % interval; lines across pairs: the answer. Priors: "
+        f"{chains.prior}."
+    )
 
 
 def _corner_label(name: str) -> str:
     shown = name_of(name)
     return f"${shown.tex}$ ({'–' if shown.unit == '1' else shown.unit})"
-
-
-def _corner_panels(result: Identification) -> list[list[str]]:
-    """The lower triangle."""
-    assert result.posterior is not None
-    names = result.posterior.names
-    return [
-        [f"{row} {column}" if j <= i else "." for j, column in enumerate(names)]
-        for i, row in enumerate(names)
-    ]
-
-
-UNCERTAINTY: tuple[FigureKind[Identification], ...] = (
-    FigureKind(
-        name="likelihood",
-        width=COLUMN,
-        height=lambda result: 46.0 * len(result.profiles),
-        caption=_caption_likelihood,
-        panels=lambda result: [[profile.name] for profile in result.profiles],
-        draw=_draw_likelihood,
-        applies=lambda result: bool(result.profiles),
-    ),
-    FigureKind(
-        name="ridge",
-        width=COLUMN,
-        height=lambda result: 72.0,
-        caption=_caption_ridge,
-        panels=lambda result: [["plane"]],
-        draw=_draw_ridge,
-        applies=lambda result: result.ridge is not None,
-    ),
-    FigureKind(
-        name="corner",
-        width=PAGE,
-        height=lambda result: 20.0 + 36.0 * len(result.posterior.names if result.posterior else ()),
-        caption=_caption_corner,
-        panels=_corner_panels,
-        draw=_draw_corner,
-        applies=lambda result: result.posterior is not None,
-    ),
-)

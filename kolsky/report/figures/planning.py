@@ -23,8 +23,8 @@ from kolsky.report.figures.base import (
     PAGE,
     SHAPE,
     UM,
-    FigureKind,
     Panels,
+    figure,
     label_panel,
     largest,
     smooth_bar,
@@ -68,32 +68,13 @@ PER_MM_MS, PER_MS = 1e-6, 1e-3
 LETTERS = "abcdefghijklmnop"
 
 
-def _caption_information(plan: Plan) -> str:
-    """Return the caption."""
-    several = len(plan.names) > 1
-    together = " when all parameters are estimated together" if several else ""
-    heights = any(plan.heights.values())
-    return (
-        "Information of a measurement about each parameter over place and time"
-        + together
-        + ". Top: share of a "
-        "parameter’s information in the outline at height y above the transmission platen and at a time, per "
-        "mm and ms; white: no measurement "
-        "possible there"
-        + (
-            "; triangles: the best heights (D-optimal), "
-            + ", ".join(str(n) for n in sorted(plan.heights))
-            + " of them"
-            if heights
-            else ""
-        )
-        + ". Bottom: share in the force per ms"
-        + (", and what it would be if the other parameters were known (dashed)." if several else ".")
-    )
-
-
-def _draw_information(plan: Plan, panels: Panels) -> None:
-    """Draw a map over a line for each parameter."""
+@figure(
+    PAGE,
+    92.0,
+    lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("outline", "force")],
+    height_ratios=[1.35, 1.0],
+)
+def plan_information(plan: Plan, panels: Panels) -> str:
     found = plan.information
     grid = found.sensitivity.grid
     force, outline = found.densities()
@@ -121,22 +102,30 @@ def _draw_information(plan: Plan, panels: Panels) -> None:
         label_panel(low, next(letters))
         if j > 0:
             top.set_ylabel("")
+    several = len(plan.names) > 1
+    together = " when all parameters are estimated together" if several else ""
+    heights = any(plan.heights.values())
+    return (
+        "Information of a measurement about each parameter over place and time"
+        + together
+        + ". Top: share of a "
+        "parameter’s information in the outline at height y above the transmission platen and at a time, per "
+        "mm and ms; white: no measurement "
+        "possible there"
+        + (
+            "; triangles: the best heights (D-optimal), "
+            + ", ".join(str(n) for n in sorted(plan.heights))
+            + " of them"
+            if heights
+            else ""
+        )
+        + ". Bottom: share in the force per ms"
+        + (", and what it would be if the other parameters were known (dashed)." if several else ".")
+    )
 
 
 SLOPE_CHANGE = 0.01
 """Change of a parameter that is drawn, over its scale."""
-
-
-def _caption_slopes(plan: Plan) -> str:
-    """Return the caption."""
-    changes = ", ".join(_design_words(plan, j) for j in range(len(plan.names)))
-    reach = 100.0 * plan.information.sensitivity.reach
-    return (
-        "Change of the transmitted force (top) and of the outline (bottom) with each parameter, for "
-        f"{changes}: straight lines through runs within {reach:g} % of the parameter’s scale. Band: "
-        "± what the lines leave out of the force, over that change; ringing is most of it. White: no free "
-        "surface at that height."
-    )
 
 
 def _design_words(plan: Plan, j: int) -> str:
@@ -145,8 +134,13 @@ def _design_words(plan: Plan, j: int) -> str:
     return f"Δ{name.symbol} = {SLOPE_CHANGE * slopes.scale[j] * name.factor:.3g}{unit}"
 
 
-def _draw_slopes(plan: Plan, panels: Panels) -> None:
-    """Draw a line over a map for each parameter."""
+@figure(
+    PAGE,
+    92.0,
+    lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("force", "outline")],
+    height_ratios=[1.0, 1.35],
+)
+def plan_slopes(plan: Plan, panels: Panels) -> str:
     slopes = plan.information.sensitivity
     letters = iter(LETTERS)
     time = MS * slopes.grid.times
@@ -167,24 +161,22 @@ def _draw_slopes(plan: Plan, panels: Panels) -> None:
         label_panel(low, next(letters))
         if j > 0:
             low.set_ylabel("")
+    changes = ", ".join(_design_words(plan, j) for j in range(len(plan.names)))
+    reach = 100.0 * plan.information.sensitivity.reach
+    return (
+        "Change of the transmitted force (top) and of the outline (bottom) with each parameter, for "
+        f"{changes}: straight lines through runs within {reach:g} % of the parameter’s scale. Band: "
+        "± what the lines leave out of the force, over that change; ringing is most of it. White: no free "
+        "surface at that height."
+    )
 
 
 DESIGN_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 DESIGN_MARKERS = "osDv^"
 
 
-def _caption_choices(plan: Plan) -> str:
-    """Return the caption."""
-    return (
-        "Expected standard deviations of the parameters over their scale, all estimated together from force "
-        "and outline: (a) if the data end at some time, (b) at other speeds of the flyer on the same path "
-        "(colours as in (a); open symbols: if the other parameters were known). (c) Expected correlations of "
-        "the estimates. The scale is the value itself, of Poisson’s ratio its distance from 1/2."
-    )
-
-
-def _draw_choices(plan: Plan, panels: Panels) -> None:
-    """Draw three panels."""
+@figure(PAGE, 58.0, [["end", "rate", "correlation"]])
+def plan_choices(plan: Plan, panels: Panels) -> str:
     scale = plan.information.sensitivity.scale
     by_end = np.array([e.deviations for e in plan.by_end]) / scale
     speeds = np.array([rate.factor for rate in plan.rates])
@@ -221,6 +213,12 @@ def _draw_choices(plan: Plan, panels: Panels) -> None:
         label_panel(ax, key)
         if ax.get_legend_handles_labels()[0] and ax is not panels["rate"]:  # its colours are those of (a)
             ax.legend(loc="best")
+    return (
+        "Expected standard deviations of the parameters over their scale, all estimated together from force "
+        "and outline: (a) if the data end at some time, (b) at other speeds of the flyer on the same path "
+        "(colours as in (a); open symbols: if the other parameters were known). (c) Expected correlations of "
+        "the estimates. The scale is the value itself, of Poisson’s ratio its distance from 1/2."
+    )
 
 
 def _finite(values: np.ndarray) -> np.ndarray:
@@ -232,36 +230,6 @@ def _speeds(ax: Axes, speeds: np.ndarray) -> None:
     ax.set_xscale("log")
     ax.set_xticks(speeds, [f"{speed:g}" for speed in speeds])
     ax.minorticks_off()
-
-
-PLANNED: tuple[FigureKind[Plan], ...] = (
-    FigureKind(
-        name="plan-information",
-        width=PAGE,
-        height=lambda plan: 92.0,
-        caption=_caption_information,
-        panels=lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("outline", "force")],
-        draw=_draw_information,
-        mosaic={"height_ratios": [1.35, 1.0]},
-    ),
-    FigureKind(
-        name="plan-slopes",
-        width=PAGE,
-        height=lambda plan: 92.0,
-        caption=_caption_slopes,
-        panels=lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("force", "outline")],
-        draw=_draw_slopes,
-        mosaic={"height_ratios": [1.0, 1.35]},
-    ),
-    FigureKind(
-        name="plan-choices",
-        width=PAGE,
-        height=lambda plan: 58.0,
-        caption=_caption_choices,
-        panels=lambda plan: [["end", "rate", "correlation"]],
-        draw=_draw_choices,
-    ),
-)
 
 
 MARKS = {
@@ -284,21 +252,9 @@ SCAN_LABELS = {
 }
 
 
-def _caption_prediction(found: Prediction) -> str:
-    """Return the caption."""
-    stand_in = "" if found.response is not None else "; the specimen's static curve stands in for it"
-    return (
-        "The planned test from the striker's touch on; compression is positive, dotted lines are the events "
-        "found in the signals. (a) Force at the middle of the incident bar. (b) Velocity of the flyer and of "
-        "the incident bar's end. (c) Force inside the flyer, mean over 20 µs. (d) Force transmitted by the "
-        f"specimen at its sensor, mean over 20 µs{stand_in}. (e) Paths of the flyer and of the bar's end; "
-        "the right axis is the flyer's over the specimen's length."
-    )
-
-
-def _draw_prediction(found: Prediction, panels: Panels) -> None:
-    """Draw the five panels over one time axis."""
-    bars, test = found.bars, found.test.declared
+@figure(PAGE, 170.0, [[name] for name in PREDICTION_PANELS])
+def signals(result: Prediction, panels: Panels) -> str:
+    bars, test = result.bars, result.test.declared
     step = float(bars.times[1])
     every = slice(None, None, max(1, round(EVERY / step)))
     time = MS * bars.times[every]
@@ -316,11 +272,11 @@ def _draw_prediction(found: Prediction, panels: Panels) -> None:
     inside = _mean_force(bars.flyer.force(0.5 * first.length), step)
     panels["flyer"].plot(time, inside[every], color=FORCE, lw=0.8)
     panels["flyer"].set_ylabel("Flyer\n(N)")
-    _limits(panels["flyer"], found, inside)
-    passed = _mean_force(bars.transmission.force(found.test.sensor_depth()), step)
+    _limits(panels["flyer"], result, inside)
+    passed = _mean_force(bars.transmission.force(result.test.sensor_depth()), step)
     panels["transmitted"].plot(time, passed[every], color=SHAPE, lw=0.8)
     panels["transmitted"].set_ylabel("Transmitted\n(N)")
-    _limits(panels["transmitted"], found, passed)
+    _limits(panels["transmitted"], result, passed)
     path = panels["path"]
     path.plot(time, (MM * np.cumsum(end) * step)[every], color=GREY, lw=0.6, label="bar's end")
     path.plot(time, MM * bars.flyer_path[every], color=MODEL, lw=0.9, label="flyer")
@@ -331,9 +287,17 @@ def _draw_prediction(found: Prediction, panels: Panels) -> None:
     right.set_ylabel("(%)")
     for name, letter in zip(PREDICTION_PANELS, "abcde", strict=True):
         panels[name].set_xlim(0.0, time[-1])
-        _mark(panels[name], found, named=name == "bar")
+        _mark(panels[name], result, named=name == "bar")
         label_panel(panels[name], letter)
         panels[name].tick_params(labelbottom=name == PREDICTION_PANELS[-1])
+    stand_in = "" if result.response is not None else "; the specimen's static curve stands in for it"
+    return (
+        "The planned test from the striker's touch on; compression is positive, dotted lines are the events "
+        "found in the signals. (a) Force at the middle of the incident bar. (b) Velocity of the flyer and of "
+        "the incident bar's end. (c) Force inside the flyer, mean over 20 µs. (d) Force transmitted by the "
+        f"specimen at its sensor, mean over 20 µs{stand_in}. (e) Paths of the flyer and of the bar's end; "
+        "the right axis is the flyer's over the specimen's length."
+    )
 
 
 def _times(factor: float) -> Callable[[Any], Any]:
@@ -378,29 +342,9 @@ def _mean_force(signal: np.ndarray, step: float) -> np.ndarray:
     return np.convolve(signal, np.full(n, 1.0 / n), mode="same")
 
 
-PREDICTED = (
-    FigureKind[Prediction](
-        name="signals",
-        width=PAGE,
-        height=lambda found: 170.0,
-        caption=_caption_prediction,
-        panels=lambda found: [[name] for name in PREDICTION_PANELS],
-        draw=_draw_prediction,
-    ),
-)
-
-
-def _caption_scan(shown: tuple[Scan, Aim | None]) -> str:
-    """Return the caption."""
-    scan, aim = shown
-    varied = " and ".join(one.key for one in scan.varied)
-    aimed = "" if aim is None else "; the cross is the point that comes nearest to what is wanted"
-    return f"What {varied} do to the test, by the specimen's static curve{aimed}."
-
-
-def _draw_scan(shown: tuple[Scan, Aim | None], panels: Panels) -> None:
-    """Draw one number a panel over the first quantity, a line for each value of the second."""
-    scan, aim = shown
+@figure(PAGE, 62.0, [list(PREDICTION_SHOWN)])
+def scan(result: tuple[Scan, Aim | None], panels: Panels) -> str:
+    scan, aim = result
     first, *rest = scan.varied
     others = np.unique(scan.points[:, 1]) if rest else [None]
     for name, letter in zip(PREDICTION_SHOWN, "abc", strict=True):
@@ -421,15 +365,6 @@ def _draw_scan(shown: tuple[Scan, Aim | None], panels: Panels) -> None:
         label_panel(ax, letter)
     if rest:
         panels[PREDICTION_SHOWN[0]].legend(title=rest[0].key, fontsize="small")
-
-
-SCANNED = (
-    FigureKind[tuple[Scan, Aim | None]](
-        name="scan",
-        width=PAGE,
-        height=lambda shown: 62.0,
-        caption=_caption_scan,
-        panels=lambda shown: [list(PREDICTION_SHOWN)],
-        draw=_draw_scan,
-    ),
-)
+    varied = " and ".join(one.key for one in scan.varied)
+    aimed = "" if aim is None else "; the cross is the point that comes nearest to what is wanted"
+    return f"What {varied} do to the test, by the specimen's static curve{aimed}."

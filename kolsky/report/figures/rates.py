@@ -19,8 +19,8 @@ from kolsky.report.figures.base import (
     MODEL,
     PAGE,
     ROUTES,
-    FigureKind,
     Panels,
+    figure,
     label_panel,
     label_text,
     note_empty,
@@ -33,27 +33,8 @@ from kolsky.studies.rates.scatter import SlopeVerdict
 LINE_POINTS = 101
 
 
-def _caption_slope(group: GroupRates) -> str:
-    """Return the caption."""
-    line = group.slope
-    claimed = line is not None and line.verdict is not SlopeVerdict.REFUSED
-    through = (
-        " Line: meta-regression on the logarithm of the rate with its 95 % band."
-        if claimed
-        else " Dashed: the line through the shots; their rates do not support it (see the conditions)."
-    )
-    return (
-        "Stiffness factor m against nominal strain rate: each shot with ±2u (thick: what is its own, thin:"
-        " with what it shares) and, across, the range of the true rate inside the test; mean of the shots"
-        " with its 95 % interval (band) and the interval of one more shot (dotted)."
-        + ("" if line is None or line.fit is None else through)
-        + " Left: on the scale of rates down to the quasi-static test, where m = 1 by definition; right: the"
-        " shots alone. Open circles do not count."
-    )
-
-
-def _draw_slope(group: GroupRates, panels: Panels) -> None:
-    """Draw both panels."""
+@figure(PAGE, 68.0, [["wide", "near"]], width_ratios=[1.25, 1.0])
+def rate_slope(group: GroupRates, panels: Panels) -> str:
     wide, near = panels["wide"], panels["near"]
     for ax, mark in ((wide, "a"), (near, "b")):
         label_panel(ax, mark)
@@ -83,6 +64,21 @@ def _draw_slope(group: GroupRates, panels: Panels) -> None:
         near.legend(loc="best", ncols=2)
     if rates:
         wide.legend(loc="best")
+    line = group.slope
+    claimed = line is not None and line.verdict is not SlopeVerdict.REFUSED
+    through = (
+        " Line: meta-regression on the logarithm of the rate with its 95 % band."
+        if claimed
+        else " Dashed: the line through the shots; their rates do not support it (see the conditions)."
+    )
+    return (
+        "Stiffness factor m against nominal strain rate: each shot with ±2u (thick: what is its own, thin:"
+        " with what it shares) and, across, the range of the true rate inside the test; mean of the shots"
+        " with its 95 % interval (band) and the interval of one more shot (dotted)."
+        + ("" if line is None or line.fit is None else through)
+        + " Left: on the scale of rates down to the quasi-static test, where m = 1 by definition; right: the"
+        " shots alone. Open circles do not count."
+    )
 
 
 def _mean(ax: Axes, group: GroupRates, low: float, high: float) -> None:
@@ -146,24 +142,18 @@ SHOT_HEIGHT = 0.22
 """Distance of the routes of one shot, in rows."""
 
 
-def _caption_forest(group: GroupRates) -> str:
-    """Return the caption."""
-    without = " Right: the mean and its 95 % interval without each shot in turn." if _left_out(group) else ""
-    return (
-        f"{'Left: s' if without else 'S'}tiffness factor of each shot, slowest first, by force and outline"
-        " together with ±2u of the whole budget, and by each alone with ±2 of the standard uncertainty of its"
-        f" residuals; the diamond is the mean, as wide as its 95 % interval.{without}"
-        " Open circles do not count."
-    )
-
-
 def _left_out(group: GroupRates) -> bool:
     """True if the mean is known without one of the shots; it takes three."""
     return group.pooled is not None and any(fit is not None for fit in group.pooled.leave_one_out)
 
 
-def _draw_forest(group: GroupRates, panels: Panels) -> None:
-    """Draw the forest and the leave-one-out."""
+@figure(
+    PAGE,
+    lambda group: 32.0 + 7.5 * len(group.shots),
+    lambda group: [["shots", "shots", "without", "without"]] if _left_out(group) else [["shots"]],
+    applies=lambda group: any(np.isfinite(shot.m) for shot in group.shots),
+)
+def rate_forest(group: GroupRates, panels: Panels) -> str:
     left, right = panels["shots"], panels.get("without")
     if right is not None:
         label_panel(left, "a")
@@ -211,28 +201,13 @@ def _draw_forest(group: GroupRates, panels: Panels) -> None:
     if right is not None:
         right.set_yticks([])
     left.legend(loc="lower left", ncols=3, bbox_to_anchor=(0.1, 1.0), borderaxespad=0.1)
-
-
-SLOPES: tuple[FigureKind[GroupRates], ...] = (
-    FigureKind(
-        name="rate-slope",
-        width=PAGE,
-        height=lambda group: 68.0,
-        caption=_caption_slope,
-        panels=lambda group: [["wide", "near"]],
-        draw=_draw_slope,
-        mosaic={"width_ratios": [1.25, 1.0]},
-    ),
-    FigureKind(
-        name="rate-forest",
-        width=PAGE,
-        height=lambda group: 32.0 + 7.5 * len(group.shots),
-        caption=_caption_forest,
-        panels=lambda group: [["shots", "shots", "without", "without"]] if _left_out(group) else [["shots"]],
-        draw=_draw_forest,
-        applies=lambda group: any(np.isfinite(shot.m) for shot in group.shots),
-    ),
-)
+    without = " Right: the mean and its 95 % interval without each shot in turn." if _left_out(group) else ""
+    return (
+        f"{'Left: s' if without else 'S'}tiffness factor of each shot, slowest first, by force and outline"
+        " together with ±2u of the whole budget, and by each alone with ±2 of the standard uncertainty of its"
+        f" residuals; the diamond is the mean, as wide as its 95 % interval.{without}"
+        " Open circles do not count."
+    )
 
 
 KPA = 1e-3
@@ -245,22 +220,8 @@ PANELS = {
 }
 
 
-def caption_stiffness(group: GroupRates) -> str:
-    """Return the caption."""
-    return (
-        "Nominal compressive stress, secant modulus and tangent modulus at fixed nominal strains (given"
-        " beside each series; 0: the initial modulus) against nominal strain rate, ±2u. Filled: the shots,"
-        " the quasi-static curve times m; open: the quasi-static curve itself"
-        + (
-            ", at its own rate, and its level carried to theirs (dotted)."
-            if _slow(group)
-            else ". Its rate is not declared, so it is not drawn."
-        )
-    )
-
-
-def draw_stiffness(group: GroupRates, panels: Panels) -> None:
-    """Draw the three quantities."""
+@figure(PAGE, 58.0, [list(PANELS)], applies=lambda group: len(group.stiffness) > 0)
+def rate_stiffness(group: GroupRates, panels: Panels) -> str:
     slow = _slow(group)
     for number, (panel, (quantity, label)) in enumerate(PANELS.items()):
         ax = panels[panel]
@@ -296,6 +257,16 @@ def draw_stiffness(group: GroupRates, panels: Panels) -> None:
         ax.margins(x=0.2, y=0.1)
         if not slow:
             plain_log_ticks(ax)
+    return (
+        "Nominal compressive stress, secant modulus and tangent modulus at fixed nominal strains (given"
+        " beside each series; 0: the initial modulus) against nominal strain rate, ±2u. Filled: the shots,"
+        " the quasi-static curve times m; open: the quasi-static curve itself"
+        + (
+            ", at its own rate, and its level carried to theirs (dotted)."
+            if _slow(group)
+            else ". Its rate is not declared, so it is not drawn."
+        )
+    )
 
 
 def _slow(group: GroupRates) -> float | None:
@@ -304,22 +275,8 @@ def _slow(group: GroupRates) -> float | None:
     return rates.pop() if len(rates) == 1 else None
 
 
-def _caption_equal_strain(group: GroupRates) -> str:
-    """Return the caption."""
-    assert group.equal_strain is not None  # checked by `applies`
-    strains = ", ".join(f"{e:g}" for e in group.equal_strain.strains)
-    return (
-        "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values"
-        " at the strains compared (markers), and the quasi-static stress times the undeformed area, as of a"
-        " specimen that stays a cylinder (dashed). Waves, inertia and the held faces are in the shots’"
-        " forces: the distance between the lines is no rate sensitivity."
-        f" Right: outlines in the frames nearest to the strains {strains}, measured (markers) and simulated"
-        " (lines)."
-    )
-
-
-def _draw_equal_strain(group: GroupRates, panels: Panels) -> None:
-    """Draw force and outline."""
+@figure(PAGE, 72.0, [["force", "shape"]], applies=lambda group: group.equal_strain is not None)
+def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
     e = group.equal_strain
     assert e is not None  # checked by `applies`
     force, shape = panels["force"], panels["shape"]
@@ -365,6 +322,16 @@ def _draw_equal_strain(group: GroupRates, panels: Panels) -> None:
                 color=GREY,
                 annotation_clip=False,
             )
+    assert group.equal_strain is not None  # checked by `applies`
+    strains = ", ".join(f"{e:g}" for e in group.equal_strain.strains)
+    return (
+        "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values"
+        " at the strains compared (markers), and the quasi-static stress times the undeformed area, as of a"
+        " specimen that stays a cylinder (dashed). Waves, inertia and the held faces are in the shots’"
+        " forces: the distance between the lines is no rate sensitivity."
+        f" Right: outlines in the frames nearest to the strains {strains}, measured (markers) and simulated"
+        " (lines)."
+    )
 
 
 TEST_COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#000000", "#56B4E9")
@@ -381,24 +348,14 @@ class TimeScales:
     `kolsky.material.relaxation.rate_fit.fitted_modulus`."""
 
 
-def _caption_moduli(shown: TimeScales) -> str:
-    """Return the caption."""
-    fitted = "" if shown.fitted is None else " Line and band: the fitted model with ±2u."
-    return (
-        "Modulus of rubber elasticity, Eq. (M.9), that each test shows by itself, against the mean age of "
-        "the strain: the time of holding after a step, half the duration of a steady ramp, 1/ω of an "
-        f"oscillation. Bars: ±2u.{fitted}"
-    )
-
-
-def _draw_moduli(shown: TimeScales, panels: Panels) -> None:
-    """Draw points with bars, and the model behind them."""
+@figure(COLUMN, 66.0, [["moduli"]], applies=lambda result: len(result.tests) > 0)
+def rate_moduli(result: TimeScales, panels: Panels) -> str:
     ax = panels["moduli"]
-    if shown.fitted is not None:
-        age, modulus, sigma = shown.fitted.age, KPA * shown.fitted.modulus, KPA * shown.fitted.sigma
+    if result.fitted is not None:
+        age, modulus, sigma = result.fitted.age, KPA * result.fitted.modulus, KPA * result.fitted.sigma
         ax.fill_between(age, modulus - 2.0 * sigma, modulus + 2.0 * sigma, color=BAND, alpha=0.4, lw=0.0)
-        ax.plot(age, modulus, color=MODEL, label=shown.fitted.label)
-    for k, test in enumerate(shown.tests):
+        ax.plot(age, modulus, color=MODEL, label=result.fitted.label)
+    for k, test in enumerate(result.tests):
         ax.errorbar(
             test.age, KPA * test.modulus, yerr=2.0 * KPA * test.sigma,
             fmt=TEST_MARKERS[k % len(TEST_MARKERS)], ms=2.6,
@@ -409,34 +366,9 @@ def _draw_moduli(shown: TimeScales, panels: Panels) -> None:
     ax.set_ylabel("Modulus $E_a$ (kPa)")
     ax.legend(loc="best")
     ax.margins(x=0.05, y=0.15)
-
-
-EQUAL_STRAIN: tuple[FigureKind[GroupRates], ...] = (
-    FigureKind(
-        name="rate-stiffness",
-        width=PAGE,
-        height=lambda group: 58.0,
-        caption=caption_stiffness,
-        panels=lambda group: [list(PANELS)],
-        draw=draw_stiffness,
-        applies=lambda group: len(group.stiffness) > 0,
-    ),
-    FigureKind(
-        name="rate-equal-strain",
-        width=PAGE,
-        height=lambda group: 72.0,
-        caption=_caption_equal_strain,
-        panels=lambda group: [["force", "shape"]],
-        draw=_draw_equal_strain,
-        applies=lambda group: group.equal_strain is not None,
-    ),
-)
-MODULI = FigureKind(
-    name="rate-moduli",
-    width=COLUMN,
-    height=lambda shown: 66.0,
-    caption=_caption_moduli,
-    panels=lambda shown: [["moduli"]],
-    draw=_draw_moduli,
-    applies=lambda shown: len(shown.tests) > 0,
-)
+    fitted = "" if result.fitted is None else " Line and band: the fitted model with ±2u."
+    return (
+        "Modulus of rubber elasticity, Eq. (M.9), that each test shows by itself, against the mean age of "
+        "the strain: the time of holding after a step, half the duration of a steady ramp, 1/ω of an "
+        f"oscillation. Bars: ±2u.{fitted}"
+    )

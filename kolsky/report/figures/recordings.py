@@ -26,8 +26,8 @@ from kolsky.report.figures.base import (
     PAGE,
     SHAPE,
     UM,
-    FigureKind,
     Panels,
+    figure,
     label_panel,
     note_empty,
     smooth_bar,
@@ -39,9 +39,23 @@ if TYPE_CHECKING:
     from dic.result import Body
 
 
-def _caption_raw_signals(shown: ShotRecordings) -> str:
-    """Return the caption."""
-    if shown.baseline is None:
+@figure(COLUMN, 60.0, [["signal"]], applies=lambda result: result.time.size > 0)
+def raw_signals(result: ShotRecordings, panels: Panels) -> str:
+    ax = panels["signal"]
+    first, last = (MS * end for end in result.window)
+    ax.axvspan(first, last, color=BAND, alpha=0.2, lw=0.0, label="window")
+    if result.baseline is not None:
+        first, last = (MS * end for end in result.baseline)
+        ax.axvspan(first, last, color=MODEL, alpha=0.25, lw=0.0, label="baseline")
+        ax.axhline(result.zero, color=MODEL, lw=0.7, ls="--", label="zero")
+    ax.plot(MS * result.time, result.value, color=MEASURED, lw=0.4, label="recorded")
+    if result.symmetry_end is not None:
+        ax.axvline(MS * result.symmetry_end, color=GREY, lw=0.8, ls=":", label="end of symmetry")
+    ax.set_xlabel("Time $t$ (ms)")
+    ax.set_ylabel("Signal (V)" if result.unit == "V" else f"Force $F$ ({result.unit})")
+    ax.margins(x=0.0)
+    ax.legend(loc="upper left")
+    if result.baseline is None:
         return (
             "Force on the specimen from the waves in the transmission bar, every sample; blue: the window "
             "that is simulated and compared. Compression is positive."
@@ -52,45 +66,21 @@ def _caption_raw_signals(shown: ShotRecordings) -> str:
     )
 
 
-def _draw_raw_signals(shown: ShotRecordings, panels: Panels) -> None:
-    """Draw samples, zero and windows."""
-    ax = panels["signal"]
-    first, last = (MS * end for end in shown.window)
-    ax.axvspan(first, last, color=BAND, alpha=0.2, lw=0.0, label="window")
-    if shown.baseline is not None:
-        first, last = (MS * end for end in shown.baseline)
-        ax.axvspan(first, last, color=MODEL, alpha=0.25, lw=0.0, label="baseline")
-        ax.axhline(shown.zero, color=MODEL, lw=0.7, ls="--", label="zero")
-    ax.plot(MS * shown.time, shown.value, color=MEASURED, lw=0.4, label="recorded")
-    if shown.symmetry_end is not None:
-        ax.axvline(MS * shown.symmetry_end, color=GREY, lw=0.8, ls=":", label="end of symmetry")
-    ax.set_xlabel("Time $t$ (ms)")
-    ax.set_ylabel("Signal (V)" if shown.unit == "V" else f"Force $F$ ({shown.unit})")
-    ax.margins(x=0.0)
-    ax.legend(loc="upper left")
-
-
-def _caption_flyer_path(shown: ShotRecordings) -> str:
-    """Return the caption."""
-    if shown.motion.is_velocity:
-        return (
-            "Front face, from the waves in the incident bar. (a) Its fitted displacement, (b) its velocity, "
-            "measured and fitted with ±2σ, (c) measured minus fitted velocity. Blue: the window."
-        )
-    return (
-        "Flyer. (a) Displacement toward the specimen at the frames and fitted path, (b) the path’s velocity "
-        "with ±2σ, (c) measured minus fitted displacement with the ±2σ of the noise. Blue: the window."
-    )
-
-
-def _draw_flyer_path(shown: ShotRecordings, panels: Panels) -> None:
-    """Draw displacement, velocity and residual."""
-    motion = shown.motion
-    first, last = (MS * end for end in shown.window)
+@figure(
+    COLUMN,
+    105.0,
+    [["displacement"], ["velocity"], ["residual"]],
+    applies=lambda result: result.motion.measured_time.size > 1,
+    sharex=True,
+    height_ratios=[1.3, 1.2, 0.8],
+)
+def flyer_path(result: ShotRecordings, panels: Panels) -> str:
+    motion = result.motion
+    first, last = (MS * end for end in result.window)
     for name, ax in panels.items():
         ax.axvspan(first, last, color=BAND, alpha=0.2, lw=0.0)
-        if shown.symmetry_end is not None:
-            ax.axvline(MS * shown.symmetry_end, color=GREY, lw=0.8, ls=":", label="end of symmetry")
+        if result.symmetry_end is not None:
+            ax.axvline(MS * result.symmetry_end, color=GREY, lw=0.8, ls=":", label="end of symmetry")
         label_panel(ax, {"displacement": "a", "velocity": "b", "residual": "c"}[name])
     time, frames = MS * motion.time, MS * motion.measured_time
     ax, low = panels["velocity"], panels["residual"]
@@ -123,31 +113,36 @@ def _draw_flyer_path(shown: ShotRecordings, panels: Panels) -> None:
     low.plot(frames, factor * motion.residual, "o", ms=1.2, mew=0.0, color=MEASURED)
     low.set(xlabel="Time $t$ (ms)", ylabel=what)
     low.margins(x=0.01)
+    if result.motion.is_velocity:
+        return (
+            "Front face, from the waves in the incident bar. (a) Its fitted displacement, (b) its velocity, "
+            "measured and fitted with ±2σ, (c) measured minus fitted velocity. Blue: the window."
+        )
+    return (
+        "Flyer. (a) Displacement toward the specimen at the frames and fitted path, (b) the path’s velocity "
+        "with ±2σ, (c) measured minus fitted displacement with the ±2σ of the noise. Blue: the window."
+    )
 
 
 CAMERAS = ("left", "right")
 LOST = "#CC79A7"
 
 
-def _caption_picture_pair(seen: ShotRecordings) -> str:
-    """Return the caption."""
-    pair = _has_pair(seen)
-    body, frame = pair.result.specimen, pair.frame
-    size = np.abs(body.epipolar[body.surface.valid])
-    largest = f"{float(np.percentile(size, 99.0)):.3f} px" if size.size else "unknown"
-    return (
-        f"(a), (b) Cameras 0 and 1 at {MS * float(pair.result.t[frame]):.3f} ms, frame {frame} counted from "
-        f"0, with the {int(body.n_valid[frame])} of {body.surface.n_points} points of the specimen that are "
-        "valid there, joined to their neighbours and coloured by the standard deviation of their place in "
-        "that picture. (c) Of the valid points of each frame: the median of the larger of both cameras’ "
-        "standard deviations and the rms distance from the epipolar line, 99 % of all distances below "
-        f"{largest}. (d) Points that are not valid."
-    )
+def _pair_height(seen: ShotRecordings) -> float:
+    """Height of the figure [mm]: pictures as wide as their panels, histories below."""
+    rows, columns = _has_pair(seen).pictures[0].shape
+    return float(np.clip((0.5 * PAGE - 16.0) * rows / columns + 12.0, 35.0, 140.0) + 45.0)
 
 
-def _draw_picture_pair(seen: ShotRecordings, panels: Panels) -> None:
-    """Draw the pair with its points, and the histories."""
-    pair = _has_pair(seen)
+@figure(
+    PAGE,
+    _pair_height,
+    [list(CAMERAS), ["quality", "lost"]],
+    applies=lambda result: isinstance(result.pair, PicturePair),
+    height_ratios=[1.7, 1.0],
+)
+def picture_pair(result: ShotRecordings, panels: Panels) -> str:
+    pair = _has_pair(result)
     body, frame = pair.result.specimen, pair.frame
     valid = body.surface.valid[frame]
     sigma = [camera[frame, valid] for camera in body.match_sigma]
@@ -182,6 +177,16 @@ def _draw_picture_pair(seen: ShotRecordings, panels: Panels) -> None:
     bar.update_ticks()
     smooth_bar(bar)
     _histories(pair, panels["quality"], panels["lost"])
+    size = np.abs(body.epipolar[body.surface.valid])
+    largest = f"{float(np.percentile(size, 99.0)):.3f} px" if size.size else "unknown"
+    return (
+        f"(a), (b) Cameras 0 and 1 at {MS * float(pair.result.t[frame]):.3f} ms, frame {frame} counted from "
+        f"0, with the {int(body.n_valid[frame])} of {body.surface.n_points} points of the specimen that are "
+        "valid there, joined to their neighbours and coloured by the standard deviation of their place in "
+        "that picture. (c) Of the valid points of each frame: the median of the larger of both cameras’ "
+        "standard deviations and the rms distance from the epipolar line, 99 % of all distances below "
+        f"{largest}. (d) Points that are not valid."
+    )
 
 
 def _picture(ax: Axes, picture: NDArray[np.generic]) -> None:
@@ -229,45 +234,6 @@ def _has_pair(seen: ShotRecordings) -> PicturePair:
     return seen.pair
 
 
-def _pair_height(seen: ShotRecordings) -> float:
-    """Height of the figure [mm]: pictures as wide as their panels, histories below."""
-    rows, columns = _has_pair(seen).pictures[0].shape
-    return float(np.clip((0.5 * PAGE - 16.0) * rows / columns + 12.0, 35.0, 140.0) + 45.0)
-
-
-RECORDED: tuple[FigureKind[ShotRecordings], ...] = (
-    FigureKind(
-        name="raw-signals",
-        width=COLUMN,
-        height=lambda shown: 60.0,
-        caption=_caption_raw_signals,
-        panels=lambda shown: [["signal"]],
-        draw=_draw_raw_signals,
-        applies=lambda shown: shown.time.size > 0,
-    ),
-    FigureKind(
-        name="flyer-path",
-        width=COLUMN,
-        height=lambda shown: 105.0,
-        caption=_caption_flyer_path,
-        panels=lambda shown: [["displacement"], ["velocity"], ["residual"]],
-        draw=_draw_flyer_path,
-        mosaic={"sharex": True, "height_ratios": [1.3, 1.2, 0.8]},
-        applies=lambda shown: shown.motion.measured_time.size > 1,
-    ),
-    FigureKind(
-        name="picture-pair",
-        width=PAGE,
-        height=_pair_height,
-        caption=_caption_picture_pair,
-        panels=lambda seen: [list(CAMERAS), ["quality", "lost"]],
-        draw=_draw_picture_pair,
-        mosaic={"height_ratios": [1.7, 1.0]},
-        applies=lambda seen: isinstance(seen.pair, PicturePair),
-    ),
-)
-
-
 THREE_TIMES = (SHAPE, FORCE, MODEL)
 """Colours of the three times."""
 FORCE_PLACES = ("first", "static", "last")
@@ -296,24 +262,6 @@ def _caption_of_force(shot: Shot | PicturedShot) -> str:
     )
 
 
-def _caption_one_clock(shot: Shot) -> str:
-    """Return the caption."""
-    said = _caption_of_force(shot)
-    moves = (
-        "displacement of the flyer" if isinstance(shot.flyer, FlyerMotion) else "velocity of the front face"
-    )
-    said += (
-        f". (b) The {moves} on the same clock: the force must begin when it does, or a wave’s travel later. "
-        "Blue: the window that is simulated and compared."
-    )
-    if three_frames(shot):
-        said += (
-            " (c) The outline at three times, and the side of the declared specimen at rest (dashed), which "
-            "the first must follow."
-        )
-    return said
-
-
 def draw_force(shot: Shot | PicturedShot, panels: Panels) -> None:
     """Draw the force over the time of the panel below."""
     ax = panels["force"]
@@ -333,8 +281,8 @@ def on_one_clock(panels: Panels, *times: FloatArray) -> None:
         panel.set_xlim(both.min(), both.max())
 
 
-def _draw_one_clock(shot: Shot, panels: Panels) -> None:
-    """Draw the signals on one clock and the outline."""
+@figure(PAGE, 85.0, [["force", "outline"], ["motion", "outline"]], width_ratios=[1.35, 1.0])
+def checked_shot(shot: Shot, panels: Panels) -> str:
     draw_force(shot, panels)
     ax, low = panels["force"], panels["motion"]
     label_panel(panels["outline"], "c")
@@ -348,6 +296,20 @@ def _draw_one_clock(shot: Shot, panels: Panels) -> None:
         low.set_ylabel("Front face (m/s)")
     _draw_outline(shot, panels)
     on_one_clock(panels, shot.force.time, shot.flyer.time)
+    said = _caption_of_force(shot)
+    moves = (
+        "displacement of the flyer" if isinstance(shot.flyer, FlyerMotion) else "velocity of the front face"
+    )
+    said += (
+        f". (b) The {moves} on the same clock: the force must begin when it does, or a wave’s travel later. "
+        "Blue: the window that is simulated and compared."
+    )
+    if three_frames(shot):
+        said += (
+            " (c) The outline at three times, and the side of the declared specimen at rest (dashed), which "
+            "the first must follow."
+        )
+    return said
 
 
 def _draw_outline(shot: Shot, panels: Panels) -> None:
@@ -369,19 +331,8 @@ def _draw_outline(shot: Shot, panels: Panels) -> None:
     ax.legend(loc="center left")
 
 
-def _caption_of_pictures(shot: PicturedShot) -> str:
-    """Return the caption."""
-    return (
-        f"{_caption_of_force(shot)}. (b) Mean difference of each picture from the first of its camera, in "
-        "per "
-        "cent of white, on the same clock; grey: the frames that are declared static, in which it is level. "
-        "It must rise before the force does, or with it. (c), (d), (e) Camera 0 in the first frame, in the "
-        "last static one, which must look alike, and in the last. Flyer and outline are not measured."
-    )
-
-
-def _draw_pictures(shot: PicturedShot, panels: Panels) -> None:
-    """Draw force and change of the pictures on one clock, and three pictures."""
+@figure(PAGE, 145.0, [["force"] * 3, ["motion"] * 3, list(FORCE_PLACES)], height_ratios=[1.0, 1.0, 1.5])
+def checked_pictures(shot: PicturedShot, panels: Panels) -> str:
     draw_force(shot, panels)
     low, found = panels["motion"], shot.pictures.changes
     low.axvspan(MS * found.time[0], MS * found.rest_end, color=GREY, alpha=0.3, lw=0.0)
@@ -401,28 +352,10 @@ def _draw_pictures(shot: PicturedShot, panels: Panels) -> None:
     for name in FORCE_PLACES[len(found.shown) :]:
         note_empty(panels[name], "no picture")
     panels[FORCE_PLACES[0]].set_ylabel("$y$ (px)")
-
-
-CHECKED: tuple[FigureKind[Shot], ...] = (
-    FigureKind(
-        name="checked-shot",
-        width=PAGE,
-        height=lambda shot: 85.0,
-        caption=_caption_one_clock,
-        panels=lambda shot: [["force", "outline"], ["motion", "outline"]],
-        draw=_draw_one_clock,
-        mosaic={"width_ratios": [1.35, 1.0]},
-    ),
-)
-
-CHECKED_PICTURES: tuple[FigureKind[PicturedShot], ...] = (
-    FigureKind(
-        name="checked-pictures",
-        width=PAGE,
-        height=lambda shot: 145.0,
-        caption=_caption_of_pictures,
-        panels=lambda shot: [["force"] * 3, ["motion"] * 3, list(FORCE_PLACES)],
-        draw=_draw_pictures,
-        mosaic={"height_ratios": [1.0, 1.0, 1.5]},
-    ),
-)
+    return (
+        f"{_caption_of_force(shot)}. (b) Mean difference of each picture from the first of its camera, in "
+        "per "
+        "cent of white, on the same clock; grey: the frames that are declared static, in which it is level. "
+        "It must rise before the force does, or with it. (c), (d), (e) Camera 0 in the first frame, in the "
+        "last static one, which must look alike, and in the last. Flyer and outline are not measured."
+    )

@@ -16,8 +16,8 @@ from kolsky.report.figures.base import (
     MODEL,
     PAGE,
     SHAPE,
-    FigureKind,
     Panels,
+    figure,
     label_panel,
     label_text,
     note_empty,
@@ -38,8 +38,8 @@ def _panels(view: SpecimenView) -> list[list[str]]:
     return [names, [f"{name} residual" for name in names]]
 
 
-def _draw_forces(view: SpecimenView, panels: Panels) -> None:
-    """Draw measured and simulated forces of each test, and what is left."""
+@figure(PAGE, 105.0, _panels, height_ratios=[2.0, 1.0])
+def forces(view: SpecimenView, panels: Panels) -> str:
     for number, name in enumerate(list(view.tests)[:MOST_TESTS]):
         above, below = panels[name], panels[f"{name} residual"]
         label_panel(above, "abcdef"[number])
@@ -76,10 +76,6 @@ def _draw_forces(view: SpecimenView, panels: Panels) -> None:
         below.axhspan(-2.0 * sigma, 2.0 * sigma, color=GREY, alpha=0.2, lw=0)
         below.set_xlabel("displacement (mm)")
         below.set_ylabel("fit less data (N)")
-
-
-def _caption_forces(view: SpecimenView) -> str:
-    """Return the caption."""
     return (
         "Force over displacement, measured and simulated with the constants of each fit (bands: 95 % "
         "from the "
@@ -87,8 +83,13 @@ def _caption_forces(view: SpecimenView) -> str:
     )
 
 
-def _draw_correlations(view: SpecimenView, panels: Panels) -> None:
-    """Draw the correlations of the constants of each fit."""
+@figure(
+    PAGE,
+    55.0,
+    lambda view: [[found.name for found in view.fits[:3]]],
+    applies=lambda view: len(view.fits[0].constants.free) > 1,
+)
+def correlations(view: SpecimenView, panels: Panels) -> str:
     for number, found in enumerate(view.fits[:3]):
         ax = panels[found.name]
         label_panel(ax, "abc"[number])
@@ -108,10 +109,6 @@ def _draw_correlations(view: SpecimenView, panels: Panels) -> None:
             )  # fmt: skip
         if number == min(len(view.fits), 3) - 1:
             smooth_bar(ax.figure.colorbar(image, ax=ax, label="correlation"))
-
-
-def _caption_correlations(view: SpecimenView) -> str:
-    """Return the caption."""
     return (
         "Correlations of the fitted constants. Near ± 1 a test knows a combination of two constants and "
         "not each: "
@@ -119,8 +116,13 @@ def _caption_correlations(view: SpecimenView) -> str:
     )
 
 
-def _draw_strains(view: SpecimenView, panels: Panels) -> None:
-    """Draw the distribution of strains by volume."""
+@figure(
+    PAGE,
+    lambda view: 55.0 * len(view.shares[:MOST_TESTS]),
+    lambda view: [[f"{s.name} whole", f"{s.name} middle"] for s in view.shares[:MOST_TESTS]],
+    applies=lambda view: bool(view.shares),
+)
+def strains(view: SpecimenView, panels: Panels) -> str:
     for number, share in enumerate(view.shares[:MOST_TESTS]):
         for name, values, letter in (("whole", share.whole, 0), ("middle", share.middle, 1)):
             ax = panels[f"{share.name} {name}"]
@@ -140,10 +142,6 @@ def _draw_strains(view: SpecimenView, panels: Panels) -> None:
             words = "whole specimen" if name == "whole" else "mid-region"
             ax.set_title(f"{label_text(share.name, 16)}, {words}", fontsize="medium")
             ax.legend(frameon=False, fontsize="small", title="along")
-
-
-def _caption_strains(view: SpecimenView) -> str:
-    """Return the caption."""
     return (
         "Strains along the axes at the last sample, by volume: left the whole specimen with its ends, "
         "right the "
@@ -151,8 +149,8 @@ def _caption_strains(view: SpecimenView) -> str:
     )
 
 
-def _draw_mesh(view: SpecimenView, panels: Panels) -> None:
-    """Draw the largest stretch on the upper face of the simulated part, deformed."""
+@figure(PAGE, 70.0, lambda view: [list(view.solutions)[:3]], applies=lambda view: bool(view.solutions))
+def mesh(view: SpecimenView, panels: Panels) -> str:
     for name, solution in view.solutions.items():
         if name not in panels:
             continue
@@ -174,10 +172,6 @@ def _draw_mesh(view: SpecimenView, panels: Panels) -> None:
         ax.set_ylabel("$y$ (mm)")
         ax.set_title(label_text(name, 24), fontsize="medium")
         smooth_bar(ax.figure.colorbar(faces, ax=ax, label="largest stretch in the face", fraction=0.04))
-
-
-def _caption_mesh(view: SpecimenView) -> str:
-    """Return the caption."""
     return (
         "Largest stretch of the element faces on the bonded surface at the last sample, in the deformed "
         "state; "
@@ -185,52 +179,12 @@ def _caption_mesh(view: SpecimenView) -> str:
     )
 
 
-SPECIMEN = (
-    FigureKind(
-        name="forces",
-        width=PAGE,
-        height=lambda view: 105.0,
-        caption=_caption_forces,
-        panels=_panels,
-        draw=_draw_forces,
-        mosaic={"height_ratios": [2.0, 1.0]},
-    ),
-    FigureKind(
-        name="correlations",
-        width=PAGE,
-        height=lambda view: 55.0,
-        caption=_caption_correlations,
-        panels=lambda view: [[found.name for found in view.fits[:3]]],
-        draw=_draw_correlations,
-        applies=lambda view: len(view.fits[0].constants.free) > 1,
-    ),
-    FigureKind(
-        name="strains",
-        width=PAGE,
-        height=lambda view: 55.0 * len(view.shares[:MOST_TESTS]),
-        caption=_caption_strains,
-        panels=lambda view: [[f"{s.name} whole", f"{s.name} middle"] for s in view.shares[:MOST_TESTS]],
-        draw=_draw_strains,
-        applies=lambda view: bool(view.shares),
-    ),
-    FigureKind(
-        name="mesh",
-        width=PAGE,
-        height=lambda view: 70.0,
-        caption=_caption_mesh,
-        panels=lambda view: [list(view.solutions)[:3]],
-        draw=_draw_mesh,
-        applies=lambda view: bool(view.solutions),
-    ),
-)
-
-
 MN = 1e3
 """Newtons to millinewtons."""
 
 
-def draw_histories(view: SheetView, panels: Panels) -> None:
-    """Draw force and misfit over the pad's displacement."""
+@figure(PAGE, 62.0, [["force", "misfit"]])
+def sheet_histories(view: SheetView, panels: Panels) -> str:
     found = view.fit
     data, pad = found.problem.data, MM * np.abs(found.problem.data.pad)
     ax = panels["force"]
@@ -248,10 +202,6 @@ def draw_histories(view: SheetView, panels: Panels) -> None:
     ax.legend(frameon=False)
     for one in (panels["force"], panels["misfit"]):
         one.set_xlabel("pad displacement (mm)")
-
-
-def caption_histories(view: SheetView) -> str:
-    """Return the caption."""
     return (
         "(a) Force on the pad. (b) Root mean square of simulated less measured displacements over the "
         "measured "
@@ -259,8 +209,15 @@ def caption_histories(view: SheetView) -> str:
     )
 
 
-def _draw_steps(view: SheetView, panels: Panels) -> None:
-    """Draw the constants of every step fitted alone, and their sensitivities to noise."""
+@figure(
+    PAGE,
+    110.0,
+    lambda view: [
+        list(view.fit.constants.free),
+        [f"{name} noise" for name in view.fit.constants.free],
+    ],
+)
+def sheet_steps(view: SheetView, panels: Panels) -> str:
     found, free = view.fit, view.fit.constants.free
     pad = MM * np.abs(found.problem.data.pad)
     by_u, by_f = found.relative_by_displacement(1e-6), found.relative_by_force(1e-3)
@@ -284,6 +241,13 @@ def _draw_steps(view: SheetView, panels: Panels) -> None:
         for one in (ax, other):
             one.set_xlim(0.0, 1.05 * pad.max())
             one.set_xlabel("pad displacement (mm)")
+    return (
+        "Upper row: constants fitted to each step alone and to all together; a drift shows that the law "
+        "is not the "
+        "material's. Lower row: standard deviation of each constant over its value from noise of the "
+        "displacement "
+        "of every node (1 µm) and of the force (1 mN) in one step, Eqs. (20) to (25) of Sutula et al. (2020)."
+    )
 
 
 def _draw_noise(ax: Axes, pad: FloatArray, by_u: FloatArray, by_f: FloatArray, name: str) -> None:
@@ -292,17 +256,6 @@ def _draw_noise(ax: Axes, pad: FloatArray, by_u: FloatArray, by_f: FloatArray, n
     ax.semilogy(pad, 100.0 * np.maximum(by_f, floor), "s-", color=FORCE, ms=3, label="1 mN")
     ax.set_ylabel(f"relative deviation of {name} (%)")
     ax.legend(frameon=False, title="noise of")
-
-
-def _caption_steps(view: SheetView) -> str:
-    """Return the caption."""
-    return (
-        "Upper row: constants fitted to each step alone and to all together; a drift shows that the law "
-        "is not the "
-        "material's. Lower row: standard deviation of each constant over its value from noise of the "
-        "displacement "
-        "of every node (1 µm) and of the force (1 mN) in one step, Eqs. (20) to (25) of Sutula et al. (2020)."
-    )
 
 
 def _field(
@@ -344,8 +297,8 @@ def _field(
     smooth_bar(ax.figure.colorbar(image, ax=ax, label=label, fraction=0.03))
 
 
-def draw_fields(view: SheetView, panels: Panels) -> None:
-    """Draw displacement, misfit, sensitivity and the map before the test."""
+@figure(PAGE, 95.0, [["u", "misfit"], ["sensitivity", "before"]])
+def sheet_fields(view: SheetView, panels: Panels) -> str:
     found = view.fit
     state, data = found.cost.state, found.problem.data
     inside = np.zeros(len(view.mesh.points), dtype=bool)
@@ -363,10 +316,6 @@ def draw_fields(view: SheetView, panels: Panels) -> None:
     _field(panels["before"], view, np.linalg.norm(best, axis=1), best, "whole sheet (1/mm$^3$)")
     for letter, name in zip("abcd", ("u", "misfit", "sensitivity", "before"), strict=True):
         label_panel(panels[name], letter)
-
-
-def caption_fields(view: SheetView) -> str:
-    """Return the caption."""
     fit = view.fit
     names = [name for name, held in zip(fit.constants.free, fit.at_bound, strict=True) if not held]
     if view.before.singular:
@@ -386,8 +335,8 @@ def caption_fields(view: SheetView) -> str:
     )
 
 
-def draw_map(view: SheetView, panels: Panels) -> None:
-    """Draw the factors of stiffness."""
+@figure(PAGE, 70.0, [["map"]], applies=lambda view: view.stiffness is not None)
+def sheet_map(view: SheetView, panels: Panels) -> str:
     assert view.stiffness is not None  # `applies` has looked
     ax, points = panels["map"], MM * view.mesh.points
     image = ax.tripcolor(
@@ -400,53 +349,8 @@ def draw_map(view: SheetView, panels: Panels) -> None:
     ax.set_xlabel("$x$ (mm)")
     ax.set_ylabel("$y$ (mm)")
     smooth_bar(ax.figure.colorbar(image, ax=ax, label="stiffness over the fitted one", fraction=0.03))
-
-
-def _caption_map(view: SheetView) -> str:
-    """Return the caption."""
-    assert view.stiffness is not None
     words = "explains" if view.stiffness.explained else "does not explain"
     return (
         "Factor of all moduli of each block, the smoothest map by total variation; it "
         f"{words} the field within its noise."
     )
-
-
-SHEET = (
-    FigureKind(
-        name="sheet-map",
-        width=PAGE,
-        height=lambda view: 70.0,
-        caption=_caption_map,
-        panels=lambda view: [["map"]],
-        draw=draw_map,
-        applies=lambda view: view.stiffness is not None,
-    ),
-    FigureKind(
-        name="sheet-histories",
-        width=PAGE,
-        height=lambda view: 62.0,
-        caption=caption_histories,
-        panels=lambda view: [["force", "misfit"]],
-        draw=draw_histories,
-    ),
-    FigureKind(
-        name="sheet-steps",
-        width=PAGE,
-        height=lambda view: 110.0,
-        caption=_caption_steps,
-        panels=lambda view: [
-            list(view.fit.constants.free),
-            [f"{name} noise" for name in view.fit.constants.free],
-        ],
-        draw=_draw_steps,
-    ),
-    FigureKind(
-        name="sheet-fields",
-        width=PAGE,
-        height=lambda view: 95.0,
-        caption=caption_fields,
-        panels=lambda view: [["u", "misfit"], ["sensitivity", "before"]],
-        draw=draw_fields,
-    ),
-)

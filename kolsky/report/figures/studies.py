@@ -19,8 +19,8 @@ from kolsky.report.figures.base import (
     MS,
     PAGE,
     SHAPE,
-    FigureKind,
     Panels,
+    figure,
     label_panel,
     label_text,
     smooth_bar,
@@ -45,8 +45,28 @@ MOST_PAIRS = 3
 COLUMN_HEIGHT = 56.0
 
 
-def _caption_maps(result: SweepAnalysis) -> str:
-    """Return the caption."""
+def _interpolated(result: SweepAnalysis) -> dict[str, Output]:
+    return {name: output for name, output in result.outputs.items() if output.surrogate is not None}
+
+
+def _pairs(result: SweepAnalysis) -> list[tuple[str, str]]:
+    return list(combinations(result.box.names, 2))[:MOST_PAIRS]
+
+
+@figure(
+    PAGE,
+    lambda result: COLUMN_HEIGHT * len(_pairs(result)),
+    lambda result: [
+        [f"{name} {row}" for name in _interpolated(result)] for row in range(len(_pairs(result)))
+    ],
+    applies=lambda result: (
+        bool(_interpolated(result)) and result.box.dimension > 1 and result.best is not None
+    ),
+)
+def sweep_maps(result: SweepAnalysis, panels: Panels) -> str:
+    for row, pair in enumerate(_pairs(result)):
+        for name in _interpolated(result):
+            _map(panels[f"{name} {row}"], result, name, *pair)
     names = ", ".join(
         f"{SYMBOLS[key]} ({100.0 * output.error:.2g} %)" for key, output in _interpolated(result).items()
     )
@@ -56,21 +76,6 @@ def _caption_maps(result: SweepAnalysis) -> str:
         f"error over the standard deviation of the runs: {names}. Circles: runs; crosses: runs that did not "
         "complete; star: the run with the smallest misfit."
     )
-
-
-def _interpolated(result: SweepAnalysis) -> dict[str, Output]:
-    return {name: output for name, output in result.outputs.items() if output.surrogate is not None}
-
-
-def _pairs(result: SweepAnalysis) -> list[tuple[str, str]]:
-    return list(combinations(result.box.names, 2))[:MOST_PAIRS]
-
-
-def _draw_maps(result: SweepAnalysis, panels: Panels) -> None:
-    """Draw a map of each misfit (columns) over each pair of parameters (rows)."""
-    for row, pair in enumerate(_pairs(result)):
-        for name in _interpolated(result):
-            _map(panels[f"{name} {row}"], result, name, *pair)
 
 
 def _map(ax: Axes, result: SweepAnalysis, name: str, first: str, second: str) -> None:
@@ -101,16 +106,14 @@ def _map(ax: Axes, result: SweepAnalysis, name: str, first: str, second: str) ->
     ax.set_ylabel(axis_label(second))
 
 
-def _caption_effects(result: SweepAnalysis) -> str:
-    """Return the caption."""
-    return (
-        "Main effects: mean of a misfit over all other parameters (line) and where 80 % of it lie (band), "
-        "along each parameter; points: the runs."
-    )
-
-
-def _draw_effects(result: SweepAnalysis, panels: Panels) -> None:
-    """Draw one row per misfit and one column per parameter."""
+@figure(
+    PAGE,
+    lambda result: 12.0 + 36.0 * len(_interpolated(result)),
+    lambda result: [[f"{name} {i}" for i in range(result.box.dimension)] for name in _interpolated(result)],
+    applies=lambda result: bool(_interpolated(result)),
+    sharey=False,
+)
+def sweep_effects(result: SweepAnalysis, panels: Panels) -> str:
     shown = _interpolated(result)
     for name, output in shown.items():
         for i, parameter in enumerate(result.box.names):
@@ -129,21 +132,17 @@ def _draw_effects(result: SweepAnalysis, panels: Panels) -> None:
                 ax.set_xlabel(axis_label(parameter))
             else:
                 ax.tick_params(labelbottom=False)
+    return (
+        "Main effects: mean of a misfit over all other parameters (line) and where 80 % of it lie (band), "
+        "along each parameter; points: the runs."
+    )
 
 
 INDEX_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
 
 
-def _caption_indices(result: SweepAnalysis) -> str:
-    """Return the caption."""
-    return (
-        "Share of each misfit’s variance over the box that a parameter causes, by itself or with others "
-        "(total Sobol’ indices, bars, 95 % intervals of the bootstrap), and by itself (first order, dots)."
-    )
-
-
-def _draw_indices(result: SweepAnalysis, panels: Panels) -> None:
-    """Draw groups of bars."""
+@figure(COLUMN, 62.0, [["indices"]], applies=lambda result: result.indices is not None)
+def sweep_indices(result: SweepAnalysis, panels: Panels) -> str:
     found, ax = result.indices, panels["indices"]
     assert found is not None  # `applies` says so
     d = len(found.names)
@@ -166,52 +165,34 @@ def _draw_indices(result: SweepAnalysis, panels: Panels) -> None:
     ax.set_ylabel("Sobol’ index (–)")
     ax.set_ylim(min(-0.05, 1.1 * float(found.first.min())), 1.3)
     ax.legend(loc="upper center", ncols=min(d, 6))
-
-
-SWEEP: tuple[FigureKind[SweepAnalysis], ...] = (
-    FigureKind(
-        name="sweep-maps",
-        width=PAGE,
-        height=lambda result: COLUMN_HEIGHT * len(_pairs(result)),
-        caption=_caption_maps,
-        panels=lambda result: [
-            [f"{name} {row}" for name in _interpolated(result)] for row in range(len(_pairs(result)))
-        ],
-        draw=_draw_maps,
-        applies=lambda result: (
-            bool(_interpolated(result)) and result.box.dimension > 1 and result.best is not None
-        ),
-    ),
-    FigureKind(
-        name="sweep-effects",
-        width=PAGE,
-        height=lambda result: 12.0 + 36.0 * len(_interpolated(result)),
-        caption=_caption_effects,
-        panels=lambda result: [
-            [f"{name} {i}" for i in range(result.box.dimension)] for name in _interpolated(result)
-        ],
-        draw=_draw_effects,
-        mosaic={"sharey": False},
-        applies=lambda result: bool(_interpolated(result)),
-    ),
-    FigureKind(
-        name="sweep-indices",
-        width=COLUMN,
-        height=lambda result: 62.0,
-        caption=_caption_indices,
-        panels=lambda result: [["indices"]],
-        draw=_draw_indices,
-        applies=lambda result: result.indices is not None,
-    ),
-)
+    return (
+        "Share of each misfit’s variance over the box that a parameter causes, by itself or with others "
+        "(total Sobol’ indices, bars, 95 % intervals of the bootstrap), and by itself (first order, dots)."
+    )
 
 
 SOBOL_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 WORDS = {"Phi_F": r"$\Phi_F$", "Phi_S": r"$\Phi_S$", "Phi": r"$\Phi$", "peak force": "peak force"}
 
 
-def _caption_sobol(result: GlobalSensitivity) -> str:
-    """Return the caption."""
+def _panels(result: GlobalSensitivity) -> list[list[str]]:
+    histories = [("force", result.force), ("outline", result.outline)]
+    names = ["scalars", *(name for name, found in histories if found is not None)]
+    return [names]
+
+
+@figure(PAGE, 58.0, _panels, applies=lambda result: result.scalars is not None)
+def sensitivity(result: GlobalSensitivity, panels: Panels) -> str:
+    _bars(panels["scalars"], result)
+    if result.force is not None:
+        _history(panels["force"], result, result.force_times, result.force.first, result.force.total)
+        panels["force"].set_ylabel("Index of the force (–)")
+    if result.outline is not None:
+        _history(panels["outline"], result, *result.outline_by_frame())
+        panels["outline"].set_ylabel("Index of the outline (–)")
+    for key, ax in zip("abc", panels.values(), strict=False):
+        label_panel(ax, key)
+    panels["scalars"].legend(loc="upper left", ncols=len(result.box.names))
     ranges = ", ".join(
         f"{name_of(n).symbol} = {a * name_of(n).factor:.4g} to {b * name_of(n).factor:.4g}"
         + ("" if name_of(n).unit == "1" else f" {name_of(n).unit}")
@@ -224,20 +205,6 @@ def _caption_sobol(result: GlobalSensitivity) -> str:
         "of the mean force of every bin, (c) of the outline of every frame, its points weighted by their "
         "variance: total (solid) and first order (dashed)."
     )
-
-
-def _draw_sobol(result: GlobalSensitivity, panels: Panels) -> None:
-    """Draw bars and two histories."""
-    _bars(panels["scalars"], result)
-    if result.force is not None:
-        _history(panels["force"], result, result.force_times, result.force.first, result.force.total)
-        panels["force"].set_ylabel("Index of the force (–)")
-    if result.outline is not None:
-        _history(panels["outline"], result, *result.outline_by_frame())
-        panels["outline"].set_ylabel("Index of the outline (–)")
-    for key, ax in zip("abc", panels.values(), strict=False):
-        label_panel(ax, key)
-    panels["scalars"].legend(loc="upper left", ncols=len(result.box.names))
 
 
 def _bars(ax: Axes, result: GlobalSensitivity) -> None:
@@ -275,36 +242,8 @@ def _history(
     ax.set_xlim(MS * times[0], MS * times[-1])
 
 
-def _panels(result: GlobalSensitivity) -> list[list[str]]:
-    histories = [("force", result.force), ("outline", result.outline)]
-    names = ["scalars", *(name for name, found in histories if found is not None)]
-    return [names]
-
-
-SOBOL_INDICES: tuple[FigureKind[GlobalSensitivity], ...] = (
-    FigureKind(
-        name="sensitivity",
-        width=PAGE,
-        height=lambda result: 58.0,
-        caption=_caption_sobol,
-        panels=_panels,
-        draw=_draw_sobol,
-        applies=lambda result: result.scalars is not None,
-    ),
-)
-
-
-def _caption_poisson(result: Trends) -> str:
-    """Return the caption."""
-    return (
-        "Shape misfit Φ_S, Eq. (M.3), and time steps of a run, over those at ν = 0.49, against Poisson’s "
-        f"ratio at m = {result.stiffness:g} on {result.mesh[0]} × {result.mesh[1]} elements; all steps cost "
-        "the same. The axis is logarithmic in the distance from 1/2."
-    )
-
-
-def _draw_poisson(result: Trends, panels: Panels) -> None:
-    """Draw two lines over one axis."""
+@figure(COLUMN, 62.0, [["all"]])
+def trend_poisson(result: Trends, panels: Panels) -> str:
     ax, runs = panels["all"], result.poisson
     distance = 0.5 - runs.x
     ax.plot(distance, runs.phi_shape, "o-", color=SHAPE, label=r"$\Phi_S$")
@@ -321,21 +260,18 @@ def _draw_poisson(result: Trends, panels: Panels) -> None:
     cost.set(ylabel="Cost over that at 0.49 (–)", ylim=(0.0, None))
     lines = [*ax.get_lines(), *cost.get_lines()]
     ax.legend(lines, [str(line.get_label()) for line in lines], loc="upper center")
+    return (
+        "Shape misfit Φ_S, Eq. (M.3), and time steps of a run, over those at ν = 0.49, against Poisson’s "
+        f"ratio at m = {result.stiffness:g} on {result.mesh[0]} × {result.mesh[1]} elements; all steps cost "
+        "the same. The axis is logarithmic in the distance from 1/2."
+    )
 
 
 DAMPING_COLOURS = ("#56B4E9", "#0072B2", "#E69F00", "#D55E00", "#CC79A7")
 
 
-def _caption_damping(result: Trends) -> str:
-    """Return the caption."""
-    return (
-        f"Effect of the damping β on the simulated transmitted force at m = {result.stiffness:g}, beside the "
-        "recorded one: the whole test (a), and the stretch in which it begins (b)."
-    )
-
-
-def _draw_damping(result: Trends, panels: Panels) -> None:
-    """Draw all forces, and their beginning."""
+@figure(PAGE, 68.0, [["whole", "begin"]])
+def trend_damping(result: Trends, panels: Panels) -> str:
     forces = result.damping
     time = MS * forces.time
     begin = time[0] + 0.4 * (time[-1] - time[0])
@@ -351,25 +287,25 @@ def _draw_damping(result: Trends, panels: Panels) -> None:
     low, high = forces.measured[near].min(), forces.measured[near].max()
     panels["begin"].set_xlim(time[0], begin)
     panels["begin"].set_ylim(low - 0.3 * (high - low), high + 0.5 * (high - low))
+    return (
+        f"Effect of the damping β on the simulated transmitted force at m = {result.stiffness:g}, beside the "
+        "recorded one: the whole test (a), and the stretch in which it begins (b)."
+    )
 
 
-def _caption_friction(result: Trends) -> str:
-    """Return the caption."""
+@figure(PAGE, 68.0, [["force", "shape"]])
+def trend_friction(result: Trends, panels: Panels) -> str:
+    plane = result.plane
+    _surface(panels["force"], plane, plane.surface_force, plane.phi_force, r"Force misfit $\Phi_F$ (N)")
+    _surface(panels["shape"], plane, plane.surface_shape, plane.phi_shape, r"Shape misfit $\Phi_S$ (–)")
+    for key, ax in zip("ab", panels.values(), strict=True):
+        label_panel(ax, key)
     return (
         "Effect of friction and stiffness on (a) Φ_F, Eq. (M.4), and (b) Φ_S, Eq. (M.3): radial basis "
         f"functions through the {len(result.plane.design)} runs of a full factorial (dots) on "
         f"{result.plane_mesh[0]} × {result.plane_mesh[1]} elements, faces and side sliding by Coulomb’s law. "
         "Star: the run with the smallest value."
     )
-
-
-def _draw_friction(result: Trends, panels: Panels) -> None:
-    """Draw both misfits."""
-    plane = result.plane
-    _surface(panels["force"], plane, plane.surface_force, plane.phi_force, r"Force misfit $\Phi_F$ (N)")
-    _surface(panels["shape"], plane, plane.surface_shape, plane.phi_shape, r"Shape misfit $\Phi_S$ (–)")
-    for key, ax in zip("ab", panels.values(), strict=True):
-        label_panel(ax, key)
 
 
 def _surface(
@@ -385,18 +321,8 @@ def _surface(
     smooth_bar(ax.figure.colorbar(drawn, ax=ax, label=label, pad=0.02))  # type: ignore[union-attr]
 
 
-def caption_stiffness(result: Trends) -> str:
-    """Return the caption."""
-    return (
-        "Effect of the stiffness on (a) Φ_F, Eq. (M.4), and (b) Φ_S, Eq. (M.3). Filled: the "
-        f"{len(result.surrogates.runs.x)} runs that the surrogates are built from; open: runs that they "
-        "were not built from. Solid: misfit of the histories that the surrogate of the response predicts; "
-        "dashed: radial basis functions through the misfits themselves, as in the paper."
-    )
-
-
-def draw_stiffness(result: Trends, panels: Panels) -> None:
-    """Draw both misfits."""
+@figure(PAGE, 64.0, [["force", "shape"]])
+def trend_stiffness(result: Trends, panels: Panels) -> str:
     s = result.surrogates
     rows = (
         ("force", s.runs.phi_force, s.between.phi_force, FORCE, r"Force misfit $\Phi_F$ (N)"),
@@ -412,42 +338,12 @@ def draw_stiffness(result: Trends, panels: Panels) -> None:
         ax.set_ylim(bottom=min(0.0, 1.1 * float(s.by_cost[i].min())))
         label_panel(ax, key)
     panels["shape"].legend(loc="upper right")
-
-
-TREND_FIGURES: tuple[FigureKind[Trends], ...] = (
-    FigureKind(
-        name="trend-poisson",
-        width=COLUMN,
-        height=lambda result: 62.0,
-        caption=_caption_poisson,
-        panels=lambda result: [["all"]],
-        draw=_draw_poisson,
-    ),
-    FigureKind(
-        name="trend-damping",
-        width=PAGE,
-        height=lambda result: 68.0,
-        caption=_caption_damping,
-        panels=lambda result: [["whole", "begin"]],
-        draw=_draw_damping,
-    ),
-    FigureKind(
-        name="trend-friction",
-        width=PAGE,
-        height=lambda result: 68.0,
-        caption=_caption_friction,
-        panels=lambda result: [["force", "shape"]],
-        draw=_draw_friction,
-    ),
-    FigureKind(
-        name="trend-stiffness",
-        width=PAGE,
-        height=lambda result: 64.0,
-        caption=caption_stiffness,
-        panels=lambda result: [["force", "shape"]],
-        draw=draw_stiffness,
-    ),
-)
+    return (
+        "Effect of the stiffness on (a) Φ_F, Eq. (M.4), and (b) Φ_S, Eq. (M.3). Filled: the "
+        f"{len(result.surrogates.runs.x)} runs that the surrogates are built from; open: runs that they "
+        "were not built from. Solid: misfit of the histories that the surrogate of the response predicts; "
+        "dashed: radial basis functions through the misfits themselves, as in the paper."
+    )
 
 
 MOST_SOURCES = 24
@@ -462,23 +358,13 @@ def _ordered_sources(result: Budget) -> list[Source]:
     return sorted(known, key=lambda source: -source.u)[:MOST_SOURCES]
 
 
-def _caption_budget(result: Budget) -> str:
-    """Return the caption."""
-    low, _ = result.u_together_interval
-    drawn = (
-        ""
-        if np.isnan(low)
-        else f" Line: all at once, {len(result.together)} draws; band: 95 % interval of that. Dashed: the "
-        "sources added in quadrature."
-    )
-    return (
-        f"Error budget of {name_of(result.parameter).symbol}: expanded uncertainty (k = 2) from each source "
-        f"alone, the other sources without error; numbers: share of the sum of squares.{drawn}"
-    )
-
-
-def _draw_budget(result: Budget, panels: Panels) -> None:
-    """Draw a bar a source."""
+@figure(
+    PAGE,
+    lambda result: 18.0 + SOURCE_HEIGHT * max(3, len(_ordered_sources(result))),
+    [["bars"]],
+    applies=lambda result: bool(_ordered_sources(result)),
+)
+def budget(result: Budget, panels: Panels) -> str:
     ax, sources, factor = panels["bars"], _ordered_sources(result), 2.0 * name_of(result.parameter).factor
     place = np.arange(len(sources))[::-1]
     widths = [factor * source.u for source in sources]
@@ -511,16 +397,14 @@ def _draw_budget(result: Budget, panels: Panels) -> None:
         ax.plot([], [], "s", color=SHAPE, label="anew for each shot")
         ax.plot([], [], "s", color=GREY, label="common to all shots")
         ax.legend(loc="lower right")
-
-
-BUDGET: tuple[FigureKind[Budget], ...] = (
-    FigureKind(
-        name="budget",
-        width=PAGE,
-        height=lambda result: 18.0 + SOURCE_HEIGHT * max(3, len(_ordered_sources(result))),
-        caption=_caption_budget,
-        panels=lambda result: [["bars"]],
-        draw=_draw_budget,
-        applies=lambda result: bool(_ordered_sources(result)),
-    ),
-)
+    low, _ = result.u_together_interval
+    drawn = (
+        ""
+        if np.isnan(low)
+        else f" Line: all at once, {len(result.together)} draws; band: 95 % interval of that. Dashed: the "
+        "sources added in quadrature."
+    )
+    return (
+        f"Error budget of {name_of(result.parameter).symbol}: expanded uncertainty (k = 2) from each source "
+        f"alone, the other sources without error; numbers: share of the sum of squares.{drawn}"
+    )

@@ -15,25 +15,21 @@ from kolsky.report.figures.base import (
     PAGE,
     SHAPE,
     UM,
-    FigureKind,
     Panels,
+    figure,
     label_panel,
     smooth_bar,
 )
 from kolsky.report.picture_views import SurfaceView
 
 
-def _caption_kymograph(view: SurfaceView) -> str:
-    """Return the caption."""
-    return (
-        "Kymograph of the outline (x = 0). (a) Its column in the pictures of camera 0 through time, and the "
-        "rows in which the points nearest to it were found. (b) Measured radius Z at height y above the "
-        "transmission platen; white: no valid point."
-    )
-
-
-def _draw_kymograph(view: SurfaceView, panels: Panels) -> None:
-    """Draw the column of all pictures, and the radius over height and time."""
+@figure(
+    PAGE,
+    68.0,
+    [["picture", "radius"]],
+    applies=lambda view: view.result.centre.Z.size > 0 and view.kymograph.size > 0,
+)
+def kymograph(view: SurfaceView, panels: Panels) -> str:
     result, body = view.result, view.result.specimen
     time = MS * result.t
     half = 0.5 * float(np.median(np.diff(time)))
@@ -88,18 +84,24 @@ def _draw_kymograph(view: SurfaceView, panels: Panels) -> None:
         bar.set_label("Radius $Z$ (mm)")
         smooth_bar(bar)
     label_panel(ax, "b")
-
-
-def _caption_flyer(view: SurfaceView) -> str:
-    """Return the caption."""
     return (
-        "Flyer. (a) Displacement toward the specimen, and (b) its difference quotients from frame to "
-        "frame, both with ±2σ; grey: static frames. (c) Standard deviation of one displacement."
+        "Kymograph of the outline (x = 0). (a) Its column in the pictures of camera 0 through time, and the "
+        "rows in which the points nearest to it were found. (b) Measured radius Z at height y above the "
+        "transmission platen; white: no valid point."
     )
 
 
-def _draw_flyer(view: SurfaceView, panels: Panels) -> None:
-    """Draw displacement, difference quotients and sigma."""
+@figure(
+    COLUMN,
+    105.0,
+    [["displacement"], ["velocity"], ["sigma"]],
+    applies=lambda view: (
+        view.result.axial_displacement is not None and view.result.axial_displacement.t.size > 2
+    ),
+    sharex=True,
+    height_ratios=[1.2, 1.2, 0.7],
+)
+def flyer(view: SurfaceView, panels: Panels) -> str:
     result, travel = view.result, view.result.axial_displacement
     assert travel is not None  # `applies`
     time = MS * travel.t
@@ -145,34 +147,35 @@ def _draw_flyer(view: SurfaceView, panels: Panels) -> None:
     ax.set_ylim(bottom=0.0)
     ax.set(xlabel="Time (ms)", ylabel="σ (µm)")
     label_panel(ax, "c")
+    return (
+        "Flyer. (a) Displacement toward the specimen, and (b) its difference quotients from frame to "
+        "frame, both with ±2σ; grey: static frames. (c) Standard deviation of one displacement."
+    )
 
 
 COVERAGE = 2.0
 """Half width of the bands in standard uncertainties."""
 
 
-def _caption_flight(shown: FlightOfSpecimen) -> str:
-    """Return the caption."""
-    text = (
-        "(a) Nominal strain of the specimen and its rate, from the flyer's path. (b) Angle between the "
-        "flyer's velocity and the compression axis. (c) Rotation of the flyer about x and Z. Bands: two "
-        "standard uncertainties."
-    )
-    return text if shown.end is None else f"{text} Dotted: symmetry ends."
-
-
-def _draw_flight(shown: FlightOfSpecimen, panels: Panels) -> None:
-    """Draw strain and rate, the angle, the tilt."""
-    t, path = shown.time, shown.flight.toward
+@figure(
+    COLUMN,
+    130.0,
+    [["motion"], ["angle"], ["tilt"]],
+    applies=lambda view: isinstance(view.flight, FlightOfSpecimen),
+)
+def flight(view: SurfaceView, panels: Panels) -> str:
+    result = view.flight
+    assert isinstance(result, FlightOfSpecimen)  # `applies`
+    t, path = result.time, result.flight.toward
     ms = MS * t
     ax = panels["motion"]
-    rate, spread = path.velocity(t) / shown.length, path.sigma_velocity(t) / shown.length
+    rate, spread = path.velocity(t) / result.length, path.sigma_velocity(t) / result.length
     ax.fill_between(ms, rate - COVERAGE * spread, rate + COVERAGE * spread, color=BAND, alpha=0.5, lw=0.0)
     ax.plot(ms, rate, color=SHAPE, label="strain rate")
     ax.set_ylabel("Nominal strain rate (1/s)")
     ax.set_ylim(0.0, 1.25 * float(rate.max()))
     other = ax.twinx()
-    other.plot(ms, path.position(t) / shown.length, "--", color=MODEL, label="strain")
+    other.plot(ms, path.position(t) / result.length, "--", color=MODEL, label="strain")
     other.set_ylabel("Nominal strain (1)")
     other.set_ylim(0.0, 1.0)
     other.tick_params(axis="x", labelbottom=False)
@@ -180,8 +183,8 @@ def _draw_flight(shown: FlightOfSpecimen, panels: Panels) -> None:
     ax.legend(lines, [str(line.get_label()) for line in lines], loc="upper left", ncols=2)
 
     ax = panels["angle"]
-    known = shown.known
-    angle, spread = (np.degrees(values[known]) for values in shown.flight.orientation(t))
+    known = result.known
+    angle, spread = (np.degrees(values[known]) for values in result.flight.orientation(t))
     ax.fill_between(
         ms[known],
         np.maximum(angle - COVERAGE * spread, 0.0),
@@ -196,7 +199,7 @@ def _draw_flight(shown: FlightOfSpecimen, panels: Panels) -> None:
     ax.set_ylabel(r"Angle $\varphi$ (°)")
 
     ax = panels["tilt"]
-    tilt, spread = (values[known] for values in shown.flight.tilt(t))
+    tilt, spread = (values[known] for values in result.flight.tilt(t))
     for k, (name, colour, style) in enumerate((("about $x$", SHAPE, "-"), ("about $Z$", MODEL, "--"))):
         low, high = (1e3 * (tilt[:, k] + side * COVERAGE * spread[:, k]) for side in (-1.0, 1.0))
         ax.fill_between(ms[known], low, high, color=colour, alpha=0.2, lw=0.0)
@@ -210,53 +213,11 @@ def _draw_flight(shown: FlightOfSpecimen, panels: Panels) -> None:
         panels[name].set_xlim(ms[0], ms[-1])
         if name != "tilt":
             panels[name].tick_params(labelbottom=False)
-        if shown.end is not None:
-            panels[name].axvline(MS * shown.end, color=MEASURED, ls=":")
-
-
-def flight_of(view: SurfaceView) -> FlightOfSpecimen:
-    """Return the flight of a view that has one."""
-    assert isinstance(view.flight, FlightOfSpecimen)  # `applies`
-    return view.flight
-
-
-FLIGHT: FigureKind[FlightOfSpecimen] = FigureKind(
-    name="flight",
-    width=COLUMN,
-    height=lambda shown: 130.0,
-    caption=_caption_flight,
-    panels=lambda shown: [["motion"], ["angle"], ["tilt"]],
-    draw=_draw_flight,
-)
-FIGURES: tuple[FigureKind[SurfaceView], ...] = (
-    FigureKind(
-        name="kymograph",
-        width=PAGE,
-        height=lambda view: 68.0,
-        caption=_caption_kymograph,
-        panels=lambda view: [["picture", "radius"]],
-        draw=_draw_kymograph,
-        applies=lambda view: view.result.centre.Z.size > 0 and view.kymograph.size > 0,
-    ),
-    FigureKind(
-        name="flyer",
-        width=COLUMN,
-        height=lambda view: 105.0,
-        caption=_caption_flyer,
-        panels=lambda view: [["displacement"], ["velocity"], ["sigma"]],
-        draw=_draw_flyer,
-        mosaic={"sharex": True, "height_ratios": [1.2, 1.2, 0.7]},
-        applies=lambda view: (
-            view.result.axial_displacement is not None and view.result.axial_displacement.t.size > 2
-        ),
-    ),
-    FigureKind(
-        name=FLIGHT.name,
-        width=FLIGHT.width,
-        height=lambda view: FLIGHT.height(flight_of(view)),
-        caption=lambda view: FLIGHT.caption(flight_of(view)),
-        panels=lambda view: FLIGHT.panels(flight_of(view)),
-        draw=lambda view, panels: FLIGHT.draw(flight_of(view), panels),
-        applies=lambda view: isinstance(view.flight, FlightOfSpecimen),
-    ),
-)
+        if result.end is not None:
+            panels[name].axvline(MS * result.end, color=MEASURED, ls=":")
+    text = (
+        "(a) Nominal strain of the specimen and its rate, from the flyer's path. (b) Angle between the "
+        "flyer's velocity and the compression axis. (c) Rotation of the flyer about x and Z. Bands: two "
+        "standard uncertainties."
+    )
+    return text if result.end is None else f"{text} Dotted: symmetry ends."

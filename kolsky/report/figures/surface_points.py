@@ -24,8 +24,8 @@ from kolsky.report.figures.base import (
     MS,
     PAGE,
     SHAPE,
-    FigureKind,
     Panels,
+    figure,
     label_panel,
     label_text,
     note_empty,
@@ -89,21 +89,17 @@ def _last_places(view: SurfaceView, frame: int) -> FloatArray:
     return np.asarray(body.pixels[0][last, lost][seen.any(axis=0)])
 
 
-def _caption_sigma(view: SurfaceView) -> str:
-    """Return the caption."""
-    return (
+@figure(PAGE, _height_of, _panels_of, applies=lambda view: bool(view.pictures))
+def overlay_sigma(view: SurfaceView, panels: Panels) -> str:
+    caption = (
         "Camera 0 at some times, with the valid points of the specimen coloured by the larger of both "
         "cameras' "
         "standard deviations of their place; crosses: last places of the points that are lost at that time."
     )
-
-
-def _draw_sigma(view: SurfaceView, panels: Panels) -> None:
-    """Draw the pictures, the points and one colour bar."""
     body = view.result.specimen
     drawn = frames_in(view, panels)
     if not drawn:
-        return
+        return caption
     sigma = np.fmax(*body.match_sigma)
     shown = np.concatenate([sigma[frame][body.surface.valid[frame]] for frame, _ in drawn])
     low, high = (0.0, 1.0) if shown.size == 0 else np.percentile(shown, [1.0, 99.0])
@@ -132,6 +128,7 @@ def _draw_sigma(view: SurfaceView, panels: Panels) -> None:
     bar.locator = MaxNLocator(6)
     bar.update_ticks()
     smooth_bar(bar)
+    return caption
 
 
 EPIPOLAR_STEPS = (0.05, 0.1)
@@ -140,22 +137,8 @@ EPIPOLAR_COLOURS = (SHAPE, FORCE, MODEL)
 """Colours below, between and above the steps."""
 
 
-def _caption_epipolar(view: SurfaceView) -> str:
-    """Return the caption."""
-    body = view.result.specimen
-    size = np.abs(body.epipolar[body.surface.valid])
-    low, high = (100.0 * float(np.mean(size > step)) if size.size else 0.0 for step in EPIPOLAR_STEPS)
-    return (
-        "Camera 0 at some times, with the valid points of the specimen coloured by the distance of camera "
-        "1's point from the epipolar line. Over all frames its rms is "
-        f"{body.epipolar_rms:.3f} px; {low:.2g} % of the points exceed {EPIPOLAR_STEPS[0]:g} px, "
-        f"{high:.2g} % exceed "
-        f"{EPIPOLAR_STEPS[1]:g} px. Crosses: last places of the points that are lost at that time."
-    )
-
-
-def _draw_epipolar(view: SurfaceView, panels: Panels) -> None:
-    """Draw the pictures, the points and one legend."""
+@figure(PAGE, _height_of, _panels_of, applies=lambda view: bool(view.pictures))
+def overlay_epipolar(view: SurfaceView, panels: Panels) -> str:
     body, size = view.result.specimen, marker(view)
     drawn = frames_in(view, panels)
     for frame, ax in drawn:
@@ -181,6 +164,16 @@ def _draw_epipolar(view: SurfaceView, panels: Panels) -> None:
         drawn[0][1].figure.legend(
             handles=handles, loc="outside lower center", ncols=4, title="Epipolar distance"
         )
+    body = view.result.specimen
+    size = np.abs(body.epipolar[body.surface.valid])
+    low, high = (100.0 * float(np.mean(size > step)) if size.size else 0.0 for step in EPIPOLAR_STEPS)
+    return (
+        "Camera 0 at some times, with the valid points of the specimen coloured by the distance of camera "
+        "1's point from the epipolar line. Over all frames its rms is "
+        f"{body.epipolar_rms:.3f} px; {low:.2g} % of the points exceed {EPIPOLAR_STEPS[0]:g} px, "
+        f"{high:.2g} % exceed "
+        f"{EPIPOLAR_STEPS[1]:g} px. Crosses: last places of the points that are lost at that time."
+    )
 
 
 OUTCOME_COLOURS = {
@@ -200,17 +193,8 @@ def _outcome_words(outcome: PointOutcome | FrameOutcome) -> str:
     return outcome.name.lower().replace("_", " ")
 
 
-def _caption_lost(view: SurfaceView) -> str:
-    """Return the caption."""
-    return (
-        "(a) Share of the frames in which each point of the specimen was found, at its place in the first "
-        "picture of camera 0. (b) Points of the specimen that were not found, by outcome; grey bands: frames "
-        "of which a picture could not be used."
-    )
-
-
-def _draw_lost(view: SurfaceView, panels: Panels) -> None:
-    """Draw the map and the history."""
+@figure(PAGE, 62.0, [["map", "history"]], width_ratios=[1.0, 1.35])
+def lost_points(view: SurfaceView, panels: Panels) -> str:
     body, result = view.result.specimen, view.result
     ax = panels["map"]
     share = body.surface.valid.mean(axis=0)
@@ -266,37 +250,11 @@ def _draw_lost(view: SurfaceView, panels: Panels) -> None:
     else:
         ax.text(0.5, 0.5, "none was lost", transform=ax.transAxes, ha="center", color=GREY)
     label_panel(ax, "b")
-
-
-SURFACE_POINTS: tuple[FigureKind[SurfaceView], ...] = (
-    FigureKind(
-        name="overlay-sigma",
-        width=PAGE,
-        height=_height_of,
-        caption=_caption_sigma,
-        panels=_panels_of,
-        draw=_draw_sigma,
-        applies=lambda view: bool(view.pictures),
-    ),
-    FigureKind(
-        name="overlay-epipolar",
-        width=PAGE,
-        height=_height_of,
-        caption=_caption_epipolar,
-        panels=_panels_of,
-        draw=_draw_epipolar,
-        applies=lambda view: bool(view.pictures),
-    ),
-    FigureKind(
-        name="lost-points",
-        width=PAGE,
-        height=lambda view: 62.0,
-        caption=_caption_lost,
-        panels=lambda view: [["map", "history"]],
-        draw=_draw_lost,
-        mosaic={"width_ratios": [1.0, 1.35]},
-    ),
-)
+    return (
+        "(a) Share of the frames in which each point of the specimen was found, at its place in the first "
+        "picture of camera 0. (b) Points of the specimen that were not found, by outcome; grey bands: frames "
+        "of which a picture could not be used."
+    )
 
 
 MILLI_PIXELS = 1e3
@@ -308,30 +266,19 @@ def _cameras(view: SurfaceView) -> list[tuple[int, Speckles]]:
     return [(camera, found) for camera, found in enumerate(view.speckles) if found is not None]
 
 
-def _caption_overlay(view: SurfaceView) -> str:
-    """Return the caption."""
-    quality = _cameras(view)[0][1].quality
-    small = any(found.quality.too_small.any() for _, found in _cameras(view))
-    wanted = f"{MILLI_PIXELS * (quality.wanted or 0.0):g} mpx"
-    return (
-        "Mean static pictures of the cameras, and over them the predicted standard deviation of a match with "
-        f"a subset of {quality.subset} px centred there, the larger of x and y. "
-        + (
-            f"Outlined: the subset is too small for {wanted}."
-            if small
-            else f"It is under {wanted} everywhere."
-        )
-    )
-
-
 def _height_of_overlay(view: SurfaceView) -> float:
     """Height of two pictures with the colour bar below [mm]."""
     rows, columns = _cameras(view)[0][1].picture.shape
     return float(np.clip(0.36 * PAGE * rows / columns + 22.0, 40.0, 200.0))
 
 
-def _draw_overlay(view: SurfaceView, panels: Panels) -> None:
-    """Draw the picture of each camera with its map."""
+@figure(
+    PAGE,
+    _height_of_overlay,
+    lambda view: [[f"camera {camera}" for camera, _ in _cameras(view)]],
+    applies=lambda view: bool(_cameras(view)),
+)
+def speckles(view: SurfaceView, panels: Panels) -> str:
     shown, drawn = _cameras(view), None
     worst = [
         MILLI_PIXELS * np.where(np.isinf(s.quality.floor), np.nan, s.quality.floor).max(axis=2)
@@ -360,17 +307,18 @@ def _draw_overlay(view: SurfaceView, panels: Panels) -> None:
         bar = axes[0].figure.colorbar(full, ax=axes, location="bottom", aspect=40, pad=0.02, extend="both")
         bar.set_label("Predicted standard deviation of a match (mpx)")
         smooth_bar(bar)
-
-
-def _caption_floor(shown: Speckles) -> str:
-    """Return the caption."""
-    quality = shown.quality
-    text = (
-        f"(a) The speckles. (b) Predicted standard deviation of a match with a subset of {quality.subset} px "
-        "centred there, the larger of x and y, from the noise of the static frames. (c) Share of the subsets "
-        "that reach a floor."
+    quality = _cameras(view)[0][1].quality
+    small = any(found.quality.too_small.any() for _, found in _cameras(view))
+    wanted = f"{MILLI_PIXELS * (quality.wanted or 0.0):g} mpx"
+    return (
+        "Mean static pictures of the cameras, and over them the predicted standard deviation of a match with "
+        f"a subset of {quality.subset} px centred there, the larger of x and y. "
+        + (
+            f"Outlined: the subset is too small for {wanted}."
+            if small
+            else f"It is under {wanted} everywhere."
+        )
     )
-    return text if quality.wanted is None else f"{text} Dotted: the floor asked for."
 
 
 def _height_of_floor(shown: Speckles) -> float:
@@ -379,11 +327,14 @@ def _height_of_floor(shown: Speckles) -> float:
     return float(np.clip(0.30 * PAGE * rows / columns + 17.0, 40.0, 200.0))
 
 
-def _draw_floor(shown: Speckles, panels: Panels) -> None:
-    """Draw the picture, the map and the distribution."""
-    quality, (picture, floor, share) = shown.quality, (panels[name] for name in ("picture", "floor", "share"))
-    low, high = np.percentile(shown.picture, [0.5, 99.5])
-    picture.imshow(shown.picture, cmap="gray", vmin=low, vmax=max(high, low + 1), interpolation="nearest")
+@figure(PAGE, _height_of_floor, [["picture", "floor", "share"]])
+def speckle_floor(result: Speckles, panels: Panels) -> str:
+    quality, (picture, floor, share) = (
+        result.quality,
+        (panels[name] for name in ("picture", "floor", "share")),
+    )
+    low, high = np.percentile(result.picture, [0.5, 99.5])
+    picture.imshow(result.picture, cmap="gray", vmin=low, vmax=max(high, low + 1), interpolation="nearest")
     known = MILLI_PIXELS * quality.floor[np.all(np.isfinite(quality.floor), axis=2)]
     worst = MILLI_PIXELS * quality.floor.max(axis=2)
     ends = np.percentile(known.max(axis=1), [1.0, 99.0]) if known.size else (0.0, 1.0)
@@ -413,27 +364,13 @@ def _draw_floor(shown: Speckles, panels: Panels) -> None:
     share.legend(loc="upper left")
     for ax, mark in zip((picture, floor, share), "abc", strict=True):
         label_panel(ax, mark)
-
-
-SPECKLE_OVERLAY: tuple[FigureKind[SurfaceView], ...] = (
-    FigureKind(
-        name="speckles",
-        width=PAGE,
-        height=_height_of_overlay,
-        caption=_caption_overlay,
-        panels=lambda view: [[f"camera {camera}" for camera, _ in _cameras(view)]],
-        draw=_draw_overlay,
-        applies=lambda view: bool(_cameras(view)),
-    ),
-)
-SPECKLE_FLOOR = FigureKind(
-    name="speckle-floor",
-    width=PAGE,
-    height=_height_of_floor,
-    caption=_caption_floor,
-    panels=lambda shown: [["picture", "floor", "share"]],
-    draw=_draw_floor,
-)
+    quality = result.quality
+    text = (
+        f"(a) The speckles. (b) Predicted standard deviation of a match with a subset of {quality.subset} px "
+        "centred there, the larger of x and y, from the noise of the static frames. (c) Share of the subsets "
+        "that reach a floor."
+    )
+    return text if quality.wanted is None else f"{text} Dotted: the floor asked for."
 
 
 SHOWN_FIELDS = {"motion": "displacement", "exx": "$E_{xx}$ (%)", "eyy": "$E_{yy}$ (%)", "exy": "$E_{xy}$ (%)"}
@@ -459,8 +396,8 @@ def _fields_height(view: FullFieldView) -> float:
     return float(np.clip(2.0 * (0.36 * PAGE * y / x + 14.0), 60.0, 220.0))
 
 
-def draw_fields(view: FullFieldView, panels: Panels) -> None:
-    """Draw displacement and strains over the picture of the frame shown."""
+@figure(PAGE, _fields_height, [["motion", "exx"], ["eyy", "exy"]])
+def full_field(view: FullFieldView, panels: Panels) -> str:
     result = view.result
     room = result.facts.get("subset", 21)
     at = result.pixels[0, view.frame]
@@ -492,10 +429,6 @@ def draw_fields(view: FullFieldView, panels: Panels) -> None:
         bar = ax.figure.colorbar(points, ax=ax, fraction=0.05, pad=0.02)
         bar.set_label(f"displacement ({_field_unit(view)[1]})" if name == "motion" else label)
         smooth_bar(bar)
-
-
-def caption_fields(view: FullFieldView) -> str:
-    """Return the caption."""
     facts = view.result.facts
     return (
         f"Frame {view.frame} of camera 0 with (a) the size of the displacement since the reference and "
@@ -519,8 +452,8 @@ def _history_panels(view: FullFieldView) -> list[list[str]]:
     )
 
 
-def draw_histories(view: FullFieldView, panels: Panels) -> None:
-    """Draw mean strains, extensometers and radius over time."""
+@figure(PAGE, lambda view: 110.0 if view.result.cylinder else 60.0, _history_panels, applies=_has_lines)
+def histories(view: FullFieldView, panels: Panels) -> str:
     result, (t, label) = view.result, _history_time(view)
     mean, ax = 100.0 * result.mean_strain, panels["mean"]
     for k, (name, colour) in enumerate(zip(("xx", "yy", "xy"), (MODEL, MEASURED, GREY), strict=True)):
@@ -552,10 +485,6 @@ def draw_histories(view: FullFieldView, panels: Panels) -> None:
     if not result.timed:
         for ax in panels.values():
             ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-
-
-def caption_histories(view: FullFieldView) -> str:
-    """Return the caption."""
     text = "(a) Mean of the strains of all points."
     if view.result.extensions:
         text += " (b) Virtual extensometers."
@@ -564,24 +493,3 @@ def caption_histories(view: FullFieldView) -> str:
             f" ({'c' if view.result.extensions else 'b'}) Radius of the cylinder that fits each frame best."
         )
     return text + " Bars: ± 2 standard deviations from the noise of the matches."
-
-
-FULL_FIELD = (
-    FigureKind(
-        name="full-field",
-        width=PAGE,
-        height=_fields_height,
-        caption=caption_fields,
-        panels=lambda view: [["motion", "exx"], ["eyy", "exy"]],
-        draw=draw_fields,
-    ),
-    FigureKind(
-        name="histories",
-        width=PAGE,
-        height=lambda view: 110.0 if view.result.cylinder else 60.0,
-        caption=caption_histories,
-        panels=_history_panels,
-        draw=draw_histories,
-        applies=_has_lines,
-    ),
-)

@@ -381,7 +381,7 @@ def render(
     """Return the report as HTML text; see `write_report`."""
     result = in_display_units(identification)
     provenance = result.provenance
-    figures = _figures(identification, result, recordings, processes)
+    figures = _figures(identification, recordings, processes)
     return render_page(
         _TEMPLATE,
         using=_templates(),
@@ -448,7 +448,6 @@ def write_report(
 
 def _figures(
     identification: Identification,
-    result: Identification,
     recordings: ShotRecordings | None,
     processes: int,
 ) -> dict[str, dict[str, Any]]:
@@ -456,7 +455,7 @@ def _figures(
 
     The template removes each figure that it places; the others follow under "Further figures".
     """
-    groups = [FigureGroup(REGISTRY.values(), identification, captioned=result)]
+    groups = [FigureGroup(REGISTRY.values(), identification)]
     if recordings is not None:
         groups.insert(0, FigureGroup(RECORDINGS.values(), recordings))
     drawn = draw_groups(groups, processes=processes)
