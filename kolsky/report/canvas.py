@@ -150,9 +150,8 @@ def build(kind: FigureKind[Any], shown: Any) -> Figure:
     with matplotlib.rc_context(_style()):
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(figure)
-        mosaic: list[Any] = kind.panels(shown)
         drawn = in_display_units(shown) if isinstance(shown, Identification) else shown
-        figure.set_label(kind.draw(drawn, figure.subplot_mosaic(mosaic, **kind.mosaic)))
+        figure.set_label(kind.draw_into(figure, drawn))
         for ax in figure.axes:
             for spine in ax.spines.values():
                 spine.set_in_layout(False)  # ticks point inward: a spine lies on the edge of its axes

@@ -8,6 +8,7 @@ from kolsky.bodies.actuator_bending import path_angle
 from kolsky.bodies.actuator_model import Bending
 from kolsky.report.body_views import ActuatorView, outer_faces, side_view
 from kolsky.report.figures.base import (
+    BAR,
     FORCE,
     GREY,
     MEASURED,
@@ -19,12 +20,12 @@ from kolsky.report.figures.base import (
     Panels,
     figure,
     label_panel,
+    label_point,
     label_text,
 )
 
 COLOURS = (SHAPE, MODEL, FORCE, GREY)
 """Colours of the directions of gravity, in turn."""
-BAR = 1e-5
 MOST_DIRECTIONS = 3
 """Directions that have panels of their own; the tables have all."""
 SHADES = 0.45, 0.9
@@ -106,21 +107,18 @@ def bend(view: ActuatorView, panels: Panels) -> str:
     80.0,
     lambda view: [list(dict.fromkeys(one.gravity for one in view.markers))[:MOST_DIRECTIONS]],
     applies=lambda view: bool(view.markers),
+    letters=True,
 )
 def markers(view: ActuatorView, panels: Panels) -> str:
     names = list(dict.fromkeys(one.gravity for one in view.markers))[:MOST_DIRECTIONS]
-    for number, name in enumerate(names):
+    for name in names:
         ax = panels[name]
-        label_panel(ax, "abc"[number])
         for one in view.markers:
             if one.gravity == name:
                 ax.plot(*(MM * one.simulated.T), "--", color=SHAPE, lw=0.8)
                 ax.plot(*(MM * one.measured.T), "x", color=MEASURED, ms=3)
                 end = MM * one.simulated[-1]
-                ax.annotate(
-                    f"{BAR * one.pressure:.3g} bar", end, xytext=(4, 0), textcoords="offset points",
-                    fontsize="small",
-                )  # fmt: skip
+                label_point(ax, f"{BAR * one.pressure:.3g} bar", end, (4, 0), fontsize="small")
         ax.set_aspect("equal")
         ax.set_title(label_text(name, 24), fontsize="medium")
         ax.set_xlabel("$x$ (mm)")
@@ -143,7 +141,9 @@ def motion(view: ActuatorView, panels: Panels) -> str:
     )
 
 
-@figure(PAGE, 130.0, [["angle"], ["pressure"], ["wall"]], applies=lambda view: bool(view.closed))
+@figure(
+    PAGE, 130.0, [["angle"], ["pressure"], ["wall"]], applies=lambda view: bool(view.closed), letters=True
+)
 def loop(view: ActuatorView, panels: Panels) -> str:
     above, middle, below = panels["angle"], panels["pressure"], panels["wall"]
     for colour, (name, run) in zip(COLOURS, view.closed.items(), strict=False):
@@ -160,8 +160,6 @@ def loop(view: ActuatorView, panels: Panels) -> str:
     below.set_ylabel("wall time (ms)")
     below.set_yscale("log")
     below.set_xlabel("time (s)")
-    for letter, ax in zip("abc", (above, middle, below), strict=True):
-        label_panel(ax, letter)
     return (
         "The closed loop with a simulated plant: (a) wanted angle, plant (lines) and what the camera gave "
         "(dots), "

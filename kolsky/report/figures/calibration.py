@@ -7,17 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
-from kolsky.report.figures.base import (
-    COLUMN,
-    GREY,
-    MEASURED,
-    MODEL,
-    PAGE,
-    SHAPE,
-    Panels,
-    figure,
-    label_panel,
-)
+from kolsky.report.figures.base import COLUMN, GREY, MEASURED, MODEL, PAGE, SHAPE, Panels, figure
 
 if TYPE_CHECKING:
     from dic.calibration.views import Calibration
@@ -39,7 +29,7 @@ def _height(found: Calibration) -> float:
     return 16.0 + COLUMN * 0.88 * rows / columns
 
 
-@figure(PAGE, _height, [["camera 0", "camera 1"]])
+@figure(PAGE, _height, [["camera 0", "camera 1"]], letters=True)
 def calibration_residuals(result: Calibration, panels: Panels) -> str:
     key = _length(result)
     for camera, colour in enumerate(COLOURS):
@@ -65,7 +55,6 @@ def calibration_residuals(result: Calibration, panels: Panels) -> str:
             ax.set_ylabel("$y$ (px)")
         else:
             ax.tick_params(labelleft=False)
-        label_panel(ax, "ab"[camera])
         ax.set_title(f"camera {camera}", fontsize="small", pad=3.0)
     return (
         "Residuals of all points used, measured less expected, where the two cameras saw them; their rms is "
@@ -78,7 +67,7 @@ NAMED = 30
 """Up to this many pairs each has its name on the axis."""
 
 
-@figure(PAGE, 60.0, [["pairs", "distribution"]], width_ratios=[1.6, 1.0])
+@figure(PAGE, 60.0, [["pairs", "distribution"]], width_ratios=[1.6, 1.0], letters=True)
 def calibration_pairs(result: Calibration, panels: Panels) -> str:
     ax = panels["pairs"]
     values = []
@@ -118,7 +107,6 @@ def calibration_pairs(result: Calibration, panels: Panels) -> str:
     else:
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.legend(loc="upper right", ncols=2)
-    label_panel(ax, "a")
 
     ax = panels["distribution"]
     edges = np.linspace(-4.0, 4.0, 41)
@@ -141,7 +129,6 @@ def calibration_pairs(result: Calibration, panels: Panels) -> str:
     ax.set(xlabel="Residual / $σ$", ylabel="Density", xlim=(-4.0, 4.0))
     ax.set_ylim(0.0, 1.35 * ax.get_ylim()[1])
     ax.legend(loc="upper right")
-    label_panel(ax, "b")
     bad = [pair.name for pair in result.rejected if np.isfinite(pair.rms)]
     crossed = f" Crosses: pairs left out ({', '.join(bad)})." if bad else ""
     return (

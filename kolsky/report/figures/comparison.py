@@ -12,6 +12,8 @@ from kolsky.inverse.result import Identification, worst_imbalance
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
+    FORCE,
+    GREEN,
     GREY,
     MEASURED,
     MJ,
@@ -19,13 +21,15 @@ from kolsky.report.figures.base import (
     MODEL,
     MS,
     PAGE,
+    PAPER,
+    SHAPE,
     UM,
+    YELLOW,
     Panels,
+    colour_bar,
     figure,
-    label_panel,
     largest,
     note_empty,
-    smooth_bar,
 )
 from kolsky.report.scene.scene_data import FIELDS, has_scene
 from kolsky.report.scene.stills import COUNT as STILLS
@@ -111,10 +115,7 @@ def shape_residual(result: Identification, panels: Panels) -> str:
     if line.time.size:
         ax.set_xlim(MS * line.time.min(), MS * line.time.max())
     ax.set_ylim(0.0, 1.03 * MM * max(largest(line.y, 1e-3), largest(response.surface_y, 1e-3)))
-    figure = ax.get_figure()
-    assert figure is not None  # an axes of a report always lies in one
-    label = r"$Z_\mathrm{sim} - Z_\mathrm{meas}$ (µm)"
-    smooth_bar(figure.colorbar(mapped, ax=ax, extend="both", label=label, pad=0.02))
+    colour_bar(mapped, ax, r"$Z_\mathrm{sim} - Z_\mathrm{meas}$ (µm)", extend="both", pad=0.02)
     outside = int((~result.comparison.inside).sum())
     counted = f"{outside} point{'' if outside == 1 else 's'} outside the model’s range"
     marks = f"crosses: {counted}, not counted" if outside else f"{counted}"
@@ -142,6 +143,7 @@ def chosen_frames(result: Identification) -> NDArray[np.int64]:
     applies=lambda result: result.comparison.centre_line.time.size > 0,
     sharey=True,
     height_ratios=[1.25, 1.0],
+    letters=[f"outline {column}" for column in range(OUTLINES)],
 )
 def profiles(result: Identification, panels: Panels) -> str:
     c, line, response = result.comparison, result.comparison.centre_line, result.response
@@ -166,7 +168,6 @@ def profiles(result: Identification, panels: Panels) -> str:
             continue
         rows = line.frame == frames[column]
         time = line.time[rows][0]
-        label_panel(top, f"{'abcdef'[column]}")
         top.text(0.95, 0.965, f"{MS * time:.2f} ms", transform=top.transAxes, ha="right", va="top")
         # The model's outline is drawn where it was sampled at the frame's time; the rest is for the points.
         nearest = int(np.argmin(np.abs(response.surface_times - time)))
@@ -231,14 +232,14 @@ def force_residual(result: Identification, panels: Panels) -> str:
 
 
 PARTS = {
-    "elastic": "#0072B2",
-    "kinetic": "#56B4E9",
-    "damping": "#E69F00",
-    "viscous": "#999999",
-    "friction": "#CC79A7",
-    "hourglass": "#F0E442",
-    "hourglass_damping": "#D55E00",
-    "impact": "#009E73",
+    "elastic": SHAPE,
+    "kinetic": BAND,
+    "damping": FORCE,
+    "viscous": GREY,
+    "friction": PAPER,
+    "hourglass": YELLOW,
+    "hourglass_damping": MODEL,
+    "impact": GREEN,
 }
 
 
@@ -353,12 +354,7 @@ def meshes(result: Identification, panels: Panels) -> str:
     )
 
 
-def _can_show_stills(result: Identification) -> bool:
-    """Return True if the result holds the scene."""
-    return has_scene(result)
-
-
-@figure(PAGE, 45.0, [[f"scene {column}" for column in range(STILLS)]], applies=_can_show_stills)
+@figure(PAGE, 45.0, [[f"scene {column}" for column in range(STILLS)]], applies=has_scene)
 def scene(result: Identification, panels: Panels) -> str:
     stage = scene_of_stills(result)
     axes = [panels[f"scene {column}"] for column in range(STILLS)]
@@ -369,10 +365,7 @@ def scene(result: Identification, panels: Panels) -> str:
         ax.text(0.5, 1.02, f"{MS * time:.2f} ms", transform=ax.transAxes, ha="center", va="bottom")
     kind = FIELDS[stage.field]
     colours = ScalarMappable(Normalize(*stage.limits), kind.colours)
-    bar = axes[0].figure.colorbar(  # type: ignore[union-attr]
-        colours, ax=axes, location="bottom", label=kind.label, aspect=50, shrink=0.5
-    )
-    smooth_bar(bar)
+    colour_bar(colours, axes, kind.label, location="bottom", aspect=50, shrink=0.5)
     return (
         "The check run, its half behind a cut along the axis, between the platens (cut too), coloured by the "
         "smallest principal stretch; beside it the measured outline, nearest frame, revolved about the axis. "

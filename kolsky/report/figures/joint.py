@@ -4,9 +4,7 @@ import numpy as np
 
 from kolsky.inverse.joint_result import JointResult
 from kolsky.inverse.parameters import MOVED
-from kolsky.report.figures.base import BAND, COLUMN, GREY, MEASURED, MODEL, Panels, figure
-
-KPA = 1e-3
+from kolsky.report.figures.base import BAND, COLUMN, GREY, KPA, MEASURED, MODEL, Panels, figure
 
 
 @figure(COLUMN, 62.0, [["shots"]], applies=lambda result: MOVED in result.estimates)

@@ -12,23 +12,23 @@ from kolsky.report.figures.base import (
     BAND,
     COLUMN,
     GREY,
+    KPA,
+    MARKERS,
     MEASURED,
     MODEL,
     PAGE,
+    SERIES,
     Panels,
     figure,
-    label_panel,
     label_text,
 )
-from kolsky.report.figures.rates import TEST_COLOURS, TEST_MARKERS, TimeScales, rate_moduli
+from kolsky.report.figures.rates import TEST_COLOURS, TimeScales, rate_moduli
 from kolsky.report.figures.waves import stress_scale
 from kolsky.studies.rate_dependence import SlowDynamics
 
 MOST_LAWS = 5
 """Largest number of laws in one panel; more cannot be distinguished."""
-LAW_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 LAW_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
-MODE_MARKERS = ("o", "s", "^", "D", "v")
 
 
 def _shown_laws(comparison: Comparison) -> list[Row]:
@@ -52,11 +52,10 @@ def modes(comparison: Comparison) -> list[Mode]:
     PAGE,
     lambda comparison: 65.0 if len(modes(comparison)) < 4 else 120.0,
     lambda comparison: _mosaic_fits([mode.value for mode in modes(comparison)]),
+    letters=True,
 )
 def material_fits(comparison: Comparison, panels: Panels) -> str:
     for number, (mode, ax) in enumerate(zip(modes(comparison), panels.values(), strict=True)):
-        if len(panels) > 1:
-            label_panel(ax, "abcd"[number])
         tests = [k for k, test in enumerate(comparison.tests) if test.mode is mode]
         factor, unit = stress_scale(
             max((comparison.tests[k].stress for k in tests), key=lambda s: abs(s).max())
@@ -67,7 +66,7 @@ def material_fits(comparison: Comparison, panels: Panels) -> str:
             ax.plot(
                 test.deformation,
                 factor * test.stress,
-                MODE_MARKERS[place % len(MODE_MARKERS)],
+                MARKERS[place % len(MARKERS)],
                 ms=2.5,
                 mfc="none",
                 mew=0.5,
@@ -75,7 +74,7 @@ def material_fits(comparison: Comparison, panels: Panels) -> str:
                 markevery=max(1, len(test.stress) // 40),
                 label="measured" if place == 0 else "",
             )
-        for row, colour, dashes in zip(_shown_laws(comparison), LAW_COLOURS, LAW_DASHES, strict=False):
+        for row, colour, dashes in zip(_shown_laws(comparison), SERIES, LAW_DASHES, strict=False):
             assert row.fit is not None
             for place, k in enumerate(tests):
                 part = row.fit.parts[k]
@@ -137,21 +136,21 @@ def material_residuals(comparison: Comparison, panels: Panels) -> str:
             ax.plot(
                 part.test.strain[order],
                 factor * part.residual[order],
-                "-" + MODE_MARKERS[place % len(MODE_MARKERS)],
+                "-" + MARKERS[place % len(MARKERS)],
                 ms=2.0,
                 mfc="none",
                 mew=0.5,
                 lw=0.6,
                 markevery=max(1, len(order) // 25),
-                color=LAW_COLOURS[place % len(LAW_COLOURS)],
-                label=part.test.name if len(comparison.tests) <= len(LAW_COLOURS) else "",
+                color=SERIES[place % len(SERIES)],
+                label=part.test.name if len(comparison.tests) <= len(SERIES) else "",
             )
         ax.set_title(f"{row.candidate.name.replace('_', ' ')}: rmse {factor * row.fit.rmse:.3g} {unit}")
         if number % RESIDUAL_COLUMNS == 0:
             ax.set_ylabel(f"Law less measured ({unit})")
         shear = any(part.test.mode is Mode.SIMPLE_SHEAR for part in row.fit.parts)
         ax.set_xlabel("Nominal strain or shear (–)" if shear else "Nominal strain (–)")
-    if several and len(comparison.tests) <= len(LAW_COLOURS):
+    if several and len(comparison.tests) <= len(SERIES):
         panels[rows[0].candidate.name].legend(loc="best")
     return (
         "Law minus measurement for the laws of the figure before, on one scale. Residuals are smooth, not "
@@ -211,11 +210,7 @@ def _path(row: Row, mode: Mode, direction: str) -> PathStability:
     return next(path for path in row.stability if path.mode is mode and path.direction == direction)
 
 
-KPA = 1e-3
-"""Factor from Pa to kPa."""
-
-
-@figure(PAGE, 70.0, [["curve", "modulus"]])
+@figure(PAGE, 70.0, [["curve", "modulus"]], letters=True)
 def baseline(result: ReferenceCurve, panels: Panels) -> str:
     left, right = panels["curve"], panels["modulus"]
     for number, one in enumerate(result.tests):
@@ -241,8 +236,6 @@ def baseline(result: ReferenceCurve, panels: Panels) -> str:
     )
     right.set(xlim=left.get_xlim(), ylim=(0.0, 1.05 * right.dataLim.y1))
     left.legend(loc="upper left")
-    label_panel(left, "a")
-    label_panel(right, "b")
     corrected = "" if result.friction is None else ", their mean (dashed) and the curve without end friction"
     return (
         f"(a) Nominal stress against nominal strain of {len(result.tests)} tests (grey){corrected}, with its"
@@ -276,7 +269,7 @@ def relaxation_holds(result: SlowDynamics, panels: Panels) -> str:
         colour = TEST_COLOURS[k % len(TEST_COLOURS)]
         ax.errorbar(
             test.time[known], KPA * test.stress[known], yerr=2.0 * KPA * test.sigma[known],
-            fmt=TEST_MARKERS[k % len(TEST_MARKERS)], ms=2.4, lw=0.6, color=colour,
+            fmt=MARKERS[k % len(MARKERS)], ms=2.4, lw=0.6, color=colour,
             label=label_text(test.label, 24),
         )  # fmt: skip
         predicted = test.predict(result.law, [result.fit.model])[0]
@@ -287,25 +280,22 @@ def relaxation_holds(result: SlowDynamics, panels: Panels) -> str:
     return "Nominal stress of the histories of strain (points, bars ±2u) and of the Prony series (lines)."
 
 
-@figure(PAGE, 60.0, [["storage", "loss"]], applies=lambda result: len(oscillations(result)) > 0)
+@figure(PAGE, 60.0, [["storage", "loss"]], applies=lambda result: len(oscillations(result)) > 0, letters=True)
 def relaxation_oscillation(result: SlowDynamics, panels: Panels) -> str:
     tests = oscillations(result)
     all_omega = np.concatenate([test.angular_frequency for test in tests])
     omega = np.geomspace(all_omega.min(), all_omega.max(), 200)
     young = result.young
     series = result.fit.model.series
-    for letter, (name, model) in zip(
-        "ab", (("storage", series.storage(omega)), ("loss", series.loss(omega))), strict=True
-    ):
+    for name, model in (("storage", series.storage(omega)), ("loss", series.loss(omega))):
         ax = panels[name]
-        label_panel(ax, letter)
         ax.plot(omega, KPA * young * model, color=MODEL, lw=0.9, label="Prony series")
         for k, test in enumerate(tests):
             value = test.storage if name == "storage" else test.loss
             sigma = test.sigma_storage if name == "storage" else test.sigma_loss
             ax.errorbar(
                 test.angular_frequency, KPA * value, yerr=2.0 * KPA * sigma,
-                fmt=TEST_MARKERS[k % len(TEST_MARKERS)],
+                fmt=MARKERS[k % len(MARKERS)],
                 ms=2.4, lw=0.6, color=TEST_COLOURS[k % len(TEST_COLOURS)], label=label_text(test.label, 24),
             )  # fmt: skip
         ax.set_xscale("log")
@@ -325,7 +315,7 @@ def relaxation_shifts(result: SlowDynamics, panels: Panels) -> str:
             continue
         levels, colour = one.sweep.levels, TEST_COLOURS[k % len(TEST_COLOURS)]
         ax.errorbar(
-            levels - KELVIN, one.shifts, yerr=2.0 * one.sigma, fmt=TEST_MARKERS[k % len(TEST_MARKERS)],
+            levels - KELVIN, one.shifts, yerr=2.0 * one.sigma, fmt=MARKERS[k % len(MARKERS)],
             ms=3.0, lw=0.6,
             color=colour, label=label_text(name, 24),
         )  # fmt: skip

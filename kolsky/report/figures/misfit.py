@@ -8,10 +8,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from matplotlib.tri import CubicTriInterpolator, Triangulation, UniformTriRefiner
 from numpy.typing import NDArray
 
@@ -29,11 +27,12 @@ from kolsky.report.figures.base import (
     ROUTES,
     SHAPE,
     Panels,
+    colour_bar,
     few_ticks,
     figure,
-    label_panel,
+    legend_above,
     note_empty,
-    smooth_bar,
+    plain_log_ticks,
     weighted_chi2,
 )
 from kolsky.results.nomenclature import axis_label, name_of, route_label
@@ -46,14 +45,13 @@ RUN_MARKERS = {"design": "o", "refinement": "s", "check": "D"}
     PAGE,
     lambda result: 58.0 * max(1, len(result.estimates)),
     lambda result: [[f"{name} {part}" for part in MISFIT_PARTS] for name in result.estimates],
+    letters=True,
 )
 def misfit(result: Identification, panels: Panels) -> str:
-    letters = iter("abcdefghijklmnopqrstuvwx")
     for name, estimate in result.estimates.items():
         curve = next((c for c in result.curves if c.parameter == name), None)
         chi2, phi, routes = (panels[f"{name} {part}"] for part in MISFIT_PARTS)
         for ax in (chi2, phi, routes):
-            label_panel(ax, next(letters))
             ax.set_xlabel(axis_label(name, estimate.unit))
             # Curves and runs are of the refined mesh, routes and intervals corrected for its error.
             at = estimate.value if ax is routes else estimate.on_mesh
@@ -95,7 +93,7 @@ def _draw_chi2(ax: Axes, curve: SurrogateCurve, result: Identification) -> None:
     # The surrogate that is searched spans a small box; the whole design is in the next panel.
     edge = 0.03 * (curve.x[-1] - curve.x[0])
     ax.set_xlim(curve.x[0] - edge, curve.x[-1] + edge)
-    _label_ratios(ax)
+    plain_log_ticks(ax.yaxis)
     ax.set_ylim(0.7, 1.5 * np.nanmax(curve.chi2) / np.nanmin(curve.chi2))
     # Triangles on the lower frame: on this scale the optima lie closer than their names are wide.
     for route in result.routes:
@@ -103,13 +101,6 @@ def _draw_chi2(ax: Axes, curve: SurrogateCurve, result: Identification) -> None:
             x = route.on_mesh(curve.parameter) if curve.parameter in route.parameters else np.nan
             place: dict[str, Any] = {"transform": ax.get_xaxis_transform()}
             ax.plot(x, 0.03, "^", color=ROUTES[route.name], ms=3.2, mew=0.0, **place)
-
-
-def _label_ratios(ax: Axes) -> None:
-    """Ticks 1, 2, 5, 10, ... of a ratio on a logarithmic axis."""
-    ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    ax.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _draw_phi(ax: Axes, curve: SurrogateCurve, design: DesignTable) -> None:
@@ -132,7 +123,7 @@ def _draw_phi(ax: Axes, curve: SurrogateCurve, design: DesignTable) -> None:
     frame: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False}
     for place in design.points[~np.isfinite(design.phi_force), design.names.index(curve.parameter)]:
         ax.plot(place, 0.0, "x", color=MEASURED, ms=3.0, mew=0.7, **frame)
-    _label_ratios(ax)
+    plain_log_ticks(ax.yaxis)
 
 
 def _draw_runs(
@@ -165,12 +156,7 @@ def _draw_routes(ax: Axes, parameter: str, estimate: Estimate, result: Identific
     ax.margins(x=0.2)
 
 
-def _two_free(result: Identification) -> bool:
-    """Return True if exactly two parameters are free."""
-    return len(result.design.names) == 2
-
-
-@figure(PAGE, 78.0, [["whole", "near"]], applies=_two_free)
+@figure(PAGE, 78.0, [["whole", "near"]], applies=lambda result: len(result.design.names) == 2, letters=True)
 def contour(result: Identification, panels: Panels) -> str:
     design = result.design
     curves = {curve.parameter: curve for curve in result.curves}
@@ -179,8 +165,6 @@ def contour(result: Identification, panels: Panels) -> str:
     if set(design.names) <= set(curves):
         box = np.array([[curves[name].x[0], curves[name].x[-1]] for name in design.names])
     _plane(whole, result, np.column_stack([design.lower, design.upper]))
-    label_panel(whole, "a")
-    label_panel(near, "b")
     if box is None:
         near.set_axis_off()
     else:
@@ -188,7 +172,7 @@ def contour(result: Identification, panels: Panels) -> str:
         (left, right), (low, high) = box
         whole.add_patch(Rectangle((left, low), right - left, high - low, fill=False, ls="--", ec="white"))
     if result.routes:
-        _figure_of(whole).legend(*whole.get_legend_handles_labels(), loc="outside upper center", ncols=4)
+        legend_above(whole, ncols=4)
     return (
         "Joint χ² of the runs on the surrogate’s mesh (circles) over the smallest of them, with the weights "
         "of the final search, in the plane of the two free parameters, interpolated between the runs and "
@@ -240,14 +224,7 @@ def _contours(ax: Axes, points: FloatArray, level: FloatArray, box: FloatArray) 
     )
     plane = Triangulation(low[0] + span[0] * fine.x, low[1] + span[1] * fine.y, fine.triangles)
     drawn = ax.tricontourf(plane, np.maximum(smooth, 0.0), levels=12, cmap="cividis")
-    label = r"$\log_{10}\,\chi^2/\chi^2_\mathrm{min}$ (–)"
-    smooth_bar(_figure_of(ax).colorbar(drawn, ax=ax, label=label, pad=0.02))
-
-
-def _figure_of(ax: Axes) -> Figure:
-    figure = ax.get_figure(root=True)
-    assert figure is not None  # an axes of a report always lies in one
-    return figure
+    colour_bar(drawn, ax, r"$\log_{10}\,\chi^2/\chi^2_\mathrm{min}$ (–)", pad=0.02)
 
 
 LIKELIHOOD_THRESHOLD = 3.84
@@ -258,12 +235,11 @@ LIKELIHOOD_THRESHOLD = 3.84
     lambda result: 46.0 * len(result.profiles),
     lambda result: [[profile.name] for profile in result.profiles],
     applies=lambda result: bool(result.profiles),
+    letters=True,
 )
 def likelihood(result: Identification, panels: Panels) -> str:
-    for number, profile in enumerate(result.profiles):
+    for profile in result.profiles:
         ax = panels[profile.name]
-        if len(result.profiles) > 1:
-            label_panel(ax, "abcdefghijkl"[number])
         low, high = profile.interval
         left, right = profile.values[0], profile.values[-1]
         low, high = (left if np.isnan(low) else low), (right if np.isnan(high) else high)
@@ -300,17 +276,16 @@ MOST_SAMPLES = 5.0
 
 @figure(COLUMN, 72.0, [["plane"]], applies=lambda result: result.ridge is not None)
 def ridge(result: Identification, panels: Panels) -> str:
-    assert result.ridge is not None
-    first, second = (name_of(name).symbol for name in result.ridge.names)
+    ax, ridge = panels["plane"], result.ridge
+    assert ridge is not None  # `applies`
+    symbols = [name_of(name).symbol for name in ridge.names]
     caption = (
         "Rise of −2 ln L over the plane of the two free parameters, over the factor by which correlated "
-        f"residuals raise the variance of {first}; its square root is a distance in standard deviations. "
-        f"Dashed: the profiles of {first} and {second}, on which the other parameter is optimised at "
-        "every point; in the same colour the rise at which each has its 95 % interval. Star: the "
-        "answer."
+        f"residuals raise the variance of {symbols[0]}; its square root is a distance in standard "
+        f"deviations. Dashed: the profiles of {' and '.join(symbols)}, on which the other parameter is "
+        "optimised at every point; in the same colour the rise at which each has its 95 % interval. Star: "
+        "the answer."
     )
-    ax, ridge = panels["plane"], result.ridge
-    assert ridge is not None
     profiles = {profile.name: profile for profile in result.profiles}
     if not set(ridge.names) <= set(profiles):
         note_empty(ax, "no profiles")
@@ -334,10 +309,8 @@ def ridge(result: Identification, panels: Panels) -> str:
     ax.set_xlabel(axis_label(first.name, first.unit))
     ax.set_ylabel(axis_label(second.name, second.unit))
     few_ticks(ax, 5)
-    figure = ax.get_figure(root=True)
-    assert isinstance(figure, Figure)
-    smooth_bar(figure.colorbar(drawn, ax=ax, label="Distance from the best fit (σ)", pad=0.02))
-    figure.legend(*ax.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    colour_bar(drawn, ax, "Distance from the best fit (σ)", pad=0.02)
+    legend_above(ax, ncols=3)
     return caption
 
 

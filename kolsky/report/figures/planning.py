@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from kolsky.prediction.design import Aim, Scan
@@ -16,18 +16,21 @@ from kolsky.report.figures.base import (
     BAND,
     FORCE,
     GREY,
+    MARKERS,
     MEASURED,
     MM,
     MODEL,
     MS,
     PAGE,
+    SERIES,
     SHAPE,
     UM,
     Panels,
+    colour_bar,
     figure,
-    label_panel,
+    label_point,
     largest,
-    smooth_bar,
+    plain_log_ticks,
 )
 from kolsky.results.nomenclature import name_of
 from kolsky.studies.local_sensitivity import ObservationGrid
@@ -57,15 +60,11 @@ def draw_map(
     )
     ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", ylim=(0.0, MM * grid.heights[-1]))
     # Few ticks: with more, labels get longer than the layout allowed for when the axes shrink.
-    ticks = MaxNLocator(4)
-    bar = ax.figure.colorbar(drawn, ax=ax, aspect=25, pad=0.02, ticks=ticks)  # type: ignore[union-attr]
-    bar.set_label(label)
-    smooth_bar(bar)
+    colour_bar(drawn, ax, label, aspect=25, pad=0.02, ticks=MaxNLocator(4))
 
 
 PER_MM_MS, PER_MS = 1e-6, 1e-3
 """From shares per m and s, and per s, to shares per mm and ms, and per ms."""
-LETTERS = "abcdefghijklmnop"
 
 
 @figure(
@@ -73,17 +72,16 @@ LETTERS = "abcdefghijklmnop"
     92.0,
     lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("outline", "force")],
     height_ratios=[1.35, 1.0],
+    letters=True,
 )
 def plan_information(plan: Plan, panels: Panels) -> str:
     found = plan.information
     grid = found.sensitivity.grid
     force, outline = found.densities()
     alone, _ = found.densities(alone=True)
-    letters = iter(LETTERS)
     for j, name in enumerate(plan.names):
         symbol = name_of(name).tex
         top, low = panels[f"{name} outline"], panels[f"{name} force"]
-        label_panel(top, next(letters))
         label = f"Share on ${symbol}$ (1/(mm ms))"
         draw_map(top, grid, PER_MM_MS * outline[j], label, bottom=0.0)
         left, right = top.get_xlim()
@@ -99,7 +97,6 @@ def plan_information(plan: Plan, panels: Panels) -> str:
         low.set(xlabel="Time (ms)", xlim=top.get_xlim())
         low.set_ylim(bottom=0.0)
         low.set_ylabel(f"Share on ${symbol}$ (1/ms)")
-        label_panel(low, next(letters))
         if j > 0:
             top.set_ylabel("")
     several = len(plan.names) > 1
@@ -139,15 +136,14 @@ def _design_words(plan: Plan, j: int) -> str:
     92.0,
     lambda plan: [[f"{name} {part}" for name in plan.names] for part in ("force", "outline")],
     height_ratios=[1.0, 1.35],
+    letters=True,
 )
 def plan_slopes(plan: Plan, panels: Panels) -> str:
     slopes = plan.information.sensitivity
-    letters = iter(LETTERS)
     time = MS * slopes.grid.times
     for j, name in enumerate(plan.names):
         step = SLOPE_CHANGE * slopes.scale[j]
         top, low = panels[f"{name} force"], panels[f"{name} outline"]
-        label_panel(top, next(letters))
         change = step * slopes.force_slope[j]
         left = SLOPE_CHANGE / slopes.reach * slopes.force_left[j]
         top.fill_between(time, change - left, change + left, color=BAND, alpha=0.35, lw=0.0)
@@ -158,7 +154,6 @@ def plan_slopes(plan: Plan, panels: Panels) -> str:
         shown = np.where(np.isfinite(slopes.radius), change_of_radius, np.nan)
         draw_map(low, slopes.grid, shown, rf"$\Delta Z$ with $\Delta {name_of(name).tex}$ (µm)")
         top.set_xlim(low.get_xlim())
-        label_panel(low, next(letters))
         if j > 0:
             low.set_ylabel("")
     changes = ", ".join(_design_words(plan, j) for j in range(len(plan.names)))
@@ -171,11 +166,7 @@ def plan_slopes(plan: Plan, panels: Panels) -> str:
     )
 
 
-DESIGN_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
-DESIGN_MARKERS = "osDv^"
-
-
-@figure(PAGE, 58.0, [["end", "rate", "correlation"]])
+@figure(PAGE, 58.0, [["end", "rate", "correlation"]], letters=True)
 def plan_choices(plan: Plan, panels: Panels) -> str:
     scale = plan.information.sensitivity.scale
     by_end = np.array([e.deviations for e in plan.by_end]) / scale
@@ -183,7 +174,7 @@ def plan_choices(plan: Plan, panels: Panels) -> str:
     together = np.array([rate.expected.deviations for rate in plan.rates]) / scale
     alone = np.array([rate.expected.alone for rate in plan.rates]) / scale
     for j, name in enumerate(plan.names):
-        colour, marker, symbol = DESIGN_COLOURS[j % 5], DESIGN_MARKERS[j % 5], f"${name_of(name).tex}$"
+        colour, marker, symbol = SERIES[j % len(SERIES)], MARKERS[j % len(MARKERS)], f"${name_of(name).tex}$"
         panels["end"].plot(MS * plan.end_times, 100.0 * _finite(by_end[:, j]), color=colour, label=symbol)
         line: dict[str, Any] = {"color": colour, "marker": marker, "ms": 3.2}
         panels["rate"].plot(speeds, 100.0 * _finite(together[:, j]), label=symbol, **line)
@@ -191,11 +182,8 @@ def plan_choices(plan: Plan, panels: Panels) -> str:
     for number, (i, k) in enumerate(combinations(range(len(plan.names)), 2)):
         first, second = name_of(plan.names[i]).tex, name_of(plan.names[k]).tex
         r = [np.nan if R is None else R[i, k] for R in (rate.expected.correlation for rate in plan.rates)]
-        style: dict[str, Any] = {
-            "color": DESIGN_COLOURS[number % 5],
-            "marker": DESIGN_MARKERS[number % 5],
-            "ms": 3.2,
-        }
+        colour, marker = SERIES[number % len(SERIES)], MARKERS[number % len(MARKERS)]
+        style: dict[str, Any] = {"color": colour, "marker": marker, "ms": 3.2}
         panels["correlation"].plot(speeds, r, label=f"${first}$, ${second}$", **style)
     panels["end"].set(xlabel="End of the data (ms)", ylabel="Standard deviation over scale (%)")
     panels["rate"].set_ylabel("Standard deviation over scale (%)")
@@ -204,13 +192,10 @@ def plan_choices(plan: Plan, panels: Panels) -> str:
     panels["correlation"].axhline(0.0, color=GREY, lw=0.5)
     for name in ("end", "rate"):
         panels[name].set_yscale("log")
-        panels[name].yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        panels[name].yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        panels[name].yaxis.set_minor_formatter(NullFormatter())
+        plain_log_ticks(panels[name].yaxis)
     for name in ("rate", "correlation"):
         _speeds(panels[name], speeds)
-    for key, ax in zip("abc", panels.values(), strict=True):
-        label_panel(ax, key)
+    for ax in panels.values():
         if ax.get_legend_handles_labels()[0] and ax is not panels["rate"]:  # its colours are those of (a)
             ax.legend(loc="best")
     return (
@@ -252,7 +237,7 @@ SCAN_LABELS = {
 }
 
 
-@figure(PAGE, 170.0, [[name] for name in PREDICTION_PANELS])
+@figure(PAGE, 170.0, [[name] for name in PREDICTION_PANELS], letters=True)
 def signals(result: Prediction, panels: Panels) -> str:
     bars, test = result.bars, result.test.declared
     step = float(bars.times[1])
@@ -285,10 +270,9 @@ def signals(result: Prediction, panels: Panels) -> str:
     share = 100.0 / (MM * test.specimen.length)
     right = path.secondary_yaxis("right", functions=(_times(share), _times(1.0 / share)))
     right.set_ylabel("(%)")
-    for name, letter in zip(PREDICTION_PANELS, "abcde", strict=True):
+    for name in PREDICTION_PANELS:
         panels[name].set_xlim(0.0, time[-1])
         _mark(panels[name], result, named=name == "bar")
-        label_panel(panels[name], letter)
         panels[name].tick_params(labelbottom=name == PREDICTION_PANELS[-1])
     stand_in = "" if result.response is not None else "; the specimen's static curve stands in for it"
     return (
@@ -312,15 +296,8 @@ def _mark(ax: Axes, found: Prediction, *, named: bool) -> None:
             continue
         ax.axvline(MS * at, color=GREY, lw=0.6, ls=":")
         if named:
-            ax.annotate(
-                words,
-                (MS * at, 1.0),
-                xycoords=("data", "axes fraction"),
-                xytext=(0, 3),
-                textcoords="offset points",
-                ha="center",
-                fontsize="small",
-            )
+            top: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "ha": "center"}
+            label_point(ax, words, (MS * at, 1.0), (0, 3), fontsize="small", **top)
 
 
 def _limits(ax: Axes, found: Prediction, signal: np.ndarray) -> None:
@@ -342,12 +319,12 @@ def _mean_force(signal: np.ndarray, step: float) -> np.ndarray:
     return np.convolve(signal, np.full(n, 1.0 / n), mode="same")
 
 
-@figure(PAGE, 62.0, [list(PREDICTION_SHOWN)])
+@figure(PAGE, 62.0, [list(PREDICTION_SHOWN)], letters=True)
 def scan(result: tuple[Scan, Aim | None], panels: Panels) -> str:
     scan, aim = result
     first, *rest = scan.varied
     others = np.unique(scan.points[:, 1]) if rest else [None]
-    for name, letter in zip(PREDICTION_SHOWN, "abc", strict=True):
+    for name in PREDICTION_SHOWN:
         ax, values = panels[name], scan.column(name)
         for k, other in enumerate(others):
             rows = slice(None) if other is None else scan.points[:, 1] == other
@@ -362,7 +339,6 @@ def scan(result: tuple[Scan, Aim | None], panels: Panels) -> str:
             if name in aim.wanted:
                 ax.axhline(aim.wanted[name], color=MODEL, lw=0.6, ls=":")
         ax.set(xlabel=f"{first.key} ({first.unit or '1'})", ylabel=SCAN_LABELS[name])
-        label_panel(ax, letter)
     if rest:
         panels[PREDICTION_SHOWN[0]].legend(title=rest[0].key, fontsize="small")
     varied = " and ".join(one.key for one in scan.varied)

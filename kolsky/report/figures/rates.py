@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import MaxNLocator
 
 from kolsky.material.relaxation.rate_fit import ApparentModuli
 from kolsky.report.figures.base import (
@@ -14,14 +14,17 @@ from kolsky.report.figures.base import (
     COLUMN,
     FORCE,
     GREY,
+    KPA,
+    MARKERS,
     MEASURED,
     MM,
     MODEL,
     PAGE,
     ROUTES,
+    SERIES,
     Panels,
     figure,
-    label_panel,
+    label_point,
     label_text,
     note_empty,
     plain_log_ticks,
@@ -33,11 +36,10 @@ from kolsky.studies.rates.scatter import SlopeVerdict
 LINE_POINTS = 101
 
 
-@figure(PAGE, 68.0, [["wide", "near"]], width_ratios=[1.25, 1.0])
+@figure(PAGE, 68.0, [["wide", "near"]], width_ratios=[1.25, 1.0], letters=True)
 def rate_slope(group: GroupRates, panels: Panels) -> str:
     wide, near = panels["wide"], panels["near"]
-    for ax, mark in ((wide, "a"), (near, "b")):
-        label_panel(ax, mark)
+    for ax in (wide, near):
         ax.set_xscale("log")
         ax.set_xlabel("Strain rate (1/s)")
         ax.set_ylabel("Stiffness factor $m$ (–)")
@@ -56,8 +58,8 @@ def rate_slope(group: GroupRates, panels: Panels) -> str:
     wide.set_xlim(slowest / 3.0, high * 3.0)
     near.set_xlim(low / 1.3, high * 1.3)
     if not rates:  # from quasi-static to impact there are decades, and powers of ten read better
-        plain_log_ticks(wide)
-    plain_log_ticks(near)
+        _plain_rates(wide)
+    _plain_rates(near)
     near.margins(y=0.25)
     _lever(wide, group)
     if group.pooled is not None:
@@ -79,6 +81,14 @@ def rate_slope(group: GroupRates, panels: Panels) -> str:
         + " Left: on the scale of rates down to the quasi-static test, where m = 1 by definition; right: the"
         " shots alone. Open circles do not count."
     )
+
+
+def _plain_rates(ax: Axes) -> None:
+    """Label the rates with plain numbers; within a factor of five they lie at equal distances."""
+    plain_log_ticks(ax.xaxis)
+    low, high = ax.get_xlim()
+    if high <= 5.0 * low:
+        ax.xaxis.set_major_locator(MaxNLocator(3))
 
 
 def _mean(ax: Axes, group: GroupRates, low: float, high: float) -> None:
@@ -126,15 +136,8 @@ def _lever(ax: Axes, group: GroupRates) -> None:
     ax.set_ylim(bottom - 0.25 * (top - bottom), top)  # room below all data
     ax.plot([min(rates), max(rates)], [0.04, 0.04], "|-", color=FORCE, ms=4, lw=1.2, transform=place)
     span = np.log10(max(rates) / min(rates))
-    ax.annotate(
-        f"{span:.2f} decade",
-        (float(np.sqrt(min(rates) * max(rates))), 0.04),
-        xytext=(0, 3),
-        xycoords=place,
-        textcoords="offset points",
-        ha="right",
-        color=FORCE,
-    )
+    middle = float(np.sqrt(min(rates) * max(rates)))
+    label_point(ax, f"{span:.2f} decade", (middle, 0.04), (0, 3), xycoords=place, ha="right", color=FORCE)
 
 
 MOST_SHOTS_DRAWN = ("joint", "force only", "shape only")
@@ -152,12 +155,10 @@ def _left_out(group: GroupRates) -> bool:
     lambda group: 32.0 + 7.5 * len(group.shots),
     lambda group: [["shots", "shots", "without", "without"]] if _left_out(group) else [["shots"]],
     applies=lambda group: any(np.isfinite(shot.m) for shot in group.shots),
+    letters=True,
 )
 def rate_forest(group: GroupRates, panels: Panels) -> str:
     left, right = panels["shots"], panels.get("without")
-    if right is not None:
-        label_panel(left, "a")
-        label_panel(right, "b")
     count = len(group.shots)
     rows = np.arange(count, 0, -1)
     for row, shot in zip(rows, group.shots, strict=True):
@@ -210,9 +211,6 @@ def rate_forest(group: GroupRates, panels: Panels) -> str:
     )
 
 
-KPA = 1e-3
-SHOT_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-TEST_MARKERS = "osD^v<>"
 PANELS = {
     "stress": ("nominal stress", "Nominal stress (kPa)"),
     "secant": ("secant modulus", "Secant modulus (kPa)"),
@@ -220,43 +218,33 @@ PANELS = {
 }
 
 
-@figure(PAGE, 58.0, [list(PANELS)], applies=lambda group: len(group.stiffness) > 0)
+@figure(PAGE, 58.0, [list(PANELS)], applies=lambda group: len(group.stiffness) > 0, letters=True)
 def rate_stiffness(group: GroupRates, panels: Panels) -> str:
     slow = _slow(group)
-    for number, (panel, (quantity, label)) in enumerate(PANELS.items()):
+    for panel, (quantity, label) in PANELS.items():
         ax = panels[panel]
-        label_panel(ax, "abc"[number])
         ax.set_xscale("log")
         ax.set_xlabel("Strain rate (1/s)")
         ax.set_ylabel(label)
         for k, at in enumerate(group.stiffness):
             if quantity not in at.quantities:
                 continue
-            colour, marker = SHOT_COLOURS[k % len(SHOT_COLOURS)], TEST_MARKERS[k % len(TEST_MARKERS)]
+            colour, marker = SERIES[k % len(SERIES)], MARKERS[k % len(MARKERS)]
             value, sigma = (KPA * x for x in at.quantities[quantity])
             style: dict[str, Any] = {"color": colour, "fmt": marker, "ms": 2.8, "lw": 0.8}
             ax.errorbar(at.rates, value, yerr=2.0 * sigma, **style)
             end = int(np.argmax(at.rates))
-            ax.annotate(
-                f"{at.strain:g}",
-                (at.rates[end], value[end]),
-                xytext=(5, 0),
-                textcoords="offset points",
-                va="center",
-                color=colour,
-                annotation_clip=False,
-            )
+            beyond: dict[str, Any] = {"va": "center", "annotation_clip": False}
+            label_point(ax, f"{at.strain:g}", (at.rates[end], value[end]), (5, 0), color=colour, **beyond)
             if slow:
                 base, spread = (KPA * x for x in at.baseline[quantity])
                 ax.errorbar(slow, base, yerr=2.0 * spread, mfc="white", **style)
                 ax.plot([slow, at.rates.min()], [base, base], ":", color=colour, lw=0.6)
         ax.set_yscale("log")
-        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
-        ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        ax.yaxis.set_minor_formatter(NullFormatter())
+        plain_log_ticks(ax.yaxis, (1.0, 1.5, 2.0, 3.0, 5.0, 7.0))
         ax.margins(x=0.2, y=0.1)
         if not slow:
-            plain_log_ticks(ax)
+            _plain_rates(ax)
     return (
         "Nominal compressive stress, secant modulus and tangent modulus at fixed nominal strains (given"
         " beside each series; 0: the initial modulus) against nominal strain rate, ±2u. Filled: the shots,"
@@ -275,15 +263,13 @@ def _slow(group: GroupRates) -> float | None:
     return rates.pop() if len(rates) == 1 else None
 
 
-@figure(PAGE, 72.0, [["force", "shape"]], applies=lambda group: group.equal_strain is not None)
+@figure(PAGE, 72.0, [["force", "shape"]], applies=lambda group: group.equal_strain is not None, letters=True)
 def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
     e = group.equal_strain
     assert e is not None  # checked by `applies`
     force, shape = panels["force"], panels["shape"]
-    label_panel(force, "a")
-    label_panel(shape, "b")
     for number, shot in enumerate(group.counted):
-        colour, marker = SHOT_COLOURS[number % len(SHOT_COLOURS)], TEST_MARKERS[number % len(TEST_MARKERS)]
+        colour, marker = SERIES[number % len(SERIES)], MARKERS[number % len(MARKERS)]
         c, h = shot.found.comparison, shot.history
         inside = (c.force_time >= h.time[0]) & (c.force_time <= h.time[-1])
         strain = np.interp(c.force_time[inside], h.time, h.strain)
@@ -313,15 +299,8 @@ def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
         here = [s for s in e.shapes if s.strain == strain]
         if here:
             last = max(here, key=lambda s: s.y[-1])
-            shape.annotate(
-                f"{strain:g}",
-                (MM * last.y[-1], MM * last.Z[-1]),
-                xytext=(3, 0),
-                textcoords="offset points",
-                va="center",
-                color=GREY,
-                annotation_clip=False,
-            )
+            end = (MM * last.y[-1], MM * last.Z[-1])
+            label_point(shape, f"{strain:g}", end, (3, 0), va="center", color=GREY, annotation_clip=False)
     assert group.equal_strain is not None  # checked by `applies`
     strains = ", ".join(f"{e:g}" for e in group.equal_strain.strains)
     return (
@@ -334,7 +313,8 @@ def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
     )
 
 
-TEST_COLOURS = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#000000", "#56B4E9")
+TEST_COLOURS = tuple(colour for colour in SERIES if colour != MODEL)
+"""Colours of tests, in turn, beside that of the model."""
 
 
 @dataclass(frozen=True)
@@ -358,7 +338,7 @@ def rate_moduli(result: TimeScales, panels: Panels) -> str:
     for k, test in enumerate(result.tests):
         ax.errorbar(
             test.age, KPA * test.modulus, yerr=2.0 * KPA * test.sigma,
-            fmt=TEST_MARKERS[k % len(TEST_MARKERS)], ms=2.6,
+            fmt=MARKERS[k % len(MARKERS)], ms=2.6,
             lw=0.6, color=TEST_COLOURS[k % len(TEST_COLOURS)], label=test.label,
         )  # fmt: skip
     ax.set_xscale("log")

@@ -24,13 +24,14 @@ from kolsky.report.figures.base import (
     MODEL,
     MS,
     PAGE,
+    PAPER,
     SHAPE,
     UM,
     Panels,
+    colour_bar,
     figure,
-    label_panel,
     note_empty,
-    smooth_bar,
+    show_picture,
 )
 from kolsky.shot.recordings import ShotRecordings
 from kolsky.shot.records import ForceChannel, PicturedShot, Shot
@@ -73,15 +74,15 @@ def raw_signals(result: ShotRecordings, panels: Panels) -> str:
     applies=lambda result: result.motion.measured_time.size > 1,
     sharex=True,
     height_ratios=[1.3, 1.2, 0.8],
+    letters=True,
 )
 def flyer_path(result: ShotRecordings, panels: Panels) -> str:
     motion = result.motion
     first, last = (MS * end for end in result.window)
-    for name, ax in panels.items():
+    for ax in panels.values():
         ax.axvspan(first, last, color=BAND, alpha=0.2, lw=0.0)
         if result.symmetry_end is not None:
             ax.axvline(MS * result.symmetry_end, color=GREY, lw=0.8, ls=":", label="end of symmetry")
-        label_panel(ax, {"displacement": "a", "velocity": "b", "residual": "c"}[name])
     time, frames = MS * motion.time, MS * motion.measured_time
     ax, low = panels["velocity"], panels["residual"]
     band = 2.0 * motion.velocity_sigma
@@ -125,7 +126,6 @@ def flyer_path(result: ShotRecordings, panels: Panels) -> str:
 
 
 CAMERAS = ("left", "right")
-LOST = "#CC79A7"
 
 
 def _pair_height(seen: ShotRecordings) -> float:
@@ -140,6 +140,7 @@ def _pair_height(seen: ShotRecordings) -> float:
     [list(CAMERAS), ["quality", "lost"]],
     applies=lambda result: isinstance(result.pair, PicturePair),
     height_ratios=[1.7, 1.0],
+    letters=True,
 )
 def picture_pair(result: ShotRecordings, panels: Panels) -> str:
     pair = _has_pair(result)
@@ -148,9 +149,11 @@ def picture_pair(result: ShotRecordings, panels: Panels) -> str:
     sigma = [camera[frame, valid] for camera in body.match_sigma]
     low, high = np.percentile(np.concatenate(sigma), [1.0, 99.0])
     points: Any = None
-    for number, (name, mark) in enumerate(zip(CAMERAS, "ab", strict=True)):
+    for number, name in enumerate(CAMERAS):
         ax = panels[name]
-        _picture(ax, pair.pictures[number])
+        picture = pair.pictures[number]
+        show_picture(ax, picture, dark=True)
+        ax.set(xlim=(-0.5, picture.shape[1] - 0.5), ylim=(picture.shape[0] - 0.5, -0.5), ylabel="$y$ (px)")
         places = body.pixels[number][frame]
         lines = places[_joined(body, valid)]
         ax.add_collection(LineCollection(list(lines), colors=SHAPE, linewidths=0.5))
@@ -168,14 +171,8 @@ def picture_pair(result: ShotRecordings, panels: Panels) -> str:
             zorder=3,
         )
         ax.set_title(f"camera {number}", loc="right", pad=2.5)
-        label_panel(ax, mark)
-    bar = panels["left"].figure.colorbar(  # type: ignore[union-attr]
-        points, ax=[panels[name] for name in CAMERAS], aspect=22, pad=0.02, extend="both"
-    )
-    bar.set_label("Standard deviation (px)")
-    bar.locator = MaxNLocator(5)
-    bar.update_ticks()
-    smooth_bar(bar)
+    beside: dict[str, Any] = {"aspect": 22, "pad": 0.02, "extend": "both", "ticks": MaxNLocator(5)}
+    colour_bar(points, [panels[name] for name in CAMERAS], "Standard deviation (px)", **beside)
     _histories(pair, panels["quality"], panels["lost"])
     size = np.abs(body.epipolar[body.surface.valid])
     largest = f"{float(np.percentile(size, 99.0)):.3f} px" if size.size else "unknown"
@@ -187,15 +184,6 @@ def picture_pair(result: ShotRecordings, panels: Panels) -> str:
         "standard deviations and the rms distance from the epipolar line, 99 % of all distances below "
         f"{largest}. (d) Points that are not valid."
     )
-
-
-def _picture(ax: Axes, picture: NDArray[np.generic]) -> None:
-    low, high = np.percentile(np.asarray(picture, dtype=np.float64), [0.5, 99.5])
-    # Half as dark as it was taken: points must stand out.
-    ax.imshow(picture, cmap="gray", vmin=2.0 * low - high - 1, vmax=max(high, low + 1), interpolation="none")
-    ax.set_xlim(-0.5, picture.shape[1] - 0.5)
-    ax.set_ylim(picture.shape[0] - 0.5, -0.5)
-    ax.set(xlabel="$x$ (px)", ylabel="$y$ (px)")
 
 
 def _joined(body: Body, valid: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -223,9 +211,8 @@ def _histories(pair: PicturePair, quality: Axes, lost: Axes) -> None:
     lost.plot(time, body.surface.n_points - body.n_valid[usable], color=FORCE)
     lost.set(xlabel="Time (ms)", ylabel=f"Points not valid (of {body.surface.n_points})")
     lost.set_ylim(0.0, max(1.1 * float(np.max(body.surface.n_points - body.n_valid[usable])), 1.0))
-    for ax, mark in ((quality, "c"), (lost, "d")):
-        ax.axvline(MS * float(result.t[pair.frame]), color=LOST, lw=0.8, ls="--", label="(a), (b)")
-        label_panel(ax, mark)
+    for ax in (quality, lost):
+        ax.axvline(MS * float(result.t[pair.frame]), color=PAPER, lw=0.8, ls="--", label="(a), (b)")
     quality.legend(loc="best")
 
 
@@ -265,8 +252,6 @@ def _caption_of_force(shot: Shot | PicturedShot) -> str:
 def draw_force(shot: Shot | PicturedShot, panels: Panels) -> None:
     """Draw the force over the time of the panel below."""
     ax = panels["force"]
-    label_panel(ax, "a")
-    label_panel(panels["motion"], "b")
     if isinstance(shot.force, ForceChannel):
         ax.axvspan(*(MS * end for end in shot.force.baseline), color=GREY, alpha=0.3, lw=0.0)
     ax.plot(MS * shot.force.time, shot.force.raw_force(), color=MEASURED, lw=0.5)
@@ -281,11 +266,16 @@ def on_one_clock(panels: Panels, *times: FloatArray) -> None:
         panel.set_xlim(both.min(), both.max())
 
 
-@figure(PAGE, 85.0, [["force", "outline"], ["motion", "outline"]], width_ratios=[1.35, 1.0])
+@figure(
+    PAGE,
+    85.0,
+    [["force", "outline"], ["motion", "outline"]],
+    width_ratios=[1.35, 1.0],
+    letters=("force", "motion", "outline"),
+)
 def checked_shot(shot: Shot, panels: Panels) -> str:
     draw_force(shot, panels)
     ax, low = panels["force"], panels["motion"]
-    label_panel(panels["outline"], "c")
     for panel in (ax, low):
         panel.axvspan(*(MS * end for end in shot.window), color=BAND, alpha=0.2, lw=0.0)
     if isinstance(shot.flyer, FlyerMotion):
@@ -331,7 +321,13 @@ def _draw_outline(shot: Shot, panels: Panels) -> None:
     ax.legend(loc="center left")
 
 
-@figure(PAGE, 145.0, [["force"] * 3, ["motion"] * 3, list(FORCE_PLACES)], height_ratios=[1.0, 1.0, 1.5])
+@figure(
+    PAGE,
+    145.0,
+    [["force"] * 3, ["motion"] * 3, list(FORCE_PLACES)],
+    height_ratios=[1.0, 1.0, 1.5],
+    letters=True,
+)
 def checked_pictures(shot: PicturedShot, panels: Panels) -> str:
     draw_force(shot, panels)
     low, found = panels["motion"], shot.pictures.changes
@@ -343,12 +339,11 @@ def checked_pictures(shot: PicturedShot, panels: Panels) -> str:
     low.set_ylabel("Change (%)")
     low.legend(loc="upper left", markerscale=2.0)
     on_one_clock(panels, shot.force.time, found.time)
-    for name, mark, (time, picture) in zip(FORCE_PLACES, "cde", found.shown, strict=False):
+    for name, (time, picture) in zip(FORCE_PLACES, found.shown, strict=False):
         ax = panels[name]
         ax.imshow(picture, cmap="gray", vmin=0.0, vmax=1.0, interpolation="none")
         ax.set_title(f"{MS * time:.3f} ms".replace("-", "−"), loc="right", pad=2.5)
         ax.set_xlabel("$x$ (px)")
-        label_panel(ax, mark)
     for name in FORCE_PLACES[len(found.shown) :]:
         note_empty(panels[name], "no picture")
     panels[FORCE_PLACES[0]].set_ylabel("$y$ (px)")

@@ -11,17 +11,18 @@ from kolsky.report.figures.base import (
     BAND,
     FORCE,
     GREY,
+    LETTERS,
     MEASURED,
     MM,
     MODEL,
     PAGE,
     SHAPE,
     Panels,
+    colour_bar,
     figure,
     label_panel,
     label_text,
     note_empty,
-    smooth_bar,
 )
 from kolsky.results.nomenclature import constant_symbol
 
@@ -40,9 +41,9 @@ def _panels(view: SpecimenView) -> list[list[str]]:
 
 @figure(PAGE, 105.0, _panels, height_ratios=[2.0, 1.0])
 def forces(view: SpecimenView, panels: Panels) -> str:
-    for number, name in enumerate(list(view.tests)[:MOST_TESTS]):
+    for letter, name in zip(LETTERS, view.tests[:MOST_TESTS], strict=False):
         above, below = panels[name], panels[f"{name} residual"]
-        label_panel(above, "abcdef"[number])
+        label_panel(above, letter)
         drawn = False
         for colour, found in zip(COLOURS, view.fits, strict=False):
             for one in found.tests:
@@ -88,11 +89,11 @@ def forces(view: SpecimenView, panels: Panels) -> str:
     55.0,
     lambda view: [[found.name for found in view.fits[:3]]],
     applies=lambda view: len(view.fits[0].constants.free) > 1,
+    letters=True,
 )
 def correlations(view: SpecimenView, panels: Panels) -> str:
     for number, found in enumerate(view.fits[:3]):
         ax = panels[found.name]
-        label_panel(ax, "abc"[number])
         values = np.nan_to_num(found.intervals.correlation)
         image = ax.pcolormesh(values, vmin=-1.0, vmax=1.0, cmap="RdBu_r")
         names = [constant_symbol(name) for name in found.constants.free]
@@ -108,7 +109,7 @@ def correlations(view: SpecimenView, panels: Panels) -> str:
                 color="white" if dark else "black",
             )  # fmt: skip
         if number == min(len(view.fits), 3) - 1:
-            smooth_bar(ax.figure.colorbar(image, ax=ax, label="correlation"))
+            colour_bar(image, ax, "correlation")
     return (
         "Correlations of the fitted constants. Near ± 1 a test knows a combination of two constants and "
         "not each: "
@@ -121,12 +122,12 @@ def correlations(view: SpecimenView, panels: Panels) -> str:
     lambda view: 55.0 * len(view.shares[:MOST_TESTS]),
     lambda view: [[f"{s.name} whole", f"{s.name} middle"] for s in view.shares[:MOST_TESTS]],
     applies=lambda view: bool(view.shares),
+    letters=True,
 )
 def strains(view: SpecimenView, panels: Panels) -> str:
-    for number, share in enumerate(view.shares[:MOST_TESTS]):
-        for name, values, letter in (("whole", share.whole, 0), ("middle", share.middle, 1)):
+    for share in view.shares[:MOST_TESTS]:
+        for name, values in (("whole", share.whole), ("middle", share.middle)):
             ax = panels[f"{share.name} {name}"]
-            label_panel(ax, "abcdefghijkl"[2 * number + letter])
             for axis, colour in zip(range(3), (MODEL, SHAPE, MEASURED), strict=True):
                 style = "--" if axis == 1 else "-"
                 ax.stairs(
@@ -171,7 +172,7 @@ def mesh(view: SpecimenView, panels: Panels) -> str:
         ax.set_xlabel("$x$ (mm)")
         ax.set_ylabel("$y$ (mm)")
         ax.set_title(label_text(name, 24), fontsize="medium")
-        smooth_bar(ax.figure.colorbar(faces, ax=ax, label="largest stretch in the face", fraction=0.04))
+        colour_bar(faces, ax, "largest stretch in the face", fraction=0.04)
     return (
         "Largest stretch of the element faces on the bonded surface at the last sample, in the deformed "
         "state; "
@@ -183,18 +184,16 @@ MN = 1e3
 """Newtons to millinewtons."""
 
 
-@figure(PAGE, 62.0, [["force", "misfit"]])
+@figure(PAGE, 62.0, [["force", "misfit"]], letters=True)
 def sheet_histories(view: SheetView, panels: Panels) -> str:
     found = view.fit
     data, pad = found.problem.data, MM * np.abs(found.problem.data.pad)
     ax = panels["force"]
-    label_panel(ax, "a")
     ax.plot(pad, MN * np.abs(data.force), "o", color=MEASURED, mfc="none", ms=3, label="measured")
     ax.plot(pad, MN * np.abs(found.cost.state.force), "-", color=MODEL, label="simulated")
     ax.set_ylabel("pad force (mN)")
     ax.legend(frameon=False)
     ax = panels["misfit"]
-    label_panel(ax, "b")
     ax.plot(pad, 100.0 * found.misfit, "o-", color=SHAPE, ms=3, label="misfit")
     ax.plot(pad, 100.0 * found.noise, "--", color=GREY, label="noise alone")
     ax.set_ylabel("displacement misfit (%)")
@@ -216,6 +215,7 @@ def sheet_histories(view: SheetView, panels: Panels) -> str:
         list(view.fit.constants.free),
         [f"{name} noise" for name in view.fit.constants.free],
     ],
+    letters=True,
 )
 def sheet_steps(view: SheetView, panels: Panels) -> str:
     found, free = view.fit, view.fit.constants.free
@@ -223,7 +223,6 @@ def sheet_steps(view: SheetView, panels: Panels) -> str:
     by_u, by_f = found.relative_by_displacement(1e-6), found.relative_by_force(1e-3)
     for j, name in enumerate(free):
         ax = panels[name]
-        label_panel(ax, "abcd"[j])
         scale = 1e-3 if found.constants.free_specs[j].unit == "Pa" else 1.0
         unit = " (kPa)" if scale != 1.0 else ""
         alone = [np.nan if isinstance(step, str) else scale * step.values[j] for step in view.steps]
@@ -233,7 +232,6 @@ def sheet_steps(view: SheetView, panels: Panels) -> str:
         ax.set_ylabel(f"{constant_symbol(name)}{unit}")
         ax.legend(frameon=False)
         other = panels[f"{name} noise"]
-        label_panel(other, "abcdefgh"[len(free) + j])
         if found.at_bound[j]:
             note_empty(other, "at its bound")
         else:
@@ -294,10 +292,10 @@ def _field(
     ax.set_aspect("equal")
     ax.set_xlabel("$x$ (mm)")
     ax.set_ylabel("$y$ (mm)")
-    smooth_bar(ax.figure.colorbar(image, ax=ax, label=label, fraction=0.03))
+    colour_bar(image, ax, label, fraction=0.03)
 
 
-@figure(PAGE, 95.0, [["u", "misfit"], ["sensitivity", "before"]])
+@figure(PAGE, 95.0, [["u", "misfit"], ["sensitivity", "before"]], letters=True)
 def sheet_fields(view: SheetView, panels: Panels) -> str:
     found = view.fit
     state, data = found.cost.state, found.problem.data
@@ -314,8 +312,6 @@ def sheet_fields(view: SheetView, panels: Panels) -> str:
     n = len(view.mesh.points)
     best = view.before.field[-1].reshape(2, n).T * 1e-9
     _field(panels["before"], view, np.linalg.norm(best, axis=1), best, "whole sheet (1/mm$^3$)")
-    for letter, name in zip("abcd", ("u", "misfit", "sensitivity", "before"), strict=True):
-        label_panel(panels[name], letter)
     fit = view.fit
     names = [name for name, held in zip(fit.constants.free, fit.at_bound, strict=True) if not held]
     if view.before.singular:
@@ -348,7 +344,7 @@ def sheet_map(view: SheetView, panels: Panels) -> str:
     ax.set_aspect("equal")
     ax.set_xlabel("$x$ (mm)")
     ax.set_ylabel("$y$ (mm)")
-    smooth_bar(ax.figure.colorbar(image, ax=ax, label="stiffness over the fitted one", fraction=0.03))
+    colour_bar(image, ax, "stiffness over the fitted one", fraction=0.03)
     words = "explains" if view.stiffness.explained else "does not explain"
     return (
         "Factor of all moduli of each block, the smoothest map by total variation; it "

@@ -4,26 +4,31 @@ The trends are Figs. 7 to 10 of Mates et al. (2012).
 """
 
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
+from doe.sensitivity import SobolIndices
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
     FORCE,
     GREY,
     MEASURED,
+    MODEL,
     MS,
     PAGE,
+    PAPER,
+    SERIES,
     SHAPE,
     Panels,
+    colour_bar,
     figure,
-    label_panel,
+    label_point,
     label_text,
-    smooth_bar,
 )
 from kolsky.results.nomenclature import axis_label, name_of
 from kolsky.studies.budget.records import Budget, Source
@@ -85,7 +90,7 @@ def _map(ax: Axes, result: SweepAnalysis, name: str, first: str, second: str) ->
     floor = np.nanmin(measured)  # an interpolant may dip below every run, where a logarithm ends
     level = np.log10(np.maximum(values, 0.5 * floor))
     drawn = ax.contourf(fx * x, fy * y, level, levels=14, cmap="cividis")
-    smooth_bar(ax.figure.colorbar(drawn, ax=ax, label=LOG_LABELS[name], pad=0.02))  # type: ignore[union-attr]
+    colour_bar(drawn, ax, LOG_LABELS[name], pad=0.02)
     i, j = result.box.names.index(first), result.box.names.index(second)
     at = result.table.points
     done = np.isfinite(measured)
@@ -138,60 +143,34 @@ def sweep_effects(result: SweepAnalysis, panels: Panels) -> str:
     )
 
 
-INDEX_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
-
-
 @figure(COLUMN, 62.0, [["indices"]], applies=lambda result: result.indices is not None)
 def sweep_indices(result: SweepAnalysis, panels: Panels) -> str:
-    found, ax = result.indices, panels["indices"]
-    assert found is not None  # `applies` says so
-    d = len(found.names)
-    for j, name in enumerate(found.names):
-        x = np.arange(len(found.outputs)) + (j - 0.5 * (d - 1)) * 0.8 / d
-        low, high = found.total_interval[:, j].T
-        ax.bar(
-            x,
-            found.total[:, j],
-            0.72 / d,
-            color=INDEX_COLOURS[j % len(INDEX_COLOURS)],
-            label=f"${name_of(name).tex}$",
-        )
-        ax.vlines(x, low, high, color=MEASURED, lw=0.6)
-        ax.plot(x, found.first[:, j], "o", color="white", mec=MEASURED, mew=0.5, ms=2.6)
-    ax.set_xticks(np.arange(len(found.outputs)), [TEX_SYMBOLS[name] for name in found.outputs])
-    ax.tick_params(axis="x", length=0)
-    ax.axhline(0.0, color=MEASURED, lw=0.5)
+    assert result.indices is not None  # `applies`
+    ax = panels["indices"]
+    _bars(ax, result.indices)
     ax.set_xlabel("Misfit (–)")
-    ax.set_ylabel("Sobol’ index (–)")
-    ax.set_ylim(min(-0.05, 1.1 * float(found.first.min())), 1.3)
-    ax.legend(loc="upper center", ncols=min(d, 6))
+    ax.legend(loc="upper center", ncols=min(len(result.indices.names), 6))
     return (
         "Share of each misfit’s variance over the box that a parameter causes, by itself or with others "
         "(total Sobol’ indices, bars, 95 % intervals of the bootstrap), and by itself (first order, dots)."
     )
 
 
-SOBOL_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
-WORDS = {"Phi_F": r"$\Phi_F$", "Phi_S": r"$\Phi_S$", "Phi": r"$\Phi$", "peak force": "peak force"}
-
-
 def _panels(result: GlobalSensitivity) -> list[list[str]]:
-    histories = [("force", result.force), ("outline", result.outline)]
-    names = ["scalars", *(name for name, found in histories if found is not None)]
-    return [names]
+    return [["scalars", *(name for name in ("force", "outline") if getattr(result, name) is not None)]]
 
 
-@figure(PAGE, 58.0, _panels, applies=lambda result: result.scalars is not None)
+@figure(PAGE, 58.0, _panels, applies=lambda result: result.scalars is not None, letters=True)
 def sensitivity(result: GlobalSensitivity, panels: Panels) -> str:
-    _bars(panels["scalars"], result)
+    assert result.scalars is not None  # `applies`
+    _bars(panels["scalars"], result.scalars)
+    panels["scalars"].yaxis.set_major_locator(MultipleLocator(0.2))
     if result.force is not None:
         _history(panels["force"], result, result.force_times, result.force.first, result.force.total)
         panels["force"].set_ylabel("Index of the force (–)")
     if result.outline is not None:
         _history(panels["outline"], result, *result.outline_by_frame())
         panels["outline"].set_ylabel("Index of the outline (–)")
-    for key, ax in zip("abc", panels.values(), strict=False):
-        label_panel(ax, key)
     panels["scalars"].legend(loc="upper left", ncols=len(result.box.names))
     ranges = ", ".join(
         f"{name_of(n).symbol} = {a * name_of(n).factor:.4g} to {b * name_of(n).factor:.4g}"
@@ -207,23 +186,21 @@ def sensitivity(result: GlobalSensitivity, panels: Panels) -> str:
     )
 
 
-def _bars(ax: Axes, result: GlobalSensitivity) -> None:
-    s = result.scalars
-    assert s is not None  # the figure does not apply without
-    d = len(s.names)
-    place = np.arange(len(s.outputs))
-    for j, name in enumerate(s.names):
-        x = place + (j - 0.5 * (d - 1)) * 0.8 / d
-        low, high = s.total_interval[:, j].T
-        ax.bar(x, s.total[:, j], 0.72 / d, color=SOBOL_COLOURS[j % 5], label=f"${name_of(name).tex}$")
+def _bars(ax: Axes, indices: SobolIndices) -> None:
+    """Draw total indices with their intervals as bars, and first-order indices as dots."""
+    count, place = len(indices.names), np.arange(len(indices.outputs))
+    for j, name in enumerate(indices.names):
+        x = place + (j - 0.5 * (count - 1)) * 0.8 / count
+        low, high = indices.total_interval[:, j].T
+        colour = SERIES[j % len(SERIES)]
+        ax.bar(x, indices.total[:, j], 0.72 / count, color=colour, label=f"${name_of(name).tex}$")
         ax.vlines(x, low, high, color=MEASURED, lw=0.6)
-        ax.plot(x, s.first[:, j], "o", color="white", mec=MEASURED, mew=0.5, ms=2.6)
-    ax.set_xticks(place, [WORDS[name] for name in s.outputs])
+        ax.plot(x, indices.first[:, j], "o", color="white", mec=MEASURED, mew=0.5, ms=2.6)
+    ax.set_xticks(place, [TEX_SYMBOLS.get(name, name) for name in indices.outputs])
     ax.tick_params(axis="x", length=0)
     ax.axhline(0.0, color=MEASURED, lw=0.5)
     ax.set_ylabel("Sobol’ index (–)")
-    ax.yaxis.set_major_locator(MultipleLocator(0.2))
-    ax.set_ylim(min(-0.05, 1.1 * float(s.first.min())), 1.25)
+    ax.set_ylim(min(-0.05, 1.1 * float(indices.first.min())), 1.3)
 
 
 def _history(
@@ -234,8 +211,8 @@ def _history(
     total: NDArray[np.float64],
 ) -> None:
     for j, _ in enumerate(result.box.names):
-        ax.plot(MS * times, total[j], color=SOBOL_COLOURS[j % 5], lw=0.8)
-        ax.plot(MS * times, first[j], color=SOBOL_COLOURS[j % 5], lw=0.6, ls="--")
+        ax.plot(MS * times, total[j], color=SERIES[j % len(SERIES)], lw=0.8)
+        ax.plot(MS * times, first[j], color=SERIES[j % len(SERIES)], lw=0.6, ls="--")
     ax.set_xlabel("Time (ms)")
     ax.yaxis.set_major_locator(MultipleLocator(0.2))
     ax.set_ylim(-0.1, 1.1)
@@ -267,20 +244,19 @@ def trend_poisson(result: Trends, panels: Panels) -> str:
     )
 
 
-DAMPING_COLOURS = ("#56B4E9", "#0072B2", "#E69F00", "#D55E00", "#CC79A7")
+DAMPING_COLOURS = (BAND, SHAPE, FORCE, MODEL, PAPER)
 
 
-@figure(PAGE, 68.0, [["whole", "begin"]])
+@figure(PAGE, 68.0, [["whole", "begin"]], letters=True)
 def trend_damping(result: Trends, panels: Panels) -> str:
     forces = result.damping
     time = MS * forces.time
     begin = time[0] + 0.4 * (time[-1] - time[0])
-    for key, ax in zip("ab", panels.values(), strict=True):
+    for ax in panels.values():
         for beta, force, colour in zip(forces.damping, forces.simulated, DAMPING_COLOURS, strict=False):
             ax.plot(time, force, color=colour, lw=0.8, label=rf"$\beta$ = {1e6 * beta:g} µs")
         ax.plot(time, forces.measured, color=MEASURED, lw=0.6, ls="--", label="measured")
         ax.set(xlabel="Time (ms)", ylabel="Transmitted force (N)")
-        label_panel(ax, key)
     panels["whole"].set_xlim(time[0], time[-1])
     panels["whole"].legend(loc="upper left")
     near = time <= begin
@@ -293,13 +269,11 @@ def trend_damping(result: Trends, panels: Panels) -> str:
     )
 
 
-@figure(PAGE, 68.0, [["force", "shape"]])
+@figure(PAGE, 68.0, [["force", "shape"]], letters=True)
 def trend_friction(result: Trends, panels: Panels) -> str:
     plane = result.plane
     _surface(panels["force"], plane, plane.surface_force, plane.phi_force, r"Force misfit $\Phi_F$ (N)")
     _surface(panels["shape"], plane, plane.surface_shape, plane.phi_shape, r"Shape misfit $\Phi_S$ (–)")
-    for key, ax in zip("ab", panels.values(), strict=True):
-        label_panel(ax, key)
     return (
         "Effect of friction and stiffness on (a) Φ_F, Eq. (M.4), and (b) Φ_S, Eq. (M.3): radial basis "
         f"functions through the {len(result.plane.design)} runs of a full factorial (dots) on "
@@ -318,17 +292,17 @@ def _surface(
     ax.plot(*points[int(runs.argmin())], "*", ms=7, mfc="white", mec=MEASURED, mew=0.5, clip_on=False)
     first, second = plane.design.box.names
     ax.set(xlabel=axis_label(first), ylabel=axis_label(second))
-    smooth_bar(ax.figure.colorbar(drawn, ax=ax, label=label, pad=0.02))  # type: ignore[union-attr]
+    colour_bar(drawn, ax, label, pad=0.02)
 
 
-@figure(PAGE, 64.0, [["force", "shape"]])
+@figure(PAGE, 64.0, [["force", "shape"]], letters=True)
 def trend_stiffness(result: Trends, panels: Panels) -> str:
     s = result.surrogates
     rows = (
         ("force", s.runs.phi_force, s.between.phi_force, FORCE, r"Force misfit $\Phi_F$ (N)"),
         ("shape", s.runs.phi_shape, s.between.phi_shape, SHAPE, r"Shape misfit $\Phi_S$ (–)"),
     )
-    for i, (key, (name, runs, between, colour, label)) in enumerate(zip("ab", rows, strict=True)):
+    for i, (name, runs, between, colour, label) in enumerate(rows):
         ax = panels[name]
         ax.plot(s.x, s.by_cost[i], color=GREY, ls="--", label="surrogate of the misfit")
         ax.plot(s.x, s.by_response[i], color=colour, label="surrogate of the response")
@@ -336,7 +310,6 @@ def trend_stiffness(result: Trends, panels: Panels) -> str:
         ax.plot(s.between.x, between, "o", mfc="white", mec=MEASURED, mew=0.6, ms=3, label="runs not seen")
         ax.set(xlabel=axis_label("stiffness_factor"), ylabel=label, xlim=(s.x[0], s.x[-1]))
         ax.set_ylim(bottom=min(0.0, 1.1 * float(s.by_cost[i].min())))
-        label_panel(ax, key)
     panels["shape"].legend(loc="upper right")
     return (
         "Effect of the stiffness on (a) Φ_F, Eq. (M.4), and (b) Φ_S, Eq. (M.3). Filled: the "
@@ -371,15 +344,9 @@ def budget(result: Budget, panels: Panels) -> str:
     colours = [GREY if source.factor.shared else SHAPE for source in sources]
     ax.barh(place, widths, 0.7, color=colours)
     for y, source, width in zip(place, sources, widths, strict=True):
-        ax.annotate(
-            f"{100.0 * result.share(source):.2g} %",
-            (width, y),
-            xytext=(2, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize="small",
-            bbox={"fc": "white", "ec": "none", "pad": 0.5},
-        )
+        box: dict[str, Any] = {"bbox": {"fc": "white", "ec": "none", "pad": 0.5}}
+        share = f"{100.0 * result.share(source):.2g} %"
+        label_point(ax, share, (width, y), (2, 0), va="center", fontsize="small", **box)
     ax.set_yticks(place, [label_text(source.factor.words, 44) for source in sources])
     ax.tick_params(axis="y", length=0)
     total, (low, high) = factor * result.u_together, result.u_together_interval
@@ -387,9 +354,9 @@ def budget(result: Budget, panels: Panels) -> str:
         ax.axvspan(factor * low, factor * high, color=MEASURED, alpha=0.08, lw=0.0, zorder=0)
         ax.axvline(total, color=MEASURED, lw=0.8)
         ax.axvline(factor * result.u_sum, color=MEASURED, lw=0.8, ls="--")
-    known = name_of(result.parameter)
-    unit = "–" if known.unit == "1" else known.unit
-    ax.set_xlabel(f"Expanded uncertainty of ${known.tex}$ ({unit})")
+    name = name_of(result.parameter)
+    unit = "–" if name.unit == "1" else name.unit
+    ax.set_xlabel(f"Expanded uncertainty of ${name.tex}$ ({unit})")
     ax.set_xlim(0.0, None)
     ax.set_ylim(-0.6, len(sources) - 0.4)
     shared = [source for source in sources if source.factor.shared]

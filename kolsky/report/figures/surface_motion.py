@@ -1,5 +1,7 @@
 """Figures of measured motion: kymograph of the outline, displacement and flight of the flyer."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.collections import PolyCollection
 
@@ -16,9 +18,8 @@ from kolsky.report.figures.base import (
     SHAPE,
     UM,
     Panels,
+    colour_bar,
     figure,
-    label_panel,
-    smooth_bar,
 )
 from kolsky.report.picture_views import SurfaceView
 
@@ -28,6 +29,7 @@ from kolsky.report.picture_views import SurfaceView
     68.0,
     [["picture", "radius"]],
     applies=lambda view: view.result.centre.Z.size > 0 and view.kymograph.size > 0,
+    letters=True,
 )
 def kymograph(view: SurfaceView, panels: Panels) -> str:
     result, body = view.result, view.result.specimen
@@ -52,7 +54,6 @@ def kymograph(view: SurfaceView, panels: Panels) -> str:
         ax.plot(time, body.pixels[0][:, point, 1], color=MODEL, lw=0.5)
     ax.set(xlabel="Time (ms)", ylabel="Row of camera 0 (px)")
     ax.set_ylim(rows - 0.5, -0.5)
-    label_panel(ax, "a")
 
     ax, line = panels["radius"], result.centre
     corners, radii = [], []
@@ -80,10 +81,7 @@ def kymograph(view: SurfaceView, panels: Panels) -> str:
         )
         ax.add_collection(colours)
         ax.autoscale_view(scalex=False)
-        bar = ax.figure.colorbar(colours, ax=ax, aspect=25, pad=0.02)  # type: ignore[union-attr]
-        bar.set_label("Radius $Z$ (mm)")
-        smooth_bar(bar)
-    label_panel(ax, "b")
+        colour_bar(colours, ax, "Radius $Z$ (mm)", aspect=25, pad=0.02)
     return (
         "Kymograph of the outline (x = 0). (a) Its column in the pictures of camera 0 through time, and the "
         "rows in which the points nearest to it were found. (b) Measured radius Z at height y above the "
@@ -100,53 +98,29 @@ def kymograph(view: SurfaceView, panels: Panels) -> str:
     ),
     sharex=True,
     height_ratios=[1.2, 1.2, 0.7],
+    letters=True,
 )
 def flyer(view: SurfaceView, panels: Panels) -> str:
     result, travel = view.result, view.result.axial_displacement
     assert travel is not None  # `applies`
     time = MS * travel.t
+    end = MS * result.t[result.static].max(initial=result.t[0])
     for ax in panels.values():
-        ax.axvspan(
-            MS * result.t[0],
-            MS * result.t[result.static].max(initial=result.t[0]),
-            color=GREY,
-            alpha=0.2,
-            lw=0.0,
-        )
+        ax.axvspan(MS * result.t[0], end, color=GREY, alpha=0.2, lw=0.0)
     ax = panels["displacement"]
-    ax.errorbar(
-        time,
-        MM * travel.displacement,
-        yerr=2.0 * MM * travel.sigma,
-        fmt="o",
-        ms=1.5,
-        mew=0.0,
-        color=MEASURED,
-        elinewidth=0.5,
-    )
+    dots: dict[str, Any] = {"fmt": "o", "ms": 1.5, "mew": 0.0, "elinewidth": 0.5}
+    ax.errorbar(time, MM * travel.displacement, yerr=2.0 * MM * travel.sigma, color=MEASURED, **dots)
     ax.set_ylabel("Displacement (mm)")
-    label_panel(ax, "a")
     ax = panels["velocity"]
     step = np.diff(travel.t)
     velocity = np.diff(travel.displacement) / step
     noise = np.hypot(travel.sigma[1:], travel.sigma[:-1]) / step
-    ax.errorbar(
-        0.5 * (time[1:] + time[:-1]),
-        velocity,
-        yerr=2.0 * noise,
-        fmt="o",
-        ms=1.5,
-        mew=0.0,
-        color=SHAPE,
-        elinewidth=0.5,
-    )
+    ax.errorbar(0.5 * (time[1:] + time[:-1]), velocity, yerr=2.0 * noise, color=SHAPE, **dots)
     ax.set_ylabel("Velocity (m/s)")
-    label_panel(ax, "b")
     ax = panels["sigma"]
     ax.plot(time, UM * travel.sigma, color=MEASURED)
     ax.set_ylim(bottom=0.0)
     ax.set(xlabel="Time (ms)", ylabel="σ (µm)")
-    label_panel(ax, "c")
     return (
         "Flyer. (a) Displacement toward the specimen, and (b) its difference quotients from frame to "
         "frame, both with ±2σ; grey: static frames. (c) Standard deviation of one displacement."
@@ -162,6 +136,7 @@ COVERAGE = 2.0
     130.0,
     [["motion"], ["angle"], ["tilt"]],
     applies=lambda view: isinstance(view.flight, FlightOfSpecimen),
+    letters=True,
 )
 def flight(view: SurfaceView, panels: Panels) -> str:
     result = view.flight
@@ -208,13 +183,12 @@ def flight(view: SurfaceView, panels: Panels) -> str:
     ax.set_xlabel("Time (ms)")
     ax.margins(y=0.25)  # room for the legend
     ax.legend(loc="lower left", ncols=2)
-    for mark, name in zip("abc", ("motion", "angle", "tilt"), strict=True):
-        label_panel(panels[name], mark)
-        panels[name].set_xlim(ms[0], ms[-1])
+    for name, ax in panels.items():
+        ax.set_xlim(ms[0], ms[-1])
         if name != "tilt":
-            panels[name].tick_params(labelbottom=False)
+            ax.tick_params(labelbottom=False)
         if result.end is not None:
-            panels[name].axvline(MS * result.end, color=MEASURED, ls=":")
+            ax.axvline(MS * result.end, color=MEASURED, ls=":")
     text = (
         "(a) Nominal strain of the specimen and its rate, from the flyer's path. (b) Angle between the "
         "flyer's velocity and the compression axis. (c) Rotation of the flyer about x and Z. Bands: two "

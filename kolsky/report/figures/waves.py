@@ -1,5 +1,7 @@
 """Figures of classical reductions: bar signals, bars brought together, repeated tests, and flyer tests."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -18,7 +20,7 @@ from kolsky.report.figures.base import (
     SHAPE,
     Panels,
     figure,
-    label_panel,
+    label_point,
     largest,
     note_empty,
 )
@@ -28,6 +30,8 @@ US, MICRO = 1e6, 1e6
 """Factors from s to µs and from strain to µm/m."""
 WAYS = {"one wave": (SHAPE, "-"), "two waves": (FORCE, "--"), "three waves": (MEASURED, "-")}
 """Colour and line of each way of analysis."""
+LETTERED = ("signals", "forces", "strain", "curve")
+"""Panels with letters; the others lie below one of them."""
 PULSES = {"incident": SHAPE, "reflected": MODEL, "transmitted": FORCE}
 
 
@@ -60,14 +64,13 @@ def stress_scale(values: np.ndarray) -> tuple[float, str]:
         ["rate", "curve"],
     ],
     height_ratios=[1.5, 1.0, 1.25, 1.25],
+    letters=LETTERED,
 )
 def waves(result: WavesResult, panels: Panels) -> str:
     _signals(panels["signals"], result)
     _forces(panels["forces"], panels["imbalance"], result)
     _strain(panels["strain"], panels["rate"], result)
     _curve(panels["curve"], result)
-    for ax, text in zip(("signals", "forces", "strain", "curve"), "abcd", strict=True):
-        label_panel(panels[ax], text)
     balanced = result.reduction.balanced
     held = (
         f"the forces are balanced from {US * balanced[0]:.4g} to {US * balanced[1]:.4g} µs (shaded)"
@@ -107,25 +110,14 @@ def _signals(ax: Axes, result: WavesResult | CheckedBars) -> None:
         (result.incident, "-", "incident gauge"),
         (result.transmission, "--", "transmission gauge"),
     ):
-        ax.plot(
-            US * station.strain.time,
-            US * station.strain.value,
-            dash,
-            color=MEASURED,
-            lw=0.7,
-            label=label,
-        )
+        strain = station.strain
+        ax.plot(US * strain.time, MICRO * strain.value, dash, color=MEASURED, lw=0.7, label=label)
     for row, (name, colour) in enumerate(PULSES.items()):
         first, last = getattr(result.windows, name)
         ax.axvspan(US * first, US * last, color=colour, alpha=0.16, lw=0.0)
-        ax.annotate(
-            name,
-            (0.5 * US * (first + last), 0.02 + 0.05 * (row % 2)),
-            xycoords=("data", "axes fraction"),
-            ha="center",
-            va="bottom",
-            color=colour,
-        )
+        place = (0.5 * US * (first + last), 0.02 + 0.05 * (row % 2))
+        style: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "ha": "center", "color": colour}
+        label_point(ax, name, place, (0, 0), va="bottom", **style)
     spans = [getattr(result.windows, name) for name in PULSES]
     first, last = min(s[0] for s in spans), max(s[1] for s in spans)
     margin = 0.15 * (last - first)
@@ -255,14 +247,13 @@ def repeats(mean: RepeatedTests, panels: Panels) -> str:
         ["rate", "curve"],
     ],
     height_ratios=[1.5, 1.0, 1.25, 1.25],
+    letters=LETTERED,
 )
 def flyer_test(result: FlyerResult, panels: Panels) -> str:
     _flyer_signals(panels["signals"], result)
     _flyer_forces(panels["forces"], panels["shares"], result)
     _flyer_strain(panels["strain"], panels["rate"], result)
     _flyer_curve(panels["curve"], result)
-    for name, text in zip(("signals", "forces", "strain", "curve"), "abcd", strict=True):
-        label_panel(panels[name], text)
     valid = "no time span is known to be valid for a classical curve"
     if result.valid is not None:
         first, last = (MS * t for t in result.valid)
@@ -283,15 +274,8 @@ def _flyer_signals(ax: Axes, result: FlyerResult) -> None:
     found = [(name, at) for name, at, _, _ in result.events if at is not None]
     for number, (name, at) in enumerate(found):
         ax.axvline(MS * at, color=GREY, lw=0.6, ls=":")
-        ax.annotate(
-            name,
-            (MS * at, 0.98 - 0.07 * (number % 3)),
-            xycoords=("data", "axes fraction"),
-            xytext=(2, 0),
-            textcoords="offset points",
-            va="top",
-            color=GREY,
-        )
+        place = (MS * at, 0.98 - 0.07 * (number % 3))
+        label_point(ax, name, place, (2, 0), xycoords=("data", "axes fraction"), va="top", color=GREY)
     margin = 0.05 * (time[-1] - time[0])
     ax.set_xlim(MS * (time[0] - margin), MS * (time[-1] + margin))
     ax.set(xlabel="Time (ms)", ylabel="Force at the transducer (N)")
