@@ -173,23 +173,10 @@ def save_figures(
 ) -> list[Path]:
     """Save every figure that applies as `<name>.<format>`, each atomically.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder; created if absent.
-    shown : Identification or another result
-        Result that the figures show.
-    formats : iterable of str
-        Any of "pdf", "svg", "png" (600 dots per inch) and "csv", the data that the figure shows.
-    registry : mapping
-        The figures; those of `kolsky.report.figures.figures_of` if not given.
-
-    Raises
-    ------
-    ValueError
-        If a format is not one of these.
-    TypeError
-        If no figure shows things of this class.
+    ``folder``: created if absent. ``shown``: result that the figures show. ``formats``: any of "pdf", "svg",
+    "png" (600 dots per inch) and "csv", the data that the figure shows. ``registry``: the figures; those of
+    `kolsky.report.figures.figures_of` if not given. Raises ValueError if a format is not one of these, and
+    TypeError if no figure shows things of this class.
     """
     formats = tuple(formats)
     unknown = [name for name in formats if name not in FORMATS]

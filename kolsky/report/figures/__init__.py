@@ -11,13 +11,7 @@ Registry = Mapping[str, FigureKind[Any]]
 
 
 def by_name(figures: Iterable[FigureKind[Any]]) -> Registry:
-    """Return figures as a registry.
-
-    Raises
-    ------
-    ValueError
-        If two figures have the same name.
-    """
+    """Return figures as a registry; ValueError if two have the same name."""
     registry: dict[str, FigureKind[Any]] = {}
     for kind in figures:
         if kind.name in registry:
@@ -170,27 +164,15 @@ def __getattr__(name: str) -> Registry:
 
 
 def figures_of(shown: Any) -> Registry:
-    """Figures that show a result.
+    """Figures that show a result, e.g. a `kolsky.inverse.result.Identification`.
 
-    Parameters
-    ----------
-    shown
-        A result, e.g. a `kolsky.inverse.result.Identification`.
-
-    Returns
-    -------
-    Registry
-        The figures by name; each has a `caption` of the result.
-
-    Raises
-    ------
-    TypeError
-        If no figure shows things of this class.
+    Returns: the figures by name; each has a `caption` of the result. Raises TypeError if no figure shows
+    things of this class.
     """
     name = f"{type(shown).__module__}.{type(shown).__qualname__}"
     if name not in SHOWN_BY:
         known = ", ".join(sorted(known.rpartition(".")[2] for known in SHOWN_BY))
         raise TypeError(f"no figure shows a {type(shown).__name__}; there are figures of {known}")
-    registry = SHOWN_BY[name]
-    found: Registry = globals()[registry] if registry in globals() else __getattr__(registry)
-    return found
+    place = SHOWN_BY[name]
+    registry: Registry = globals()[place] if place in globals() else __getattr__(place)
+    return registry

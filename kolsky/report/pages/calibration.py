@@ -4,7 +4,7 @@ from typing import Any
 
 from dic.calibration.views import Calibration
 from kolsky.report.figures import CALIBRATION
-from kolsky.report.pages.rendering import draw_figures, page_writer, render_page
+from kolsky.report.pages.rendering import draw_figures, page_writer, render_page, sentences
 from kolsky.results import numbers
 from kolsky.results import numbers as plain_text
 
@@ -18,7 +18,7 @@ def render(name: str, found: Calibration) -> str:
         subject="calibration",
         figures=draw_figures(CALIBRATION.values(), found),
         rows=list(summary(found).items()),
-        warnings=[f"{warning}." for warning in warnings(found)],
+        warnings=sentences(warnings(found)),
         pairs=[_row(pair) for pair in found.pairs],
     )
 

@@ -163,7 +163,7 @@ _P = ParamSpec("_P")
 
 def sentences(texts: Iterable[str]) -> list[str]:
     """Return warnings as sentences."""
-    return [f"{text[:1].upper()}{text[1:]}." for text in texts]
+    return [f"{upper_first(text)}." for text in texts]
 
 
 def page_writer(render: Callable[_P, str]) -> Callable[Concatenate[Path, _P], None]:
