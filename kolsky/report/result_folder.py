@@ -43,10 +43,24 @@ def write_identify_results(
 ) -> None:
     """Write the results of `kolsky identify`: result file, tables, report and figures; all of them or none.
 
-    ``folder``: created if absent. ``found``: the identification. ``shot``: as `kolsky.shot.load.load_shot`
-    gives it. ``formats``: also save each figure alone, in any of "pdf", "svg", "png" and "csv".
-    ``processes``: processes that draw, see `dic.processes.run_parallel`; with several the result file is
-    written in another process meanwhile. Raises InputError if the results cannot be written.
+    Parameters
+    ----------
+    folder
+        Folder; created if absent.
+    found
+        The identification.
+    shot
+        The shot, as `kolsky.shot.load.load_shot` gives it.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+    processes
+        Processes that draw; see `dic.processes.run_parallel`. With several the result file is written in
+        another process meanwhile.
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
     """
     recordings = shot_recordings(shot, folder)
     whole = replace(found, image_correlation=recordings.numbers)
@@ -64,9 +78,19 @@ def write_identify_results(
 
 
 def read_identify_results(folder: Path, shot: Shot) -> Identification:
-    """Read the identification of a shot back from the folder of its results.
+    """Read the identification of a shot back from its folder.
 
-    Raises InputError if there is none, it cannot be used, or it was made from other files than the shot's.
+    Parameters
+    ----------
+    folder
+        The folder of the results.
+    shot
+        The shot.
+
+    Raises
+    ------
+    InputError
+        If there is none, it cannot be used, or it was made from other files than the shot's.
     """
     from kolsky.results.hdf5 import read_identification
 
@@ -109,10 +133,25 @@ def write_dic_results(
 ) -> None:
     """Write the results of `kolsky dic` beside dic.h5: dic.html, outline, flyer, reporting table, figures.
 
-    ``folder``, ``formats``, ``processes``: as of `write_identify_results`. ``shot``: the shot with its
-    pictures, as `kolsky.shot.load.load_pictures` gives it. ``found``: what the pictures gave. ``csv``,
-    ``vtp``: also write every frame's points as CSV, and as VTP for ParaView. Raises InputError if the results
-    cannot be written.
+    Parameters
+    ----------
+    folder
+        Where to; made if it is not there.
+    shot
+        The shot with its pictures, as `kolsky.shot.load.load_pictures` gives it.
+    found
+        What the pictures gave.
+    formats
+        Also save each figure alone, in any of "pdf", "svg", "png" and "csv".
+    csv, vtp
+        Also write every frame's points as CSV, and as VTP for ParaView.
+    processes
+        How many draw the page; see `dic.processes.run_parallel`.
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
     """
     from kolsky.report.pages.surfaces import write_page
     from kolsky.report.picture_views import read_surface_view
@@ -154,6 +193,7 @@ def write_full_field_results(
     """
     from dic.output import write_full_field_frames, write_full_field_history
     from kolsky.pictures.dic_file import write_full_field
+    from kolsky.report.canvas import save_figures
     from kolsky.report.pages.full_field import write_page
     from kolsky.report.paraview import write_full_field_vtu
     from kolsky.report.picture_views import read_full_field_view
@@ -163,7 +203,8 @@ def write_full_field_results(
         write_full_field(partial / "dic.h5", result)
         write_full_field_history(partial / "history.csv", result)
         write_page(partial / "dic.html", shown, measurement.inputs)
-        save_figures_alone(partial, shown, formats)
+        if formats:
+            save_figures(partial / "figures", shown, formats=tuple(formats))
         if csv:
             write_full_field_frames(partial / "csv", result)
         if vtu:
@@ -173,18 +214,28 @@ def write_full_field_results(
 def write_waves_results(folder: Path, result: ReducedTest, *, formats: Sequence[str] = ()) -> None:
     """Write the results of `kolsky waves`: waves.h5, waves.html, tables and figures.
 
-    ``folder``, ``formats``: as of `write_identify_results`. Raises InputError if the results cannot be
-    written.
+    Parameters
+    ----------
+    folder, formats
+        As of `write_identify_results`.
+    result
+        The reduced test.
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
     """
     from kolsky.bars.records import WavesResult
     from kolsky.bars.reduction import output as waves_output
+    from kolsky.bars.reduction.output import write_database
     from kolsky.report.pages.waves import write_page
 
     with filling(folder) as partial:
         waves_output.write_hdf5(partial / "waves.h5", result)
         waves_output.write_csv(partial, result)
         if isinstance(result, WavesResult):
-            waves_output.write_database(partial / "waves_database.csv", result)
+            write_database(partial / "waves_database.csv", result)
         write_page(partial / "waves.html", result)
         save_figures_alone(partial, result, formats)
 

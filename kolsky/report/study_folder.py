@@ -28,8 +28,17 @@ if TYPE_CHECKING:
 def write_rate_results(folder: Path, report: RateReport, *, formats: Sequence[str] = ()) -> None:
     """Write the results of `kolsky rate`: rates.h5, rates.html, tables and figures.
 
-    ``folder``, ``formats``: as of `kolsky.report.result_folder.write_identify_results`. Raises
-    InputError if the results cannot be written.
+    Parameters
+    ----------
+    folder, formats
+        As of `kolsky.report.result_folder.write_identify_results`.
+    report
+        The comparison of shots.
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
     """
     from kolsky.report.pages.rates import figures_of, write_page
 
@@ -44,8 +53,17 @@ def write_rate_results(folder: Path, report: RateReport, *, formats: Sequence[st
 def write_plan_results(folder: Path, found: Plan, *, formats: Sequence[str] = ()) -> None:
     """Write what `kolsky plan` leaves: plan.h5, plan.json, tables and, if asked for, figures.
 
-    ``folder``, ``formats``: as of `kolsky.report.result_folder.write_identify_results`. Raises
-    InputError if the results cannot be written.
+    Parameters
+    ----------
+    folder, formats
+        As of `kolsky.report.result_folder.write_identify_results`.
+    found
+        The plan.
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
     """
     with filling(folder) as partial:
         plan_output.write_hdf5(partial / "plan.h5", found)
@@ -58,15 +76,26 @@ def write_plan_results(folder: Path, found: Plan, *, formats: Sequence[str] = ()
 def write_joint_results(folder: Path, found: JointResult, *, formats: Sequence[str] = ()) -> None:
     """Write the results of several shots identified together: joint.json, joint.html, tables, figures.
 
-    ``folder``, ``formats``: as of `kolsky.report.result_folder.write_identify_results`. Raises
-    InputError if the results cannot be written.
+    Parameters
+    ----------
+    folder, formats
+        As of `kolsky.report.result_folder.write_identify_results`.
+    found
+        The joint identification.
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
     """
+    from kolsky.report.figures import JOINT
     from kolsky.report.pages.joint import write_page
 
     with filling(folder) as partial:
         joint_output.write_joint(partial, found)
         write_page(partial / "joint.html", found)
-        save_figures_alone(partial, found, formats)
+        registry = {name: kind for name, kind in JOINT.items() if kind.applies(found)}
+        save_figures_alone(partial, found, formats, registry=registry)
 
 
 def write_budget_results(
@@ -113,10 +142,23 @@ def write_sweep_results(
 ) -> None:
     """Write the results of `kolsky sweep` beside its database: sweep.csv, sweep.html and figures.
 
-    ``folder``, ``formats``: as of `kolsky.report.result_folder.write_identify_results`. ``result``:
-    every run of the design. ``analysis``: as of `kolsky.studies.sweep_analysis.analyse_sweep`. ``name``: name
-    of table and page without their endings. ``warnings``: texts at the top of the page. Raises InputError if
-    the results cannot be written.
+    Parameters
+    ----------
+    folder, formats
+        As of `kolsky.report.result_folder.write_identify_results`.
+    result
+        Every run of the design.
+    analysis
+        Analysis of them by `kolsky.studies.sweep_analysis.analyse_sweep`.
+    name
+        Name of table and page without their endings.
+    warnings
+        Warnings at the top of the page.
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
     """
     from kolsky.report.pages.sweep import write_page
 

@@ -21,7 +21,6 @@ def by_name(figures: Iterable[FigureKind[Any]]) -> Registry:
 
 
 PLACES: dict[str, tuple[str, ...]] = {
-    # Several shots identified together
     "JOINT": ("joint.joint_shots", "joint.joint_curve"),
     # Recordings behind an identification; shown before those of `REGISTRY`
     "RECORDINGS": ("recordings.raw_signals", "recordings.flyer_path", "recordings.picture_pair"),
@@ -40,7 +39,6 @@ PLACES: dict[str, tuple[str, ...]] = {
         "comparison.meshes",
         "comparison.scene",
     ),
-    # Surfaces measured by image correlation
     "SURFACES": (
         "surface_points.overlay_sigma",
         "surface_points.overlay_epipolar",
@@ -50,7 +48,6 @@ PLACES: dict[str, tuple[str, ...]] = {
         "surface_motion.flight",
         "surface_points.speckles",
     ),
-    # Stereo calibration
     "CALIBRATION": ("calibration.calibration_residuals", "calibration.calibration_pairs"),
     # Shot before anything is run
     "CHECKS": ("recordings.checked_shot",),
@@ -58,62 +55,41 @@ PLACES: dict[str, tuple[str, ...]] = {
     "PICTURE_CHECKS": ("recordings.checked_pictures",),
     # Test between bars before it is reduced
     "BAR_CHECKS": ("waves.checked_bars",),
-    # Speckle pattern of one camera
     "SPECKLES": ("surface_points.speckle_floor",),
-    # Reduction of a test between bars
     "WAVES": ("waves.waves",),
-    # Classical reduction of a flyer test
     "FLYER_TESTS": ("waves.flyer_test",),
-    # Measurement by image correlation alone
     "FULL_FIELDS": ("surface_points.full_field", "surface_points.histories"),
-    # Shot with the bars together
     "BARS_TOGETHER": ("waves.bars_together",),
-    # Repeated tests
     "REPEATS": ("waves.repeats",),
-    # Plan of an experiment
     "PLANS": ("planning.plan_information", "planning.plan_slopes", "planning.plan_choices"),
-    # Planned test
     "PREDICTIONS": ("planning.signals",),
-    # Scan of a planned test
     "SCANS": ("planning.scan",),
-    # Group of shots compared over their strain rates
     "RATES": ("rates.rate_slope", "rates.rate_forest", "rates.rate_stiffness", "rates.rate_equal_strain"),
-    # Trends of a shot, Figs. 7 to 10 of Mates et al. (2012)
     "TRENDS": (
         "studies.trend_poisson",
         "studies.trend_damping",
         "studies.trend_friction",
         "studies.trend_stiffness",
     ),
-    # Reference curve from quasi-static tests
     "BASELINES": ("material.baseline",),
-    # Laws fitted to homogeneous tests
     "MATERIALS": ("material.material_fits", "material.material_residuals", "material.material_stability"),
-    # Global sensitivity of a shot
     "SENSITIVITY": ("studies.sensitivity",),
-    # Design of experiments over a shot's parameters
     "SWEEPS": ("studies.sweep_maps", "studies.sweep_effects", "studies.sweep_indices"),
-    # Error budget
     "BUDGETS": ("studies.budget",),
-    # Moduli of tests of every kind over their time scales
     "MODULI": ("rates.rate_moduli",),
-    # Slow tests and shots on one axis of time
     "RELAXATIONS": (
         "material.relaxation_moduli",
         "material.relaxation_holds",
         "material.relaxation_oscillation",
         "material.relaxation_shifts",
     ),
-    # Whole specimens fitted to forces
     "SPECIMENS": ("specimen.forces", "specimen.correlations", "specimen.strains", "specimen.mesh"),
-    # Sheet fitted to a displacement field
     "SHEETS": (
         "specimen.sheet_map",
         "specimen.sheet_histories",
         "specimen.sheet_steps",
         "specimen.sheet_fields",
     ),
-    # Pressurised actuator
     "ACTUATORS": ("actuator.shapes", "actuator.bend", "actuator.motion", "actuator.markers", "actuator.loop"),
 }
 """Files and functions of the figures of each registry in the order of its page; a file is loaded when one of

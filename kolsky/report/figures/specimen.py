@@ -168,9 +168,7 @@ def mesh(view: SpecimenView, panels: Panels) -> str:
         )
         ax.add_collection(faces)
         ax.autoscale_view()
-        ax.set_aspect("equal")
-        ax.set_xlabel("$x$ (mm)")
-        ax.set_ylabel("$y$ (mm)")
+        ax.set(aspect="equal", xlabel="$x$ (mm)", ylabel="$y$ (mm)")
         ax.set_title(label_text(name, 24), fontsize="medium")
         colour_bar(faces, ax, "largest stretch in the face", fraction=0.04)
     return (
@@ -289,9 +287,7 @@ def _field(
         gap = 0.05 * max(x1 - x0, y1 - y0)
         ax.set_xlim(x0 - gap, x1 + gap)
         ax.set_ylim(y0 - gap, y1 + gap)
-    ax.set_aspect("equal")
-    ax.set_xlabel("$x$ (mm)")
-    ax.set_ylabel("$y$ (mm)")
+    ax.set(aspect="equal", xlabel="$x$ (mm)", ylabel="$y$ (mm)")
     colour_bar(image, ax, label, fraction=0.03)
 
 
@@ -341,9 +337,7 @@ def sheet_map(view: SheetView, panels: Panels) -> str:
         cmap="viridis",
         rasterized=True,
     )
-    ax.set_aspect("equal")
-    ax.set_xlabel("$x$ (mm)")
-    ax.set_ylabel("$y$ (mm)")
+    ax.set(aspect="equal", xlabel="$x$ (mm)", ylabel="$y$ (mm)")
     colour_bar(image, ax, "stiffness over the fitted one", fraction=0.03)
     words = "explains" if view.stiffness.explained else "does not explain"
     return (

@@ -36,15 +36,10 @@ from kolsky.studies.global_sensitivity import GlobalSensitivity
 from kolsky.studies.sweep_analysis import Output, SweepAnalysis
 from kolsky.studies.trends import Plane, Trends
 
-LOG_LABELS = {
-    "Phi_F": r"$\log_{10}\,\Phi_F$ (N)",
-    "Phi_S": r"$\log_{10}\,\Phi_S$ (–)",
-    "Phi": r"$\log_{10}\,\Phi$ (–)",
-}
-LABELS = {"Phi_F": r"$\Phi_F$ (N)", "Phi_S": r"$\Phi_S$ (–)", "Phi": r"$\Phi$ (–)"}
 SYMBOLS = {"Phi_F": "Φ_F", "Phi_S": "Φ_S", "Phi": "Φ"}
-TEX_SYMBOLS = {"Phi_F": r"$\Phi_F$", "Phi_S": r"$\Phi_S$", "Phi": r"$\Phi$"}
-"""Misfits as axis labels, in captions and as tick labels."""
+TEX_SYMBOLS = {"Phi_F": r"\Phi_F", "Phi_S": r"\Phi_S", "Phi": r"\Phi"}
+UNITS = {"Phi_F": "N", "Phi_S": "–", "Phi": "–"}
+"""Misfits in captions, in formulas, and their units."""
 MOST_PAIRS = 3
 """Most pairs of parameters on a page; three parameters have as many."""
 COLUMN_HEIGHT = 56.0
@@ -90,7 +85,7 @@ def _map(ax: Axes, result: SweepAnalysis, name: str, first: str, second: str) ->
     floor = np.nanmin(measured)  # an interpolant may dip below every run, where a logarithm ends
     level = np.log10(np.maximum(values, 0.5 * floor))
     drawn = ax.contourf(fx * x, fy * y, level, levels=14, cmap="cividis")
-    colour_bar(drawn, ax, LOG_LABELS[name], pad=0.02)
+    colour_bar(drawn, ax, rf"$\log_{{10}}\,{TEX_SYMBOLS[name]}$ ({UNITS[name]})", pad=0.02)
     i, j = result.box.names.index(first), result.box.names.index(second)
     at = result.table.points
     done = np.isfinite(measured)
@@ -130,7 +125,7 @@ def sweep_effects(result: SweepAnalysis, panels: Panels) -> str:
             if result.box.logarithmic[i]:
                 ax.set_xscale("log")
             if i == 0:
-                ax.set_ylabel(LABELS[name])
+                ax.set_ylabel(f"${TEX_SYMBOLS[name]}$ ({UNITS[name]})")
             else:
                 ax.tick_params(labelleft=False)
             if name == list(shown)[-1]:
@@ -196,7 +191,9 @@ def _bars(ax: Axes, indices: SobolIndices) -> None:
         ax.bar(x, indices.total[:, j], 0.72 / count, color=colour, label=f"${name_of(name).tex}$")
         ax.vlines(x, low, high, color=MEASURED, lw=0.6)
         ax.plot(x, indices.first[:, j], "o", color="white", mec=MEASURED, mew=0.5, ms=2.6)
-    ax.set_xticks(place, [TEX_SYMBOLS.get(name, name) for name in indices.outputs])
+    ax.set_xticks(
+        place, [f"${TEX_SYMBOLS[name]}$" if name in TEX_SYMBOLS else name for name in indices.outputs]
+    )
     ax.tick_params(axis="x", length=0)
     ax.axhline(0.0, color=MEASURED, lw=0.5)
     ax.set_ylabel("Sobol’ index (–)")
