@@ -82,14 +82,8 @@ def bend(view: ActuatorView, panels: Panels) -> str:
         if one.path is not None:
             ax.plot(BAR * one.path.load, np.degrees(path_angle(one.path)), ":", color=colour, lw=1.0)
         if one.healed is not None:
-            ax.plot(
-                bar,
-                np.degrees(one.healed.angle),
-                "--" if one.path is None else "+",
-                color=colour,
-                lw=1.0,
-                label=f"{name}, healed",
-            )
+            line = "--" if one.path is None else "+"
+            ax.plot(bar, np.degrees(one.healed.angle), line, color=colour, lw=1.0, label=f"{name}, healed")
     ax.set_xlabel("pressure (bar)")
     ax.set_ylabel("bending angle (°)")
     ax.legend(frameon=False, fontsize="small")
@@ -162,7 +156,6 @@ def loop(view: ActuatorView, panels: Panels) -> str:
     below.set_xlabel("time (s)")
     return (
         "The closed loop with a simulated plant: (a) wanted angle, plant (lines) and what the camera gave "
-        "(dots), "
-        f"(b) the pressure, (c) the wall time of the controller in each tick and the period, "
+        "(dots), (b) the pressure, (c) the wall time of the controller in each tick and the period, "
         f"{MS / run.rate:.3g} ms (dashed)."
     )

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
 from matplotlib.text import Annotation
@@ -34,6 +35,9 @@ GREY = "#8C8C8C"
 SERIES = (SHAPE, MODEL, GREEN, PAPER, FORCE, BAND, MEASURED)
 MARKERS = "osD^v<>"
 """Colours and markers of series of one kind, in turn."""
+
+DOTS: dict[str, Any] = {"fmt": "o", "ms": 1.6, "mew": 0.0, "elinewidth": 0.5}
+"""Style of measured points with error bars."""
 
 ROUTES = {"joint": MEASURED, "force only": FORCE, "shape only": SHAPE, "paper": PAPER}
 """Colour of each route."""
@@ -191,6 +195,14 @@ def show_picture(ax: Axes, picture: NDArray[np.generic], *, dark: bool = False) 
     least = 2.0 * low - high - 1 if dark else low
     ax.imshow(picture, cmap="gray", vmin=least, vmax=max(high, low + 1), interpolation="none")
     ax.set_xlabel("$x$ (px)")
+
+
+def show_points(
+    ax: Axes, places: NDArray[np.float64], values: NDArray[np.float64], low: float, high: float, **style: Any
+) -> PathCollection:
+    """Show places, shape [n, 2], coloured by values between two ends."""
+    x, y = places.T
+    return ax.scatter(x, y, c=values, vmin=low, vmax=high, **({"lw": 0.0} | style))
 
 
 def label_point(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
@@ -80,14 +80,8 @@ def calibration_pairs(result: Calibration, panels: Panels) -> str:
             ]
             if rows:
                 label = f"camera {camera}" if used else f"camera {camera}, left out"
-                ax.plot(
-                    *np.array(rows).T,
-                    mark,
-                    color=colour,
-                    ms=3.5,
-                    mew=0.8 if mark == "x" else 0.0,
-                    label=label,
-                )
+                edge = 0.8 if mark == "x" else 0.0
+                ax.plot(*np.array(rows).T, mark, color=colour, ms=3.5, mew=edge, label=label)
                 values += [value for _, value in rows]
     ax.axhline(result.rms, color=GREY, lw=0.8, zorder=0)
     if max(values) > 10.0 * max(min(values), 1e-12):
@@ -116,14 +110,8 @@ def calibration_pairs(result: Calibration, panels: Panels) -> str:
             for pair in result.pairs
             if pair.outcome.used and (view := pair.views[camera]) is not None
         ]
-        ax.hist(
-            np.concatenate(scaled),
-            edges.tolist(),
-            density=True,
-            histtype="step",
-            color=colour,
-            label=f"camera {camera}",
-        )
+        style: dict[str, Any] = {"color": colour, "label": f"camera {camera}"}
+        ax.hist(np.concatenate(scaled), edges.tolist(), density=True, histtype="step", **style)
     z = np.linspace(-4.0, 4.0, 201)
     ax.plot(z, np.exp(-0.5 * z * z) / np.sqrt(2.0 * np.pi), "--", color=MEASURED, lw=0.8, label="normal")
     ax.set(xlabel="Residual / $σ$", ylabel="Density", xlim=(-4.0, 4.0))

@@ -12,6 +12,7 @@ from kolsky.inverse.result import Identification, worst_imbalance
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
+    DOTS,
     FORCE,
     GREEN,
     GREY,
@@ -177,10 +178,11 @@ def profiles(result: Identification, panels: Panels) -> str:
         else:
             order = np.argsort(line.y[rows])
             top.plot(MM * c.Z_model[rows][order], MM * line.y[rows][order], color=MODEL, label="simulated")
-        style: dict[str, Any] = {"fmt": "o", "color": MEASURED, "ms": 1.8, "mew": 0.0, "elinewidth": 0.6}
         y = MM * line.y[rows]
-        top.errorbar(MM * line.Z[rows], y, xerr=2.0 * MM * line.sigma[rows], label="measured", **style)
-        low.errorbar(left_over[rows], y, xerr=2.0 * UM * line.sigma[rows], **style)
+        top.errorbar(
+            MM * line.Z[rows], y, xerr=2.0 * MM * line.sigma[rows], label="measured", color=MEASURED, **DOTS
+        )
+        low.errorbar(left_over[rows], y, xerr=2.0 * UM * line.sigma[rows], color=MEASURED, **DOTS)
     # The specimen is flattest in the last picture: that panel has room above it.
     panels[f"outline {max(frames.size, 1) - 1}"].legend(loc="upper right", bbox_to_anchor=(1.0, 0.9))
     return (

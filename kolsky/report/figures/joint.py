@@ -14,15 +14,9 @@ def joint_shots(result: JointResult, panels: Panels) -> str:
     ax.axhspan(e.value - half, e.value + half, color=BAND, alpha=0.4, lw=0.0)
     ax.axhline(e.value, color=MODEL, lw=0.9)
     number = np.arange(1, len(result.shots) + 1)
-    ax.errorbar(
-        number,
-        [p.factor + e.mesh_correction for p in result.shots],
-        yerr=[2.0 * p.sigma_factor for p in result.shots],
-        fmt="o",
-        ms=3.0,
-        lw=0.7,
-        color=MEASURED,
-    )
+    factors = [p.factor + e.mesh_correction for p in result.shots]
+    bars = [2.0 * p.sigma_factor for p in result.shots]
+    ax.errorbar(number, factors, yerr=bars, fmt="o", ms=3.0, lw=0.7, color=MEASURED)
     ax.set_xticks(number, [p.name for p in result.shots], rotation=30, ha="right")
     ax.set_xlim(0.5, len(number) + 0.5)
     ax.set_ylabel("Stiffness factor $m$")
@@ -46,10 +40,10 @@ def joint_curve(result: JointResult, panels: Panels) -> str:
     ax.fill_between(strain, lower, upper, color=BAND, alpha=0.4, lw=0.0)
     ax.plot(strain, KPA * sign * c.stress, color=MODEL, lw=1.1, label="asked for by the impacts")
     ax.plot(strain, KPA * sign * c.stress / factor, "--", color=MEASURED, lw=0.9, label="slow curve")
-    told = c.prior_share < 0.5
-    stress = np.interp(sign * c.strain, strain, KPA * sign * c.stress)
-    ax.plot((sign * c.strain)[told], stress[told], "o", ms=3.2, color=MODEL, clip_on=False)
-    ax.plot((sign * c.strain)[~told], stress[~told], "o", ms=3.2, color=GREY, clip_on=False)
+    nodes = np.interp(sign * c.strain, strain, KPA * sign * c.stress)
+    by_data = c.prior_share < 0.5
+    for rows, colour in ((by_data, MODEL), (~by_data, GREY)):
+        ax.plot((sign * c.strain)[rows], nodes[rows], "o", ms=3.2, color=colour, clip_on=False)
     ax.set_xlabel("Nominal strain" + (", compressive" if sign < 0.0 else ""))
     ax.set_ylabel("Nominal stress (kPa)")
     ax.set_xlim(left=0.0)

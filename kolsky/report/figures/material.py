@@ -1,5 +1,7 @@
 """Figures of slow tests of the material: fitted laws, stability, reference curve, relaxation."""
 
+from typing import Any
+
 import numpy as np
 
 from kolsky.material.fits.compare import Comparison, PathStability, Row, Stability
@@ -28,6 +30,8 @@ from kolsky.studies.rate_dependence import SlowDynamics
 
 MOST_LAWS = 5
 """Largest number of laws in one panel; more cannot be distinguished."""
+RINGS: dict[str, Any] = {"ms": 2.5, "mfc": "none", "mew": 0.5}
+"""Style of the markers of tests."""
 LAW_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
 
 
@@ -63,30 +67,18 @@ def material_fits(comparison: Comparison, panels: Panels) -> str:
         ax.axhline(0.0, color=GREY, lw=0.4)
         for place, k in enumerate(tests):
             test = comparison.tests[k]
-            ax.plot(
-                test.deformation,
-                factor * test.stress,
-                MARKERS[place % len(MARKERS)],
-                ms=2.5,
-                mfc="none",
-                mew=0.5,
-                color=MEASURED,
-                markevery=max(1, len(test.stress) // 40),
-                label="measured" if place == 0 else "",
-            )
+            style = RINGS | {"color": MEASURED, "markevery": max(1, len(test.stress) // 40), "ls": "none"}
+            label = "measured" if place == 0 else ""
+            marker = MARKERS[place % len(MARKERS)]
+            ax.plot(test.deformation, factor * test.stress, marker=marker, label=label, **style)
         for row, colour, dashes in zip(_shown_laws(comparison), SERIES, LAW_DASHES, strict=False):
             assert row.fit is not None
             for place, k in enumerate(tests):
                 part = row.fit.parts[k]
                 order = part.test.deformation.argsort()
-                ax.plot(
-                    part.test.deformation[order],
-                    factor * part.predicted[order],
-                    linestyle=dashes,
-                    color=colour,
-                    lw=0.9,
-                    label=row.candidate.name.replace("_", " ") if place == 0 else "",
-                )
+                x, y = part.test.deformation[order], factor * part.predicted[order]
+                label = row.candidate.name.replace("_", " ") if place == 0 else ""
+                ax.plot(x, y, linestyle=dashes, color=colour, lw=0.9, label=label)
         ax.set_xlabel("Amount of shear (–)" if mode is Mode.SIMPLE_SHEAR else "Stretch (–)")
         ax.set_ylabel(f"Nominal stress ({unit})")
         ax.set_title(mode.value)
@@ -94,9 +86,8 @@ def material_fits(comparison: Comparison, panels: Panels) -> str:
             ax.legend(loc="best")
     count = sum(row.fit is not None for row in comparison.rows)
     return (
-        f"Nominal stress of {len(comparison.tests)} tests (black) and of the "
-        f"{len(_shown_laws(comparison))} laws "
-        f"of least AIC among {count}, fitted to all tests at once."
+        f"Nominal stress of {len(comparison.tests)} tests (black) and of the {len(_shown_laws(comparison))} "
+        f"laws of least AIC among {count}, fitted to all tests at once."
     )
 
 
@@ -133,18 +124,10 @@ def material_residuals(comparison: Comparison, panels: Panels) -> str:
         ax.axhline(0.0, color=GREY, lw=0.5)
         for place, part in enumerate(row.fit.parts):
             order = part.test.strain.argsort()
-            ax.plot(
-                part.test.strain[order],
-                factor * part.residual[order],
-                "-" + MARKERS[place % len(MARKERS)],
-                ms=2.0,
-                mfc="none",
-                mew=0.5,
-                lw=0.6,
-                markevery=max(1, len(order) // 25),
-                color=SERIES[place % len(SERIES)],
-                label=part.test.name if len(comparison.tests) <= len(SERIES) else "",
-            )
+            x, y = part.test.strain[order], factor * part.residual[order]
+            style = RINGS | {"color": SERIES[place % len(SERIES)], "markevery": max(1, len(order) // 25)}
+            label = part.test.name if len(comparison.tests) <= len(SERIES) else ""
+            ax.plot(x, y, marker=MARKERS[place % len(MARKERS)], lw=0.6, label=label, **style)
         ax.set_title(f"{row.candidate.name.replace('_', ' ')}: rmse {factor * row.fit.rmse:.3g} {unit}")
         if number % RESIDUAL_COLUMNS == 0:
             ax.set_ylabel(f"Law less measured ({unit})")

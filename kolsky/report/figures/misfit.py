@@ -291,13 +291,8 @@ def ridge(result: Identification, panels: Panels) -> str:
         note_empty(ax, "no profiles")
         return caption
     distance = np.sqrt(ridge.rise / profiles[ridge.names[0]].correlation)
-    drawn = ax.contourf(
-        ridge.x,
-        ridge.y,
-        np.minimum(distance, MOST_SAMPLES),
-        levels=np.linspace(0.0, MOST_SAMPLES, 11),
-        cmap="cividis_r",
-    )
+    levels = np.linspace(0.0, MOST_SAMPLES, 11)
+    drawn = ax.contourf(ridge.x, ridge.y, np.minimum(distance, MOST_SAMPLES), levels, cmap="cividis_r")
     for name, colour in zip(ridge.names, LIKELIHOOD_COLOURS, strict=True):
         profile = profiles[name]
         ax.contour(ridge.x, ridge.y, ridge.rise, levels=[profile.level], colors=colour, linewidths=0.9)
@@ -372,8 +367,7 @@ def corner(result: Identification, panels: Panels) -> str:
     return (
         f"Samples of the posterior ({state}, {chains.steps} steps of each walker, longest autocorrelation "
         f"time {chains.autocorrelation:.3g} steps) with the likelihood to the power of {chains.power:.3g}. "
-        "Dashed: median; dotted: 95 % interval; lines across pairs: the answer. Priors: "
-        f"{chains.prior}."
+        f"Dashed: median; dotted: 95 % interval; lines across pairs: the answer. Priors: {chains.prior}."
     )
 
 

@@ -47,17 +47,10 @@ def draw_map(
     about zero.
     """
     top = largest(values)
+    colours, least = ("RdBu_r", -top) if bottom is None else ("cividis", bottom)
+    style: dict[str, Any] = {"cmap": colours, "vmin": least, "vmax": top, "rasterized": True}
     shown = np.ma.masked_invalid(values.T)
-    drawn = ax.pcolormesh(
-        MS * grid.frames,
-        MM * grid.heights,
-        shown,
-        cmap="RdBu_r" if bottom is None else "cividis",
-        vmin=-top if bottom is None else bottom,
-        vmax=top,
-        shading="nearest",
-        rasterized=True,
-    )
+    drawn = ax.pcolormesh(MS * grid.frames, MM * grid.heights, shown, shading="nearest", **style)
     ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", ylim=(0.0, MM * grid.heights[-1]))
     # Few ticks: with more, labels get longer than the layout allowed for when the axes shrink.
     colour_bar(drawn, ax, label, aspect=25, pad=0.02, ticks=MaxNLocator(4))

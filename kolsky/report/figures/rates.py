@@ -170,16 +170,11 @@ def rate_forest(group: GroupRates, panels: Panels) -> str:
                 value = routes[name].parameters.get("stiffness_factor", np.nan)
                 sigma = routes[name].sigma.get("stiffness_factor", np.nan)
             if np.isfinite(value):
-                left.errorbar(
-                    value,
-                    row + SHOT_HEIGHT * (1 - number),
-                    xerr=2.0 * sigma if np.isfinite(sigma) else None,
-                    fmt="o",
-                    ms=3,
-                    color=ROUTES[name],
-                    mfc=ROUTES[name] if shot.counted else "white",
-                    label=route_label(name) if row == rows[0] else "",
-                )
+                half = 2.0 * sigma if np.isfinite(sigma) else None
+                colour, y = ROUTES[name], row + SHOT_HEIGHT * (1 - number)
+                style: dict[str, Any] = {"color": colour, "mfc": colour if shot.counted else "white"}
+                label = route_label(name) if row == rows[0] else ""
+                left.errorbar(value, y, xerr=half, fmt="o", ms=3, label=label, **style)
     names = [label_text(shot.name, 24) for shot in group.shots]
     left.set_yticks([*rows, 0], [*names, "mean"])
     for ax in panels.values():
@@ -279,15 +274,8 @@ def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
         for outline in (s for s in e.shapes if s.shot == shot.name):
             shape.plot(MM * outline.y, MM * outline.model, color=colour, lw=0.5)
             shape.plot(MM * outline.y, MM * outline.Z, marker, color=colour, ms=1.8, mew=0.0)
-    force.plot(
-        e.baseline_strain,
-        e.baseline_force,
-        "--",
-        color=MEASURED,
-        lw=0.9,
-        label="quasi-static × area",
-        zorder=5,
-    )
+    slow: dict[str, Any] = {"color": MEASURED, "lw": 0.9, "zorder": 5}
+    force.plot(e.baseline_strain, e.baseline_force, "--", label="quasi-static × area", **slow)
     for strain in e.strains:
         force.axvline(strain, color=GREY, lw=0.3)
     force.set(xlabel="Nominal strain (–)", ylabel="Force $F$ (N)")
@@ -304,12 +292,11 @@ def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
     assert group.equal_strain is not None  # checked by `applies`
     strains = ", ".join(f"{e:g}" for e in group.equal_strain.strains)
     return (
-        "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values"
-        " at the strains compared (markers), and the quasi-static stress times the undeformed area, as of a"
-        " specimen that stays a cylinder (dashed). Waves, inertia and the held faces are in the shots’"
-        " forces: the distance between the lines is no rate sensitivity."
-        f" Right: outlines in the frames nearest to the strains {strains}, measured (markers) and simulated"
-        " (lines)."
+        "Left: transmitted force against nominal strain, bin means of every counted shot (lines), its values "
+        "at the strains compared (markers), and the quasi-static stress times the undeformed area, as of a "
+        "specimen that stays a cylinder (dashed). Waves, inertia and the held faces are in the shots’ "
+        "forces: the distance between the lines is no rate sensitivity. Right: outlines in the frames "
+        f"nearest to the strains {strains}, measured (markers) and simulated (lines)."
     )
 
 

@@ -17,6 +17,7 @@ from kolsky.pictures.picture_set import PicturePair
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
+    DOTS,
     FORCE,
     GREY,
     MEASURED,
@@ -32,6 +33,7 @@ from kolsky.report.figures.base import (
     figure,
     note_empty,
     show_picture,
+    show_points,
 )
 from kolsky.shot.recordings import ShotRecordings
 from kolsky.shot.records import ForceChannel, PicturedShot, Shot
@@ -93,17 +95,8 @@ def flyer_path(result: ShotRecordings, panels: Panels) -> str:
     ax.set_ylabel("Velocity (m/s)")
     ax = panels["displacement"]
     if not motion.is_velocity:
-        ax.errorbar(
-            frames,
-            MM * motion.measured,
-            yerr=2.0 * MM * motion.sigma,
-            fmt="o",
-            ms=1.4,
-            mew=0.0,
-            color=MEASURED,
-            elinewidth=0.4,
-            label="measured",
-        )
+        value, half = MM * motion.measured, 2.0 * MM * motion.sigma
+        ax.errorbar(frames, value, yerr=half, color=MEASURED, label="measured", **DOTS)
     ax.plot(time, MM * motion.position, color=MODEL, label="fitted")
     ax.set_ylabel("Displacement (mm)")
     ax.legend(loc="upper left")
@@ -157,19 +150,8 @@ def picture_pair(result: ShotRecordings, panels: Panels) -> str:
         places = body.pixels[number][frame]
         lines = places[_joined(body, valid)]
         ax.add_collection(LineCollection(list(lines), colors=SHAPE, linewidths=0.5))
-        x, y = places[valid].T
-        points = ax.scatter(
-            x,
-            y,
-            c=sigma[number],
-            s=9.0,
-            vmin=low,
-            vmax=max(high, 1.01 * low),
-            cmap="plasma",
-            lw=0.4,
-            edgecolors="white",
-            zorder=3,
-        )
+        style: dict[str, Any] = {"s": 9.0, "cmap": "plasma", "lw": 0.4, "edgecolors": "white", "zorder": 3}
+        points = show_points(ax, places[valid], sigma[number], low, max(high, 1.01 * low), **style)
         ax.set_title(f"camera {number}", loc="right", pad=2.5)
     beside: dict[str, Any] = {"aspect": 22, "pad": 0.02, "extend": "both", "ticks": MaxNLocator(5)}
     colour_bar(points, [panels[name] for name in CAMERAS], "Standard deviation (px)", **beside)
@@ -349,8 +331,7 @@ def checked_pictures(shot: PicturedShot, panels: Panels) -> str:
     panels[FORCE_PLACES[0]].set_ylabel("$y$ (px)")
     return (
         f"{_caption_of_force(shot)}. (b) Mean difference of each picture from the first of its camera, in "
-        "per "
-        "cent of white, on the same clock; grey: the frames that are declared static, in which it is level. "
-        "It must rise before the force does, or with it. (c), (d), (e) Camera 0 in the first frame, in the "
-        "last static one, which must look alike, and in the last. Flyer and outline are not measured."
+        "per cent of white, on the same clock; grey: the frames that are declared static, in which it is "
+        "level. It must rise before the force does, or with it. (c), (d), (e) Camera 0 in the first frame, "
+        "in the last static one, which must look alike, and in the last. Flyer and outline are not measured."
     )

@@ -1,5 +1,7 @@
 """Figures of whole specimens: forces with bands, correlations, strains, meshes; sheets with fields."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -111,9 +113,8 @@ def correlations(view: SpecimenView, panels: Panels) -> str:
         if number == min(len(view.fits), 3) - 1:
             colour_bar(image, ax, "correlation")
     return (
-        "Correlations of the fitted constants. Near ± 1 a test knows a combination of two constants and "
-        "not each: "
-        "another kind of test tells them apart."
+        "Correlations of the fitted constants. Near ± 1 a test knows a combination of two constants and not "
+        "each: another kind of test tells them apart."
     )
 
 
@@ -144,9 +145,8 @@ def strains(view: SpecimenView, panels: Panels) -> str:
             ax.set_title(f"{label_text(share.name, 16)}, {words}", fontsize="medium")
             ax.legend(frameon=False, fontsize="small", title="along")
     return (
-        "Strains along the axes at the last sample, by volume: left the whole specimen with its ends, "
-        "right the "
-        "uniform middle alone, which a fit of the mid-region sees."
+        "Strains along the axes at the last sample, by volume: left the whole specimen with its ends, right "
+        "the uniform middle alone, which a fit of the mid-region sees."
     )
 
 
@@ -173,8 +173,7 @@ def mesh(view: SpecimenView, panels: Panels) -> str:
         colour_bar(faces, ax, "largest stretch in the face", fraction=0.04)
     return (
         "Largest stretch of the element faces on the bonded surface at the last sample, in the deformed "
-        "state; "
-        "where symmetry allows an eighth of the specimen is simulated."
+        "state; where symmetry allows an eighth of the specimen is simulated."
     )
 
 
@@ -201,8 +200,7 @@ def sheet_histories(view: SheetView, panels: Panels) -> str:
         one.set_xlabel("pad displacement (mm)")
     return (
         "(a) Force on the pad. (b) Root mean square of simulated less measured displacements over the "
-        "measured "
-        "ones in the measured region, and what the noise of the points would make of it."
+        "measured ones in the measured region, and what the noise of the points would make of it."
     )
 
 
@@ -238,11 +236,10 @@ def sheet_steps(view: SheetView, panels: Panels) -> str:
             one.set_xlim(0.0, 1.05 * pad.max())
             one.set_xlabel("pad displacement (mm)")
     return (
-        "Upper row: constants fitted to each step alone and to all together; a drift shows that the law "
-        "is not the "
-        "material's. Lower row: standard deviation of each constant over its value from noise of the "
-        "displacement "
-        "of every node (1 µm) and of the force (1 mN) in one step, Eqs. (20) to (25) of Sutula et al. (2020)."
+        "Upper row: constants fitted to each step alone and to all together; a drift shows that the law is "
+        "not the material's. Lower row: standard deviation of each constant over its value from noise of the "
+        "displacement of every node (1 µm) and of the force (1 mN) in one step, Eqs. (20) to (25) of Sutula "
+        "et al. (2020)."
     )
 
 
@@ -262,31 +259,25 @@ def _field(
     label: str,
     near: BoolArray | None = None,
 ) -> None:
-    points, cells = MM * view.mesh.points, view.mesh.cells[:, :3]
-    image = ax.tripcolor(
-        Triangulation(points[:, 0], points[:, 1], cells),
-        value,
-        cmap="viridis",
-        shading="gouraud",
-        rasterized=True,
-    )
+    points = MM * view.mesh.points
+    _coloured(ax, view, label, value, shading="gouraud")
     if vectors is not None:
         size = np.linalg.norm(vectors, axis=1)
         seen = np.flatnonzero(size > 0.02 * size.max())
         chosen = seen[:: max(1, len(seen) // 150)]
-        ax.quiver(
-            points[chosen, 0],
-            points[chosen, 1],
-            vectors[chosen, 0],
-            vectors[chosen, 1],
-            color="white",
-            width=0.003,
-        )
+        ax.quiver(*points[chosen, :2].T, *vectors[chosen, :2].T, color="white", width=0.003)
     if near is not None:
         (x0, y0), (x1, y1) = points[near].min(axis=0), points[near].max(axis=0)
         gap = 0.05 * max(x1 - x0, y1 - y0)
         ax.set_xlim(x0 - gap, x1 + gap)
         ax.set_ylim(y0 - gap, y1 + gap)
+
+
+def _coloured(ax: Axes, view: SheetView, label: str, *values: FloatArray, **options: Any) -> None:
+    """Draw the triangles of a sheet in colours; values of nodes, or ``facecolors`` of the faces."""
+    x, y = MM * view.mesh.points.T[:2]
+    triangles = Triangulation(x, y, view.mesh.cells[:, :3])
+    image = ax.tripcolor(triangles, *values, cmap="viridis", rasterized=True, **options)
     ax.set(aspect="equal", xlabel="$x$ (mm)", ylabel="$y$ (mm)")
     colour_bar(image, ax, label, fraction=0.03)
 
@@ -318,27 +309,18 @@ def sheet_fields(view: SheetView, panels: Panels) -> str:
     else:
         of = names[-1]
     return (
-        "Last step. (a) Simulated displacement. (b) Simulated less measured displacement in the "
-        "measured region. "
-        "(c) Relative change of the constant that displacements move most, as a field over the measured "
-        "displacements, Eqs. (26) and (27) of Sutula et al. (2020). (d) The same for a measurement of "
-        "the whole "
-        f"sheet, before it is made, for {of}, Eqs. (28) to (36)."
+        "Last step. (a) Simulated displacement. (b) Simulated less measured displacement in the measured "
+        "region. (c) Relative change of the constant that displacements move most, as a field over the "
+        "measured displacements, Eqs. (26) and (27) of Sutula et al. (2020). (d) The same for a measurement "
+        f"of the whole sheet, before it is made, for {of}, Eqs. (28) to (36)."
     )
 
 
 @figure(PAGE, 70.0, [["map"]], applies=lambda view: view.stiffness is not None)
 def sheet_map(view: SheetView, panels: Panels) -> str:
     assert view.stiffness is not None  # `applies` has looked
-    ax, points = panels["map"], MM * view.mesh.points
-    image = ax.tripcolor(
-        Triangulation(points[:, 0], points[:, 1], view.mesh.cells[:, :3]),
-        facecolors=view.stiffness.factors[view.stiffness.regions],
-        cmap="viridis",
-        rasterized=True,
-    )
-    ax.set(aspect="equal", xlabel="$x$ (mm)", ylabel="$y$ (mm)")
-    colour_bar(image, ax, "stiffness over the fitted one", fraction=0.03)
+    factors = view.stiffness.factors[view.stiffness.regions]
+    _coloured(panels["map"], view, "stiffness over the fitted one", facecolors=factors)
     words = "explains" if view.stiffness.explained else "does not explain"
     return (
         "Factor of all moduli of each block, the smoothest map by total variation; it "

@@ -9,6 +9,7 @@ from kolsky.bars.flyer.flight import FlightOfSpecimen
 from kolsky.report.figures.base import (
     BAND,
     COLUMN,
+    DOTS,
     GREY,
     MEASURED,
     MM,
@@ -39,15 +40,9 @@ def kymograph(view: SurfaceView, panels: Panels) -> str:
     rows = view.kymograph.shape[0]
     seen = view.kymograph[np.isfinite(view.kymograph)]
     low, high = np.percentile(seen, [0.5, 99.5]) if seen.size else (0.0, 1.0)
-    ax.imshow(
-        view.kymograph,
-        cmap="gray",
-        vmin=low,
-        vmax=max(high, low + 1.0),
-        aspect="auto",
-        interpolation="none",
-        extent=(time[0] - half, time[-1] + half, rows - 0.5, -0.5),
-    )
+    style: dict[str, Any] = {"cmap": "gray", "vmin": low, "vmax": max(high, low + 1.0)}
+    extent = (time[0] - half, time[-1] + half, rows - 0.5, -0.5)
+    ax.imshow(view.kymograph, aspect="auto", interpolation="none", extent=extent, **style)
     middle = np.abs(body.surface.X[:, 0])
     column = body.cell[np.argmin(middle), 0]
     for point in np.flatnonzero(body.cell[:, 0] == column):
@@ -71,14 +66,8 @@ def kymograph(view: SurfaceView, panels: Panels) -> str:
         radii.append(Z)
     ax.set(xlabel="Time (ms)", ylabel="Height $y$ (mm)", xlim=(time[0] - half, time[-1] + half))
     if corners:
-        colours = PolyCollection(
-            list(np.concatenate(corners)),
-            array=np.concatenate(radii),
-            cmap="viridis",
-            lw=0.0,
-            antialiased=False,
-            rasterized=True,
-        )
+        style = {"cmap": "viridis", "lw": 0.0, "antialiased": False, "rasterized": True}
+        colours = PolyCollection(list(np.concatenate(corners)), array=np.concatenate(radii), **style)
         ax.add_collection(colours)
         ax.autoscale_view(scalex=False)
         colour_bar(colours, ax, "Radius $Z$ (mm)", aspect=25, pad=0.02)
@@ -108,14 +97,13 @@ def flyer(view: SurfaceView, panels: Panels) -> str:
     for ax in panels.values():
         ax.axvspan(MS * result.t[0], end, color=GREY, alpha=0.2, lw=0.0)
     ax = panels["displacement"]
-    dots: dict[str, Any] = {"fmt": "o", "ms": 1.5, "mew": 0.0, "elinewidth": 0.5}
-    ax.errorbar(time, MM * travel.displacement, yerr=2.0 * MM * travel.sigma, color=MEASURED, **dots)
+    ax.errorbar(time, MM * travel.displacement, yerr=2.0 * MM * travel.sigma, color=MEASURED, **DOTS)
     ax.set_ylabel("Displacement (mm)")
     ax = panels["velocity"]
     step = np.diff(travel.t)
     velocity = np.diff(travel.displacement) / step
     noise = np.hypot(travel.sigma[1:], travel.sigma[:-1]) / step
-    ax.errorbar(0.5 * (time[1:] + time[:-1]), velocity, yerr=2.0 * noise, color=SHAPE, **dots)
+    ax.errorbar(0.5 * (time[1:] + time[:-1]), velocity, yerr=2.0 * noise, color=SHAPE, **DOTS)
     ax.set_ylabel("Velocity (m/s)")
     ax = panels["sigma"]
     ax.plot(time, UM * travel.sigma, color=MEASURED)
@@ -160,16 +148,10 @@ def flight(view: SurfaceView, panels: Panels) -> str:
     ax = panels["angle"]
     known = result.known
     angle, spread = (np.degrees(values[known]) for values in result.flight.orientation(t))
-    ax.fill_between(
-        ms[known],
-        np.maximum(angle - COVERAGE * spread, 0.0),
-        angle + COVERAGE * spread,
-        color=BAND,
-        alpha=0.5,
-        lw=0.0,
-    )
+    low, high = np.maximum(angle - COVERAGE * spread, 0.0), angle + COVERAGE * spread
+    ax.fill_between(ms[known], low, high, color=BAND, alpha=0.5, lw=0.0)
     ax.plot(ms[known], angle, color=MEASURED)
-    firm = (angle + COVERAGE * spread)[spread < np.degrees(0.1)]
+    firm = high[spread < np.degrees(0.1)]
     ax.set_ylim(0.0, 1.1 * float(firm.max() if firm.size else 90.0) + 0.2)
     ax.set_ylabel(r"Angle $\varphi$ (°)")
 

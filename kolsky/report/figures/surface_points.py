@@ -33,6 +33,7 @@ from kolsky.report.figures.base import (
     label_text,
     note_empty,
     show_picture,
+    show_points,
 )
 from kolsky.report.picture_views import FullFieldView, SurfaceView
 
@@ -106,16 +107,9 @@ def overlay_sigma(view: SurfaceView, panels: Panels) -> str:
     points: Any = None
     for frame, ax in drawn:
         valid = body.surface.valid[frame]
-        x, y = body.pixels[0][frame, valid].T
-        points = ax.scatter(
-            x,
-            y,
-            c=sigma[frame, valid],
-            s=size**2,
-            vmin=low,
-            vmax=max(high, low * 1.01),
-            cmap="plasma",
-            lw=0.0,
+        places = body.pixels[0][frame, valid]
+        points = show_points(
+            ax, places, sigma[frame, valid], low, max(high, 1.01 * low), s=size**2, cmap="plasma"
         )
         lost = _last_places(view, frame)
         ax.plot(*lost.T, "x", color=LOST_COLOUR, ms=size, mew=0.5, clip_on=True)
@@ -162,10 +156,9 @@ def overlay_epipolar(view: SurfaceView, panels: Panels) -> str:
     low, high = (100.0 * float(np.mean(distance > step)) if distance.size else 0.0 for step in EPIPOLAR_STEPS)
     return (
         "Camera 0 at some times, with the valid points of the specimen coloured by the distance of camera "
-        "1's point from the epipolar line. Over all frames its rms is "
-        f"{body.epipolar_rms:.3f} px; {low:.2g} % of the points exceed {EPIPOLAR_STEPS[0]:g} px, "
-        f"{high:.2g} % exceed "
-        f"{EPIPOLAR_STEPS[1]:g} px. Crosses: last places of the points that are lost at that time."
+        f"1's point from the epipolar line. Over all frames its rms is {body.epipolar_rms:.3f} px; {low:.2g} "
+        f"% of the points exceed {EPIPOLAR_STEPS[0]:g} px, {high:.2g} % exceed {EPIPOLAR_STEPS[1]:g} px. "
+        "Crosses: last places of the points that are lost at that time."
     )
 
 
@@ -181,29 +174,14 @@ OUTCOME_COLOURS = {
 }
 
 
-def _outcome_words(outcome: PointOutcome | FrameOutcome) -> str:
-    """Return an outcome in words, e.g. "low correlation"."""
-    return outcome.name.lower().replace("_", " ")
-
-
 @figure(PAGE, 62.0, [["map", "history"]], width_ratios=[1.0, 1.35], letters=True)
 def lost_points(view: SurfaceView, panels: Panels) -> str:
     body, result = view.result.specimen, view.result
     ax = panels["map"]
     share = body.surface.valid.mean(axis=0)
-    points = ax.scatter(
-        body.points[:, 0],
-        body.points[:, 1],
-        c=100.0 * share,
-        s=9.0,
-        vmin=0.0,
-        vmax=100.0,
-        cmap="cividis",
-        lw=0.0,
-    )
-    ax.set_aspect("equal")
+    points = show_points(ax, body.points, 100.0 * share, 0.0, 100.0, s=9.0, cmap="cividis")
+    ax.set(aspect="equal", xlabel="$x$ (px)", ylabel="$y$ (px)")
     ax.invert_yaxis()
-    ax.set(xlabel="$x$ (px)", ylabel="$y$ (px)")
     colour_bar(points, ax, "Frames with the point (%)", aspect=25, pad=0.02)
 
     ax = panels["history"]
@@ -218,22 +196,12 @@ def lost_points(view: SurfaceView, panels: Panels) -> str:
     for outcome, colour in OUTCOME_COLOURS.items():
         if outcome not in found:
             continue
-        count = np.where(usable, np.sum(body.surface.outcome == outcome, axis=1), 0.0)
-        ax.stairs(
-            bottom + count,
-            edges,
-            baseline=bottom,
-            fill=True,
-            color=colour,
-            label=_outcome_words(outcome),
-            lw=0.0,
-        )
-        bottom += count
-    ax.set(
-        xlabel="Time (ms)",
-        ylabel=f"Points lost, of {body.surface.n_points}",
-        xlim=(time[0] - half, time[-1] + half),
-    )
+        top = bottom + np.where(usable, np.sum(body.surface.outcome == outcome, axis=1), 0.0)
+        words = outcome.name.lower().replace("_", " ")
+        ax.stairs(top, edges, baseline=bottom, fill=True, color=colour, label=words, lw=0.0)
+        bottom = top
+    ax.set(xlabel="Time (ms)", ylabel=f"Points lost, of {body.surface.n_points}")
+    ax.set_xlim(time[0] - half, time[-1] + half)
     ax.set_ylim(0.0, max(1.25 * bottom.max(), 1.0))
     if bottom.any():
         ax.legend(loc="upper left")
@@ -314,10 +282,8 @@ def _height_of_floor(shown: Speckles) -> float:
 
 @figure(PAGE, _height_of_floor, [["picture", "floor", "share"]], letters=True)
 def speckle_floor(result: Speckles, panels: Panels) -> str:
-    quality, (picture, floor, share) = (
-        result.quality,
-        (panels[name] for name in ("picture", "floor", "share")),
-    )
+    quality = result.quality
+    picture, floor, share = (panels[name] for name in ("picture", "floor", "share"))
     show_picture(picture, result.picture)
     known = MILLI_PIXELS * quality.floor[np.all(np.isfinite(quality.floor), axis=2)]
     worst = MILLI_PIXELS * quality.floor.max(axis=2)
@@ -384,8 +350,7 @@ def full_field(view: FullFieldView, panels: Panels) -> str:
         ax = panels[name]
         if view.picture is not None:
             show_picture(ax, view.picture)
-        ax.set_xlabel("$x$ (px)")
-        ax.set_ylabel("$y$ (px)")
+        ax.set(xlabel="$x$ (px)", ylabel="$y$ (px)")
         values = _field(view, name)
         shown = seen & np.isfinite(values)
         if not shown.any():
@@ -398,10 +363,8 @@ def full_field(view: FullFieldView, panels: Panels) -> str:
         if high - low < 1e-9 * max(abs(high), 1.0):
             low, high = low - 0.5, high + 0.5
         size = 72.0 / 25.4 * 0.36 * PAGE * result.facts.get("step", 5) / max(x1 - x0, 1.0)
-        points = ax.scatter(
-            at[shown, 0], at[shown, 1], c=values[shown], s=max(0.5 * size, 0.8) ** 2, cmap="viridis",
-            vmin=low, vmax=high, linewidths=0, rasterized=True,
-        )  # fmt: skip
+        style: dict[str, Any] = {"s": max(0.5 * size, 0.8) ** 2, "cmap": "viridis", "rasterized": True}
+        points = show_points(ax, at[shown], values[shown], low, high, **style)
         words = f"displacement ({_field_unit(view)[1]})" if name == "motion" else label
         colour_bar(points, ax, words, fraction=0.05, pad=0.02)
     facts = view.result.facts

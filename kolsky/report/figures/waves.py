@@ -214,9 +214,8 @@ def bars_together(result: BarsTogether, panels: Panels) -> str:
     return (
         "Bars together. Top: strain at the transmission gauge, and that of the incident gauge propagated "
         f"there by the first mode of Pochhammer and Chree with c₀ = {result.wave_speed:.1f} m/s and gain "
-        f"{result.gain:.4f}. "
-        f"Bottom: their difference, {100.0 * result.rms:.2f} % rms of the peak; a plain shift leaves "
-        f"{100.0 * result.plain_rms:.2f} %."
+        f"{result.gain:.4f}. Bottom: their difference, {100.0 * result.rms:.2f} % rms of the peak; a plain "
+        f"shift leaves {100.0 * result.plain_rms:.2f} %."
     )
 
 

@@ -83,9 +83,8 @@ def warnings(found: Calibration) -> list[str]:
     said += [f"pair {pair.name}: {pair.reason}; export it again" for pair in found.unusable]
     if found.clustering > 2.0:
         said.append(
-            "residuals within a picture are correlated "
-            f"(factor {found.clustering:.1f} on variances): the target "
-            "may be bent or misprinted, or the lens model too simple; sigmas are enlarged accordingly"
+            f"residuals within a picture are correlated (factor {found.clustering:.1f} on variances): the "
+            "target may be bent or misprinted, or the lens model too simple; sigmas are enlarged accordingly"
         )
     return [*said, *found.advice]
 
