@@ -12,7 +12,7 @@ from dic.files import text_cell
 from kolsky.bars.audit import table_of
 from kolsky.bars.records import BarSignal, FlyerResult, History, ReducedTest, WavesResult
 from kolsky.base.arrays import FloatArray
-from kolsky.base.files import replacing, write_table
+from kolsky.base.files import replacing
 from kolsky.base.hdf5 import Format, OpenGroup, data, group, put, put_text, writing
 
 FORMAT = Format("kolsky-waves")
@@ -44,8 +44,8 @@ def write_hdf5(path: Path, result: ReducedTest) -> None:
         _tables(entry, result)
 
 
-def write_csv(folder: Path, result: ReducedTest) -> None:
-    """Write waves.csv (histories), waves_corrections.csv (audit log) and waves_budget.csv."""
+def tables(result: ReducedTest) -> dict[str, Mapping[str, Any]]:
+    """Histories, audit log of the corrections, and budget as named columns, SI."""
     r = result.reduction
     columns: dict[str, Any] = {"time (s)": r.time}
     for way in WAYS:
@@ -63,12 +63,11 @@ def write_csv(folder: Path, result: ReducedTest) -> None:
         columns[f"sigma of {name.replace('_', ' ')} ({unit})"] = getattr(r, name).sigma
     columns["imbalance R (1)"] = r.imbalance
     columns.update(result.extra)
-    write_table(folder / "waves.csv", {key: np.asarray(value).tolist() for key, value in columns.items()})
-    write_table(folder / "waves_corrections.csv", table_of(result.corrections))
     budget = result.budget
-    write_table(
-        folder / "waves_budget.csv",
-        {
+    return {
+        "waves": {key: np.asarray(value).tolist() for key, value in columns.items()},
+        "waves_corrections": table_of(result.corrections),
+        "waves_budget": {
             "input": [row.quantity.name for row in budget.contributions],
             "value": [row.quantity.value for row in budget.contributions],
             "standard uncertainty": [row.quantity.sigma for row in budget.contributions],
@@ -85,7 +84,7 @@ def write_csv(folder: Path, result: ReducedTest) -> None:
                 for name, (_, _, unit) in budget.results.items()
             },
         },
-    )
+    }
 
 
 def _waves(entry: OpenGroup, result: WavesResult) -> None:
@@ -98,15 +97,20 @@ def _waves(entry: OpenGroup, result: WavesResult) -> None:
     for name in ("incident", "reflected", "transmitted"):
         put(windows, name, getattr(result.windows, name), "s")
     _text(entry, "analysis", result.analysis)
-    window = group(entry, "validity")
-    _text(window, "sentence", result.validity)
-    if result.valid is not None:
-        put(window, "window", result.valid, "s")
+    _validity(entry, result)
     waves = result.faces
     faces = data(entry, "faces", "incident", "time")
     put(faces, "time", waves.time, "s")
     for name in ("incident", "reflected", "transmitted"):
         put(faces, name, getattr(waves, name), "1", sigma=waves.sigma[name])
+
+
+def _validity(entry: OpenGroup, result: WavesResult | FlyerResult) -> OpenGroup:
+    window = group(entry, "validity")
+    _text(window, "sentence", result.validity)
+    if result.valid is not None:
+        put(window, "window", result.valid, "s")
+    return window
 
 
 def _station(parent: OpenGroup, station: BarSignal) -> None:
@@ -133,10 +137,7 @@ def _flyer(entry: OpenGroup, result: FlyerResult) -> None:
         if at is not None and sigma is not None:
             put(part, "time", at, "s")
             put(part, "sigma", sigma, "s")
-    window = group(entry, "validity")
-    _text(window, "sentence", result.validity)
-    if result.valid is not None:
-        put(window, "window", result.valid, "s")
+    window = _validity(entry, result)
     for name, values in result.inertia.items():
         put(window, name, values, "s" if name == "time" else "1")
     if result.synchronisation is not None:
