@@ -212,10 +212,8 @@ def put(
 def put_text(parent: OpenGroup, name: str, value: str | Iterable[str], *, escape: bool = False) -> None:
     """Write a text or several as a dataset of fixed-length UTF-8.
 
-    Raises
-    ------
-    ValueError
-        If a text has a NUL character or a lone surrogate, unless `escape` writes them as escapes.
+    Raises ValueError if a text has a NUL character or a lone surrogate, unless `escape` writes them as
+    escapes.
     """
     import h5py
 

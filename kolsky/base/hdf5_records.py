@@ -341,10 +341,7 @@ class Record(Generic[T]):
     def write(self, place: Place, value: T) -> None:
         """Write a record as the group `place`.
 
-        Raises
-        ------
-        ValueError
-            If shapes disagree with each other, or a text cannot be stored.
+        Raises ValueError if shapes disagree with each other, or a text cannot be stored.
         """
         place = begin(self.group, place)
         for path, made in self.groups.items():
@@ -360,10 +357,7 @@ class Record(Generic[T]):
     def read(self, place: Place) -> T:
         """Read a record back.
 
-        Raises
-        ------
-        kolsky.base.hdf5.Refused
-            If something is missing, not as it was written, or refused by the dataclass itself.
+        Raises `Refused` if something is missing, not as it was written, or refused by the dataclass itself.
         """
         if self.group is not None:
             opened_group(place)
