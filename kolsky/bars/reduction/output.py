@@ -2,7 +2,7 @@
 database."""
 
 import csv
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,19 +10,12 @@ import numpy as np
 
 from dic.files import text_cell
 from kolsky.bars.audit import table_of
-from kolsky.bars.records import BarSignal, FlyerResult, History, ReducedTest, WavesResult
+from kolsky.bars.records import BarSignal, FlyerResult, History, ReducedTest, Reduction, WavesResult
 from kolsky.base.arrays import FloatArray
 from kolsky.base.files import replacing
 from kolsky.base.hdf5 import Format, OpenGroup, data, group, put, put_text, writing
 
 FORMAT = Format("kolsky-waves")
-HISTORIES = {
-    "front_force": "N",
-    "back_force": "N",
-    "front_velocity": "m/s",
-    "back_velocity": "m/s",
-}
-"""Single histories of a reduction and their units."""
 WAYS = {"one wave": "one_wave", "two waves": "two_waves", "three waves": "three_waves"}
 """Group names of the ways of analysis."""
 
@@ -48,19 +41,10 @@ def tables(result: ReducedTest) -> dict[str, Mapping[str, Any]]:
     """Histories, audit log of the corrections, and budget as named columns, SI."""
     r = result.reduction
     columns: dict[str, Any] = {"time (s)": r.time}
-    for way in WAYS:
-        if way not in r.strain:
-            continue
-        for name, kind, unit in (
-            ("strain", r.strain, "1"),
-            ("rate", r.rate, "1/s"),
-            ("stress", r.stress, "Pa"),
-        ):
-            columns[f"{name}, {way} ({unit})"] = kind[way].value
-            columns[f"sigma of {name}, {way} ({unit})"] = kind[way].sigma
-    for name, unit in HISTORIES.items():
-        columns[f"{name.replace('_', ' ')} ({unit})"] = getattr(r, name).value
-        columns[f"sigma of {name.replace('_', ' ')} ({unit})"] = getattr(r, name).sigma
+    for way, name, history in _histories(r):
+        words = f"{name}, {way}" if way else name.replace("_", " ")
+        columns[f"{words} ({history.unit})"] = history.value
+        columns[f"sigma of {words} ({history.unit})"] = history.sigma
     columns["imbalance R (1)"] = r.imbalance
     columns.update(result.extra)
     budget = result.budget
@@ -148,15 +132,12 @@ def _reduction(entry: OpenGroup, result: ReducedTest) -> None:
     r = result.reduction
     whole = group(entry, "reduction", default="three_waves")
     put(whole, "time", r.time, "s")
-    for way, name in WAYS.items():
-        if way not in r.strain:
-            continue
-        part = data(whole, name, "stress", "time")
-        part["time"] = whole["time"]
-        for quantity, kind in (("strain", r.strain), ("rate", r.rate), ("stress", r.stress)):
-            _history(part, quantity, kind[way])
-    for name in HISTORIES:
-        _history(whole, name, getattr(r, name))
+    for way, name, history in _histories(r):
+        if way and WAYS[way] not in whole:
+            data(whole, WAYS[way], "stress", "time")["time"] = whole["time"]
+        part = whole[WAYS[way]] if way else whole
+        put(part, name, history.value, history.unit)
+        put(part, f"{name}_sigma", history.sigma, history.unit)
     put(whole, "imbalance", r.imbalance, "1")
     if r.balanced is not None:
         put(whole, "balanced", r.balanced, "s")
@@ -165,9 +146,13 @@ def _reduction(entry: OpenGroup, result: ReducedTest) -> None:
         put(whole, words.replace(" ", "_"), values, unit.removesuffix(")"))
 
 
-def _history(part: OpenGroup, name: str, history: History) -> None:
-    put(part, name, history.value, history.unit)
-    put(part, f"{name}_sigma", history.sigma, history.unit)
+def _histories(r: Reduction) -> Iterator[tuple[str, str, History]]:
+    """Way of analysis, "" for what all share, name and values of every history."""
+    for way in WAYS:
+        if way in r.strain:
+            yield from ((way, name, getattr(r, name)[way]) for name in ("strain", "rate", "stress"))
+    shared = ("front_force", "back_force", "front_velocity", "back_velocity")
+    yield from (("", name, getattr(r, name)) for name in shared)
 
 
 def _tables(entry: OpenGroup, result: ReducedTest) -> None:
