@@ -123,7 +123,17 @@ def has_tables(result: object) -> bool:
 def tables_of(result: Any, *more: Any) -> Tables:
     """Return every table of a result as columns, the main one first: SI, units in the headings.
 
-    ``more``: further arguments of its functions, e.g. the scan of a prediction.
+    Parameters
+    ----------
+    result
+        A result of a type in `RESULTS`.
+    more
+        Further arguments of its functions, e.g. the scan of a prediction.
+
+    Returns
+    -------
+    mapping of str to mapping
+        Name of a table, that of its CSV file -> heading -> cells.
     """
     known = RESULTS[_type_name(result)]
     made = _function(known.tables)(result, *more)
@@ -398,9 +408,23 @@ def write_sweep_results(
 ) -> None:
     """Write the results of `kolsky sweep` beside its database: sweep.csv, sweep.html and figures.
 
-    ``folder``, ``formats``: as of `write_results`. ``result``: every run of the design. ``analysis``: of them
-    by `kolsky.studies.sweep_analysis.analyse_sweep`. ``name``: of table and page without their endings.
-    ``warnings``: at the top of the page. Raises InputError if the results cannot be written.
+    Parameters
+    ----------
+    folder, formats
+        As of `write_results`.
+    result
+        Every run of the design.
+    analysis
+        Analysis of them by `kolsky.studies.sweep_analysis.analyse_sweep`.
+    name
+        Name of table and page without their endings.
+    warnings
+        Warnings at the top of the page.
+
+    Raises
+    ------
+    InputError
+        If the results cannot be written.
     """
     from kolsky.report.pages.sweep import write_page
     from kolsky.studies.sweep import columns
