@@ -190,6 +190,6 @@ refused in a mixed model.
 ## Another program
 
 Forces of a bonded strip, 6 × 3 × 1 27-node hexahedra at nu = 0.45, in five steps to 125 %: they differ from
-those of FElupe by at most {result.peer:.0e}. `python -m benchmarks.equilibrium` compares any mesh and takes the
-time of both.
+those of FElupe by at most {result.peer:.0e}. `python -m benchmarks.equilibrium` compares any mesh and takes
+the time of both.
 """

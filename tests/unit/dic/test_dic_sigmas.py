@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmarks import dic_sigmas
 from dic.correlation.subsets import Shape, identity, overlap_correlation
 from dic.tracking.matcher import enlarged, gradient, in_material, inherited_covariance
+from populations import dic_sigmas
 
 SIDE = 21
 

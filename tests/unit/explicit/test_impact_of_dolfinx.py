@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.coverage_problem import HEIGHTS, TRUTH_ELEMENTS, TRUTH_GRADING, drawn, middle, simulate
-from benchmarks.other_program import thinned
+from populations.coverage_problem import HEIGHTS, TRUTH_ELEMENTS, TRUTH_GRADING, drawn, middle, simulate
+from populations.other_program import thinned
 
 FILE = Path(__file__).resolve().parents[2] / "reference" / "M_bonded.csv"
 NUMBER, SEED = 0, 61
-"""Of the experiment in `FILE`; made by `python -m benchmarks.other_program --csv 0 --out FOLDER`."""
+"""Of the experiment in `FILE`; made by `python -m populations.other_program --csv 0 --out FOLDER`."""
 RATIO, LOWEST = 1.5, 1.2
 """Of the meshes' fineness; lowest order of the mesh error that was found."""
 

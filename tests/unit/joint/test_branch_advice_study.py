@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from benchmarks.branch_advice import place_of
-from benchmarks.branch_advice_counts import summary, table
-from benchmarks.joint_coverage import Study, truth
+from populations.branch_advice import place_of
+from populations.branch_advice_counts import summary, table
+from populations.joint_coverage import Study, truth
 
 
 def shot(kind: str, number: int, *, advised: bool, verdict: str = "identified", **branch: float) -> Any:

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy.stats import beta
 
-from benchmarks.joint_coverage import Study, hold, relaxation_test, specified, truth
-from benchmarks.joint_coverage_counts import NAMES, share, summary, table
 from explicit.relaxation import PronySeries
+from populations.driver import hold
+from populations.joint_coverage import Study, relaxation_test, specified, truth
+from populations.joint_coverage_counts import NAMES, share, summary, table
 
 TRUE = dict(zip(NAMES, (1.2, 0.4985, 25e-6, 0.4, 4e-4), strict=True))
 
@@ -128,5 +129,5 @@ def test_the_relaxation_test_falls_from_all_to_the_long_term(tmp_path: Path) -> 
 def test_a_folder_of_another_study_is_refused(tmp_path: Path) -> None:
     hold(Study(seed=1), tmp_path)
     hold(Study(seed=1, device="cuda", truth_device="cuda"), tmp_path)  # where it runs is no part of the study
-    with pytest.raises(SystemExit, match="holds another study"):
+    with pytest.raises(ValueError, match="is of another study"):
         hold(Study(seed=2), tmp_path)
