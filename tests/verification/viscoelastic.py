@@ -427,7 +427,7 @@ def page(result: Result) -> str:
 [viscoelasticity](../theory/viscoelasticity.md): a Prony series and a Bergström–Boyce network beside a
 neo-Hookean law of 20 kPa, with both elements.
 
-**Independent source.** Homogeneous twins in NumPy, which `tests/unit/explicit/test_relaxation_twins.py`
+**Independent source.** Homogeneous twins in NumPy, which `tests/unit/explicit/test_relaxation.py`
 holds to closed forms and full tensors; the closed form of storage and loss modulus,
 $E^* = 9 K G^* / (3 K + G^*)$ with $G^* = G' + i G''$ and a bulk modulus that does not relax;
 $\\pi \\varepsilon^2 E'' V$ for the work of a cycle; conservation of energy.
