@@ -1,10 +1,7 @@
 """A made-up member behind each door of `dic` gets the whole battery, with one registry line and no second
 file: a camera file format, a picture format, a calibration target."""
 
-import ast
 import json
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +12,6 @@ import test_dic_camera_files as camera_battery
 import test_dic_images as picture_battery
 from test_dic_calibration import SIZE, parameters, sightings, true_poses
 
-import dic
 from dic import Camera, StereoRig, camera_files, open_pictures
 from dic import images as picture_formats
 from dic.calibration.solve import calibrate
@@ -267,34 +263,3 @@ def test_a_made_up_target_is_detected_and_calibrates_two_cameras():
     views = sightings(true_poses(8), noise=0.0, target=target)
     off = parameters(calibrate(*views, target, sensors=SIZE, distortion="k1"))
     assert np.abs(off[-6:]).max() < 1e-8  # as for a chessboard: converged to 1e-10 of the sum of squares
-
-
-def test_a_type_checker_is_told_the_same_homes() -> None:
-    told = {
-        alias.name: node.module
-        for node in ast.walk(ast.parse(Path(dic.__file__).read_text("utf-8")))
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("dic")
-        for alias in node.names
-    }
-    assert told == dic._HOME
-    assert dic.__all__ == [*dic._HOME]
-
-
-@pytest.mark.parametrize("name", dic.__all__)
-def test_every_public_name_is_there(name: str) -> None:
-    # A module of the same name would take its place once it is loaded.
-    assert not (Path(dic.__file__).parent / f"{name}.py").exists()
-    assert getattr(dic, name).__module__ == dic._HOME[name]
-
-
-def test_an_unknown_name_lists_those_there_are() -> None:
-    with pytest.raises(AttributeError, match=r"no attribute 'Rig'; it offers .*StereoRig"):
-        dic.Rig  # noqa: B018
-
-
-def test_the_package_alone_loads_nothing() -> None:
-    said = subprocess.run(
-        [sys.executable, "-c", "import dic, sys; print([m for m in sys.modules if m[:4] == 'dic.'])"],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    assert said.stdout.strip() == "[]"

@@ -1,10 +1,7 @@
 """Box: scaling against hand-computed values, round trips and the refusals."""
 
-import ast
 import os
 import signal
-import subprocess
-import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
@@ -19,7 +16,6 @@ from dask_processes import dask_processes
 from hypothesis import given
 from hypothesis import strategies as st
 
-import doe
 from doe import Box
 from doe.ledger import Ledger, Pace, Run, run_chunks
 
@@ -131,37 +127,6 @@ def test_bad_points_are_refused() -> None:
         BOX.around([2.0, 1e-3], 0.5)
     with pytest.raises(ValueError, match=r"logarithmic names \['dampign'\]"):
         Box.of({"damping": (1e-6, 1e-2)}, logarithmic=["dampign"])
-
-
-def test_a_type_checker_is_told_the_same_homes() -> None:
-    told = {
-        alias.name: node.module
-        for node in ast.walk(ast.parse(Path(doe.__file__).read_text("utf-8")))
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("doe")
-        for alias in node.names
-    }
-    assert told == doe._HOME
-    assert doe.__all__ == [*doe._HOME]
-
-
-@pytest.mark.parametrize("name", doe.__all__)
-def test_every_public_name_is_there(name: str) -> None:
-    # A module of the same name would take its place once it is loaded.
-    assert not (Path(doe.__file__).parent / f"{name}.py").exists()
-    assert getattr(doe, name) is not None
-
-
-def test_an_unknown_name_lists_those_there_are() -> None:
-    with pytest.raises(AttributeError, match=r"no attribute 'sobel'; it offers .*sobol"):
-        doe.sobel  # noqa: B018
-
-
-def test_the_package_alone_loads_nothing() -> None:
-    said = subprocess.run(
-        [sys.executable, "-c", "import doe, sys; print([m for m in sys.modules if m[:4] == 'doe.'])"],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    assert said.stdout.strip() == "[]"
 
 
 POINTS = ledger_sweep.POINTS[:400]

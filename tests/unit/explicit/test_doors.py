@@ -5,11 +5,9 @@ and get what every member gets: the batteries of the tests, both elements, both 
 fit.
 """
 
-import ast
 import importlib.util
 import inspect
 import re
-import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,7 +23,6 @@ import test_material_laws as kernel_battery
 import test_material_laws as law_battery
 from test_material_laws import apart, impact
 
-import explicit
 from explicit import Response, Samples
 from explicit.contact import CONTACT_LAWS
 from explicit.elements import ELEMENTS
@@ -253,37 +250,3 @@ def test_the_pages_list_a_new_member(members: Any) -> None:
     made.fill(None, "page", source)
     assert source[0].startswith("allowed: `neo_hookean`, ")
     assert source[0].endswith("`knowles`")
-
-
-def test_a_type_checker_is_told_the_same_homes() -> None:
-    told = {
-        alias.name: node.module
-        for node in ast.walk(ast.parse(Path(explicit.__file__).read_text("utf-8")))
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("explicit")
-        for alias in node.names
-    }
-    assert told == explicit._HOME
-    assert explicit.__all__ == [*explicit._HOME]
-
-
-@pytest.mark.parametrize("name", explicit.__all__)
-def test_every_public_name_is_there(name: str) -> None:
-    # A module of the same name would take its place once it is loaded.
-    assert not (Path(explicit.__file__).parent / f"{name}.py").exists()
-    assert getattr(explicit, name) is not None
-
-
-def test_an_unknown_name_lists_those_there_are() -> None:
-    with pytest.raises(AttributeError, match=r"no attribute 'runn'; it offers .*run"):
-        explicit.runn  # noqa: B018
-
-
-SAYS = "import explicit, sys; print([m for m in sys.modules if m == 'warp' or m.startswith('explicit.')])"
-
-
-def test_the_package_alone_loads_nothing() -> None:
-    said = subprocess.run(
-        [sys.executable, "-c", SAYS],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    assert said.stdout.strip() == "[]"

@@ -1,43 +1,78 @@
-"""`import kolsky`: what it offers, how it loads, and that scripts need nothing else."""
+"""The public names of the packages: loaded when first used, the same for a type checker and at run time.
+
+`kolsky` is what scripts import: its names are documented, and scripts need no others.
+"""
 
 import ast
 import inspect
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
+import dic
+import doe
+import explicit
 import kolsky
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[1]
 RUNS = sorted((ROOT / "runs").glob("*.py"))
 
 
-def typed_names() -> dict[str, str]:
-    """Public name -> module, as the imports under TYPE_CHECKING tell a type checker."""
-    tree = ast.parse((ROOT / "kolsky" / "__init__.py").read_text("utf-8"))
-    (block,) = (
-        node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
-    )
-    return {
-        alias.name: str(node.module)
-        for node in block.body
-        if isinstance(node, ast.ImportFrom)
+PACKAGES = (kolsky, dic, explicit, doe)
+each = pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.__name__)
+
+
+@each
+def test_a_type_checker_and_the_interpreter_find_the_same(package: ModuleType) -> None:
+    imports = {
+        alias.name: node.module
+        for node in ast.walk(ast.parse(Path(str(package.__file__)).read_text("utf-8")))
+        if isinstance(node, ast.ImportFrom) and str(node.module).startswith(package.__name__)
         for alias in node.names
         if alias.asname is None
     }
+    assert imports == package._HOME
+    assert sorted(package.__all__) == sorted(package._HOME)
 
 
-def test_a_type_checker_and_the_interpreter_find_the_same() -> None:
-    assert typed_names() == kolsky._HOME
-    assert sorted(kolsky._HOME) == sorted(kolsky.__all__)
+@pytest.mark.parametrize(
+    ("package", "name"), [(package, name) for package in PACKAGES for name in package.__all__]
+)
+def test_every_public_name_is_there(package: ModuleType, name: str) -> None:
+    # A module of the same name would take its place once it is loaded.
+    assert not (Path(str(package.__file__)).parent / f"{name}.py").exists()
+    value = getattr(package, name)
+    assert value is not None
+    if package in (kolsky, dic):  # where it is defined, not where it passes through
+        assert value.__module__ == package._HOME[name]
+
+
+@pytest.mark.parametrize(
+    ("package", "wrong", "right"),
+    [(kolsky, "lode_shot", "load_shot"), (dic, "Rig", "StereoRig"), (explicit, "runn", "run"),
+     (doe, "sobel", "sobol")],
+    ids=lambda value: getattr(value, "__name__", value),
+)  # fmt: skip
+def test_an_unknown_name_lists_those_there_are(package: ModuleType, wrong: str, right: str) -> None:
+    assert set(package.__all__) <= set(dir(package))
+    with pytest.raises(AttributeError, match=rf"no attribute '{wrong}'; .*{right}"):
+        getattr(package, wrong)
+
+
+@pytest.mark.parametrize("package", PACKAGES[1:], ids=lambda package: package.__name__)
+def test_the_package_alone_loads_nothing(package: ModuleType) -> None:
+    name = package.__name__
+    code = f"import {name}, sys; print([m for m in sys.modules if m == 'warp' or m.startswith('{name}.')])"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert run.stdout.strip() == "[]"
 
 
 @pytest.mark.parametrize("name", kolsky.__all__)
 def test_every_public_name_loads_and_is_documented(name: str) -> None:
     value = getattr(kolsky, name)
-    assert value.__module__ == kolsky._HOME[name]  # where it is defined, not where it passes through
     assert value.__name__ == name
     text = inspect.getdoc(value) or ""
     first = text.partition("\n\n")[0]
@@ -53,12 +88,6 @@ def test_every_public_name_loads_and_is_documented(name: str) -> None:
         missing = [one for one in given if not one.startswith("_") and one not in section]
         assert not missing, f"{name}: {missing} stand in no line of Parameters"
     assert inspect.signature(value).return_annotation is not inspect.Signature.empty
-
-
-def test_dir_and_unknown_names() -> None:
-    assert set(kolsky.__all__) <= set(dir(kolsky))
-    with pytest.raises(AttributeError, match=r"module 'kolsky' has no attribute 'lode_shot'; .*load_shot"):
-        kolsky.lode_shot  # noqa: B018
 
 
 COLD = """
