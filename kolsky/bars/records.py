@@ -17,8 +17,8 @@ from kolsky.base.records import Recording
 
 ANALYSES = ("one wave", "two waves", "three waves")
 """Keys of the mappings of a `Reduction`."""
-HISTORIES = {"front_force": "N", "back_force": "N", "front_velocity": "m/s", "back_velocity": "m/s"}
-"""Histories of a `Reduction` that all analyses share, and their units."""
+_SHARED_HISTORIES = ("front_force", "back_force", "front_velocity", "back_velocity")
+"""Histories of a `Reduction` that all analyses share."""
 
 
 @dataclass(frozen=True)
@@ -198,7 +198,7 @@ def histories(reduction: Reduction) -> dict[str, History]:
         )
         for analysis in ANALYSES
     }
-    return by_analysis | {name: getattr(reduction, name) for name in HISTORIES}
+    return by_analysis | {name: getattr(reduction, name) for name in _SHARED_HISTORIES}
 
 
 def map_histories(reduction: Reduction, change: Callable[[str, History], History]) -> Reduction:
@@ -207,7 +207,7 @@ def map_histories(reduction: Reduction, change: Callable[[str, History], History
     def changed(kind: str) -> dict[str, History]:
         return {key: change(f"{kind}, {key}", history) for key, history in getattr(reduction, kind).items()}
 
-    shared: dict[str, Any] = {name: change(name, getattr(reduction, name)) for name in HISTORIES}
+    shared: dict[str, Any] = {name: change(name, getattr(reduction, name)) for name in _SHARED_HISTORIES}
     return replace(
         reduction,
         strain=changed("strain"),

@@ -1,11 +1,13 @@
 """A comparison of laws as tables and as JSON: one place for what is written, printed and shown."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from kolsky.base.files import columns_of
 from kolsky.material.fits.compare import Comparison, Row
 from kolsky.material.fits.fit import Fit, FitOutcome
 from kolsky.material.fits.homogeneous import Mode
@@ -161,18 +163,30 @@ def _laws(comparison: Comparison) -> Columns:
 
 
 def _constants(comparison: Comparison) -> Columns:
-    rows = []
-    for row, f in _fitted(comparison):
-        constants = [(spec.name, f.values[spec.name], spec.unit) for spec in f.law.PARAMETERS]
-        if "poisson" in f.free and f.poisson is not None:
-            constants.append(("poisson", f.poisson, "1"))
-        for name, value, unit in constants:
-            state = "at a bound" if name in f.at_bound else "fitted" if name in f.free else "held"
-            sigma = f.sigma[name] if state == "fitted" else math.nan
-            known = sigma if math.isfinite(sigma) else ""
-            rows.append((row.candidate.name, name, value, known, unit, state))
-    headings = ("law", "constant", "value (SI)", "u (SI)", "unit", "state")
-    return {heading: [row[k] for row in rows] for k, heading in enumerate(headings)}
+    rows = (
+        {
+            "law": row.candidate.name,
+            "constant": name,
+            "value (SI)": value,
+            "u (SI)": sigma if math.isfinite(sigma) else "",
+            "unit": unit,
+            "state": state,
+        }
+        for row, f in _fitted(comparison)
+        for name, value, sigma, unit, state in _constants_of(f)
+    )
+    return columns_of(rows, ("law", "constant", "value (SI)", "u (SI)", "unit", "state"))
+
+
+def _constants_of(f: Fit) -> Iterator[tuple[str, float, float, str, str]]:
+    """Name, value, standard uncertainty, unit and state of each constant, and of a fitted Poisson's ratio."""
+    rows = [(spec.name, f.values[spec.name], spec.unit) for spec in f.law.PARAMETERS]
+    if "poisson" in f.free and f.poisson is not None:
+        rows.append(("poisson", f.poisson, "1"))
+    for name, value, unit in rows:
+        state = "at a bound" if name in f.at_bound else "fitted" if name in f.free else "held"
+        sigma = f.sigma[name] if state == "fitted" or name == "poisson" else math.nan
+        yield name, value, sigma, unit, state
 
 
 def _errors(comparison: Comparison) -> Columns:
