@@ -108,19 +108,19 @@ def read_columns(
     """
     layout = layout or Layout()
     contents = read_contents(path, layout=layout)
-    found: dict[str, FloatArray] = {}
-    for what, one in wanted.items():
+    values: dict[str, FloatArray] = {}
+    for quantity, one in wanted.items():
         channel = _channel(contents, one.column) or _clock(contents, one.column, layout)
         if channel is None:
             raise InputError(
                 path,
-                f"column '{one.column}' for the {what} is missing; the columns of numbers are "
+                f"column '{one.column}' for the {quantity} is missing; the columns of numbers are "
                 + ", ".join(_numbered(contents)),
                 cure="correct its name, or give its number; `kolsky channels FILE` lists them",
             )
-        found[what] = channel.values() * _factor(path, channel, one, what)
-        check_finite(path, channel, found[what])
-    return found, contents.sha256
+        values[quantity] = channel.values() * _factor(path, channel, one, quantity)
+        check_finite(path, channel, values[quantity])
+    return values, contents.sha256
 
 
 def column_names(path: Path, layout: Layout) -> list[str]:
@@ -159,7 +159,7 @@ def _clock(contents: Contents, column: str, layout: Layout) -> Channel | None:
     return _channel(read_contents(contents.path, layout=other), column)
 
 
-def _factor(path: Path, channel: Channel, wanted: WantedColumn, what: str) -> float:
+def _factor(path: Path, channel: Channel, wanted: WantedColumn, quantity: str) -> float:
     text = wanted.unit or channel.unit or heading_unit(channel.name)
     if text is None and wanted.pure:
         return 1.0
@@ -172,11 +172,12 @@ def _factor(path: Path, channel: Channel, wanted: WantedColumn, what: str) -> fl
             raise UnitError(channel.name, "has no unit", wanted.base)
         return unit_factor(text, wanted.base)
     except UnitError:
+        problem = "has no unit" if text is None else f"is in {text!r}"
         sample = example.split(" ", 1)[1]
         option = f"{wanted.option} '{sample}'" if wanted.option else f"--unit '{channel.name}={sample}'"
         raise InputError(
             path,
-            f"column '{channel.name}' for the {what} {'has no unit' if text is None else f'is in {text!r}'}",
+            f"column '{channel.name}' for the {quantity} {problem}",
             allowed=f"in a unit of {words}",
             cure=f"say it: {option}",
         ) from None

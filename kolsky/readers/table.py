@@ -16,7 +16,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
-from kolsky.base.files import SIZE_LIMIT, decode, read_bytes
+from kolsky.base.files import decode, read_bytes
 from kolsky.base.units import dimension_of
 from kolsky.readers import delimited, excel, excel_97, hdf5, matlab
 from kolsky.readers.contents import Layout, file_hash
@@ -247,17 +247,16 @@ class Table:
         )
 
 
-def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LIMIT) -> Table:
+def read_table(path: Path, *, layout: Layout | None = None) -> Table:
     """Read a table: text, the sheet of a workbook, or the arrays of equal length of a MATLAB or HDF5 file.
 
     A text is UTF-8 with commas, points and one header line, or as is declared or found.
 
     ``path``: the file. ``layout``: encoding, delimiter, decimal sign, sign of commented header lines, header
     and first line, where they are others; what it leaves out is UTF-8, a comma, a point, the first line and
-    the line after it. None: what is plainly another layout is found, see `kolsky.readers.table`. ``limit``:
-    largest size that is read [bytes]. Raises InputError if the file cannot be read (see
-    `kolsky.readers.text`), has no data, or a line that is empty or has another number of fields than the
-    header; or if the layout is impossible or does not fit.
+    the line after it. None: what is plainly another layout is found, see `kolsky.readers.table`. Raises
+    InputError if the file cannot be read (see `kolsky.readers.text`), has no data, or a line that is empty or
+    has another number of fields than the header; or if the layout is impossible or does not fit.
     """
     source = _source(path)
     if source is not None:
@@ -265,7 +264,7 @@ def read_table(path: Path, *, layout: Layout | None = None, limit: int = SIZE_LI
         sha256 = file_hash(path)
         layout = replace(layout or _sheet_layout(path, lines), encoding=None, delimiter="tab", decimal=".")
     else:
-        data = read_bytes(path, limit=limit)
+        data = read_bytes(path)
         sha256 = hashlib.sha256(data).hexdigest()
         layout = layout or detect_layout(path, data)
         text = decode(path, data) if layout.encoding is None else decode_text(path, data, layout.encoding)[0]

@@ -341,13 +341,13 @@ class Section(BaseModel):
             if getattr(self, key):
                 raise problem(f"is given, but {why}, so it would have no effect", key=key, cure=cure)
 
-    def alike(self, keys: tuple[str, ...], other: str, cure: str) -> None:
+    def alike(self, keys: tuple[str, ...], model: str, cure: str) -> None:
         """Refuse lists that have another length than that of a key."""
         for key in keys:
-            stated, wanted = getattr(self, key), getattr(self, other)
+            stated, wanted = getattr(self, key), getattr(self, model)
             if isinstance(stated, list | tuple) and len(stated) != len(wanted):
                 raise problem(
-                    f"has {len(stated)} entries, {other} has {len(wanted)}",
+                    f"has {len(stated)} entries, {model} has {len(wanted)}",
                     key=key,
                     cure=cure,
                 )

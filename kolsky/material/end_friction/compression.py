@@ -35,8 +35,6 @@ class Compression:
     """Derivatives of the radius [m], shape [n, n_parameters]."""
     outline: FloatArray
     """Places r, z of the nodes of the side's upper half [m], shape [n, n_side, 2]."""
-    largest_s: float
-    """Largest sqrt(I1 - 3) of any Gauss point at the last strain [-]."""
     past: float
     """Share of the volume that is strained past the homogeneous strain of the last point [-]."""
     steps: int = 0
@@ -335,7 +333,6 @@ def compress(
         stress_by=np.array([row[2] for row in rows]) / area,
         bulge_by=np.array([row[3] for row in rows]),
         outline=np.array([row[4] for row in rows]),
-        largest_s=float(s.max()),
         past=float(volume[s > (1.0 - lam) * np.sqrt((lam + 2.0) / lam)].sum() / volume.sum()),
         steps=run.steps,
         snaps=run.snaps,
