@@ -37,6 +37,9 @@ class CommonTables(Section):
 
     format: Literal[1]
     name: f.Name | None = None
+    material: f.Name | None = None
+    group: f.Name | None = None
+    rig: f.Name | None = None
     specimen: SpecimenSection
     interface: InterfaceSection
     curve: CurveSection | None = None
@@ -66,9 +69,6 @@ class BarDrivenShotFile(CommonTables):
 class ShotFile(CommonTables):
     """A whole shot.toml, in SI: what the cameras saw is exported, in pictures, or both."""
 
-    material: f.Name | None = None
-    group: f.Name | None = None
-    rig: f.Name | None = None
     transmission: TransmissionSection
     force: ForceSection
     incident_force: IncidentForceSection | None = None
