@@ -8,6 +8,8 @@ from kolsky.readers.header import heading_keys, key_lines, names_by_key
 from kolsky.readers.sheet import find_table, signal_table
 from kolsky.readers.text import read_text
 
+BINARY = False
+
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn", ".xls", "")
 """Endings of text; many programs write it with tabs and call it .xls."""
 

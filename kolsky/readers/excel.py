@@ -15,6 +15,8 @@ from kolsky.base.errors import InputError
 from kolsky.readers.contents import Contents, Layout, file_hash, head_of
 from kolsky.readers.delimited import read_lines
 
+BINARY = True
+
 COMPRESSED_LIMIT = 100_000_000
 """Largest workbook that is read [bytes]."""
 UNPACKED_LIMIT = 500_000_000

@@ -5,6 +5,8 @@ from pathlib import Path
 from kolsky.readers.contents import Contents, Layout, file_hash, head_of, read_in_child
 from kolsky.readers.excel import COMPRESSED_LIMIT, chosen_sheet, damaged, sheet_contents, sheet_lines
 
+BINARY = True
+
 _HEAD = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 
 

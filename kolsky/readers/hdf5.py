@@ -179,6 +179,8 @@ def _last(name: str) -> str:
     return name.rsplit("/", 1)[-1].lower()
 
 
+BINARY = True
+
 _MOST = 2000
 """Most objects in a file that are looked at."""
 

@@ -13,6 +13,8 @@ from kolsky.readers.header import add_key
 from kolsky.readers.sheet import Sheet, SignalTable
 from kolsky.readers.text import Dialect, read_text
 
+BINARY = False
+
 _END = "***End_of_Header***"
 
 

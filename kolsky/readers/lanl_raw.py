@@ -13,6 +13,9 @@ from kolsky.readers.sheet import Sheet
 from kolsky.readers.text import Dialect, read_text
 
 
+BINARY = False
+
+
 def sniff(path: Path) -> bool:
     """True if a file ends in .raw and its first line has at least three fields between tabs."""
     return path.suffix.lower() == ".raw" and head_of(path, 2048).split(b"\n")[0].count(b"\t") >= 2

@@ -18,6 +18,8 @@ import numpy as np
 from kolsky.base.errors import InputError
 from kolsky.readers.contents import Channel, Clock, Contents, Layout, check_samples, file_hash, head_of
 
+BINARY = True
+
 SUFFIXES = (".wfm", ".isf", ".trc", ".hdr", ".wvf", ".bin")
 SCOPE_LIMIT = 400_000_000
 """Largest file that is read [bytes]."""

@@ -24,6 +24,8 @@ from kolsky.readers.contents import (
 from kolsky.readers.hdf5 import NamedArray, clock_of_array
 from kolsky.readers.header import clock_of_numbers
 
+BINARY = True
+
 _CLOCK = ("wf_increment", "wf_start_offset")
 """Properties of a waveform that state its clock."""
 

@@ -11,6 +11,8 @@ from kolsky.readers.header import bare_key, check_width, keys_beside
 from kolsky.readers.sheet import Sheet, SignalTable
 from kolsky.readers.text import Dialect, read_text
 
+BINARY = False
+
 _BLOCK = 5
 """Columns of a block: key, value, unit, time, volts; exports end each line of a block with a comma or not."""
 
