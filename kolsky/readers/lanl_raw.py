@@ -12,7 +12,6 @@ from kolsky.readers.header import check_width, keys_beside
 from kolsky.readers.sheet import Sheet
 from kolsky.readers.text import Dialect, read_text
 
-
 BINARY = False
 
 
