@@ -88,12 +88,12 @@ def bend(view: ActuatorView, panels: Panels) -> str:
     ax.set_ylabel("bending angle (°)")
     ax.legend(frameon=False, fontsize="small")
     healed = any(one.healed is not None for one in view.directions)
-    said = "Bending angle over pressure in every direction of gravity; dots are the declared pressures."
+    text = "Bending angle over pressure in every direction of gravity; dots are the declared pressures."
     if any(one.path is not None for one in view.directions):
-        said += (
+        text += (
             " Dotted: the path of equilibria by arc length, which a raised pressure leaves where it turns."
         )
-    return said + (" Dashed: with the constants of the healed material." if healed else "")
+    return text + (" Dashed: with the constants of the healed material." if healed else "")
 
 
 @figure(

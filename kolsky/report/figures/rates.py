@@ -284,9 +284,9 @@ def rate_equal_strain(group: GroupRates, panels: Panels) -> str:
     if not e.shapes:
         note_empty(shape, "no outline was measured")
     for strain in e.strains:
-        here = [s for s in e.shapes if s.strain == strain]
-        if here:
-            last = max(here, key=lambda s: s.y[-1])
+        outlines = [s for s in e.shapes if s.strain == strain]
+        if outlines:
+            last = max(outlines, key=lambda s: s.y[-1])
             end = (MM * last.y[-1], MM * last.Z[-1])
             label_point(shape, f"{strain:g}", end, (3, 0), va="center", color=GREY, annotation_clip=False)
     assert group.equal_strain is not None  # checked by `applies`
