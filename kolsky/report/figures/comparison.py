@@ -61,8 +61,7 @@ def force(result: Identification, panels: Panels) -> str:
     low.fill_between(time, -band, band, color=BAND, alpha=0.4, lw=0.0, label="noise, k = 2")
     low.axhline(0.0, color=GREY, lw=0.5)
     low.plot(time, c.force_model - c.force_measured, color=MODEL, lw=0.8)
-    low.set_xlabel("Time $t$ (ms)")
-    low.set_ylabel(r"$F_\mathrm{sim} - F_\mathrm{meas}$ (N)")
+    low.set(xlabel="Time $t$ (ms)", ylabel=r"$F_\mathrm{sim} - F_\mathrm{meas}$ (N)")
     low.legend(loc="lower left", ncols=2)
     if time.size > 1:
         half = 0.5 * (time[1] - time[0])
@@ -97,8 +96,7 @@ def cells(time: NDArray[np.float64], frame: NDArray[np.int64], y: NDArray[np.flo
 @figure(COLUMN, 62.0, [["map"]], applies=lambda result: result.comparison.centre_line.time.size > 0)
 def shape_residual(result: Identification, panels: Panels) -> str:
     c, line, response, ax = result.comparison, result.comparison.centre_line, result.response, panels["map"]
-    ax.set_xlabel("Time $t$ (ms)")
-    ax.set_ylabel("Height $y$ (mm)")
+    ax.set(xlabel="Time $t$ (ms)", ylabel="Height $y$ (mm)")
     left_over = UM * (c.Z_model - line.Z)
     inside = c.inside & np.isfinite(left_over)
     limit = float(np.percentile(np.abs(left_over[inside]), 99.0)) if inside.any() else 1.0
@@ -210,8 +208,7 @@ def force_residual(result: Identification, panels: Panels) -> str:
     history.axhline(0.0, color=GREY, lw=0.5)
     history.vlines(MS * c.force_time, 0.0, weighted, color=MODEL, lw=0.5)
     history.plot(MS * c.force_time, weighted, "o", color=MODEL, ms=1.5, mew=0.0)
-    history.set_xlabel("Time $t$ (ms)")
-    history.set_ylabel(r"$(F_\mathrm{sim} - F_\mathrm{meas})/\sigma$ (–)")
+    history.set(xlabel="Time $t$ (ms)", ylabel=r"$(F_\mathrm{sim} - F_\mathrm{meas})/\sigma$ (–)")
 
     reach = max(4.0, 1.05 * largest(weighted))
     history.set_ylim(-reach, reach)
@@ -271,8 +268,7 @@ def energy(result: Identification, panels: Panels) -> str:
         top.legend(loc="upper left", reverse=True)
     low.axhline(0.0, color=GREY, lw=0.5)
     low.plot(time, 100.0 * ledger.residual[0] / scale, color=MEASURED, lw=0.8)
-    low.set_xlabel("Time $t$ (ms)")
-    low.set_ylabel("Residual (%)")
+    low.set(xlabel="Time $t$ (ms)", ylabel="Residual (%)")
     if time.size:
         low.set_xlim(time[0], time[-1])
     low.margins(y=0.2)

@@ -185,8 +185,7 @@ def contour(result: Identification, panels: Panels) -> str:
 def _plane(ax: Axes, result: Identification, box: FloatArray) -> None:
     design = result.design
     first, second = (result.estimates[name] for name in design.names)
-    ax.set_xlabel(axis_label(first.name, first.unit))
-    ax.set_ylabel(axis_label(second.name, second.unit))
+    ax.set(xlabel=axis_label(first.name, first.unit), ylabel=axis_label(second.name, second.unit))
     chi2 = weighted_chi2(result)
     in_box = ((design.points >= box[:, 0]) & (design.points <= box[:, 1])).all(axis=1)
     coarse = in_box & (np.array(design.stage) != "check")
@@ -301,8 +300,7 @@ def ridge(result: Identification, panels: Panels) -> str:
     ax.plot(first.on_mesh, second.on_mesh, "*", ms=6, mfc="white", mec=MEASURED, mew=0.5, label="answer")
     ax.set_xlim(ridge.x[0], ridge.x[-1])
     ax.set_ylim(ridge.y[0], ridge.y[-1])
-    ax.set_xlabel(axis_label(first.name, first.unit))
-    ax.set_ylabel(axis_label(second.name, second.unit))
+    ax.set(xlabel=axis_label(first.name, first.unit), ylabel=axis_label(second.name, second.unit))
     few_ticks(ax, 5)
     colour_bar(drawn, ax, "Distance from the best fit (σ)", pad=0.02)
     legend_above(ax, ncols=3)

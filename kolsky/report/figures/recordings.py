@@ -296,8 +296,7 @@ def _draw_outline(shot: Shot, panels: Panels) -> None:
         at = line.frame == frame
         when = f"{MS * float(line.time[at][0]):.3f} ms"
         ax.plot(MM * line.Z[at], MM * line.y[at], "o", ms=2.2, mew=0.0, color=colour, label=when)
-    ax.set_xlabel("Distance from the axis $Z$ (mm)")
-    ax.set_ylabel("Height $y$ (mm)")
+    ax.set(xlabel="Distance from the axis $Z$ (mm)", ylabel="Height $y$ (mm)")
     ax.set_xlim(left=0.0)
     ax.margins(y=0.06)
     ax.legend(loc="center left")

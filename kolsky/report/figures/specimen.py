@@ -77,8 +77,7 @@ def forces(view: SpecimenView, panels: Panels) -> str:
             one.test.samples.sigma_force for f in view.fits for one in f.tests if one.test.name == name
         )
         below.axhspan(-2.0 * sigma, 2.0 * sigma, color=GREY, alpha=0.2, lw=0)
-        below.set_xlabel("displacement (mm)")
-        below.set_ylabel("fit less data (N)")
+        below.set(xlabel="displacement (mm)", ylabel="fit less data (N)")
     return (
         "Force over displacement, measured and simulated with the constants of each fit (bands: 95 % "
         "from the "
@@ -139,8 +138,7 @@ def strains(view: SpecimenView, panels: Panels) -> str:
             ax.set_ylim(LEAST_SHARE, 1.5)
             bins = np.flatnonzero(share.whole.max(axis=0))
             ax.set_xlim(BINS[max(bins[0] - 1, 0)], BINS[min(bins[-1] + 2, len(BINS) - 1)])
-            ax.set_xlabel("strain (–)")
-            ax.set_ylabel("share of the volume")
+            ax.set(xlabel="strain (–)", ylabel="share of the volume")
             words = "whole specimen" if name == "whole" else "mid-region"
             ax.set_title(f"{label_text(share.name, 16)}, {words}", fontsize="medium")
             ax.legend(frameon=False, fontsize="small", title="along")

@@ -102,8 +102,7 @@ def _map(ax: Axes, result: SweepAnalysis, name: str, first: str, second: str) ->
     ):
         set_scale("log" if logarithmic else "linear")
         set_limits(float(ends[0]), float(ends[-1]))
-    ax.set_xlabel(axis_label(first))
-    ax.set_ylabel(axis_label(second))
+    ax.set(xlabel=axis_label(first), ylabel=axis_label(second))
 
 
 @figure(

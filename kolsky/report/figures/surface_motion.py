@@ -161,8 +161,7 @@ def flight(view: SurfaceView, panels: Panels) -> str:
         low, high = (1e3 * (tilt[:, k] + side * COVERAGE * spread[:, k]) for side in (-1.0, 1.0))
         ax.fill_between(ms[known], low, high, color=colour, alpha=0.2, lw=0.0)
         ax.plot(ms[known], 1e3 * tilt[:, k], style, color=colour, label=name)
-    ax.set_ylabel("Rotation (mrad)")
-    ax.set_xlabel("Time (ms)")
+    ax.set(xlabel="Time (ms)", ylabel="Rotation (mrad)")
     ax.margins(y=0.25)  # room for the legend
     ax.legend(loc="lower left", ncols=2)
     for name, ax in panels.items():

@@ -305,8 +305,7 @@ def speckle_floor(result: Speckles, panels: Panels) -> str:
     share.set_xlim(0.0, 1.15 * max(float(ends[1]), MILLI_PIXELS * (quality.wanted or 0.0)))
     share.set_ylim(0.0, 1.0)
     share.yaxis.set_major_formatter(PercentFormatter(1.0))
-    share.set_xlabel("Floor (mpx)")
-    share.set_ylabel("Share of the subsets")
+    share.set(xlabel="Floor (mpx)", ylabel="Share of the subsets")
     share.legend(loc="upper left")
     quality = result.quality
     text = (
@@ -402,8 +401,7 @@ def histories(view: FullFieldView, panels: Panels) -> str:
     mean, ax = 100.0 * result.mean_strain, panels["mean"]
     for k, (name, colour) in enumerate(zip(("xx", "yy", "xy"), (MODEL, MEASURED, GREY), strict=True)):
         ax.plot(t, mean[:, k], ".-", color=colour, label=f"$E_{{{name}}}$", markersize=3)
-    ax.set_ylabel("mean strain (%)")
-    ax.set_xlabel(label)
+    ax.set(xlabel=label, ylabel="mean strain (%)")
     ax.legend(frameon=False)
     if result.extensions:
         ax = panels["extensometers"]
@@ -414,15 +412,13 @@ def histories(view: FullFieldView, panels: Panels) -> str:
                 t, factor * one.elongation, 2.0 * factor * one.sigma, fmt=".-", color=colour, markersize=3,
                 label=label_text(one.name, 24), elinewidth=0.8,
             )  # fmt: skip
-        ax.set_ylabel(f"elongation ({unit})")
-        ax.set_xlabel(label)
+        ax.set(xlabel=label, ylabel=f"elongation ({unit})")
         ax.legend(frameon=False)
     if result.cylinder is not None:
         ax = panels["radius"]
         ax.errorbar(t, MM * result.cylinder.radius, 2.0 * MM * result.cylinder.sigma, fmt=".", color=MEASURED)
         ax.ticklabel_format(axis="y", useOffset=False)
-        ax.set_ylabel("radius (mm)")
-        ax.set_xlabel(label)
+        ax.set(xlabel=label, ylabel="radius (mm)")
     if not result.timed:
         for ax in panels.values():
             ax.xaxis.set_major_locator(MaxNLocator(integer=True))
