@@ -27,7 +27,7 @@ from kolsky.inverse.joint_result import (
 from kolsky.inverse.parameters import with_relaxation
 from kolsky.inverse.result import Estimate, Verdict
 from kolsky.joint_identification import identify_shots
-from kolsky.report.study_folder import write_joint_results
+from kolsky.report.result_folder import write_results
 from kolsky.results.joint import read_joint_hdf5, to_json, write_joint_hdf5
 from kolsky.shot.load import load_shot
 from kolsky.shot.records import Shot
@@ -89,7 +89,7 @@ def test_a_ledger_goes_on_where_it_ended(shots: list[Shot], found: tuple[JointRe
 
 def test_files_and_page_say_the_same(found: tuple[JointResult, Path], tmp_path: Path) -> None:
     result, _ = found
-    write_joint_results(tmp_path / "out", result)
+    write_results(tmp_path / "out", result)
     said = json.loads((tmp_path / "out" / "joint.json").read_text("utf-8"))
     assert said == to_json(result)
     e = result.estimates["stiffness_factor"]
@@ -122,7 +122,7 @@ def test_the_result_file_gives_the_same_result(found: tuple[JointResult, Path], 
 
 
 def test_report_makes_the_page_again(found: tuple[JointResult, Path], tmp_path: Path) -> None:
-    write_joint_results(tmp_path / "out", found[0])
+    write_results(tmp_path / "out", found[0])
     page = (tmp_path / "out" / "joint.html").read_text("utf-8")
     for name in ("joint.html", "joint.json", "joint_shots.csv"):
         (tmp_path / "out" / name).unlink()
