@@ -1,6 +1,7 @@
 """Inputs that were once believed in silence, hung, flooded or ended in a traceback, each with what tries it.
 
-`tests/fuzz/test_named_inputs.py` holds that every place is there; `docs/validation/robustness.md` shows the table.
+`tests/fuzz/test_named_inputs.py` holds that every place is there; `docs/validation/robustness.md` shows
+the table.
 """
 
 from dataclasses import dataclass

@@ -172,7 +172,6 @@ def test_one_stray_frame_does_not_move_the_answer(tmp_path: Path) -> None:
     assert abs(answers[1].value - answers[0].value) < 0.15 * answers[0].sigma
 
 
-NAMED_ROOT = Path(__file__).resolve().parents[2]
 TRAPS = {*ANYWHERE, *IN_TEXT, *OWN}
 
 
@@ -181,7 +180,7 @@ def is_there(place: str) -> bool:
     file, _, name = place.partition("::")
     if not name:
         return place.removeprefix(f"{CORPUS}: ") in TRAPS
-    tree = ast.parse((NAMED_ROOT / file).read_text(encoding="utf-8"))
+    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
     return any(isinstance(one, ast.FunctionDef) and one.name == name for one in tree.body)
 
 
