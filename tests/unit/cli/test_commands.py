@@ -456,9 +456,6 @@ def test_no_word_of_a_help_text_is_lost() -> None:
     assert not lost
 
 
-ROOT = Path(__file__).resolve().parents[3]
-
-
 def test_libraries_that_most_shots_do_not_need_are_not_loaded() -> None:
     code = (
         "import sys; from pathlib import Path; from kolsky.shot.load import load_shot; "

@@ -208,15 +208,15 @@ def run(*arguments: object):
 
 
 @pytest.fixture(scope="module")
-def answer(series, tmp_path_factory):
+def calibrated(series, tmp_path_factory):
     """One run with everything it can write."""
     out = tmp_path_factory.mktemp("out")
     return run(series, "--out", out, "--export", "dice,opencorr", "--figures", "png", "--json"), out
 
 
 @pytest.mark.slow
-def test_the_answer_is_one_json_object_with_the_true_cameras(answer):
-    result, _ = answer
+def test_the_answer_is_one_json_object_with_the_true_cameras(calibrated):
+    result, _ = calibrated
     assert result.exit_code == 0, result.output
     answer = json.loads(result.stdout)
     assert [pair["outcome"] for pair in answer["pairs"]] == [
@@ -236,8 +236,8 @@ def test_the_answer_is_one_json_object_with_the_true_cameras(answer):
 
 
 @pytest.mark.slow
-def test_the_files_say_the_same(answer):
-    result, out = answer
+def test_the_files_say_the_same(calibrated):
+    result, out = calibrated
     answer = json.loads(result.stdout)
     rig = read_rig(out / "rig.yml")
     assert rig.covariance is not None
