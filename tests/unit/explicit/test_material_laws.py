@@ -587,7 +587,7 @@ def test_energy_is_kept(material: AnyLaw) -> None:
     coarse, fine = (impact((material,), samples, safety=share) for share in (0.9, 0.225))
     marlow = impact((neo_hookean(material.shear_modulus),), samples, safety=0.225)
     assert coarse.completed.all()
-    # What is missing is the error in time, of second order in the step, and as large as of Marlow's material.
+    # What is missing is the error in time, of second order in the step, and as large as of Marlow's law.
     assert fine.energy.imbalance()[0] < 0.1 * coarse.energy.imbalance()[0]
     assert fine.energy.imbalance()[0] < 1.2 * marlow.energy.imbalance()[0]
 
