@@ -25,7 +25,7 @@ from kolsky.readers.contents import (
     head_of,
     stated_clock,
 )
-from kolsky.readers.header import INTERVAL_KEYS, RATE_KEYS, START_KEYS, bare_key, si_unit, time_factor
+from kolsky.readers.header import header_clock, si_unit, time_factor
 
 
 @dataclass(frozen=True)
@@ -95,16 +95,13 @@ def array_channels(
         raise InputError(path, "holds no array of numbers but times", cure="save the signals as plain arrays")
 
     def clock_of(signal: NamedArray) -> Clock:
-        keys = {bare_key(_last(key)): (key, value) for key, value in {**scalars, **signal.keys}.items()}
-        interval, source = layout.interval, "stated"
-        if interval is None:
-            found = next((keys[k] for k in INTERVAL_KEYS if k in keys), None)
-            rate = next((keys[k] for k in RATE_KEYS if k in keys), None)
-            interval, source = _interval(path, found, rate)
-        begin = next((keys[k] for k in START_KEYS if k in keys), None)
-        start = layout.start if layout.start is not None else None if begin is None else begin[1]
-        if begin is not None and layout.start is None:
-            source += f", {begin[0]}"
+        keys = {**scalars, **signal.keys}
+        header = header_clock(path, {_last(key): [repr(value)] for key, value in keys.items()})
+        interval, source = header.interval, header.source.removeprefix("header: ")
+        if layout.interval is not None:
+            header.check_declared(path, layout.interval)
+            interval, source = layout.interval, "stated"
+        start = layout.start if layout.start is not None else header.start
         name = stated.get(signal.name) if isinstance(stated, Mapping) else None
         near = [str(name)] if name is not None else [t for t in times if by_name[t].samples == signal.samples]
         if interval is not None and (start is not None or not near):
@@ -112,7 +109,8 @@ def array_channels(
         if not near:
             raise InputError(
                 path,
-                f"has no times for '{signal.name}' ({signal.samples} samples) and no interval",
+                f"has no times for '{signal.name}' ({signal.samples} samples) and no interval"
+                + (f" that is clear: {header.doubt}" if header.doubt else ""),
                 cure='say in the layout time = "NAME", or interval = "100 ns"',
             )
         return _array_clock(path, by_name[near[0]], layout, interval, source)
@@ -148,18 +146,6 @@ def _array_clock(path: Path, array: NamedArray, layout: Layout, interval: float 
     start = clock.start if layout.start is None else layout.start
     measured = None if clock.measured is None else clock.measured + (start - clock.start)
     return Clock(start, clock.interval, words, measured)
-
-
-def _interval(
-    path: Path, found: tuple[str, float] | None, rate: tuple[str, float] | None
-) -> tuple[float | None, str]:
-    """Interval [s] and the key it comes from."""
-    key, value = found or rate or ("", 1.0)
-    if not key:
-        return None, ""
-    if not 0.0 < value < float("inf"):
-        raise InputError(path, f"says {key} = {value:g}", allowed="> 0", cure="state the interval")
-    return (value if found else 1.0 / value), key
 
 
 def columns_of(name: str, shape: tuple[int, ...]) -> list[tuple[str, int, int | None]]:

@@ -22,6 +22,7 @@ from kolsky.readers.contents import (
 )
 from kolsky.readers.header import (
     KEYS,
+    HeaderClock,
     bare_key,
     header_clock,
     si_unit,
@@ -302,13 +303,16 @@ class SignalTable:
         """
         sheet = self.sheet
         self._check_count()
-        # Rigol counts its samples in a column of the unit "Sequence".
-        counts = [i for i, unit in enumerate(sheet.units) if unit is not None and unit.lower() == "sequence"]
-        columns = [i for i in sheet.dialect.numeric if i not in (*self.times, *counts)]
+        columns = [i for i in sheet.dialect.numeric if i not in (*self.times, *self.counts)]
         if not columns:
             raise sheet.error("has a time column but no signal", None, "export a channel, or correct time")
         check_samples(sheet.path, sheet.names[columns[0]], len(sheet.rows))
         return tuple(self._channel(column, order, len(columns)) for order, column in enumerate(columns))
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Columns that count the samples, as Rigol's of the unit "Sequence"."""
+        return tuple(i for i, unit in enumerate(self.sheet.units) if unit and unit.lower() == "sequence")
 
     def _channel(self, column: int, order: int, count: int) -> Channel:
         sheet = self.sheet
@@ -324,10 +328,13 @@ class SignalTable:
 
     def _clock(self, column: int, order: int, count: int) -> Clock:
         sheet, layout = self.sheet, self.layout
-        header = header_clock(sheet.path, sheet.metadata, channel=order, channels=count)
-        start = layout.start if layout.start is not None else header.start
+        header = header_clock(
+            sheet.path, sheet.metadata, channel=order, channels=count, decimal=sheet.dialect.decimal
+        )
+        start = layout.start if layout.start is not None else self._first_time(header)
         interval, tolerance, source = header.interval, header.interval_digit, header.source
         if layout.interval is not None:
+            header.check_declared(sheet.path, layout.interval)
             interval, tolerance, source = layout.interval, 0.0, "stated"
         number = self._time_column(column)
         if number is not None and interval is not None and start is not None and not self._time_unit(number):
@@ -335,7 +342,8 @@ class SignalTable:
         if number is None:
             if interval is None:
                 raise sheet.error(
-                    "has no time column that is recognised and no interval in its header",
+                    "has no time column that is recognised and no interval in its header"
+                    + (f" that is clear: {header.doubt}" if header.doubt else ""),
                     None,
                     'say in the layout time = "NAME", or interval = "100 ns"',
                 )
@@ -351,6 +359,25 @@ class SignalTable:
             start=start,
             source=source,
         )
+
+    def _first_time(self, header: HeaderClock) -> float | None:
+        """The header's start [s]; where samples are counted from it, the time of the first that is counted.
+
+        A count that begins at 1 names its samples; one of another number is how far the record is cut off.
+        """
+        sheet = self.sheet
+        if header.start is None or header.interval is None or not self.counts:
+            return header.start
+        count = sheet.values(self.counts[0])
+        steps = np.flatnonzero(np.diff(count) != 1.0)
+        if steps.size:
+            row = int(steps[0]) + 1
+            raise sheet.error(
+                f"column '{sheet.names[self.counts[0]]}' counts {count[row]:g} after {count[row - 1]:g}",
+                row,
+                "export every sample once, in order",
+            )
+        return header.start + (0.0 if count[0] == 1.0 else float(count[0])) * header.interval
 
     def _time_column(self, column: int) -> int | None:
         """The time column of a signal: the stated one, or the last one left of it, or the first."""
@@ -389,7 +416,7 @@ class SignalTable:
 
     def _unit_by_interval(self, number: int) -> str | None:
         """Seconds, where the column's steps are the very interval that the header states in seconds."""
-        header = header_clock(self.sheet.path, self.sheet.metadata)
+        header = header_clock(self.sheet.path, self.sheet.metadata, decimal=self.sheet.dialect.decimal)
         rows = len(self.sheet.rows)
         if header.interval is None or rows < FEWEST_STEPS:
             return None
