@@ -369,7 +369,8 @@ def _number(field: str, decimal: str) -> _Stated | None:
     """
     match = full_match(_NUMBER, field.strip())
     if match is None:
-        return None
+        endless = field.strip().lower().lstrip("+-") in ("inf", "nan")  # of a binary file; refused as a clock
+        return _Stated(float(field), 0.0, "") if endless else None
     text, word = match.groups()
     mantissa, exponential, exponent = text.lower().partition("e")
     digits = mantissa.lstrip("+-").rstrip(",." if word else ".")
@@ -393,15 +394,16 @@ def _number(field: str, decimal: str) -> _Stated | None:
 
 COMMENTS = ("#", "%", "!", "//")
 """How commented lines above the samples usually begin."""
+_PER_CENT = re.compile(r"%\s*[\t;,]")
 
 _PAIR = re.compile(r'"?([^:=;,\t"]+?)"?\s*[:=;,\t]\s*(.*)')
 _BLANKS = re.compile(r"(\D.*?)\s+([-+.\d].*)")
 
 
 def uncommented(line: str, comment: str | None) -> str:
-    """A line without its sign of a comment."""
+    """A line without its sign of a comment; a first field "%" is a unit."""
     for sign in (comment,) if comment else COMMENTS:
-        if line.startswith(sign):
+        if line.startswith(sign) and not _PER_CENT.match(line):
             return line.removeprefix(sign).lstrip()
     return line
 

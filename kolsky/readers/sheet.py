@@ -9,6 +9,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.units import DIMENSIONS, dimension_of
 from kolsky.readers.contents import (
     LARGEST_SAMPLE,
     Channel,
@@ -216,7 +217,7 @@ def names_and_units(
                 cure="correct header_line and units_line in the layout",
             )
     units_line = -1 if layout.units_line is None else layout.units_line - 1
-    if layout.units_line is None and fitting and _only_units(dialect, lines[fitting[-1]]):
+    if layout.units_line is None and fitting and _only_units(dialect, lines[fitting[-1]], len(fitting) > 1):
         units_line = fitting[-1] if layout.header_line != fitting[-1] + 1 else -1
     if layout.header_line is None:
         above = [i for i in fitting if units_line < 0 or i < units_line]
@@ -252,10 +253,17 @@ def _fits(dialect: Dialect, line: str) -> bool:
     return bare_key(cells[0]) not in KEYS
 
 
-def _only_units(dialect: Dialect, line: str) -> bool:
+def _only_units(dialect: Dialect, line: str, below: bool) -> bool:
+    """True for a line of units; without a line above it, what is no unit of a signal may be a name: "m"."""
     cells = [cell for cell in _cells(dialect, line) if cell]
-    known = [si_unit(c) is not None or c.lower() == "sequence" or dialect.is_number(c) for c in cells]
-    return all(known) and any(not dialect.is_number(cell) for cell in cells)
+    units = [
+        si_unit(cell) is not None
+        or cell.lower() == "sequence"
+        or dialect.is_number(cell)
+        or (below and dimension_of(cell.strip("()[] ") or "-", DIMENSIONS) != "")
+        for cell in cells
+    ]
+    return all(units) and any(not dialect.is_number(cell) for cell in cells)
 
 
 def _check_heading(path: Path, dialect: Dialect, line: str, number: int) -> None:
