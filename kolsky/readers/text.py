@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from kolsky.base.errors import InputError
@@ -255,13 +256,13 @@ def find_dialect(
             if sign != character and (dialect := _columns(filled[-count:], character, sign)) is not None
         ]
         # Remarks of two words look like columns between blanks: fewer lines may show another delimiter.
-        better = [d for d in tail if d.delimiter != BLANKS.character]
-        columns = max((len(d.numeric) for d in found), default=0)
-        found = better if any(len(d.numeric) >= columns for d in better) else found or tail
+        least = max(map(_share_of_numbers, found), default=(0.0, 0))
+        others = [d for d in tail if d.delimiter != BLANKS.character and _share_of_numbers(d) >= least]
+        found = others if found and others else found or tail
         if any(d.delimiter != BLANKS.character for d in found):
             break
-    if decimal is None and any(d.fields == 1 and d.decimal == "," for d in found):
-        found = [d for d in found if not _is_one_number(filled, lines, d)]
+    if decimal is None and delimiter is None and any(_is_one_number(filled, lines, d) for d in found):
+        found = [Dialect(DELIMITERS[0].character, ",", 1, (0,))]
     several = [d for d in found if d.fields > 1] or found
     if delimiter is not None and found and found[0].fields == 1:
         better = _better_delimiter(filled, characters[0])
@@ -285,7 +286,12 @@ def find_dialect(
             cure="is it the right file? if so, mend the line, or say delimiter and decimal in a layout",
         )
     # max() keeps the first of equals: the order of `DELIMITERS`.
-    return max(several, key=lambda d: (len(d.numeric) / d.fields, len(d.numeric)))
+    return max(several, key=_share_of_numbers)
+
+
+def _share_of_numbers(dialect: Dialect) -> tuple[float, int]:
+    """Share and number of the columns that are numbers."""
+    return len(dialect.numeric) / dialect.fields, len(dialect.numeric)
 
 
 def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | None:
@@ -312,7 +318,8 @@ def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | No
 def _is_one_number(filled: Sequence[str], lines: Sequence[str], dialect: Dialect) -> bool:
     """True if two whole numbers beside a comma are the two parts of one number: "-0,128" below "Kraft [N]".
 
-    A second part that no whole number has ("012", behind "-0"), or a line of names without a comma, says so.
+    A second part that no whole number has ("012", behind "-0"), or a line of names without a comma, says so;
+    first parts that count the lines are a column.
     """
     if dialect.delimiter != COMMA.character or dialect.fields != 2 or len(dialect.numeric) != 2:
         return False
@@ -321,8 +328,9 @@ def _is_one_number(filled: Sequence[str], lines: Sequence[str], dialect: Dialect
         return False
     first = next((i for i, line in enumerate(lines) if dialect.is_samples(line)), 0)
     above = [line for line in lines[:first] if line.strip()]
-    named = bool(above) and "," not in above[-1]
-    return named or any(a == "-0" or (len(b) > 1 and b[0] == "0") for a, b in rows)
+    named = bool(above) and "," not in above[-1] and above[-1].lstrip()[:1] not in ("#", "%", "!", "/")
+    counted = all(int(b) - int(a) == 1 for (a, _), (b, _) in pairwise(rows))
+    return not counted and (named or any(a == "-0" or (len(b) > 1 and b[0] == "0") for a, b in rows))
 
 
 def _last_word(lines: Sequence[str], characters: Sequence[str], decimals: Sequence[str]) -> tuple[int, str]:
