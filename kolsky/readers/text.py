@@ -262,7 +262,8 @@ def find_dialect(
         if any(d.delimiter != BLANKS.character for d in found):
             break
     if decimal is None and delimiter is None and any(_is_one_number(filled, lines, d) for d in found):
-        found = [Dialect(DELIMITERS[0].character, ",", 1, (0,))]
+        tab = DELIMITERS[0].character
+        found = [_columns(filled[-_FEWER_LINES[-1] :], tab, ",") or Dialect(tab, ",", 1, (0,))]
     several = [d for d in found if d.fields > 1] or found
     if delimiter is not None and found and found[0].fields == 1:
         better = _better_delimiter(filled, characters[0])
@@ -290,8 +291,8 @@ def find_dialect(
 
 
 def _share_of_numbers(dialect: Dialect) -> tuple[float, int]:
-    """Share and number of the columns that are numbers."""
-    return len(dialect.numeric) / dialect.fields, len(dialect.numeric)
+    """Share of numbers among the columns that are not empty, and how many these are."""
+    return len(dialect.numeric) / (dialect.fields - len(dialect.empty)), len(dialect.numeric)
 
 
 def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | None:

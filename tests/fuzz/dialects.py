@@ -129,10 +129,17 @@ def draw(rng: random.Random) -> Drawn:
             0,
             sign + _stated(rng, rng.choice(INTERVAL_NAMES), interval / TIMES[unit], unit, delimiter, decimal),
         )
+    if delimiter != "blanks" and quotes != "lines" and rng.random() < 0.15:  # a delimiter ends each line
+        above, rows = (
+            [f"{line}{DELIMITERS[delimiter]}" for line in above],
+            [f"{line}{DELIMITERS[delimiter]}" for line in rows],
+        )
+    if delimiter in ("semicolon", "comma") and quotes == "none" and rng.random() < 0.15:  # and a blank
+        rows = [line.replace(DELIMITERS[delimiter], f"{DELIMITERS[delimiter]} ") for line in rows]
     lines = [*header, *([""] if header and rng.random() < 0.3 else []), *above, *rows]
     if quotes == "lines":
         lines = [f'"{line}"' if line else line for line in lines]
-    end = rng.choice(("\n", "\r\n"))
+    end = rng.choice(("\n", "\r\n", "\r"))
     encoding = rng.choice(("utf-8", "utf-8-sig", "utf-16", "cp1252"))
     text = end.join(lines) + rng.choice(("", end, end + end))
     said = f"{delimiter}, decimal {decimal}, quotes {quotes}, units {unit_place}, clock {clock}, {encoding}"
