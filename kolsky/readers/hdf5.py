@@ -25,7 +25,7 @@ from kolsky.readers.contents import (
     head_of,
     stated_clock,
 )
-from kolsky.readers.header import header_clock, si_unit, time_factor
+from kolsky.readers.header import HeaderClock, clock_of_numbers, si_unit, time_factor
 
 
 @dataclass(frozen=True)
@@ -95,17 +95,12 @@ def array_channels(
         raise InputError(path, "holds no array of numbers but times", cure="save the signals as plain arrays")
 
     def clock_of(signal: NamedArray) -> Clock:
-        keys = {**scalars, **signal.keys}
-        header = header_clock(path, {_last(key): [repr(value)] for key, value in keys.items()})
-        interval, source = header.interval, header.source.removeprefix("header: ")
-        if layout.interval is not None:
-            header.check_declared(path, layout.interval)
-            interval, source = layout.interval, "stated"
-        start = layout.start if layout.start is not None else header.start
+        header = clock_of_numbers(path, {**scalars, **signal.keys}, layout)
+        interval, start = header.interval, header.start
         name = stated.get(signal.name) if isinstance(stated, Mapping) else None
         near = [str(name)] if name is not None else [t for t in times if by_name[t].samples == signal.samples]
         if interval is not None and (start is not None or not near):
-            return stated_clock(interval, start, source)
+            return stated_clock(interval, start, header.source)
         if not near:
             raise InputError(
                 path,
@@ -113,7 +108,7 @@ def array_channels(
                 + (f" that is clear: {header.doubt}" if header.doubt else ""),
                 cure='say in the layout time = "NAME", or interval = "100 ns"',
             )
-        return _array_clock(path, by_name[near[0]], layout, interval, source)
+        return clock_of_array(path, by_name[near[0]], layout, header)
 
     for signal in signals:
         check_samples(path, signal.name, signal.samples)
@@ -130,7 +125,11 @@ def array_channels(
     )
 
 
-def _array_clock(path: Path, array: NamedArray, layout: Layout, interval: float | None, source: str) -> Clock:
+def clock_of_array(path: Path, array: NamedArray, layout: Layout, header: HeaderClock) -> Clock:
+    """The clock of an array of times, with what is stated beside it.
+
+    Raises InputError if it holds no such times, or they contradict the stated interval.
+    """
     unit = layout.time_unit or array.unit or "s"
     factor = time_factor(path, unit, f"the array '{array.name}'")
     values = array.values()
@@ -141,7 +140,7 @@ def _array_clock(path: Path, array: NamedArray, layout: Layout, interval: float 
     def fault(message: str, sample: int | None, cure: str) -> InputError:
         return InputError(path, message, cure=cure)
 
-    clock = array_clock(values, name=array.name, fault=fault, interval=interval, source=source)
+    clock = array_clock(values, name=array.name, fault=fault, interval=header.interval, source=header.source)
     words = clock.source if layout.time_unit or array.unit else f"{clock.source}, taken as seconds"
     start = clock.start if layout.start is None else layout.start
     measured = None if clock.measured is None else clock.measured + (start - clock.start)
@@ -181,8 +180,6 @@ def _last(name: str) -> str:
     return name.rsplit("/", 1)[-1].lower()
 
 
-BINARY = True
-
 _MOST = 2000
 """Most objects in a file that are looked at."""
 
@@ -195,10 +192,8 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read what a file holds; a channel's name is its path, "/scope/CH1".
 
-    Raises
-    ------
-    InputError
-        If it is no HDF5 file or damaged, has too many objects, or a dataset lies in another file.
+    Raises InputError if it is no HDF5 file or damaged, has too many objects, or a dataset lies in another
+    file.
     """
     sha256 = file_hash(path)
     arrays, scalars, metadata = inside(path)

@@ -17,14 +17,16 @@ from kolsky.readers.contents import (
     Clock,
     Contents,
     Layout,
-    array_clock,
     check_samples,
     file_hash,
     head_of,
     stated_clock,
 )
+from kolsky.readers.hdf5 import NamedArray, clock_of_array
+from kolsky.readers.header import clock_of_numbers
 
-BINARY = True
+_CLOCK = ("wf_increment", "wf_start_offset")
+"""Properties of a waveform that state its clock."""
 
 
 def sniff(path: Path) -> bool:
@@ -35,11 +37,8 @@ def sniff(path: Path) -> bool:
 def read(path: Path, layout: Layout) -> Contents:
     """Read all numeric channels; a channel's name is "group/channel".
 
-    Raises
-    ------
-    InputError
-        If npTDMS is missing, the file is damaged or its last segment is cut off, or it has no channel of
-        numbers.
+    Raises InputError if npTDMS is missing, the file is damaged or its last segment is cut off, or it has no
+    channel of numbers.
     """
     try:
         from nptdms import TdmsFile
@@ -92,36 +91,19 @@ def _channel(
     check_samples(path, name, samples)
 
     def clock() -> Clock:
-        interval = layout.interval if layout.interval is not None else properties.get("wf_increment")
-        offset = properties.get("wf_start_offset")
-        start = layout.start
-        if start is None and (offset is not None or delay is not None):
-            start = float(offset or 0.0) + (delay or 0.0)
-        if interval is None and layout.time is not None:
-            times = _values(path, str(layout.time))
-
-            def fault(message: str, sample: int | None, cure: str) -> InputError:
-                return InputError(path, message, cure=cure)
-
-            return array_clock(times, name=str(layout.time), fault=fault)
-        if interval is None:
+        stated = {key: float(properties[key]) for key in _CLOCK if properties.get(key) is not None}
+        header = clock_of_numbers(path, stated, layout)
+        if header.interval is None and layout.time is not None:
+            times = NamedArray(str(layout.time), samples, lambda: _values(path, str(layout.time)))
+            return clock_of_array(path, times, layout, header)
+        if header.interval is None:
             raise InputError(
                 path, f"channel '{name}' has no wf_increment", cure='say in the layout interval = "100 ns"'
             )
-        if not 0.0 < float(interval) < float("inf"):
-            raise InputError(path, f"channel '{name}' says wf_increment = {interval}", allowed="> 0 s")
-        source = "wf_increment, wf_start_offset" + (", wf_start_time" if delay is not None else "")
-        if layout.interval is not None:
-            source = "stated"
-            written = properties.get("wf_increment")
-            if written is not None and abs(float(written) - interval) > 1e-6 * interval:
-                raise InputError(
-                    path,
-                    f"is said to have the interval {interval:.9g} s, channel '{name}' has wf_increment ="
-                    f" {float(written):.9g} s",
-                    cure="leave interval out, or correct it",
-                )
-        return stated_clock(float(interval), None if start is None else float(start), source)
+        start, source = header.start, header.source
+        if delay is not None and layout.start is None:
+            start, source = (start or 0.0) + delay, f"{source}, wf_start_time"
+        return stated_clock(header.interval, start, source)
 
     unit = properties.get("unit_string") or properties.get("NI_UnitDescription")
     return Channel(
