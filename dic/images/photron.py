@@ -35,8 +35,13 @@ _XML = {
     "EffectiveBit Depth": "imageDataInfo/effectiveBit/depth",
     "EffectiveBit Side": "imageDataInfo/effectiveBit/side",
     "Save Step": "frameInfo/skipFrame",
+    "Camera Type": "deviceInfo/deviceName",
 }
 """The fields that are read: their names in text, and their places in XML."""
+_SEGMENT = "Segment Position"
+"""Name of the place of the pictures on the sensor, "x, y" [px]."""
+_COLOUR_CAMERA = re.compile(r"\bC\b|colou?r|bayer", re.IGNORECASE)
+"""What the type of a camera with a colour mosaic has: "FASTCAM SA-Z type 2100K-C-32GB"."""
 
 
 @dataclass(frozen=True)
@@ -136,8 +141,12 @@ def _from_xml(path: Path, data: bytes) -> dict[str, str]:
         tree = ElementTree.fromstring(inside.decode("utf-8", "replace"))
     except (ElementTree.ParseError, ValueError) as error:
         raise PictureError(path, f"its XML cannot be read ({error})", cure="copy it again") from None
-    found = {name: tree.findtext(place) for name, place in _XML.items()}
-    return {name: text.strip() for name, text in found.items() if text is not None}
+    entries = {name: tree.findtext(place) for name, place in _XML.items()}
+    segment = tree.find(".//segmentPos")
+    if segment is not None:
+        corner = [segment.findtext(axis, segment.get(axis, "")) for axis in "xy"]
+        entries[_SEGMENT] = ", ".join(corner) if any(corner) else segment.text
+    return {name: text.strip() for name, text in entries.items() if text is not None}
 
 
 @dataclass(frozen=True)
@@ -201,14 +210,22 @@ def read(path: Path) -> MrawPictures:
     """Open a recording by its `.mraw` or its header.
 
     The times are (Start Frame + i)/Record Rate, on the trigger's clock; none if the header gives no rate or a
-    step between saved frames that it does not define for both of its forms.
+    step between saved frames that it does not define for both of its forms. `segmentPos` of the XML is the
+    crop offset. "Raw" are the grey values of a camera without a colour mosaic.
 
     Raises PictureError if one of the two files is missing, or the header contradicts itself or promises
     colours.
     """
     pixels, header = _pair(path)
     colours, kind = header.word("Color Type", "mono"), header.word("File Format", "mraw")
-    if colours != "mono" or kind != "mraw":
+    mosaic = colours == "raw" and _COLOUR_CAMERA.search(header.word("Camera Type")) is not None
+    if mosaic:
+        raise PictureError(
+            header.path,
+            f"describes raw pictures of the colour camera {header.fields['Camera Type']!r}, a colour a pixel",
+            cure="export grey values",
+        )
+    if colours not in ("mono", "raw") or kind != "mraw":
         raise PictureError(
             header.path,
             f"describes {colours} pictures in {kind} files; raw grey ones can be read",
@@ -233,7 +250,23 @@ def read(path: Path) -> MrawPictures:
         times=_times(header, n_frames),
         stored=stored,
         shift=stored - real if high else 0,
+        crop_offset=_crop_offset(header),
     )
+
+
+def _crop_offset(header: Header) -> tuple[float, float]:
+    """Where the top left pixel lies on the sensor (x, y) [px]."""
+    text = header.fields.get(_SEGMENT)
+    if not text:
+        return 0.0, 0.0
+    corner = re.fullmatch(r"\s*(\d{1,6})\D+(\d{1,6})\s*", text)
+    if corner is None:
+        raise PictureError(
+            header.path,
+            f'"segmentPos" must be two whole numbers, is {text!r}',
+            cure="export the recording again, or correct the header",
+        )
+    return float(corner[1]), float(corner[2])
 
 
 def _pair(path: Path) -> tuple[Path, Header]:

@@ -104,16 +104,24 @@ def _channels_json(file: Path, found: "list[ChannelInfo]") -> dict[str, Any]:
 
 
 def _channel_table(file: Path, found: "list[ChannelInfo]") -> str:
+    from kolsky.readers.contents import clock_words
+
     facts, metadata = found[0].facts, found[0].metadata
     lines = [str(file), *(f"  {key}: {value}" for key, value in facts.items()), ""]
     width = max(len(channel.name) for channel in found)
     for channel in found:
         unit = _channel_unit(channel) or "unit not stated"
         lines.append(f"  {channel.number:>3}  {channel.name:<{width}}  {unit}  {channel.samples} samples")
-    for words, clock in dict.fromkeys((c.time, (c.start, c.interval)) for c in found):
-        start, interval = clock
-        known = "" if interval is None else f"from {start:.9g} s every {interval:.9g} s: "
-        lines += ["", f"  time: {known}{words}"]
+    clocks: dict[tuple[str, float | None, float | None, int], list[str]] = {}
+    for channel in found:
+        key = (channel.time, channel.start, channel.interval, channel.samples)
+        clocks.setdefault(key, []).append(channel.name)
+    for (words, start, interval, samples), names in clocks.items():
+        whose = f" of {', '.join(names)}" if len(clocks) > 1 else ""
+        if interval is not None:
+            spoken = clock_words(interval, samples)
+            words = f"from {start:.9g} s every {interval:.9g} s ({spoken}): {words}"
+        lines += ["", f"  time{whose}: {words}"]
     if metadata:
         lines += ["", *(f"  {key} = {value}" for key, value in metadata.items() if value)]
     return "\n".join(one_line(line) for line in lines)

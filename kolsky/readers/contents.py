@@ -5,6 +5,7 @@ A printed time column gives a uniform clock within its digits, or the reason why
 
 import hashlib
 import json
+import math
 import stat
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
@@ -150,6 +151,17 @@ class Contents:
     """What was found: "format" and, of text, "encoding", "delimiter", "decimal", "header"."""
     metadata: Mapping[str, str] = field(default_factory=dict)
     """What else the file says, by its own keys."""
+
+
+def clock_words(interval: float, samples: int) -> str:
+    """Rate, number and duration of a record as a person checks them: "800 kHz, 120 samples, 150 us"."""
+    return f"{_prefixed(1.0 / interval, 'Hz')}, {samples} samples, {_prefixed(samples * interval, 's')}"
+
+
+def _prefixed(value: float, unit: str) -> str:
+    """A positive value of four figures with an SI prefix."""
+    power = min(max(math.floor(math.log10(float(f"{value:.3e}")) / 3.0), -4), 3)
+    return f"{value / 10.0 ** (3 * power):.4g} {'pnum kMG'[power + 4].strip()}{unit}"
 
 
 def stated_clock(interval: float, start: float | None, source: str) -> Clock:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,13 +11,18 @@ from kolsky.base.units import DIMENSIONS, dimension_of
 from kolsky.readers.contents import Layout
 from kolsky.readers.text import LONGEST_PAIR, Dialect, full_match
 
-_PREFIXES = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6}
+_PREFIXES = {
+    "": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9,
+}  # fmt: skip
 _WORDS = {
     "volt": "V", "volts": "V", "millivolt": "mV", "millivolts": "mV", "microvolts": "uV",
     "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sekunden": "s", "sekunde": "s",
-    "msec": "ms", "millisecond": "ms", "milliseconds": "ms",
-    "usec": "us", "µsec": "us", "microsecond": "us", "microseconds": "us",
-    "nsec": "ns", "nanosecond": "ns", "nanoseconds": "ns",
+    "msec": "ms", "millisec": "ms", "millisecond": "ms", "milliseconds": "ms",
+    "millisekunde": "ms", "millisekunden": "ms",
+    "usec": "us", "µsec": "us", "μsec": "us", "microsec": "us", "microsecond": "us", "microseconds": "us",
+    "mikrosekunde": "us", "mikrosekunden": "us",
+    "nsec": "ns", "nanosec": "ns", "nanosecond": "ns", "nanoseconds": "ns",
+    "nanosekunde": "ns", "nanosekunden": "ns",
     "newton": "N", "newtons": "N", "pascal": "Pa", "ampere": "A", "amp": "A", "amps": "A",
     "strain": "1", "m/m": "1", "ustrain": "uε", "microstrain": "uε", "microstrains": "uε", "µstrain": "uε",
     "μstrain": "uε", "micro strain": "uε", "με": "uε", "µε": "uε", "ue": "uε", "µe": "uε", "μe": "uε",
@@ -29,6 +34,8 @@ _BRACKETS = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]+?)\s*[)\]]\s*")
 _SLASH = re.compile(r"(.*\S)\s*/\s*(\S+)")
 _TAIL = re.compile(r"(.*?[^\s_,])(?:_|\s*,\s*|\s+in\s+)([A-Za-zµμε%]+)")
 """A unit behind a last underscore, a comma or "in": time_s, "CH1, mV", "Zeit in ms"."""
+_KEY_TAIL = re.compile(r"(.*?[^\s_,])(?:[\s_,]+|[\s_,]+in\s+)([A-Za-zµμ/1]+)")
+"""A unit behind the last blank, underscore or "in" of a key of the clock: fs_kHz, "Sample interval in us"."""
 _TIME_WORDS = re.compile(r"(.*[\s_])?(time|timestamp|zeit|temps|tiempo|tempo|t)", re.IGNORECASE)
 _TAIL_UNITS = re.compile(r"([mµμuk]?V|[mk]?N|[kM]?Pa|(?:micro|[mµμu])?strain|[mµμu]?ε|volts?|millivolts?)")
 """Units that a tail may name in any column; of times they are those of time. CH_A is no current."""
@@ -115,15 +122,22 @@ INTERVAL_KEYS = (
     "deltax", "increment", "xincrement", "xincr", "xinc", "tinc", "sampleinterval", "samplinginterval",
     "sampleperiod", "samplingperiod", "timeinterval", "timeincrement", "horizontalinterval",
     "horizontalincrement", "hresolution", "deltat", "dt", "tinterval", "wfincrement", "sampletime",
+    "timestep", "timeperpoint", "timepersample", "abtastintervall", "abtastzeit", "zeitschritt",
 )  # fmt: skip
 """Keys of the time from sample to sample, without case, blanks and signs."""
-RATE_KEYS = ("samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "fs")
+RATE_KEYS = (
+    "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "samplefreq", "samplingfreq", "fs",
+    "scanrate", "acquisitionrate", "samplespersecond", "samplessecond", "abtastrate", "abtastfrequenz",
+    "messrate",
+)  # fmt: skip
 """Keys of its reciprocal [1/s]."""
 START_KEYS = (
     "x0", "t0", "start", "xorigin", "xorg", "xstart", "xzero", "hoffset", "tstart", "wfstartoffset",
     "firstsampletime", "horizontalstart",
 )  # fmt: skip
 """Keys of the time of the first sample."""
+PLAIN_KEYS = ("start", "x0", "t0", "rate")
+"""Keys that other things have too: the start of a travel, the rate of a test."""
 ZERO_INDEX_KEYS = ("zeroindex", "triggerpoint", "triggersample")
 """Keys of the sample at time 0."""
 COUNT_KEYS = ("recordlength", "samples", "numpoints", "points", "blocksize", "segmentsize", "length")
@@ -138,7 +152,22 @@ KEYS = frozenset(
 ) | {"tracename", "vunit", "model", "firmwareversion"}
 """Keys that no column has."""
 
-_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-zµμ]*)")
+_NUMBER = re.compile(
+    r"([+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*[,;\t]?\s*([A-Za-zµμ][A-Za-zµμ/ .]*|1/s)?"
+)
+"""A number and the unit behind it."""
+_POINT, _COMMA = r"\d+\.?\d*|\.\d+", r"\d+,?\d*|,\d+"
+_GROUPED = {",": r"[1-9]\d{0,2}(?:,\d{3})+(?:\.\d+)?", ".": r"[1-9]\d{0,2}(?:\.\d{3})+(?:,\d+)?"}
+"""Numbers whose thousands are set apart, by the sign between them."""
+_TIME_OF_DAY = re.compile(r"\d:\d\d|\d{4}-\d\d-\d\d")
+_RATE_UNIT = re.compile(
+    r"([kKmMgG]?)(?:hz|hertz|s/s|sa/s|sps|smpl/s|samples?/s(?:ec(?:ond)?)?|sample/s|pts?/s|points?/s|1/s)",
+    re.IGNORECASE,
+)
+_INTERVAL_UNIT = re.compile(r"(.+?)/(?:pts?|points?|samples?|sa|smpl)", re.IGNORECASE)
+_RATE_PREFIXES = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}
+_AGREE = 0.01
+"""Most that two statements of an interval differ by where their printed digits allow more [-]."""
 
 
 @dataclass(frozen=True)
@@ -153,6 +182,23 @@ class HeaderClock:
     """Time of the first sample [s]."""
     source: str
     """The keys they come from."""
+    doubt: str = ""
+    """Why a statement of the clock cannot be used; empty if all can."""
+
+    def check_declared(self, path: Path, interval: float) -> None:
+        """Refuse an interval [s] that is declared against what the header states.
+
+        Raises InputError if they differ by more than the header's printed digits, at most 1 %.
+        """
+        if self.interval is None:
+            return
+        if abs(interval - self.interval) > min(self.interval_digit, _AGREE * self.interval) + 1e-9 * interval:
+            raise InputError(
+                path,
+                f"is said to have the interval {interval:.9g} s, its own words are {self.interval:.9g} s"
+                f" ({self.source})",
+                cure="leave interval out, or correct it; where the header is wrong, correct it in the file",
+            )
 
 
 def bare_key(text: str) -> str:
@@ -163,45 +209,114 @@ def bare_key(text: str) -> str:
     return re.sub(r"[^a-z0-9]", "", re.sub(r"[(\[].*?[)\]]", "", text.lower()))
 
 
+def clock_unit(text: str) -> tuple[str, float] | None:
+    """The unit of a time from sample to sample or of a sampling rate; None if it is neither.
+
+    "ms" is ("s", 1e-3), "kHz", "kS/s" and "kSa/s" are ("1/s", 1e3), "us/pt" is ("s", 1e-6). A small m is
+    milli before s and in mHz, mega in mhz and msps; "mS/s" is nothing, for it could be either.
+    """
+    plain = text.strip().strip("()[].").strip()
+    per_sample = _INTERVAL_UNIT.fullmatch(plain)
+    known = si_unit(per_sample.group(1) if per_sample else plain)
+    if known is not None and known[0] == "s":
+        return known
+    rate = _RATE_UNIT.fullmatch(plain.replace(" ", ""))
+    if rate is None:
+        return None
+    prefix = rate.group(1)
+    if prefix == "m" and any(letter.isupper() for letter in plain):
+        return ("1/s", 1e-3) if plain == "mHz" else None
+    return "1/s", _RATE_PREFIXES[prefix.lower()]
+
+
+def _clock_key(text: str) -> tuple[str, str | None]:
+    """The bare key of a line of the header, and the unit of the clock that the key itself ends with.
+
+    "dt [ms]", "Sampling Frequency (kHz)", "dt/ms", "fs_kHz", "Sample interval in us".
+    """
+    key = text.strip().rstrip(":=").strip()
+    for pattern in (_BRACKETS, _SLASH, _KEY_TAIL):
+        match = full_match(pattern, key)
+        if match is not None and clock_unit(match.group(2)) is not None:
+            return bare_key(match.group(1)), match.group(2)
+    return bare_key(key), None
+
+
 def header_clock(
-    path: Path, metadata: Mapping[str, Sequence[str]], *, channel: int = 0, channels: int = 1
+    path: Path,
+    metadata: Mapping[str, Sequence[str]],
+    *,
+    channel: int = 0,
+    channels: int = 1,
+    decimal: str = ".",
 ) -> HeaderClock:
     """The clock of one channel.
 
-    ``path``: the file, for messages. ``metadata``: key as written -> the fields behind it. ``channel``: which
-    of the channels, counted from 0, where a key has one value for each. ``channels``: number of channels.
-    Raises InputError if an interval is not positive, or a key has neither one value nor one for each channel.
+    Parameters
+    ----------
+    path
+        The file, for messages.
+    metadata
+        Key as written -> the fields behind it.
+    channel, channels
+        Which of the channels, counted from 0, where a key has one value for each; their number.
+    decimal
+        Decimal sign of the file: a number with the other sign is read where it can mean one thing only.
+
+    Returns
+    -------
+    HeaderClock
+        What the keys state. Numbers or units that cannot be read, and keys that contradict each other, give
+        no interval and the reason, `HeaderClock.doubt`.
+
+    Raises
+    ------
+    InputError
+        If an interval is not positive, or a key has neither one value nor one for each channel.
     """
     written = time_unit(metadata)
-    known = None if written is None else si_unit(written)
-    unit = 1.0 if known is None else known[1]
-    interval, digit, start, sources = None, 0.0, None, []
+    default = (None if written is None else si_unit(written)) or ("s", 1.0)
+    start: float | None = None
+    start_key, doubts, intervals = "", [], []
     for key, fields in metadata.items():
-        bare = bare_key(key)
-        wanted = bare in INTERVAL_KEYS or bare in RATE_KEYS or bare in START_KEYS
-        value = _of_channel(path, key, fields, channel, channels) if wanted else None
-        if value is None:
+        bare, unit = _clock_key(key)
+        starts, rates = bare in START_KEYS, bare in RATE_KEYS or bare == "rate"
+        if not (starts or rates or bare in INTERVAL_KEYS):
             continue
-        number, factor, last = value
-        factor = factor or unit
-        if bare in START_KEYS and start is None:
-            start = number * factor
-            sources.append(key)
-        elif bare not in START_KEYS and interval is None:
-            if number <= 0.0:
-                raise InputError(path, f"says {key} = {number:g}", allowed="> 0", cure="state the interval")
-            rate = bare in RATE_KEYS
-            interval = 1.0 / number if rate else number * factor
-            digit = 0.5 * interval * last / number
-            sources.append(key)
-    if start is None and interval is not None:
+        stated = _of_channel(path, key, fields, channel, channels, decimal, unit)
+        if isinstance(stated, str):
+            if bare not in PLAIN_KEYS:
+                doubts.append(stated)
+            continue
+        if stated is None or (bare == "rate" and (stated.unit is None or stated.unit[0] != "1/s")):
+            continue  # that of a test
+        kind, factor = stated.unit or (("1/s", 1.0) if rates else default)
+        if starts:
+            if start is None and kind == "s":
+                start, start_key = stated.number * factor, key
+            continue
+        if stated.number <= 0.0:
+            raise InputError(
+                path, f"says {key} = {stated.number:g}", allowed="> 0", cure="state the interval"
+            )
+        quantity = stated.number * factor
+        interval = 1.0 / quantity if kind == "1/s" else quantity
+        intervals.append((key, interval, 0.5 * interval * stated.digit / stated.number))
+    for key, interval, digit in intervals[1:]:
+        first = intervals[0]
+        if abs(interval - first[1]) > min(digit + first[2], _AGREE * first[1]) + 1e-9 * first[1]:
+            doubts.append(f"{first[0]} ({first[1]:.9g} s) and {key} ({interval:.9g} s) contradict each other")
+    if doubts or not intervals:
+        return HeaderClock(None, 0.0, start, f"header: {start_key}" if start_key else "", "; ".join(doubts))
+    sources, interval = [key for key in metadata if key in (start_key, intervals[0][0])], intervals[0][1]
+    if start is None:
         for key, fields in metadata.items():
-            index = _number(fields[0]) if fields and bare_key(key) in ZERO_INDEX_KEYS else None
+            index = _number(fields[0], decimal) if fields and bare_key(key) in ZERO_INDEX_KEYS else None
             if index is not None:
-                start = -index[0] * interval
+                start = -index.number * interval
                 sources.append(key)
                 break
-    return HeaderClock(interval, digit, start, "header: " + ", ".join(sources) if sources else "")
+    return HeaderClock(interval, intervals[0][2], start, "header: " + ", ".join(sources))
 
 
 def clock_of_numbers(path: Path, numbers: Mapping[str, float], layout: Layout) -> HeaderClock:
@@ -210,24 +325,13 @@ def clock_of_numbers(path: Path, numbers: Mapping[str, float], layout: Layout) -
     ``numbers``: by name, or by path with the name last. ``layout``: what is declared counts before them.
     Raises InputError if an interval is not positive.
     """
-    by_key = {bare_key(name.rsplit("/", 1)[-1].lower()): (name, value) for name, value in numbers.items()}
-
-    def first(keys: Sequence[str]) -> tuple[str, float] | None:
-        return next((by_key[key] for key in keys if key in by_key), None)
-
-    interval, source = layout.interval, "stated"
-    if interval is None:
-        step, rate = first(INTERVAL_KEYS), first(RATE_KEYS)
-        name, value = step or rate or ("", 1.0)
-        if not 0.0 < value < float("inf"):
-            raise InputError(path, f"says {name} = {value:g}", allowed="> 0", cure="state the interval")
-        if name:
-            interval = value if step else 1.0 / value
-        source = name
-    begin = first(START_KEYS)
-    if layout.start is not None or begin is None:
-        return HeaderClock(interval, 0.0, layout.start, source)
-    return HeaderClock(interval, 0.0, begin[1], f"{source}, {begin[0]}")
+    stated = header_clock(path, {name.rsplit("/", 1)[-1]: [repr(value)] for name, value in numbers.items()})
+    interval, source = stated.interval, stated.source.removeprefix("header: ")
+    if layout.interval is not None:
+        stated.check_declared(path, layout.interval)
+        interval, source = layout.interval, "stated"
+    start = layout.start if layout.start is not None else stated.start
+    return HeaderClock(interval, 0.0, start, source, stated.doubt)
 
 
 def time_unit(metadata: Mapping[str, Sequence[str]]) -> str | None:
@@ -245,56 +349,104 @@ def stated_samples(metadata: Mapping[str, Sequence[str]]) -> tuple[str, int] | N
     for key, fields in metadata.items():
         cells = [key, *fields]  # LeCroy: "Segments,1,SegmentSize,2500"
         for name, text in pairwise(cells):
-            value = _number(text) if bare_key(name) in COUNT_KEYS else None
-            if value is not None and value[0] > 0 and value[0] == int(value[0]):
-                return name, int(value[0])
+            value = _number(text, ".") if bare_key(name) in COUNT_KEYS else None
+            if value is not None and value.number > 0 and value.number == int(value.number):
+                return name, int(value.number)
     return None
 
 
+@dataclass(frozen=True)
+class _Stated:
+    """A number of the header as it is printed."""
+
+    number: float
+    digit: float
+    """The last digit printed."""
+    word: str
+    """What stands behind it."""
+    unit: tuple[str, float] | None = None
+    """Its unit, if it is one of a clock."""
+
+
 def _of_channel(
-    path: Path, key: str, fields: Sequence[str], channel: int, channels: int
-) -> tuple[float, float, float] | None:
-    """Number, factor of its unit (0 if it has none) and last digit, for one channel."""
-    values = [value for field in fields if (value := _number(field.rpartition(":")[2])) is not None]
+    path: Path,
+    key: str,
+    fields: Sequence[str],
+    channel: int,
+    channels: int,
+    decimal: str,
+    unit: str | None,
+) -> "_Stated | str | None":
+    """The number of a key of the clock for one channel; a text says why it cannot be used, None has none."""
+    texts = [field for field in fields if not _TIME_OF_DAY.search(field)]
+    values = [v for field in texts if (v := _number(field.rpartition(":")[2], decimal)) is not None]
     if not values:
-        return None
+        digits = [field for field in texts if any(letter.isdecimal() for letter in field)]
+        return f"{key} = {digits[0][:60]} is no number that can be read" if digits else None
     chosen = values[0]
-    if any(value[0] != chosen[0] for value in values):
+    if any(value.number != chosen.number for value in values):
         if len(values) != channels:
             raise InputError(
                 path,
-                f"says {key} = {', '.join(f'{v[0]:g}' for v in values)} for {channels} channels",
+                f"says {key} = {', '.join(f'{v.number:g}' for v in values)} for {channels} channels",
                 cure="state interval and start in the layout",
             )
         chosen = values[channel]
-    number, word, last = chosen
-    follower = next((f for f in fields if (known := si_unit(f)) is not None and known[0] == "s"), "")
-    known = si_unit(word or follower) if word or follower else None
-    return number, known[1] if known is not None and known[0] == "s" else 0.0, last
+    if chosen.digit != chosen.digit:
+        return f"{key} = {fields[0][:60]} may have a decimal sign or one between thousands"
+    beside = next((field for field in fields if clock_unit(field) is not None), None)
+    words = [word for word in (chosen.word, beside, unit) if word]
+    units = [clock_unit(word) for word in words]
+    for word, known in zip(words, units, strict=True):
+        if known is None:
+            return f"{key} = {fields[0][:60]} has the unit '{word}', which is none of a clock"
+        if known != units[0]:
+            return f"{key} = {fields[0][:60]} has two units, {' and '.join(words)}"
+    return replace(chosen, unit=units[0] if units else None)
 
 
-def _number(field: str) -> tuple[float, str, float] | None:
-    """Number, unit behind it and last printed digit of a field such as "4.0E-10" or "20 ns"."""
+def _number(field: str, decimal: str) -> _Stated | None:
+    """Number, last printed digit and the word behind it of a field such as "4.0E-10", "20 ns" or "2,5 us".
+
+    The digit is NaN where "1,000" or "1.000" can be a thousand as well as one.
+    """
     match = full_match(_NUMBER, field.strip())
     if match is None:
-        return None
+        endless = field.strip().lower().lstrip("+-") in ("inf", "nan")  # of a binary file; refused as a clock
+        return _Stated(float(field), 0.0, "") if endless else None
     text, word = match.groups()
-    mantissa, _, exponent = text.lower().partition("e")
-    places = len(mantissa.partition(".")[2])
-    return float(text), word, float(f"1e{int(exponent or 0) - places}")
+    mantissa, exponential, exponent = text.lower().partition("e")
+    digits = mantissa.lstrip("+-").rstrip(",." if word else ".")
+    other = "," if decimal == "." else "."
+    grouped = any(re.fullmatch(_GROUPED[sign], digits) for sign in ",.")
+    single = digits.count(",") + digits.count(".") == 1
+    if grouped and not (single and decimal in digits):
+        if single and other in digits and not exponential:
+            return _Stated(float("nan"), float("nan"), (word or "").strip())
+        if not single:
+            between = min(",.", key=lambda sign: digits.find(sign) if sign in digits else len(digits))
+            digits = digits.replace(between, "")
+    if not (re.fullmatch(_POINT, digits) or re.fullmatch(_COMMA, digits)):
+        return None
+    digits = digits.replace(",", ".")
+    places = len(digits.partition(".")[2])
+    power = int(exponent or 0)
+    number = float(f"{'-' if mantissa.startswith('-') else ''}{digits}e{power}")
+    return _Stated(number, float(f"1e{power - places}"), (word or "").strip())
 
 
 COMMENTS = ("#", "%", "!", "//")
 """How commented lines above the samples usually begin."""
+_PER_CENT = re.compile(r"%\s*[\t;,]")
 
 _PAIR = re.compile(r'"?([^:=;,\t"]+?)"?\s*[:=;,\t]\s*(.*)')
 _BLANKS = re.compile(r"(\D.*?)\s+([-+.\d].*)")
 
 
 def uncommented(line: str, comment: str | None) -> str:
-    """A line without its sign of a comment."""
+    """A line without its sign of a comment; a first field "%" is a unit."""
     for sign in (comment,) if comment else COMMENTS:
-        if line.startswith(sign):
+        if line.startswith(sign) and not _PER_CENT.match(line):
             return line.removeprefix(sign).lstrip()
     return line
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from kolsky.base.arrays import FloatArray
 from kolsky.base.errors import InputError
+from kolsky.base.units import DIMENSIONS, dimension_of
 from kolsky.readers.contents import (
     LARGEST_SAMPLE,
     Channel,
@@ -23,6 +24,7 @@ from kolsky.readers.contents import (
 )
 from kolsky.readers.header import (
     KEYS,
+    HeaderClock,
     bare_key,
     header_clock,
     si_unit,
@@ -217,7 +219,7 @@ def names_and_units(
                 cure="correct header_line and units_line in the layout",
             )
     units_line = -1 if layout.units_line is None else layout.units_line - 1
-    if layout.units_line is None and fitting and _only_units(dialect, lines[fitting[-1]]):
+    if layout.units_line is None and fitting and _only_units(dialect, lines[fitting[-1]], len(fitting) > 1):
         units_line = fitting[-1] if layout.header_line != fitting[-1] + 1 else -1
     if layout.header_line is None:
         above = [i for i in fitting if units_line < 0 or i < units_line]
@@ -253,10 +255,17 @@ def _fits(dialect: Dialect, line: str) -> bool:
     return bare_key(cells[0]) not in KEYS
 
 
-def _only_units(dialect: Dialect, line: str) -> bool:
+def _only_units(dialect: Dialect, line: str, below: bool) -> bool:
+    """True for a line of units; without a line above it, what is no unit of a signal may be a name: "m"."""
     cells = [cell for cell in _cells(dialect, line) if cell]
-    known = [si_unit(c) is not None or c.lower() == "sequence" or dialect.is_number(c) for c in cells]
-    return all(known) and any(not dialect.is_number(cell) for cell in cells)
+    units = [
+        si_unit(cell) is not None
+        or cell.lower() == "sequence"
+        or dialect.is_number(cell)
+        or (below and dimension_of(cell.strip("()[] ") or "-", DIMENSIONS) != "")
+        for cell in cells
+    ]
+    return all(units) and any(not dialect.is_number(cell) for cell in cells)
 
 
 def _check_heading(path: Path, dialect: Dialect, line: str, number: int) -> None:
@@ -358,13 +367,16 @@ class SignalTable:
         """
         sheet = self.sheet
         self._check_count()
-        # Rigol counts its samples in a column of the unit "Sequence".
-        counts = [i for i, unit in enumerate(sheet.units) if unit is not None and unit.lower() == "sequence"]
-        columns = [i for i in sheet.dialect.numeric if i not in (*self.times, *counts)]
+        columns = [i for i in sheet.dialect.numeric if i not in (*self.times, *self.counts)]
         if not columns:
             raise sheet.error("has a time column but no signal", None, "export a channel, or correct time")
         check_samples(sheet.path, sheet.names[columns[0]], len(sheet.rows))
         return tuple(self._channel(column, order, len(columns)) for order, column in enumerate(columns))
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Columns that count the samples, as Rigol's of the unit "Sequence"."""
+        return tuple(i for i, unit in enumerate(self.sheet.units) if unit and unit.lower() == "sequence")
 
     def _channel(self, column: int, order: int, count: int) -> Channel:
         sheet = self.sheet
@@ -380,10 +392,13 @@ class SignalTable:
 
     def _clock(self, column: int, order: int, count: int) -> Clock:
         sheet, layout = self.sheet, self.layout
-        header = header_clock(sheet.path, sheet.metadata, channel=order, channels=count)
-        start = layout.start if layout.start is not None else header.start
+        header = header_clock(
+            sheet.path, sheet.metadata, channel=order, channels=count, decimal=sheet.dialect.decimal
+        )
+        start = layout.start if layout.start is not None else self._first_time(header)
         interval, tolerance, source = header.interval, header.interval_digit, header.source
         if layout.interval is not None:
+            header.check_declared(sheet.path, layout.interval)
             interval, tolerance, source = layout.interval, 0.0, "stated"
         number = self._time_column(column)
         if number is not None and interval is not None and start is not None and not self._time_unit(number):
@@ -391,7 +406,8 @@ class SignalTable:
         if number is None:
             if interval is None:
                 raise sheet.error(
-                    "has no time column that is recognised and no interval in its header",
+                    "has no time column that is recognised and no interval in its header"
+                    + (f" that is clear: {header.doubt}" if header.doubt else ""),
                     None,
                     'say in the layout time = "NAME", or interval = "100 ns"',
                 )
@@ -407,6 +423,25 @@ class SignalTable:
             start=start,
             source=source,
         )
+
+    def _first_time(self, header: HeaderClock) -> float | None:
+        """The header's start [s]; where samples are counted from it, the time of the first that is counted.
+
+        A count that begins at 1 names its samples; one of another number is how far the record is cut off.
+        """
+        sheet = self.sheet
+        if header.start is None or header.interval is None or not self.counts:
+            return header.start
+        count = sheet.values(self.counts[0])
+        steps = np.flatnonzero(np.diff(count) != 1.0)
+        if steps.size:
+            row = int(steps[0]) + 1
+            raise sheet.error(
+                f"column '{sheet.names[self.counts[0]]}' counts {count[row]:g} after {count[row - 1]:g}",
+                row,
+                "export every sample once, in order",
+            )
+        return header.start + (0.0 if count[0] == 1.0 else float(count[0])) * header.interval
 
     def _time_column(self, column: int) -> int | None:
         """The time column of a signal: the stated one, or the last one left of it, or the first."""
@@ -445,7 +480,7 @@ class SignalTable:
 
     def _unit_by_interval(self, number: int) -> str | None:
         """Seconds, where the column's steps are the very interval that the header states in seconds."""
-        header = header_clock(self.sheet.path, self.sheet.metadata)
+        header = header_clock(self.sheet.path, self.sheet.metadata, decimal=self.sheet.dialect.decimal)
         rows = len(self.sheet.rows)
         if header.interval is None or rows < FEWEST_STEPS:
             return None

@@ -17,7 +17,6 @@ import numpy as np
 from kolsky.base.arrays import FloatArray, IntArray
 from kolsky.base.errors import InputError
 from kolsky.base.files import decode, read_bytes
-from kolsky.base.units import dimension_of
 from kolsky.readers import delimited, excel, excel_97, hdf5, matlab
 from kolsky.readers.contents import Layout, file_hash
 from kolsky.readers.header import uncommented
@@ -55,10 +54,9 @@ def _layout_of(path: Path, lines: list[str], encoding: str) -> Layout:
         return PLAIN
     header = int(facts["header"])
     units = int(facts["units"]) if "units" in facts else None
-    if units is None and header > 1 and _all_units(dialect.split(lines[header - 1])):
-        header, units = header - 1, header
     utf8 = encoding.startswith("utf-8")
-    if utf8 and dialect.delimiter == "," and header == 1 and units is None:
+    plain = dialect.delimiter == "," or (dialect.fields == 1 and dialect.decimal == ".")
+    if utf8 and plain and header == 1 and units is None:
         return PLAIN
     return Layout(
         encoding=None if utf8 else encoding.split()[0],
@@ -68,11 +66,6 @@ def _layout_of(path: Path, lines: list[str], encoding: str) -> Layout:
         units_line=units,
         first_line=table.first + 1,
     )
-
-
-def _all_units(cells: list[str]) -> bool:
-    """True if every cell is a unit of something that a table of a shot holds."""
-    return all(dimension_of(cell.strip("()[] ") or "-") for cell in cells)
 
 
 def layout_in_words(path: Path) -> str:

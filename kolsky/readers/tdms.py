@@ -4,8 +4,9 @@ import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -47,7 +48,7 @@ def read(path: Path, layout: Layout) -> Contents:
         raise InputError(path, "needs npTDMS", cure="pip install 'kolsky[tdms]'") from None
     sha256 = file_hash(path)
     try:
-        with _strict(), path.open("rb") as stream, TdmsFile.open(stream) as file:
+        with _strict(), path.open("rb") as stream, TdmsFile.open(stream, raw_timestamps=True) as file:
             incomplete = file.file_status.incomplete_final_segment
             metadata = {str(k): str(v)[:500] for k, v in file.properties.items()}
             found = [
@@ -55,6 +56,7 @@ def read(path: Path, layout: Layout) -> Contents:
                 for group in file.groups()
                 for channel in group.channels()
             ]
+            waveforms = _waveforms(stream)
     except Exception as error:  # npTDMS lets whatever damaged bytes lead to through
         raise _damaged(path, error) from None
     if incomplete:
@@ -69,8 +71,10 @@ def read(path: Path, layout: Layout) -> Contents:
     times = [name for name, *_ in numeric if name == layout.time]
     if layout.time is not None and not times:
         raise InputError(path, f"has no channel '{layout.time}'", cure="correct time in the layout")
+    _check_joined(path, waveforms)
+    begins = [waveforms[name][0].begin for name, *_ in numeric if name in waveforms]
     channels = [
-        _channel(path, name, number, samples, properties, layout)
+        _channel(path, name, number, samples, properties, layout, _delay(waveforms.get(name), begins))
         for number, (name, samples, properties, _) in enumerate(numeric, start=1)
         if name not in times
     ]
@@ -78,7 +82,13 @@ def read(path: Path, layout: Layout) -> Contents:
 
 
 def _channel(
-    path: Path, name: str, number: int, samples: int, properties: dict[str, Any], layout: Layout
+    path: Path,
+    name: str,
+    number: int,
+    samples: int,
+    properties: dict[str, Any],
+    layout: Layout,
+    delay: float | None,
 ) -> Channel:
     check_samples(path, name, samples)
 
@@ -92,7 +102,10 @@ def _channel(
             raise InputError(
                 path, f"channel '{name}' has no wf_increment", cure='say in the layout interval = "100 ns"'
             )
-        return stated_clock(header.interval, header.start, header.source)
+        start, source = header.start, header.source
+        if delay is not None and layout.start is None:
+            start, source = (start or 0.0) + delay, f"{source}, wf_start_time"
+        return stated_clock(header.interval, start, source)
 
     unit = properties.get("unit_string") or properties.get("NI_UnitDescription")
     return Channel(
@@ -103,6 +116,97 @@ def _channel(
         values=lambda: _values(path, name),
         clock=clock,
     )
+
+
+@dataclass(frozen=True)
+class _Waveform:
+    """One stretch of a channel's samples."""
+
+    begin: Any
+    """`wf_start_time`, with its fractions of 2^-64 s."""
+    offset: float
+    """`wf_start_offset` [s]."""
+    interval: float
+    """`wf_increment` [s]; 0 if there is none."""
+    before: int
+    """Samples of the channel before it."""
+
+
+def _waveforms(stream: BinaryIO) -> dict[str, list[_Waveform]]:
+    """The waveforms of each channel that states when they began.
+
+    A segment may give a channel properties anew; npTDMS keeps the last ones, which would lay the samples of
+    two waveforms with a gap between them end to end.
+    """
+    from nptdms.common import ObjectPath
+    from nptdms.reader import TdmsReader
+
+    class Segments(TdmsReader):  # type: ignore[misc]
+        """Keeps the properties of each segment apart."""
+
+        def __init__(self, file: BinaryIO) -> None:
+            super().__init__(file)
+            self.properties: list[dict[str, Any]] = []
+
+        def _update_object_properties(self, segment_properties: dict[str, Any] | None) -> None:
+            self.properties.append(dict(segment_properties or {}))
+            super()._update_object_properties(segment_properties)
+
+    stream.seek(0)
+    reader = Segments(stream)
+    reader.read_metadata()
+    found: dict[str, list[_Waveform]] = {}
+    samples: dict[str, int] = {}
+    known: dict[str, dict[str, Any]] = {}
+    for segment, stated in zip(reader._segments, reader.properties, strict=True):
+        for item in segment.ordered_objects:
+            own = dict(stated.get(item.path) or {})
+            known.setdefault(item.path, {}).update(own)
+            parts = ObjectPath.from_string(item.path)
+            if not item.has_data or parts.channel is None:
+                continue
+            name = f"{parts.group}/{parts.channel}"
+            now = known[item.path]
+            if "wf_start_time" in now and ("wf_start_time" in own or name not in found):
+                found.setdefault(name, []).append(
+                    _Waveform(
+                        now["wf_start_time"],
+                        float(now.get("wf_start_offset", 0.0)),
+                        float(now.get("wf_increment", 0.0)),
+                        samples.get(name, 0),
+                    )
+                )
+            samples[name] = samples.get(name, 0) + item.number_values * segment.num_chunks
+    return found
+
+
+def _since(begin: Any, origin: Any) -> float:
+    """Seconds between two time stamps, exact to 2^-64 s."""
+    fractions = int(begin.second_fractions) - int(origin.second_fractions)
+    return float(int(begin.seconds) - int(origin.seconds)) + fractions * 2.0**-64
+
+
+def _check_joined(path: Path, waveforms: dict[str, list[_Waveform]]) -> None:
+    """Refuse a channel of several waveforms that do not follow each other sample by sample."""
+    for name, parts in waveforms.items():
+        first = parts[0]
+        for part in parts[1:]:
+            begin = _since(part.begin, first.begin) + part.offset - first.offset
+            gap = begin - part.before * first.interval
+            if abs(gap) > 0.5 * first.interval or part.interval != first.interval:
+                raise InputError(
+                    path,
+                    f"channel '{name}' holds several waveforms: sample {part.before + 1} was taken"
+                    f" {gap:.6g} s later than wf_increment puts it",
+                    cure="save every waveform in a channel or a file of its own",
+                )
+
+
+def _delay(waveforms: list[_Waveform] | None, begins: list[Any]) -> float | None:
+    """Seconds by which a channel begins after the earliest channel of the file; None if it states no time."""
+    if not waveforms:
+        return None
+    return max(_since(waveforms[0].begin, begin) for begin in begins)
 
 
 def _values(path: Path, name: str) -> FloatArray:

@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from kolsky.base.errors import InputError
@@ -122,7 +123,22 @@ def lines_of(path: Path, text: str, *, strict: bool = False) -> list[str]:
             line=broken,
             cure="end lines with a line feed (Unix) or with both (Windows)",
         )
-    return lines
+    return _whole_lines_unquoted(lines)
+
+
+def _whole_lines_unquoted(lines: list[str]) -> list[str]:
+    """Lines without the quotes around each whole line, as a spreadsheet saves what it took for one cell.
+
+    Only where most lines that are not empty are one quoted field that has fields inside.
+    """
+    filled = [line.strip() for line in lines if line.strip()]
+    quoted = [line for line in filled if _QUOTED_LINE.fullmatch(line) and _DIVIDED.search(line)]
+    if len(quoted) < _AGREEING_SHARE * len(filled):
+        return lines
+    return [
+        line.strip()[1:-1].replace('""', '"') if _QUOTED_LINE.fullmatch(line.strip()) else line
+        for line in lines
+    ]
 
 
 @dataclass(frozen=True)
@@ -155,9 +171,14 @@ def delimiter_of(text: str) -> Delimiter | None:
 
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
+_WHOLE, _FRACTION = re.compile(r"[+-]?\d+"), re.compile(r"\d+(?:[eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)", re.IGNORECASE)
 _LINES_COMPARED = 60
 """Lines at the end of the file that the choice rests on."""
+_FEWER_LINES = (20, 8, 3)
+"""Fewer of them, in turn, where those have no columns: a short table below many lines of other text."""
+_QUOTED_LINE = re.compile(r'"(?:[^"]|"")*"')
+_DIVIDED = re.compile(r"[\t;,]|\S[ ]+\S")
 _AGREEING_SHARE = 0.8
 """Share of them that must agree: one damaged line shall be named by its number, not change the choice."""
 
@@ -225,12 +246,23 @@ def find_dialect(
     characters = _characters() if delimiter is None else (declared_delimiter(path, delimiter),)
     decimals = (".", ",") if decimal is None else (declared_decimal(path, decimal),)
     filled = [line for line in lines[-4 * _LINES_COMPARED :] if line.strip()][-_LINES_COMPARED:]
-    found = [
-        dialect
-        for character in characters
-        for sign in decimals
-        if sign != character and (dialect := _columns(filled, character, sign)) is not None
-    ]
+    found: list[Dialect] = []
+    for count in (_LINES_COMPARED, *_FEWER_LINES):
+        tail = [
+            dialect
+            for character in characters
+            for sign in decimals
+            if sign != character and (dialect := _columns(filled[-count:], character, sign)) is not None
+        ]
+        # Remarks of two words look like columns between blanks: fewer lines may show another delimiter.
+        least = max(map(_share_of_numbers, found), default=(0.0, 0))
+        others = [d for d in tail if d.delimiter != BLANKS.character and _share_of_numbers(d) >= least]
+        found = others if found and others else found or tail
+        if any(d.delimiter != BLANKS.character for d in found):
+            break
+    if decimal is None and delimiter is None and any(_is_one_number(filled, lines, d) for d in found):
+        tab = DELIMITERS[0].character
+        found = [_columns(filled[-_FEWER_LINES[-1] :], tab, ",") or Dialect(tab, ",", 1, (0,))]
     several = [d for d in found if d.fields > 1] or found
     if delimiter is not None and found and found[0].fields == 1:
         better = _better_delimiter(filled, characters[0])
@@ -254,7 +286,12 @@ def find_dialect(
             cure="is it the right file? if so, mend the line, or say delimiter and decimal in a layout",
         )
     # max() keeps the first of equals: the order of `DELIMITERS`.
-    return max(several, key=lambda d: (len(d.numeric) / d.fields, len(d.numeric)))
+    return max(several, key=_share_of_numbers)
+
+
+def _share_of_numbers(dialect: Dialect) -> tuple[float, int]:
+    """Share of numbers among the columns that are not empty, and how many these are."""
+    return len(dialect.numeric) / (dialect.fields - len(dialect.empty)), len(dialect.numeric)
 
 
 def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | None:
@@ -276,6 +313,24 @@ def _columns(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | No
     empty = tuple(i for i, count in enumerate(filled) if count == 0)
     mostly = len(numeric) + len(empty) > fields / 2  # empty ones speak neither for nor against
     return Dialect(delimiter, decimal, fields, numeric, empty) if mostly else None
+
+
+def _is_one_number(filled: Sequence[str], lines: Sequence[str], dialect: Dialect) -> bool:
+    """True if two whole numbers beside a comma are the two parts of one number: "-0,128" below "Kraft [N]".
+
+    A second part that no whole number has ("012", behind "-0"), or a line of names without a comma, says so;
+    first parts that count the lines are a column.
+    """
+    if dialect.delimiter != COMMA.character or dialect.fields != 2 or len(dialect.numeric) != 2:
+        return False
+    rows = [dialect.split(line) for line in filled if dialect.is_samples(line)]
+    if not rows or not all(_WHOLE.fullmatch(a) and _FRACTION.fullmatch(b) for a, b in rows):
+        return False
+    first = next((i for i, line in enumerate(lines) if dialect.is_samples(line)), 0)
+    above = [line for line in lines[:first] if line.strip()]
+    named = bool(above) and "," not in above[-1] and above[-1].lstrip()[:1] not in ("#", "%", "!", "/")
+    counted = all(int(b) - int(a) == 1 for (a, _), (b, _) in pairwise(rows))
+    return not counted and (named or any(a == "-0" or (len(b) > 1 and b[0] == "0") for a, b in rows))
 
 
 def _last_word(lines: Sequence[str], characters: Sequence[str], decimals: Sequence[str]) -> tuple[int, str]:

@@ -97,7 +97,7 @@ def cih(**changes):
     return "\n".join(["#Camera Information Header", *lines, "END", ""])
 
 
-def cihx(*, inside="", width=16, height=6, frames=3, bit=12, depth=12):
+def cihx(*, inside="", width=16, height=6, frames=3, bit=12, depth=12, colours="Mono", segment=""):
     """XML of a Photron camera information header, between other bytes as the camera's software writes it."""
     return (
         b"\x01\x00\xff junk <?xml version='1.0'?>\n"
@@ -105,7 +105,7 @@ def cihx(*, inside="", width=16, height=6, frames=3, bit=12, depth=12):
             f"<cih>{inside}<recordInfo><recordRate>120000</recordRate></recordInfo><frameInfo><totalFrame>{frames}"
             f"</totalFrame><startFrame>-1</startFrame></frameInfo><imageFileInfo><fileFormat>MRaw</fileFormat>"
             f"</imageFileInfo><imageDataInfo><resolution><width>{width}</width><height>{height}</height>"
-            f"</resolution><colorInfo><type>Mono</type><bit>{bit}</bit></colorInfo><effectiveBit><depth>{depth}"
+            f"</resolution>{segment}<colorInfo><type>{colours}</type><bit>{bit}</bit></colorInfo><effectiveBit><depth>{depth}"
             "</depth><side>Lower</side></effectiveBit></imageDataInfo></cih>"
         ).encode()
         + b"\0\0 tail"

@@ -70,8 +70,7 @@ class Chessboard:
                 break
         if not found or corners is None or len(corners) != self.columns * self.rows:
             raise TargetNotFound(
-                f"no chessboard of {self.columns} x {self.rows} inner corners; is it wholly in view, and do "
-                "columns and rows count corners, not squares?"
+                f"no chessboard of {self.columns} x {self.rows} inner corners" + self._other_count(small)
             )
         pixels = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
         step = np.median(
@@ -81,3 +80,14 @@ class Chessboard:
         pixels = refined(picture, scale * (pixels + 0.5) - 0.5, reach)
         sigma = corner_sigma(picture, pixels, reach)
         return Detection(np.arange(len(pixels)), pixels, sigma)
+
+    def _other_count(self, image: NDArray[np.uint8]) -> str:
+        """What to correct: the count of a board that is there, with one corner more or fewer a side."""
+        for columns, rows in ((-1, -1), (-1, 0), (0, -1), (1, 1), (1, 0), (0, 1), (1, -1), (-1, 1)):
+            size = self.columns + columns, self.rows + rows
+            if min(size) >= 3 and cv2.findChessboardCornersSB(image, size)[0]:
+                return (
+                    f", but one of {size[0]} x {size[1]}: columns and rows count inner corners, that is "
+                    "squares less one (or the board is not wholly in view)"
+                )
+        return "; is it wholly in view, and do columns and rows count corners, not squares?"

@@ -99,6 +99,26 @@ def test_cihx(tmp_path):
     np.testing.assert_allclose(pictures.times, np.array([-1, 0, 1]) / 120e3, rtol=1e-15)
 
 
+def test_raw_of_a_camera_without_colours_is_grey_and_lies_on_the_sensor(tmp_path):
+    wrote, place = grey(12), "<segmentPos><x>256</x><y>384</y></segmentPos>"
+    device = "<deviceInfo><deviceName>FASTCAM SA-Z type 2100K-M-32GB</deviceName></deviceInfo>"
+    header = cihx(colours="Raw", segment=place, inside=device)
+    pictures = open_pictures(mraw(tmp_path, packed(wrote, 12), header, ".cihx"))
+    np.testing.assert_array_equal(read_all(pictures), wrote)
+    assert pictures.crop_offset == (256.0, 384.0)
+
+
+def test_raw_of_a_colour_camera_and_a_damaged_place_are_refused(tmp_path):
+    device = "<deviceInfo><deviceName>FASTCAM SA-Z type 2100K-C-32GB</deviceName></deviceInfo>"
+    with pytest.raises(PictureError, match="raw pictures of the colour camera"):
+        open_pictures(mraw(tmp_path, packed(grey(12), 12), cihx(colours="Raw", inside=device), ".cihx"))
+    lost = mraw(
+        tmp_path, packed(grey(12), 12), cihx(segment="<segmentPos><x>left</x><y>0</y></segmentPos>"), ".cihx"
+    )
+    with pytest.raises(PictureError, match='"segmentPos" must be two whole numbers'):
+        open_pictures(lost)
+
+
 def test_mraw_shorter_than_its_header_says(tmp_path):
     wrote = grey(12)
     pictures = open_pictures(mraw(tmp_path, packed(wrote, 12)[:-1], cihx(frames=1000), ".cihx"))

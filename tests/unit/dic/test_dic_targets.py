@@ -135,6 +135,20 @@ def test_a_chessboard_is_located():
     assert min(np.sqrt(np.mean(e**2)) for e in errors) < 0.03  # rays place an edge to 0.25 px, see above
 
 
+def test_a_board_of_which_squares_were_counted_says_its_inner_corners():
+    R, t = pose((0.2, 0.3, 0.3), (4.8e-3, 3.0e-3), 0.1)
+
+    def paint(X):
+        place = np.floor(X / 1.2e-3).astype(int) + 1
+        board = np.all((X > -1.8e-3) & (X < [11.4e-3, 7.8e-3]), axis=1)
+        printed = np.all((place >= 0) & (place < [10, 7]), axis=1)
+        return board * np.where(printed & (place.sum(axis=1) % 2 == 0), 0.0, 1.0)
+
+    picture = averaged(flat(paint, R, t), noise=1.0)
+    with pytest.raises(TargetNotFound, match=r"10 x 7 inner corners, but one of 9 x 6: .* squares less one"):
+        detect(picture, Chessboard(columns=10, rows=7, pitch=1.2e-3))
+
+
 def test_a_charuco_board_is_numbered_by_its_markers():
     board = Charuco(columns=7, rows=5, pitch=4e-3, marker=3e-3, dictionary="DICT_4X4_50")
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)

@@ -50,7 +50,7 @@ def test_a_clock_that_is_not_known_says_why_and_an_option_settles_it(tmp_path):
     assert run.exit_code == 0
     assert "is rounded to 1e-06 s" in run.stdout
     run = runner.invoke(app, ["channels", str(path), "--interval", "100 ns"])
-    assert "every 1e-07 s: stated" in run.stdout
+    assert "every 1e-07 s (10 MHz, 400 samples, 40 us): stated" in run.stdout
 
 
 @pytest.mark.parametrize(
