@@ -100,7 +100,7 @@ TRACEBACKS = (
     Named("a clock that starts at infinity", "refused", (f"{_LIMITS}::test_a_clock_is_finite",)),
     Named("forces of 1e308", "refused", (f"{_LIMITS}::test_no_sample_is_larger_than_anything_measured",)),
     Named("YAML and JSON nested 100 000 deep", "refused",
-          (f"{_UNIT}/dic/test_deep_camera_files.py::test_deep_nesting_is_refused",)),
+          (f"{_UNIT}/dic/test_dic_camera_files.py::test_deep_nesting_is_refused",)),
     Named("`--dask` with a file that is none", "refused",
           (f"{_DASK}::test_a_file_that_is_no_scheduler_file",)),
     Named("a wave speed of 1e300 m/s", "refused with its line",
