@@ -1,39 +1,34 @@
 """`kolsky material healing`: healing efficiencies from tensile tests to fracture."""
 
-import json
 import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from kolsky.base.errors import InputError
+from kolsky.base.options import Option
 from kolsky.cli import texts
-from kolsky.cli.material_fit import ColumnOptions, poisson_of, read_tests
-from kolsky.cli.options import AsJson, OutFolder
+from kolsky.cli.material_fit import poisson_of, read_tests
+from kolsky.cli.options import OutFolder
+from kolsky.material.fits.columns import Columns
 
 if TYPE_CHECKING:
     from kolsky.material.fits.properties import Healing
 
-TENSILE = ColumnOptions(convention="tension-positive")
+TENSILE = Columns(convention="tension-positive")
 
 
 def material_healing(
-    undamaged: Annotated[
-        list[str], typer.Option(metavar="FILE", help="Tensile test of an undamaged specimen; repeat.")
-    ],
-    healed: Annotated[
-        list[str], typer.Option(metavar="FILE", help="Tensile test of a healed specimen; repeat.")
-    ],
+    undamaged: Annotated[list[str], Option("Tensile test of an undamaged specimen; repeat.", metavar="FILE")],
+    healed: Annotated[list[str], Option("Tensile test of a healed specimen; repeat.", metavar="FILE")],
     *,
-    columns: ColumnOptions = TENSILE,
-    law: Annotated[str, typer.Option(help="Law whose constants are compared.")] = "neo_hookean",
+    columns: Columns = TENSILE,
+    law: Annotated[str, Option("Law whose constants are compared.")] = "neo_hookean",
     poisson: Annotated[
-        str | None, typer.Option(help="Poisson's ratio at rest.", show_default="incompressible")
+        float | None,
+        Option("Poisson's ratio at rest.", metavar="RATIO", show_default="incompressible", read=poisson_of),
     ] = None,
     out: OutFolder = Path("healing"),
-    as_json: AsJson = False,
 ) -> None:
     """Healing efficiencies of modulus, constants, fracture stress and strain, with their uncertainties.
 
@@ -43,25 +38,18 @@ def material_healing(
     from kolsky.base.files import filling, usable_folder, write_table
     from kolsky.cli.terminal import print_result
     from kolsky.material.fits.properties import healing
+    from kolsky.report.specimen_folder import write_json
 
     texts.one_of("--law", law, tuple(LAWS))
-    ratio, free = poisson_of(poisson, "")
-    assert not free
+    texts.refuse({"--poisson free": poisson == "free"}, "needs a lateral strain", "give a number")
     folder = usable_folder(out)
-    chosen = columns.columns()
-    groups = [read_tests(files, chosen) for files in (undamaged, healed)]
+    groups = [read_tests(files, columns) for files in (undamaged, healed)]
     both = set(groups[0][1]) & set(groups[1][1])
     if both:
         raise InputError(sorted(both)[0], "is named as undamaged and as healed", cure="name it once")
-    try:
-        found = healing(groups[0][0], groups[1][0], law=law, poisson=ratio)
-    except ValueError as error:
-        raise InputError(
-            texts.COMMAND_LINE,
-            str(error),
-            cure="correct the option; `kolsky material healing --help` shows each",
-        ) from error
-    said = {
+    with texts.refused("correct the option; `kolsky material healing --help` shows each"):
+        found = healing(groups[0][0], groups[1][0], law=law, poisson=poisson)
+    content = {
         "inputs": {"undamaged": groups[0][1], "healed": groups[1][1]},
         "law": law,
         "properties": {
@@ -74,21 +62,20 @@ def material_healing(
         "remarks": list(found.remarks),
     }
     with filling(folder) as partial:
-        text = json.dumps(said, indent=2, allow_nan=False) + "\n"
-        (partial / "healing.json").write_text(text, encoding="utf-8")
+        write_json(partial / "healing.json", content)
         write_table(partial / "healing.csv", _table(found))
         write_table(partial / "healing_specimens.csv", _specimens(found))
     print_result(
         {},
-        said if as_json else None,
-        answers=_lines(found),
-        rest={"table": folder / "healing.csv"},
+        content,
+        lines=_lines(found),
+        files={"table": folder / "healing.csv"},
         warnings=found.remarks,
     )
 
 
 def _json(value: Any) -> Any:
-    """Numbers for JSON: what is not known is null."""
+    """Numbers for JSON; an unknown one is null."""
     if isinstance(value, dict):
         return {name: _json(part) for name, part in value.items()}
     return None if isinstance(value, float) and not math.isfinite(value) else value

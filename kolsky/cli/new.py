@@ -3,7 +3,6 @@
 An existing file is left unchanged.
 """
 
-import json
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kolsky.base.errors import InputError
-from kolsky.cli.options import AsJson
+from kolsky.base.options import Option
+from kolsky.cli.terminal import as_json, print_json
 
 if TYPE_CHECKING:
     from kolsky.survey.pictures import PictureSurvey
@@ -49,17 +49,11 @@ def new(
     folder: Annotated[
         Path, typer.Argument(metavar="FOLDER", help="Where the shot's raw files are or will be.")
     ],
-    bars: Annotated[
-        bool, typer.Option("--bars", help="For a test between bars with strain gauges, without cameras.")
-    ] = False,
-    pictures: Annotated[
-        bool, typer.Option("--pictures", help="For pictures of two cameras in place of exports.")
-    ] = False,
+    bars: Annotated[bool, Option("For a test between bars with strain gauges, without cameras.")] = False,
+    pictures: Annotated[bool, Option("For pictures of two cameras in place of exports.")] = False,
     previous: Annotated[
-        Path | None,
-        typer.Option("--from", metavar="SHOT", help="The last shot of a series; its apparatus stays."),
+        Path | None, Option("The last shot of a series; its apparatus stays.", name="from", metavar="SHOT")
     ] = None,
-    as_json: AsJson = False,
 ) -> None:
     """Write a shot.toml: files, columns, units and clocks as found, facts blank; one that exists is kept."""
     from kolsky.survey.tables import survey
@@ -74,8 +68,8 @@ def new(
         text = written(found, folder, bars=bars, pictures=series, last=last)
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
-    if as_json:
-        typer.echo(json.dumps(_found_lines(path, text, found, bars=bars, pictures=series), indent=2))
+    if as_json():
+        print_json(_found_lines(path, text, found, bars=bars, pictures=series))
         return
     if bars:
         for table in found.recordings:

@@ -1,17 +1,39 @@
 """Texts of the command line turned into typed settings; every refusal says what was expected."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from math import prod
 from pathlib import Path
 
 from kolsky.base.apparatus import RelaxationKind
 from kolsky.base.errors import InputError
-
-COMMAND_LINE = Path("command line")
+from kolsky.base.options import COMMAND_LINE
 
 
 def _refuse(option: str, text: str, expected: str) -> InputError:
     return InputError(COMMAND_LINE, f"{option} {text!r} cannot be read", cure=f"write {expected}")
+
+
+@contextmanager
+def refused(
+    cure: str,
+    *,
+    place: str | Path = COMMAND_LINE,
+    before: str = "",
+    errors: tuple[type[Exception], ...] = (ValueError,),
+) -> Iterator[None]:
+    """Make a ValueError inside it, or one of the errors, bad input with a cure; `before` begins its line."""
+    try:
+        yield
+    except errors as error:
+        raise InputError(place, f"{before}{error}", cure=cure) from error
+
+
+def refuse(given: Mapping[str, bool], problem: str, cure: str) -> None:
+    """Refuse the options that are given, by name, where they have no effect."""
+    names = [option for option, is_given in given.items() if is_given]
+    if names:
+        raise InputError(COMMAND_LINE, f"{', '.join(names)} {problem}", cure=cure)
 
 
 def listed(text: str) -> tuple[str, ...]:
@@ -19,11 +41,11 @@ def listed(text: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in text.split(",") if part.strip())
 
 
-def figure_formats(text: str) -> tuple[str, ...]:
-    """ "pdf,svg" as formats of figures that are saved alone."""
+def figure_formats(option: str, text: str) -> tuple[str, ...]:
+    """ "pdf,svg" as formats of figures that are saved as files."""
     from kolsky.report import FIGURE_FORMATS
 
-    return tuple(one_of("--figures", name, FIGURE_FORMATS) for name in listed(text))
+    return tuple(one_of(option, name, FIGURE_FORMATS) for name in listed(text))
 
 
 def numbers(option: str, text: str) -> list[float]:
@@ -58,12 +80,10 @@ def plain_or_text(value: object) -> object:
 
 def physical(option: str, text: str, unit: str, *, positive: bool = False) -> float:
     """ "0.2 um/N" as a number in a unit of SI; above zero if it must be positive."""
-    from kolsky.base.units import UnitError, quantity
+    from kolsky.base.units import quantity
 
-    try:
+    with refused("write it as `--help` shows", before=f"{option}: "):
         value = quantity(text, unit)
-    except UnitError as error:
-        raise InputError(COMMAND_LINE, f"{option}: {error}", cure="write it as `--help` shows") from None
     if positive and not value > 0.0:
         raise InputError(COMMAND_LINE, "is not allowed", key=option, value=text, allowed=f"> 0 {unit}")
     return value
@@ -200,19 +220,11 @@ def one_of(option: str, text: str, choices: Sequence[str]) -> str:
 
 
 def relaxation(option: str, text: str) -> tuple[RelaxationKind, int]:
-    """A kind of relaxation and its branches: "prony", "prony:2", "bergstrom_boyce".
-
-    Raises
-    ------
-    InputError
-        If it is none of these.
-    """
+    """A kind of relaxation and its branches: "prony", "prony:2", "bergstrom_boyce"."""
     from kolsky.inverse.parameters import parsed_kind
 
-    try:
+    with refused("write it as `--help` shows", before=f"{option}: "):
         return parsed_kind(text)
-    except ValueError as error:
-        raise InputError(COMMAND_LINE, f"{option}: {error}", cure="write it as `--help` shows") from None
 
 
 def finer(option: str, refined: tuple[int, int], than: str, mesh: tuple[int, int]) -> None:
@@ -243,35 +255,26 @@ def installed(option: str, package: str, extra: str) -> None:
         )
 
 
+_WITH_UNIT = "write it as `--help` shows, with a unit"
+
+
 def _known(option: str, whole: str, name: str) -> str:
     """The unit of a parameter that exists."""
     from kolsky.inverse.parameters import parameter
 
-    try:
+    with refused(_WITH_UNIT, before=f"{option} {whole!r}: "):
         return parameter(name).unit
-    except ValueError as error:
-        raise InputError(
-            COMMAND_LINE, f"{option} {whole!r}: {error}", cure="write it as `--help` shows, with a unit"
-        ) from None
 
 
 def _value(option: str, whole: str, name: str, text: str) -> float:
-    from kolsky.base.units import UnitError, quantity
+    """A parameter's value in SI, inside its allowed range."""
+    from kolsky.base.units import quantity
     from kolsky.inverse.parameters import checked_value
 
     unit = _known(option, whole, name)
-    try:
-        number = float(text)
-    except ValueError:
+    with refused(_WITH_UNIT, before=f"{option} {whole!r}: "):
         try:
+            number = float(text)
+        except ValueError:
             number = quantity(text, unit)
-        except UnitError as error:
-            raise InputError(
-                COMMAND_LINE, f"{option} {whole!r}: {error}", cure="write it as `--help` shows, with a unit"
-            ) from None
-    try:
         return checked_value(name, number)
-    except ValueError as error:
-        raise InputError(
-            COMMAND_LINE, f"{option} {whole!r}: {error}", cure="write it as `--help` shows, with a unit"
-        ) from None

@@ -116,4 +116,4 @@ def _wide(values: FloatArray) -> FloatArray:
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write an object of JSON types."""
-    path.write_text(json.dumps(content, indent=2, allow_nan=False), encoding="utf-8")
+    path.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
