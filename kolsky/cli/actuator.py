@@ -103,23 +103,23 @@ def actuator_invert(
     if section is None:
         raise read.toml.error("invert", "is missing", cure='add [invert] with angles = ["20 deg"] and most')
     folder = usable_folder(out or read.toml.path.with_suffix("") / "invert")
-    found: dict[str, list[Inversion]] = {}
+    inversions: dict[str, list[Inversion]] = {}
     for name, g in read.gravities.items():
-        found[name] = []
+        inversions[name] = []
         for angle in section.angles:
             if len(read.actuator.cavities) == 1 and section.tip is None:
                 one = pressure_for(read.actuator, g, angle, most=section.most)
             else:
                 one = pressures_for(read.actuator, g, angle=angle, tip=section.tip, most=section.most)
-            found[name].append(one)
+            inversions[name].append(one)
     warnings = [
         f"{name}: the pressure for {57.29577951308232 * one.angle:.4g}° is not a solution: {one.ended.value}"
-        for name, each in found.items()
+        for name, each in inversions.items()
         for one in each
         if one.ended is not SearchEnd.YES
     ]
-    view = ActuatorView(read.name, inversions=found, warnings=warnings)
-    content = inversions_json(found, read.inputs)
+    view = ActuatorView(read.name, inversions=inversions, warnings=warnings)
+    content = inversions_json(inversions, read.inputs)
     _write_result(folder, view, content, read.inputs, figures)
 
 

@@ -97,23 +97,23 @@ def wavespeed(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
     from kolsky.schema.shot_file import folder_of
     from kolsky.shot.waves import wave_speed_of, wave_speed_summary, write_residual
 
-    name, found, notes = wave_speed_of(shot)
+    shot_name, speed, notes = wave_speed_of(shot)
     folder = usable_folder(out or folder_of(shot) / "results")
     with filling(folder) as partial:
-        write_residual(partial / "wavespeed.csv", found)
-        save_figures_alone(partial, found, figures)
+        write_residual(partial / "wavespeed.csv", speed)
+        save_figures_alone(partial, speed, figures)
     print_result(
         {
-            "shot": name,
-            "wave speed c0": f"{found.wave_speed:.2f} ± {2.0 * found.wave_speed_sigma:.2f} m/s (k = 2)",
-            "gain, transmission over incident": f"{found.gain:.5f} ± {2.0 * found.gain_sigma:.5f} (k = 2)",
-            "residual, rms of peak": f"{100.0 * found.rms:.2f} %",
-            "residual, largest of peak": f"{100.0 * found.largest:.2f} %",
-            "plain shift, rms": f"{100.0 * found.plain_rms:.2f} % at {found.plain_wave_speed:.1f} m/s",
-            "by Poisson's ratio": f"{found.by_poisson:.3g} m/s per unit",
-            "by distance": f"{found.wave_speed / found.distance * 1e-3:.3g} m/s per mm",
+            "shot": shot_name,
+            "wave speed c0": f"{speed.wave_speed:.2f} ± {2.0 * speed.wave_speed_sigma:.2f} m/s (k = 2)",
+            "gain, transmission over incident": f"{speed.gain:.5f} ± {2.0 * speed.gain_sigma:.5f} (k = 2)",
+            "residual, rms of peak": f"{100.0 * speed.rms:.2f} %",
+            "residual, largest of peak": f"{100.0 * speed.largest:.2f} %",
+            "plain shift, rms": f"{100.0 * speed.plain_rms:.2f} % at {speed.plain_wave_speed:.1f} m/s",
+            "by Poisson's ratio": f"{speed.by_poisson:.3g} m/s per unit",
+            "by distance": f"{speed.wave_speed / speed.distance * 1e-3:.3g} m/s per mm",
         },
-        {"shot": name, **wave_speed_summary(found), "remarks": list(notes)},
+        {"shot": shot_name, **wave_speed_summary(speed), "remarks": list(notes)},
         files={"residual": folder / "wavespeed.csv"},
         warnings=notes,
     )
@@ -146,17 +146,17 @@ def repeats(
     from kolsky.shot import waves
 
     folder = usable_folder(out)
-    with progress_bars() as progress, texts.refused("give two tests or more of one specimen and setup"):
-        found = waves.repeats(shots, progress=progress)
+    with progress_bars() as progress, texts.refused(cure="give two tests or more of one specimen and setup"):
+        curves = waves.repeats(shots, progress=progress)
     with filling(folder) as partial:
-        write_table(partial / "repeats.csv", found.columns())
-        save_figures_alone(partial, found.mean, figures)
-    summary = found.summary()
+        write_table(partial / "repeats.csv", curves.columns())
+        save_figures_alone(partial, curves.mean, figures)
+    summary = curves.summary()
     (first, last), largest = summary["strain_range"], summary["largest_mean_stress"]
     low, high = largest["band"]
     print_result(
         {
-            "tests": ", ".join(found.names),
+            "tests": ", ".join(curves.names),
             "strains": f"{first:.4g} to {last:.4g}",
             "largest mean stress": f"{largest['value']:.4g} Pa, 95 % band {low:.4g} to {high:.4g} Pa"
             f" at strain {largest['strain']:.4g}",
@@ -164,5 +164,5 @@ def repeats(
         },
         summary,
         files={"curves": folder / "repeats.csv"},
-        warnings=found.mean.repeats.remarks,
+        warnings=curves.mean.repeats.remarks,
     )

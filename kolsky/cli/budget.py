@@ -97,10 +97,10 @@ def budget(
     if free:
         settings = replace(settings, free=dict.fromkeys(texts.listed(free)))
     cure = "correct the specification, or take more draws"
-    with texts.refused(cure, place=test, errors=(ValueError, LedgerError)):
+    with texts.refused(cure=cure, place=test, errors=(ValueError, LedgerError)):
         factors = factors_of({key: texts.plain_or_text(value) for key, value in sizes.items()})
         with workers.executor() as executor, sweep_progress() as progress:
-            found = budgets.budget(
+            budgeted = budgets.budget(
                 quantities,
                 factors,
                 settings=settings,
@@ -115,20 +115,20 @@ def budget(
     campaign, unplanned = None, ""
     if slope is not None:
         try:
-            campaign = plan_campaign(rates[0], rates[1], slope, shot_sigma(found[0], scatter))
+            campaign = plan_campaign(rates[0], rates[1], slope, shot_sigma(budgeted[0], scatter))
         except ValueError as error:
             unplanned = str(error)
-    write_budget_results(folder, found, campaign, formats=figures)
+    write_budget_results(folder, budgeted, campaign, formats=figures)
     if unplanned:
         raise InputError(
             test,
             f"no campaign can be planned, and {folder / 'budget.html'} has none: {unplanned}",
             cure="budget more factors, or leave --rates out",
         )
-    summary = {**printed(found[0], campaign), "page": str(folder / "budget.html")}
+    summary = {**printed(budgeted[0], campaign), "page": str(folder / "budget.html")}
     how = made_with(numerics.mesh, settings.refined_mesh, quantities.truth.mesh, draws, together)
-    listed = [facts(one, campaign) for one in found]
-    print_result(summary, jsonable({"made_with": how, "budgets": listed}, "budget"))
+    entries = [facts(one, campaign) for one in budgeted]
+    print_result(summary, jsonable({"made_with": how, "budgets": entries}, "budget"))
 
 
 def _specification(test: Path, folder: Path) -> Path:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def check(shot: ShotPath, out: Out = None) -> None:
-    """Read a shot, refuse what cannot be right, and show what was understood.
+    """Read a shot, reject impossible values, and show how its files were read.
 
     For a test between bars it shows the files, the strains at the gauges, arrivals and windows, without a
     reduction. It also writes a page with the signals on one clock, the window and the outline at three
@@ -63,9 +63,9 @@ def channels(
         Option('Time between samples, e.g. "100 ns".', unit="s", show_default="found in the file"),
     ] = None,
 ) -> None:
-    """Show what is in a recorder's file: channels, units, clock, and how the file was understood.
+    """Show the contents of a recorder's file: channels, units, clock, and how the file was read.
 
-    The options are the keys of a `layout` in shot.toml, to try them out.
+    The options are the keys of a `layout` in shot.toml.
     """
     from kolsky.readers.contents import Layout
     from kolsky.readers.recordings import list_channels
@@ -81,11 +81,11 @@ def channels(
         time_unit=time_unit,
         interval=interval,
     )
-    found = list_channels(file, layout=layout)
+    infos = list_channels(file, layout=layout)
     if as_json():
-        print_json(_channels_json(file, found))
+        print_json(_channels_json(file, infos))
     else:
-        typer.echo(_channel_table(file, found))
+        typer.echo(_channel_table(file, infos))
 
 
 def _channel_unit(channel: "ChannelInfo") -> str | None:
@@ -95,8 +95,8 @@ def _channel_unit(channel: "ChannelInfo") -> str | None:
     return channel.unit or heading_unit(channel.name)
 
 
-def _channels_json(file: Path, found: "list[ChannelInfo]") -> dict[str, Any]:
-    first = asdict(found[0])
+def _channels_json(file: Path, infos: "list[ChannelInfo]") -> dict[str, Any]:
+    first = asdict(infos[0])
     return {
         "file": str(file),
         "found": first["facts"],
@@ -104,19 +104,19 @@ def _channels_json(file: Path, found: "list[ChannelInfo]") -> dict[str, Any]:
         "channels": [
             {key: value for key, value in asdict(channel).items() if key not in ("facts", "metadata")}
             | {"unit": _channel_unit(channel)}
-            for channel in found
+            for channel in infos
         ],
     }
 
 
-def _channel_table(file: Path, found: "list[ChannelInfo]") -> str:
-    facts, metadata = found[0].facts, found[0].metadata
+def _channel_table(file: Path, infos: "list[ChannelInfo]") -> str:
+    facts, metadata = infos[0].facts, infos[0].metadata
     lines = [str(file), *(f"  {key}: {value}" for key, value in facts.items()), ""]
-    width = max(len(channel.name) for channel in found)
-    for channel in found:
+    width = max(len(channel.name) for channel in infos)
+    for channel in infos:
         unit = _channel_unit(channel) or "unit not stated"
         lines.append(f"  {channel.number:>3}  {channel.name:<{width}}  {unit}  {channel.samples} samples")
-    for words, clock in dict.fromkeys((c.time, (c.start, c.interval)) for c in found):
+    for words, clock in dict.fromkeys((c.time, (c.start, c.interval)) for c in infos):
         start, interval = clock
         regular = "" if interval is None else f"from {start:.9g} s every {interval:.9g} s: "
         lines += ["", f"  time: {regular}{words}"]

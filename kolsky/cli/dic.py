@@ -67,26 +67,30 @@ def dic(
         from kolsky.report.result_folder import drawing_processes, write_dic_results
         from kolsky.shot.optical_data import RESULT_FILE, surfaces
 
-        found = surfaces(
+        surfaces_of_shot = surfaces(
             loaded.pictures, folder, device=device, again=repeat, progress=progress, cameras=cameras
         )
-        result, now = found.result, perf_counter()
-        times = {name: result.seconds[name] for name in ("calibration", "correlation")} if found.fresh else {}
+        result, now = surfaces_of_shot.result, perf_counter()
+        times = (
+            {name: result.seconds[name] for name in ("calibration", "correlation")}
+            if surfaces_of_shot.fresh
+            else {}
+        )
         times["surfaces file"] = now - began - sum(times.values())
         now = perf_counter()
         write_dic_results(
-            folder, loaded, found, formats=figures, csv=csv, vtp=vtp, processes=drawing_processes()
+            folder, loaded, surfaces_of_shot, formats=figures, csv=csv, vtp=vtp, processes=drawing_processes()
         )
         times["files and page"] = perf_counter() - now
     print_result(
-        found.rows(),
-        {"shot": loaded.name, **found.summary()},
+        surfaces_of_shot.rows(),
+        {"shot": loaded.name, **surfaces_of_shot.summary()},
         files={
-            "result": f"{folder / RESULT_FILE}" + ("" if found.fresh else " (as it was)"),
+            "result": f"{folder / RESULT_FILE}" + ("" if surfaces_of_shot.fresh else " (as it was)"),
             "page": folder / "dic.html",
             "stages": ", ".join(f"{name} {value:.1f} s" for name, value in times.items()),
         },
-        warnings=found.warnings,
+        warnings=surfaces_of_shot.warnings,
     )
 
 
@@ -186,35 +190,35 @@ def calibrate(
     toml, section = read_calibration_toml(source)
     folder = usable_folder(out or toml.path.parent / "results")
     with progress_bars() as progress, single_threaded_libraries():
-        found = calibration_of(toml, section, progress)
+        calibration = calibration_of(toml, section, progress)
     from kolsky.report.figures_alone import save_figures_alone
     from kolsky.report.pages.calibration import write_page
 
     with filling(folder) as partial:
         cure = "is it the folder of a calibration series of this target? look at the pictures named"
-        with texts.refused(cure, place=folder, errors=(CameraFileError,)):
-            write_rig(partial / _RIG_FILE, found.rig, "opencv")
+        with texts.refused(cure=cure, place=folder, errors=(CameraFileError,)):
+            write_rig(partial / _RIG_FILE, calibration.rig, "opencv")
             for name in exports:
-                write_rig(partial / f"rig-{name}{formats[name].suffix}", found.rig, name)
-        write_calibration_points(partial / "calibration.csv", found)
-        write_page(partial / "calibration.html", toml.path.parent.resolve().name, found)
-        save_figures_alone(partial, found, figures)
+                write_rig(partial / f"rig-{name}{formats[name].suffix}", calibration.rig, name)
+        write_calibration_points(partial / "calibration.csv", calibration)
+        write_page(partial / "calibration.html", toml.path.parent.resolve().name, calibration)
+        save_figures_alone(partial, calibration, figures)
     print_result(
-        summary(found),
-        {**calibration_json(found), "warnings": warnings(found)},
-        lines=_calibration_pairs(found),
+        summary(calibration),
+        {**calibration_json(calibration), "warnings": warnings(calibration)},
+        lines=_calibration_pairs(calibration),
         files={
             "cameras": folder / _RIG_FILE,
             "page": folder / "calibration.html",
         },
-        warnings=warnings(found),
+        warnings=warnings(calibration),
     )
 
 
-def _calibration_pairs(found: "Calibration") -> list[str]:
+def _calibration_pairs(calibration: "Calibration") -> list[str]:
     """A line for each pair: residuals of the two cameras, and what became of it."""
     lines = ["  pair        camera 0    camera 1    points"]
-    for pair in found.pairs:
+    for pair in calibration.pairs:
         rms = [f"{view.rms:9.4f} px" if view is not None else "         -  " for view in pair.views]
         points = " + ".join(str(int(view.used.sum())) for view in pair.views if view is not None)
         word = "" if pair.outcome.value == 0 else f"  {pair.outcome.name.lower().replace('_', ' ')}"

@@ -112,7 +112,7 @@ def paper_answer(
     given = {name: span for name, span in (settings.free or {}).items() if span and name in BOUNDS}
     try:
         with progress_bars() as progress:
-            found = paper_method(
+            result = paper_method(
                 with_pull(shot, settings.pull),
                 bounds=given,
                 held=settings.held,
@@ -123,11 +123,11 @@ def paper_answer(
             )
     except (ValueError, LedgerError, OSError) as error:
         return {}, {paper.STEM: None}, [f"the paper's method has no answer: {error}"]
-    paper.write_paper_method(folder, found)
+    paper.write_paper_method(folder, result)
     return (
-        paper.rows(found),
-        {paper.STEM: paper.to_json(found)},
-        paper.paper_warnings(found),
+        paper.rows(result),
+        {paper.STEM: paper.to_json(result)},
+        paper.paper_warnings(result),
     )
 
 
@@ -306,12 +306,12 @@ def identify(
         texts.installed("--bayes", "emcee", "bayes")
     if not each:
         problem = "is for shots that are identified one by one"
-        texts.refuse(changed(workers), problem, "give --each, or leave it out")
+        texts.refuse(changed(workers), problem, cure="give --each, or leave it out")
     if (len(shots) > 1 or joint.is_needed) and not each:
         texts.refuse(
             {"--method": method != "least-squares", "--bayes": settings.bayes, "--diagnose": diagnose},
             "is for one shot by itself",
-            "leave it out, or identify the shots one by one",
+            cure="leave it out, or identify the shots one by one",
         )
         identify_shots(shots, joint, settings, relaxation=relaxation, out=out, figures=figures)
         return
@@ -326,7 +326,7 @@ def identify(
     )
     if each:
         problem = "is for several shots together"
-        texts.refuse(changed(joint), problem, "leave it out, or leave out --each")
+        texts.refuse(changed(joint), problem, cure="leave it out, or leave out --each")
         identify_each(shots, job, workers)
         return
     from kolsky.cli.terminal import print_result

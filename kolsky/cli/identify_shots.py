@@ -48,7 +48,7 @@ class JointOptions:
         shared = ("free", "held", "hold", "numerics", "refined_mesh", "replicates", "seed")
         joint = ("curve_nodes", "curve_roughness", "gain_each", "scatter")
         cure = "correct the option; `kolsky identify --help` shows each with its range"
-        with texts.refused(cure):
+        with texts.refused(cure=cure):
             return JointSettings(
                 **{name: getattr(settings, name) for name in shared},
                 **{name: getattr(self, name) for name in joint},
@@ -91,7 +91,7 @@ def identify_shots(
     folder = usable_folder(out or Path(STEM))
     folder.mkdir(parents=True, exist_ok=True)
     cure = "give shots of one material with one set of free parameters"
-    refused = texts.refused(cure, place=shots[0].folder, errors=(ValueError, LedgerError))
+    refused = texts.refused(cure=cure, place=shots[0].folder, errors=(ValueError, LedgerError))
     with progress_bars() as progress, refused:
         result = joint_identification.identify_shots(
             shots, chosen, slow=slow, ledger=folder / f"{STEM}.sqlite", progress=progress

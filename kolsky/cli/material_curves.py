@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from kolsky.studies.rate_dependence import SlowDynamics
 
 
-_COLUMN = Option("By name or number.", metavar="COLUMN", show_default="")
+_COLUMN = Option("Column, by name or number.", metavar="COLUMN", show_default="")
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,9 @@ def reference_curve(
     Writes the curve with its uncertainties, E_a over strain and time, and the table for shot.toml.
     """
     if out.suffix != ".csv":
-        raise InputError(texts.COMMAND_LINE, "is no table", key="--out", value=str(out), allowed="FILE.csv")
+        raise InputError(
+            texts.COMMAND_LINE, "is not a table", key="--out", value=str(out), allowed="FILE.csv"
+        )
     from kolsky.base.files import filling, usable_folder
     from kolsky.cli.terminal import print_result
     from kolsky.material import reference_curve as curves
@@ -218,7 +220,7 @@ def reference_curve(
         raise InputError(texts.COMMAND_LINE, "--bulge and --bulge-sigma belong together", cure="give both")
     size = _specimen_of(diameter, length)
     cure = "correct the option; `kolsky material reference-curve --help` shows each"
-    with texts.refused(cure):
+    with texts.refused(cure=cure):
         treatment = curves.Treatment(
             toe=toe or Toe(),
             compliance=compliance or 0.0,
@@ -246,11 +248,11 @@ def reference_curve(
             specimen=size,
         )
         if str(path) in hashes:
-            raise InputError(path, "is named twice", cure="a test counts once")
+            raise InputError(path, "is named twice", cure="name every test once")
         hashes[str(path)] = digest
         tests.append(test)
     pulls: tuple[Pull, ...] = ("first", "conditioned") if conditioned else ("first",)
-    with texts.refused(cure):
+    with texts.refused(cure=cure):
         made = {pull: curves.reference_curve(tests, treatment, pull=pull) for pull in pulls}
     names = {"first": out.stem, "conditioned": f"{out.stem}_conditioned"}
     with filling(folder) as partial:
@@ -329,30 +331,30 @@ def material_relaxation(
     slow = read_slow_list(tests)
     folder = usable_folder(out)
     rated = [collected_shot(shot, group="all") for shot in shots]
-    with texts.refused("correct the list or the tables that it names", place=tests):
-        found = analyse_rate_dependence(slow, rated, at_most=branches)
-    content = {"inputs": dict(slow.files), **summary(found)}
+    with texts.refused(cure="correct the list or the tables that it names", place=tests):
+        result = analyse_rate_dependence(slow, rated, at_most=branches)
+    content = {"inputs": dict(slow.files), **summary(result)}
     with filling(folder) as partial:
-        for name, table in tables(found).items():
+        for name, table in tables(result).items():
             write_table(partial / f"{name}.csv", table)
         write_json(partial / "relaxation.json", content)
-        write_page(partial / "relaxation.html", found, dict(slow.files))
-        save_figures_alone(partial, found, figures)
+        write_page(partial / "relaxation.html", result, dict(slow.files))
+        save_figures_alone(partial, result, figures)
     print_result(
-        _relaxation_rows(found),
+        _relaxation_rows(result),
         content,
         files={"report": folder / "relaxation.html"},
-        warnings=found.remarks,
+        warnings=result.remarks,
     )
 
 
-def _relaxation_rows(found: "SlowDynamics") -> dict[str, Any]:
+def _relaxation_rows(result: "SlowDynamics") -> dict[str, Any]:
     """Printed rows."""
-    fit = found.fit
+    fit = result.fit
     low, high = fit.interval("factor")
-    E, factor = 1e-3 * found.young, float(fit.values[0])
+    E, factor = 1e-3 * result.young, float(fit.values[0])
     rows: dict[str, Any] = {
-        "verdict": found.verdict.sentence,
+        "verdict": result.verdict.sentence,
         "long-term E": f"{E:.4g} kPa, {E * low / factor:.4g} to {E * high / factor:.4g} (k = 2)",
     }
     for k in range(len(fit.model.series)):
@@ -361,14 +363,14 @@ def _relaxation_rows(found: "SlowDynamics") -> dict[str, Any]:
             f"strength {fit.model.series.strengths[k]:.4g} ({strength[0]:.3g} to {strength[1]:.3g}), time"
             f" {fit.model.series.times[k]:.4g} s ({time[0]:.3g} to {time[1]:.3g}), k = 2"
         )
-    for name, sweep in found.sweeps.items():
+    for name, sweep in result.sweeps.items():
         if sweep.law_holds and sweep.covariance is not None:
             u = sweep.covariance.diagonal() ** 0.5
             rows[f"{name}: WLF"] = (
                 f"C1 = {sweep.C1:.4g} ± {2.0 * u[0]:.2g}, C2 = {sweep.C2:.4g} ± {2.0 * u[1]:.2g} K (k = 2) at"
                 f" {sweep.sweep.reference - 273.15:.4g} °C"
             )
-    for one in found.moduli:
+    for one in result.moduli:
         rows[one.label] = (
             f"E_a {1e-3 * one.modulus.min():.4g} to {1e-3 * one.modulus.max():.4g} kPa, age"
             f" {one.age.min():.3g} to {one.age.max():.3g} s"

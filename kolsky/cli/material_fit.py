@@ -48,14 +48,14 @@ def size_of(option: str, text: str) -> Specimen:
 
 def with_size(columns: Columns, size: Specimen) -> Columns:
     """The columns with the size of a cylinder, which a size of their own must agree with."""
-    for option, given, taken, unit in (
+    for option, given, declared, unit in (
         ("--length", columns.length, size.length, "m"),
         ("--area or --diameter", columns.section, size.area, "m^2"),
     ):
-        if given is not None and abs(given / taken - 1.0) > _SAME_SIZE:
+        if given is not None and abs(given / declared - 1.0) > _SAME_SIZE:
             raise InputError(
                 texts.COMMAND_LINE,
-                f"{option} gives {given:.6g} {unit}, --specimen {taken:.6g} {unit}",
+                f"{option} gives {given:.6g} {unit}, --specimen {declared:.6g} {unit}",
                 cure=f"leave {option} out: the size of --specimen is taken",
             )
     return replace(columns, length=size.length, area=size.area, diameter=None)
@@ -94,9 +94,11 @@ def _fit_cylinder_with_friction(
         )
     for test in tests:
         if test.mode is not Mode.UNIAXIAL or test.strain.min() > -1e-9:
-            raise InputError(texts.COMMAND_LINE, f"{test.name} is no compression test", cure="leave it out")
+            raise InputError(
+                texts.COMMAND_LINE, f"{test.name} is not a compression test", cure="leave it out"
+            )
     compressed = [UniaxialTest(t.name, -t.strain, -t.stress, compression=True) for t in tests]
-    with texts.refused("correct the option; `--help` shows each with its unit"):
+    with texts.refused(cure="correct the option; `--help` shows each with its unit"):
         mean = reference_curve(compressed, Treatment(points=40))
         fits = fit_specimen(
             mean.band,
@@ -164,7 +166,7 @@ def poisson_of(option: str, text: str) -> float | Literal["free"]:
         value = float("nan")
     if not 0.0 <= value <= 0.49999:
         raise InputError(
-            texts.COMMAND_LINE, "is no ratio", key=option, value=text, allowed="0 to 0.49999, or free"
+            texts.COMMAND_LINE, "is not a ratio", key=option, value=text, allowed="0 to 0.49999, or free"
         )
     return value
 
@@ -194,7 +196,7 @@ def read_tests(
         test, hashes[str(path)] = read_homogeneous_test(path, complete, mode=mode)
         tests.append(test)
     if mean:
-        with texts.refused("give two files or more of one kind of test", before="--mean: "):
+        with texts.refused("--mean: ", cure="give two files or more of one kind of test"):
             tests = means_by_mode(tests, mean)
     return with_unique_names(tests), hashes
 
@@ -203,16 +205,16 @@ def _mode_and_path(text: str) -> "tuple[Mode, Path]":
     """ "planar:FILE" as a mode and a file; a file alone is uniaxial."""
     from kolsky.material.fits.homogeneous import Mode, mode_named
 
-    head, colon, rest = text.partition(":")
-    if colon and rest:
+    head, colon, path = text.partition(":")
+    if colon and path:
         try:
-            return mode_named(head), Path(rest)
+            return mode_named(head), Path(path)
         except ValueError:
             # A drive of Windows, or a mode that does not exist: only one of them is a file.
             if len(head) > 1 and not Path(text).exists():
                 raise InputError(
                     texts.COMMAND_LINE,
-                    "is no mode",
+                    "is not a mode of deformation",
                     key=text,
                     allowed=", ".join(mode.value.replace(" ", "-") for mode in Mode)
                     + ", then a colon and FILE",
@@ -244,10 +246,10 @@ def _refuse_columns(path: Path, mode: "Mode", columns: Columns) -> None:
             )
         return
     if not columns.stress or not (columns.stretch or columns.strain):
-        there = ", ".join(column_names(path, Layout(header_line=columns.header_line)))
+        columns_of_file = ", ".join(column_names(path, Layout(header_line=columns.header_line)))
         raise InputError(
             path,
-            f"does not say which columns are the test; its columns of numbers are {there}",
+            f"the columns of the test are not named; the file has the columns of numbers {columns_of_file}",
             cure="name stress and deformation, or give their numbers: --stress COLUMN, and --stretch COLUMN "
             "or --strain COLUMN",
         )
@@ -315,7 +317,7 @@ def material_fit(
     from kolsky.report.pages.material import write_page
     from kolsky.report.specimen_folder import write_json
 
-    with texts.refused("`kolsky material fit --help` lists the laws", before="--laws: "):
+    with texts.refused("--laws: ", cure="`kolsky material fit --help` lists the laws"):
         chosen = candidates(texts.listed(laws))
     free_poisson = poisson == "free"
     if free_poisson and not columns.lateral:
@@ -334,7 +336,7 @@ def material_fit(
                 "--lateral": bool(columns.lateral),
             },
             "does not go with --specimen",
-            "leave it out: repeats are averaged, all laws start from one curve and are free of bounds",
+            cure="leave it out: repeats are averaged, all laws start from one curve and are free of bounds",
         )
     tests, hashes = read_tests(files, columns, mean=mean)
     if specimen is not None:
@@ -348,7 +350,7 @@ def material_fit(
             folder=folder,
         )
         return
-    texts.refuse({"--ends": bool(ends)}, "goes with --specimen", "give the cylinder's size")
+    texts.refuse({"--ends": bool(ends)}, "goes with --specimen", cure="give the cylinder's size")
     if weighting == "sigma" and any(test.sigma is None for test in tests):
         raise InputError(
             texts.COMMAND_LINE,
@@ -356,7 +358,7 @@ def material_fit(
             cure="give repeats and --mean, or weight absolute or relative",
         )
     with progress_bars() as progress:
-        found = compare_laws(
+        comparison = compare_laws(
             chosen,
             tests,
             weighting=Weighting(weighting),
@@ -367,38 +369,38 @@ def material_fit(
             seed=seed,
             progress=lambda done: progress("laws", done, len(chosen)),
         )
-    if all(row.fit is None for row in found.rows):
-        reasons = "; ".join(row.reason for row in found.rows)
+    if all(row.fit is None for row in comparison.rows):
+        reasons = "; ".join(row.reason for row in comparison.rows)
         raise InputError(
             texts.COMMAND_LINE,
             f"no law can be fitted: {reasons}",
             cure="give more points or more kinds of test",
         )
-    content = to_json(found, hashes)
+    content = to_json(comparison, hashes)
 
     with filling(folder) as partial:
-        for name, table in tables(found).items():
+        for name, table in tables(comparison).items():
             write_table(partial / f"{name}.csv", table)
         write_json(partial / "material.json", content)
-        write_page(partial / "material.html", found, hashes, remarks(found))
-        save_figures_alone(partial, found, figures)
+        write_page(partial / "material.html", comparison, hashes, remarks(comparison))
+        save_figures_alone(partial, comparison, figures)
     print_result(
         {},
         content,
-        lines=_lines(found),
+        lines=_lines(comparison),
         files={"report": folder / "material.html"},
-        warnings=remarks(found),
+        warnings=remarks(comparison),
     )
 
 
-def _lines(found: "Comparison") -> list[str]:
+def _lines(comparison: "Comparison") -> list[str]:
     """The table for a terminal of 80 columns and more, least AIC first."""
     from kolsky.material.fits.fit import FitOutcome
     from kolsky.material.fits.tables import failure
 
-    best = found.best
+    best = comparison.best
     lines = [f"{'':2}{'law':<19}{'E0 (kPa)':>9}{'RMSE (kPa)':>11}{'R2':>9}{'AIC':>9}  stability"]
-    for row in found.rows:
+    for row in comparison.rows:
         f = row.fit
         if f is None:
             continue

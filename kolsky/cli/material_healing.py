@@ -41,36 +41,36 @@ def material_healing(
     from kolsky.report.specimen_folder import write_json
 
     texts.one_of("--law", law, tuple(LAWS))
-    texts.refuse({"--poisson free": poisson == "free"}, "needs a lateral strain", "give a number")
+    texts.refuse({"--poisson free": poisson == "free"}, "needs a lateral strain", cure="give a number")
     folder = usable_folder(out)
     groups = [read_tests(files, columns) for files in (undamaged, healed)]
-    both = set(groups[0][1]) & set(groups[1][1])
-    if both:
-        raise InputError(sorted(both)[0], "is named as undamaged and as healed", cure="name it once")
-    with texts.refused("correct the option; `kolsky material healing --help` shows each"):
-        found = healing(groups[0][0], groups[1][0], law=law, poisson=poisson)
+    repeated = set(groups[0][1]) & set(groups[1][1])
+    if repeated:
+        raise InputError(sorted(repeated)[0], "is named as undamaged and as healed", cure="name it once")
+    with texts.refused(cure="correct the option; `kolsky material healing --help` shows each"):
+        result = healing(groups[0][0], groups[1][0], law=law, poisson=poisson)
     content = {
         "inputs": {"undamaged": groups[0][1], "healed": groups[1][1]},
         "law": law,
         "properties": {
-            name: _json(asdict(row)) | {"unit": found.units[name]} for name, row in found.rows.items()
+            name: _json(asdict(row)) | {"unit": result.units[name]} for name, row in result.rows.items()
         },
         "specimens": {
-            "undamaged": {one.name: one.values for one in found.undamaged},
-            "healed": {one.name: one.values for one in found.healed},
+            "undamaged": {one.name: one.values for one in result.undamaged},
+            "healed": {one.name: one.values for one in result.healed},
         },
-        "remarks": list(found.remarks),
+        "remarks": list(result.remarks),
     }
     with filling(folder) as partial:
         write_json(partial / "healing.json", content)
-        write_table(partial / "healing.csv", _table(found))
-        write_table(partial / "healing_specimens.csv", _specimens(found))
+        write_table(partial / "healing.csv", _table(result))
+        write_table(partial / "healing_specimens.csv", _specimens(result))
     print_result(
         {},
         content,
-        lines=_lines(found),
+        lines=_lines(result),
         files={"table": folder / "healing.csv"},
-        warnings=found.remarks,
+        warnings=result.remarks,
     )
 
 
@@ -81,11 +81,11 @@ def _json(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _table(found: "Healing") -> dict[str, list[Any]]:
-    rows = found.rows.items()
+def _table(result: "Healing") -> dict[str, list[Any]]:
+    rows = result.rows.items()
     return {
         "property": [name for name, _ in rows],
-        "unit": [found.units[name] for name, _ in rows],
+        "unit": [result.units[name] for name, _ in rows],
         "undamaged": [row.undamaged.value for _, row in rows],
         "u undamaged": [_json(row.undamaged.sigma) for _, row in rows],
         "healed": [row.healed.value for _, row in rows],
@@ -95,10 +95,10 @@ def _table(found: "Healing") -> dict[str, list[Any]]:
     }
 
 
-def _specimens(found: "Healing") -> dict[str, list[Any]]:
+def _specimens(result: "Healing") -> dict[str, list[Any]]:
     rows = [
         (group, one.name, name, one.values[name])
-        for group, ones in (("undamaged", found.undamaged), ("healed", found.healed))
+        for group, ones in (("undamaged", result.undamaged), ("healed", result.healed))
         for one in ones
         for name in one.values
     ]
@@ -110,14 +110,14 @@ def _specimens(found: "Healing") -> dict[str, list[Any]]:
     }
 
 
-def _lines(found: "Healing") -> list[str]:
+def _lines(result: "Healing") -> list[str]:
     """The table for a terminal."""
     lines = [f"{'property':<24}{'undamaged':>12}{'healed':>12}  efficiency"]
-    for name, row in found.rows.items():
+    for name, row in result.rows.items():
         u = row.efficiency.sigma
         spread = f" ± {200.0 * u:.2g} % (k = 2)" if math.isfinite(u) else " %, scatter unknown"
         lines.append(
             f"{name:<24}{row.undamaged.value:>12.4g}{row.healed.value:>12.4g}"
-            f"  {100.0 * row.efficiency.value:.4g}{spread}  [{found.units[name]}]"
+            f"  {100.0 * row.efficiency.value:.4g}{spread}  [{result.units[name]}]"
         )
     return lines

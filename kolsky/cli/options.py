@@ -87,10 +87,8 @@ def _argument(name: str, hint: Any, default: Any) -> _Argument:
     names = [flag, *option.short.split("/")] if option.short else [flag]
     read = _reader(bare, option)
     if read is None:
-        limits = {"min": option.min, "max": option.max}
-        return _Argument(
-            Annotated[kind, typer.Option(*names, **shown, **limits)], default, lambda given: given
-        )
+        shown |= {"min": option.min, "max": option.max}
+        return _Argument(Annotated[kind, typer.Option(*names, **shown)], default, lambda given: given)
     missing = None if default is inspect.Parameter.empty else default
     if option.read is None and get_origin(bare) in (dict, Mapping, tuple) and bare != tuple[int, int]:
         each = Path if bare == tuple[Path, ...] else str
@@ -143,11 +141,13 @@ def _arguments(name: str, hint: Any, default: Any) -> dict[str, _Argument]:
     kind, chosen = _record(hint)
     if kind is None:
         return {name: _argument(name, hint, default)}
-    found: dict[str, _Argument] = {}
+    arguments: dict[str, _Argument] = {}
     for field, annotation in _option_fields(kind, chosen):
-        own = _default_of(field) if default is inspect.Parameter.empty else getattr(default, field.name)
-        found |= _arguments(field.name, annotation, own)
-    return found
+        field_default = (
+            _default_of(field) if default is inspect.Parameter.empty else getattr(default, field.name)
+        )
+        arguments |= _arguments(field.name, annotation, field_default)
+    return arguments
 
 
 def _made(name: str, hint: Any, default: Any, values: Mapping[str, Any]) -> Any:
@@ -160,7 +160,7 @@ def _made(name: str, hint: Any, default: Any, values: Mapping[str, Any]) -> Any:
         field.name: _made(field.name, annotation, getattr(base, field.name), values)
         for field, annotation in _option_fields(kind, chosen)
     }
-    with texts.refused("correct the option; `--help` shows each with its range"):
+    with texts.refused(cure="correct the option; `--help` shows each with its range"):
         return replace(base, **parts)
 
 
@@ -285,4 +285,4 @@ def load(shot: Path, out: Path | None, *inside: str, forks: bool = True) -> "tup
 def usable(shot: "Shot") -> AbstractContextManager[None]:
     """Make bad input of a shot that cannot be worked with: one line, exit code 2."""
     cure = "correct shot.toml or the option that it names; `kolsky check` shows what was read"
-    return texts.refused(cure, place=shot.folder)
+    return texts.refused(cure=cure, place=shot.folder)

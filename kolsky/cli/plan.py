@@ -59,23 +59,23 @@ class _Instruments:
 
     outline_sigma: Annotated[
         float | None, Option('Noise of an outline point, e.g. "4 um".', unit="m", show_default="the shot's")
-    ] = (None,)
+    ] = None
     force_sigma: Annotated[
         float | None,
         Option('Noise of the mean force of a bin, e.g. "0.1 N".', unit="N", show_default="the shot's"),
-    ] = (None,)
+    ] = None
     frame_interval: Annotated[
         float | None,
         Option(
             'Frame rate, e.g. "120 kHz".', name="frame-rate", read=_frame_interval, show_default="the shot's"
         ),
-    ] = (None,)
+    ] = None
     points: Annotated[
         float | None,
         Option(
             'Independent outline points per height, e.g. "3.6 1/mm".', unit="1/m", show_default="the shot's"
         ),
-    ] = (None,)
+    ] = None
     clearance: Annotated[
         float | None,
         Option(
@@ -83,11 +83,13 @@ class _Instruments:
             unit="m",
             show_default="the shot's",
         ),
-    ] = (None,)
+    ] = None
     window: Annotated[
         tuple[float, float] | None,
-        Option('E.g. "0 ms:1.2 ms".', metavar="START:END", read=_window, show_default="the shot's"),
-    ] = (None,)
+        Option(
+            'Time window, e.g. "0 ms:1.2 ms".', metavar="START:END", read=_window, show_default="the shot's"
+        ),
+    ] = None
 
 
 def plan(
@@ -145,7 +147,7 @@ def plan(
 
     loaded, folder = load(shot, out)
     with usable(loaded), progress_bars() as progress:
-        found = planning.plan(
+        result = planning.plan(
             loaded,
             names=names or planning.NAMES,
             held=parameter,
@@ -157,10 +159,10 @@ def plan(
             numerics=numerics,
             progress=progress,
         )
-    write_plan_results(folder, found, formats=figures)
+    write_plan_results(folder, result, formats=figures)
     print_result(
-        output.rows(found),
-        output.to_json(found),
+        output.rows(result),
+        output.to_json(result),
         files={"folder": folder},
-        warnings=[f"{part}: {e.unseen}" for part, e in found.expected.items() if e.unseen],
+        warnings=[f"{part}: {e.unseen}" for part, e in result.expected.items() if e.unseen],
     )

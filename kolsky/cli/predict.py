@@ -46,7 +46,7 @@ def predict(
         from kolsky.report.scene.film import writer_for
 
         cure = "choose another format, or install what it needs"
-        with texts.refused(cure, before=f"--film {film}: ", errors=(ImportError,)):
+        with texts.refused(f"--film {film}: ", cure=cure, errors=(ImportError,)):
             writer_for(film)
     if want and not vary:
         raise InputError(
@@ -60,38 +60,38 @@ def predict(
     from kolsky.report.study_folder import write_prediction_results
 
     cure = "name a number of the test file with its range, e.g. striker.velocity=2:6"
-    with texts.refused(cure, before="--vary: "):
-        varied = [design.Varied.of(text) for text in vary]
-    wanted = dict(_wanted(text) for text in want)
-    folder, planned = usable_folder(out), prediction.read_test(test)
+    with texts.refused("--vary: ", cure=cure):
+        ranges = [design.Varied.of(text) for text in vary]
+    targets = dict(_wanted(text) for text in want)
+    folder, test_plan = usable_folder(out), prediction.read_test(test)
     with progress_bars() as progress:
-        scanned = aimed = None
-        if varied:
-            scanned = design.scan(planned, varied, progress=lambda n, m: progress("design", n, m))
-        if scanned is not None and wanted:
-            with texts.refused("write it as `kolsky predict --help` shows", before="--want: "):
-                aimed = design.aim(planned, scanned, wanted)
-            written = {one.key: one.written(aimed.at[one.key]) for one in varied}
-            planned = design.varied_test(planned, written)
+        scan = aim = None
+        if ranges:
+            scan = design.scan(test_plan, ranges, progress=lambda n, m: progress("design", n, m))
+        if scan is not None and targets:
+            with texts.refused("--want: ", cure="write it as `kolsky predict --help` shows"):
+                aim = design.aim(test_plan, scan, targets)
+            values = {one.key: one.written(aim.at[one.key]) for one in ranges}
+            test_plan = design.varied_test(test_plan, values)
         progress("simulation", 0, 1)
-        found = prediction.predict(planned, quick=quick)
+        result = prediction.predict(test_plan, quick=quick)
         progress("simulation", 1, 1)
-    write_prediction_results(folder, found, scanned, aimed, film=film, formats=figures)
-    warnings = prediction.doubts(found)
-    if aimed is not None and not aimed.reached:
-        bound = f", at a bound of {' and '.join(aimed.at_bound)}" if aimed.at_bound else ""
+    write_prediction_results(folder, result, scan, aim, film=film, formats=figures)
+    warnings = prediction.doubts(result)
+    if aim is not None and not aim.reached:
+        bound = f", at a bound of {' and '.join(aim.at_bound)}" if aim.at_bound else ""
         warnings.append(
             "the wanted numbers are not reached within the ranges: the nearest point is off by "
-            f"{aimed.distance:.1%}{bound}"
+            f"{aim.distance:.1%}{bound}"
         )
     rows = {
-        "test": planned.declared.name,
-        **({} if aimed is None else {f"found, {key}": value for key, value in aimed.at.items()}),
-        **{f"{name}, s": value for name, value in vars(found.events).items()},
-        **vars(found.numbers),
+        "test": test_plan.declared.name,
+        **({} if aim is None else {f"found, {key}": value for key, value in aim.at.items()}),
+        **{f"{name}, s": value for name, value in vars(result.events).items()},
+        **vars(result.numbers),
         "page": str(folder / "prediction.html"),
     }
-    print_result(rows, to_json(found, scanned, aimed), warnings=warnings)
+    print_result(rows, to_json(result, scan, aim), warnings=warnings)
 
 
 def _wanted(text: str) -> tuple[str, float]:

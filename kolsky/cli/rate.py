@@ -45,7 +45,7 @@ def rate(
     from kolsky.studies.rates.output import summary
 
     folder = usable_folder(out)
-    with progress_bars() as progress, texts.refused(_CURE):
+    with progress_bars() as progress, texts.refused(cure=_CURE):
         report = rates.rate(
             shots,
             group=group,
@@ -78,7 +78,7 @@ def _identification_of(progress: Any) -> "Identify":
         from kolsky.studies.rates.rate import result_of
 
         folder = usable_folder(result_of(shot).parent)
-        with texts.refused(_CURE, place=loaded.folder):
+        with texts.refused(cure=_CURE, place=loaded.folder):
             result = identification.identify(loaded, progress=progress)
         write_identify_results(folder, result, loaded)
         return result

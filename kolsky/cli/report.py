@@ -25,15 +25,15 @@ def report(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
     from kolsky.shot.recordings import shot_recordings
 
     loaded, folder = load(shot, out)
-    found = read_identify_results(folder, loaded)
+    result = read_identify_results(folder, loaded)
     with usable(loaded):
         recordings = shot_recordings(loaded, folder)
     with filling(folder) as partial:
-        write_identify_page(partial, found, recordings, figures, processes=2)
+        write_identify_page(partial, result, recordings, figures, processes=2)
     rows = {"shot": loaded.name, "report": str(folder / PAGE)}
     if figures:
         rows["figures"] = str(folder / "figures")
-    print_result(rows, rows, warnings=found.warnings)
+    print_result(rows, rows, warnings=result.warnings)
 
 
 def _joint(folder: Path, out: Path | None, figures: Sequence[str]) -> None:
@@ -44,11 +44,11 @@ def _joint(folder: Path, out: Path | None, figures: Sequence[str]) -> None:
     from kolsky.report.study_folder import write_joint_results
     from kolsky.results.joint import read_joint_hdf5
 
-    found = read_joint_hdf5(folder / "joint.h5")
+    result = read_joint_hdf5(folder / "joint.h5")
     place = usable_folder(out or folder)
-    write_joint_results(place, found, formats=figures)
-    rows = {"shots": ", ".join(part.name for part in found.shots), "report": str(place / "joint.html")}
-    print_result(rows, rows, lines=answer_lines(found), warnings=found.warnings)
+    write_joint_results(place, result, formats=figures)
+    rows = {"shots": ", ".join(part.name for part in result.shots), "report": str(place / "joint.html")}
+    print_result(rows, rows, lines=answer_lines(result), warnings=result.warnings)
 
 
 _STILLS = "png"
@@ -71,7 +71,7 @@ def film(
     stills: Annotated[int, Option("Number of stills.", min=1, max=1000)] = 6,
     out: Out = None,
 ) -> None:
-    """Render the specimen of an identified shot between its platens, half of it cut away.
+    """Render the specimen of an identified shot between its platens, with one half cut away.
 
     Needs the results of `kolsky identify`; writes into their folder film.
     """
@@ -84,7 +84,7 @@ def film(
     cure = "choose another --format, or install what it needs"
     for name in wanted:
         texts.one_of("--format", name, (*FILMS, _STILLS, _SERIES))
-        with texts.refused(cure, before=f"--format {name}: ", errors=(CannotRender, ImportError)):
+        with texts.refused(f"--format {name}: ", cure=cure, errors=(CannotRender, ImportError)):
             if name != _SERIES:
                 require_pyvista()
             if name in FILMS:
@@ -102,7 +102,7 @@ def film(
 
     result = read_identification(folder / RESULT_FILE)
     solid = solid_of(loaded.curve, result)
-    cannot_draw = texts.refused("`kolsky doctor` lists missing packages", errors=(CannotRender,))
+    cannot_draw = texts.refused(cure="`kolsky doctor` lists missing packages", errors=(CannotRender,))
     written: list[str] = []
     with usable(loaded), filling(folder / "film") as partial, progress_bars() as progress:
         stage = scene_of(result, field=field, solid=solid)

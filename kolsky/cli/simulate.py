@@ -55,7 +55,7 @@ def simulate(
                 "--vtu": vtu,
             },
             "has no effect with --slow",
-            f"leave it out; of the parameters a slow test reads {', '.join(SLOW_PARAMETERS)}",
+            cure=f"leave it out; of the parameters a slow test reads {', '.join(SLOW_PARAMETERS)}",
         )
         if strain is not None and strain >= 1.0:
             raise InputError(
@@ -64,7 +64,7 @@ def simulate(
         _simulate_slow_test(shot, out, parameter, numerics, strain, 2e-3 if error is None else error)
         return
     given = {"--strain": strain is not None, "--error": error is not None}
-    texts.refuse(given, "needs --slow", "add --slow")
+    texts.refuse(given, "needs --slow", cure="add --slow")
     if vtu and numerics.compressible is not None:
         raise InputError(
             texts.COMMAND_LINE,
@@ -154,23 +154,24 @@ def _simulate_slow_test(
 
     loaded, folder = load(shot, out, "simulation")
     with usable(loaded):
-        found = slow.slow_test_of(
+        result = slow.slow_test_of(
             loaded, parameters, last=last, error=error, mesh=numerics.mesh, threads=numerics.threads
         )
     with filling(folder) as partial:
-        write_slow_compression(partial / "slow.csv", found)
-    warnings = slow.slow_test_warnings(found)
+        write_slow_compression(partial / "slow.csv", result)
+    warnings = slow.slow_test_warnings(result)
     summary = {
         "shot": loaded.name,
         **({"parameters": dict(parameters)} if parameters else {}),
-        "last_strain": float(found.strain[-1]),
-        "last_force": float(found.force[-1]),
-        "error": found.errors[-1],
-        "duration": f"{found.durations[-1]:.0f} passages of a wave, after {len(found.durations) - 1} shorter",
-        "kinetic_share": found.test.kinetic_share,
-        "face_difference": found.test.face_difference,
-        "extrapolated_share": found.test.past_data,
+        "last_strain": float(result.strain[-1]),
+        "last_force": float(result.force[-1]),
+        "error": result.errors[-1],
+        "duration": f"{result.durations[-1]:.0f} passages of a wave, after "
+        f"{len(result.durations) - 1} shorter",
+        "kinetic_share": result.test.kinetic_share,
+        "face_difference": result.test.face_difference,
+        "extrapolated_share": result.test.past_data,
         "file": str(folder / "slow.csv"),
     }
-    content = {**summary, "durations": found.durations, "errors": found.errors, "warnings": warnings}
+    content = {**summary, "durations": result.durations, "errors": result.errors, "warnings": warnings}
     print_result(summary, jsonable(content, "slow"), warnings=warnings)

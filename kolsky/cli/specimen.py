@@ -44,10 +44,10 @@ def specimen_fit(
         ),
     ] = None,
     draws: Annotated[int, Option("Draws of each size of --noise.", min=1)] = 3,
-    steps_alone: Annotated[bool, Option("Of a sheet: also fit every step separately.")] = False,
+    steps_alone: Annotated[bool, Option("For a sheet: also fit every step separately.")] = False,
     blocks: Annotated[
         tuple[int, int] | None,
-        Option("Of a sheet: also map its stiffness by NX x NY blocks.", name="map", metavar="NXxNY"),
+        Option("For a sheet: also map its stiffness by NX x NY blocks.", name="map", metavar="NXxNY"),
     ] = None,
     vtu: Vtu = False,
     stills: Annotated[bool, Option("Also draw the last sample in 3-D by PyVista (extra: scene).")] = False,
@@ -120,7 +120,7 @@ def _require_drawing() -> None:
     from kolsky.report.scene.drawing import CannotRender, offscreen_pyvista
 
     cure = "leave --stills out, or install what it needs; --vtu is for ParaView"
-    with texts.refused(cure, before="--stills ", errors=(CannotRender,)):
+    with texts.refused("--stills ", cure=cure, errors=(CannotRender,)):
         offscreen_pyvista()
 
 
@@ -161,16 +161,16 @@ def _fit_sheet(
 
     measured = read_field(read)
     with read.toml.refusing("field", "cannot be fitted"):
-        found = fit_field(measured.problem)
-    steps = fit_steps(found.problem) if each_step else []
-    mapped = stiffness_map_of(found.problem, blocks) if blocks else None
-    view = sheet_view_of(read.name, measured, found, steps, mapped)
+        result = fit_field(measured.problem)
+    steps = fit_steps(result.problem) if each_step else []
+    mapped = stiffness_map_of(result.problem, blocks) if blocks else None
+    view = sheet_view_of(read.name, measured, result, steps, mapped)
     inputs = {**read.inputs, **measured.inputs}
     write_sheet_results(folder, view, inputs, formats=figures, vtu=vtu, stills=stills)
     rows = {row["name"]: f"{row['value']}, {row['interval']}, {row['verdict']}" for row in sheet_rows(view)}
     print_result(
         rows | printed(view),
-        specimen_output.field_json(found, steps) | {"inputs": inputs},
+        specimen_output.field_json(result, steps) | {"inputs": inputs},
         files={"page": folder / "specimen.html"},
         warnings=view.warnings,
     )
@@ -204,9 +204,9 @@ def specimen_simulate(
         _simulate_sheet(read, folder, seed=seed)
         return
     with read.toml.refusing("tests", "cannot be simulated"):
-        made = simulate_tests(read, seed=seed)
+        simulated = simulate_tests(read, seed=seed)
     with filling(folder) as partial:
-        for name, one in made.items():
+        for name, one in simulated.items():
             write_table(partial / f"{name}.csv", one.columns)
             share = strain_share(name, one.solution, read.models[name].shape.mid_region())
             columns = {"strain from (1)": BINS[:-1], "strain to (1)": BINS[1:]}
@@ -218,11 +218,11 @@ def specimen_simulate(
     rows = {
         name: f"{len(one.force)} samples to {1e3 * one.displacement.max():.4g} mm, "
         f"{one.force[-1].max():.5g} N"
-        for name, one in made.items()
+        for name, one in simulated.items()
     }
     content = {
         name: {"displacement_m": one.displacement.tolist(), "force_N": one.force.tolist()}
-        for name, one in made.items()
+        for name, one in simulated.items()
     }
     print_result(rows, content, files={"folder": folder})
 
@@ -234,15 +234,15 @@ def _simulate_sheet(read: "Specification", folder: Path, *, seed: int | None) ->
     from kolsky.cli.terminal import print_result
 
     with read.toml.refusing("field", "cannot be simulated"):
-        made = simulate_sheet(read_field(read), seed=seed)
+        simulated = simulate_sheet(read_field(read), seed=seed)
     with filling(folder) as partial:
-        write_table(partial / "points.csv", made.point_columns)
-        write_table(partial / "pad.csv", made.pad_columns)
+        write_table(partial / "points.csv", simulated.point_columns)
+        write_table(partial / "pad.csv", simulated.pad_columns)
     rows = {
-        "points": f"{len(made.points)} in {len(made.frames)} frames",
-        "pad": f"to {1e3 * abs(made.pad[-1]):.4g} mm, {made.force[-1]:.5g} N",
+        "points": f"{len(simulated.points)} in {len(simulated.frames)} frames",
+        "pad": f"to {1e3 * abs(simulated.pad[-1]):.4g} mm, {simulated.force[-1]:.5g} N",
     }
-    content = {"pad_m": made.pad.tolist(), "force_N": made.force.tolist()}
+    content = {"pad_m": simulated.pad.tolist(), "force_N": simulated.force.tolist()}
     print_result(rows, content, files={"folder": folder})
 
 
@@ -278,19 +278,19 @@ def specimen_plan(
             raise read.toml.error("plan.wanted", f"names {name!r}", allowed=", ".join(free))
     if read.declared.field is not None:
         with read.toml.refusing("field", "cannot be simulated"):
-            found = plan_sheet(read_field(read).problem, wanted=names)
+            choices = plan_sheet(read_field(read).problem, wanted=names)
     else:
-        found = _plan_tests(read, names)
-    content = specimen_output.plan_json(found, free)
+        choices = _plan_tests(read, names)
+    content = specimen_output.plan_json(choices, free)
     with filling(folder) as partial:
-        specimen_output.write_plan(partial, found, free)
+        specimen_output.write_plan(partial, choices, free)
         write_json(partial / "plan.json", content)
     rows = {
         " + ".join(one.tests): ", ".join(
             f"{name} ± {numbers.percent(float(value))}"
             for name, value in zip(free, one.relative, strict=True)
         )
-        for one in found
+        for one in choices
     }
     print_result(rows, content, files={"folder": folder})
 

@@ -41,7 +41,7 @@ def sweep(
     out: Out = None,
     figures: Figures = (),
 ) -> None:
-    """Run a design of experiments over a shot's parameters; writes sweep.csv, a row a run, and sweep.html."""
+    """Run a design of experiments over a shot's parameters; writes sweep.csv, with every run, and a page."""
     chosen = choice.design()
     texts.apart("--points" if choice.points else "--vary", chosen.box.names, "--parameter", parameter)
     part = records.part(chosen)
@@ -120,13 +120,13 @@ class DesignChoice:
     """Name of a `doe.designs.DesignKind` at a command line."""
     runs: Annotated[int, Option("Points of a design that takes any number.", min=2, max=1_000_000)] = 64
     generators: Annotated[
-        str, Option('Of a fractional design, a word a parameter, e.g. "a b ab".', metavar="WORDS")
+        str, Option('For a fractional design: a word for each parameter, e.g. "a b ab".', metavar="WORDS")
     ] = ""
     points: Annotated[Path | None, Option("File of a csv design; columns NAME (UNIT).", metavar="CSV")] = None
     seed: Annotated[int, Option("Seed of a random design.", min=0)] = 1
     log: Annotated[
         tuple[str, ...],
-        Option("Spread this parameter evenly in its logarithm; repeat.", metavar="NAME"),
+        Option("Vary this parameter evenly in its logarithm; repeat for more.", metavar="NAME"),
     ] = ()
     where: Annotated[
         tuple[str, ...],
@@ -183,7 +183,7 @@ class DesignChoice:
             box = self._box(bounds)
             constraints = self._constraints(box)
             chosen = self._chosen(kind, box, levels, constraints)
-        with texts.refused("relax it, or take more runs", before="--where: "):
+        with texts.refused("--where: ", cure="relax it, or take more runs"):
             return keep(chosen, *constraints) if constraints else chosen
 
     def _box(self, bounds: Mapping[str, tuple[float, float]]) -> "Box":
@@ -192,14 +192,14 @@ class DesignChoice:
 
         linear = design_box(bounds)
         ends = dict(zip(linear.names, zip(linear.lower, linear.upper, strict=True), strict=True))
-        with texts.refused("leave it out for a parameter that may be 0", before="--log: "):
+        with texts.refused("--log: ", cure="leave it out for a parameter that may be 0"):
             return Box.of(ends, logarithmic=self.log)
 
     def _constraints(self, box: "Box") -> "list[Constraint]":
         from doe.box import Constraint
 
         cure = 'write an inequality of varied parameters in SI, e.g. "friction <= stiffness_factor"'
-        with texts.refused(cure, before="--where "):
+        with texts.refused("--where ", cure=cure):
             return [Constraint(text, box.names) for text in self.where]
 
     def _chosen(
@@ -207,7 +207,7 @@ class DesignChoice:
     ) -> "Design":
         candidates = None
         cure = "`kolsky sweep --help` shows what each design needs"
-        with texts.refused(cure, before=f"--design {self.kind}: "):
+        with texts.refused(f"--design {self.kind}: ", cure=cure):
             if "candidates" in kind.needs and constraints:
                 from doe.designs.optimal import grid
 
@@ -241,7 +241,7 @@ class Records:
         Option("Run the I-th of N parts of the design.", metavar="I/N", read=texts.shard, show_default="all"),
     ] = (1, 1)
     merge: Annotated[
-        tuple[Path, ...], Option("Use the runs of another ledger too; repeat.", metavar="LEDGER")
+        tuple[Path, ...], Option("Also use the runs of another ledger; repeat for more.", metavar="LEDGER")
     ] = ()
 
     @property
@@ -262,7 +262,7 @@ class Records:
         path = Path(self.ledger) if self.ledger else folder / f"{self.stem}.sqlite"
         for other in self.merge:
             if other.resolve() == path.resolve():
-                raise InputError(other, "is to be merged into itself", cure="leave out that --merge")
+                raise InputError(other, "cannot be merged into itself", cure="leave out that --merge")
         return path
 
     def part(self, design: "Design") -> "Design":
@@ -275,7 +275,7 @@ class Records:
         from doe import Design
         from doe.ledger import shard
 
-        with texts.refused("take fewer parts", before="--shard: "):
+        with texts.refused("--shard: ", cure="take fewer parts"):
             rows = shard(len(design), *self.shard)
         return Design(design.points[rows], design.box, design.kind, design.settings)
 
@@ -284,7 +284,7 @@ class Records:
         from doe.ledger import LedgerError
 
         cure = "give another place with --ledger FILE, or --ledger none; --merge takes ledgers only"
-        return texts.refused(cure, before="--ledger: ", errors=(LedgerError, OSError))
+        return texts.refused("--ledger: ", cure=cure, errors=(LedgerError, OSError))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from kolsky.inverse.settings import Device, Threads
 def virtual_new(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the new specification.")],
 ) -> None:
-    """Write an annotated SPEC.toml of a virtual shot; an existing one is left as it is."""
+    """Write an annotated SPEC.toml of a virtual shot; an existing one is left unchanged."""
     path = folder / "SPEC.toml"
     with beginning(path), path.open("x", encoding="utf-8") as file:
         file.write(template())
@@ -61,7 +61,9 @@ def virtual_make(
         if not as_json():
             typer.echo(f"{made.folder}{'' if made.fresh else ' existed already'}")
 
-    with texts.refused("correct the specification; `kolsky virtual new` writes one", place=specification):
+    with texts.refused(
+        cure="correct the specification; `kolsky virtual new` writes one", place=specification
+    ):
         made = make(
             series, out, numbers=only, device=device, threads=threads, workers=workers, progress=print_folder
         )

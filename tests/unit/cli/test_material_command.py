@@ -122,7 +122,7 @@ SAID = {"convention": "tension-positive", "strain": "Strain", "stress": "Stress"
         ),
         (["{f}"], {"stress": "Strain"}, "column 'Strain .%.' has the unit '%'"),
         (["{f}"], {"convention": "compression-positive"}, "uniaxial: stretch must be > 0|sign"),
-        (["tension:{f}"], {}, "is no mode; it must be uniaxial, equibiaxial, planar, simple-shear"),
+        (["tension:{f}"], {}, "it must be uniaxial, equibiaxial, planar, simple-shear"),
         (["simple-shear:{f}"], {"strain": "", "stretch": "1"}, "simple shear has no stretch"),
         (["{f}x"], {}, "there is no such file"),
     ],
@@ -196,7 +196,7 @@ def test_tables_of_the_package_need_no_columns(tmp_path):
     (test,), _ = read_tests([str(path)], Columns("compression-positive"))
     np.testing.assert_allclose(test.deformation[::2], [0.95, 0.85, 0.75, 0.65])
     np.testing.assert_allclose(test.stress[::2], [-3e3, -9e3, -15e3, -21e3])
-    with pytest.raises(InputError, match="does not say which columns"):
+    with pytest.raises(InputError, match="the columns of the test are not named"):
         read_tests([str(write(tmp_path / "other.csv"))], Columns("compression-positive"))
 
 
