@@ -5,7 +5,7 @@ import hashlib
 import math
 import os
 import stat
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import Enum
 from functools import cache
@@ -101,6 +101,12 @@ def write_table(path: Path, columns: Mapping[str, Iterable[Any]]) -> Path:
         rows.writerow([text_cell(name) for name in columns])
         rows.writerows([_cell(value) for value in row] for row in zip(*columns.values(), strict=True))
     return path
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> Path:
+    """Write rows with the same headings as `write_table` does columns; nothing without a row."""
+    columns: dict[str, list[Any]] = {name: [row[name] for row in rows] for name in (rows[0] if rows else ())}
+    return write_table(path, columns)
 
 
 def _cell(value: Any) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from kolsky.base.files import jsonable, write_table
+from kolsky.base.files import jsonable, write_rows, write_table
 from kolsky.bodies.actuator_bending import BendInTime, Direction, Inversion, path_angle, relative_bend
 from kolsky.bodies.actuator_control import Closed, Reduction
 from kolsky.bodies.actuator_markers import MarkerComparison, StiffnessFit
@@ -14,8 +14,8 @@ from kolsky.bodies.actuator_markers import MarkerComparison, StiffnessFit
 
 def write_bends(folder: Path, directions: Sequence[Direction]) -> None:
     """Write bend.csv and line.csv (the base's middle line at the declared pressures)."""
-    bend: dict[str, list[Any]] = {}
-    line: dict[str, list[Any]] = {}
+    bend: list[dict[str, Any]] = []
+    line: list[dict[str, Any]] = []
     for one in directions:
         run = one.pristine
         healed = one.healed.angle if one.healed is not None else np.full(len(run.angle), np.nan)
@@ -34,7 +34,7 @@ def write_bends(folder: Path, directions: Sequence[Direction]) -> None:
                 row["contact depth (m)"] = float(one.touching.depth[k])
             for j in range(slopes.shape[1]):
                 row[f"slope {j + 1} (rad/Pa)"] = float(slopes[k, j])
-            _append(bend, row)
+            bend.append(row)
         mesh = run.solution.model.mesh
         if "line" not in mesh.sets:
             continue
@@ -46,29 +46,29 @@ def write_bends(folder: Path, directions: Sequence[Direction]) -> None:
                 row = {"gravity": one.name, "pressure (Pa)": float(run.pressures[k].max())}
                 row["node"] = int(node)
                 row |= {f"{axis} (m)": float(x) for axis, x in zip("xyz", where, strict=True)}
-                _append(line, row)
-    write_table(folder / "bend.csv", bend)
+                line.append(row)
+    write_rows(folder / "bend.csv", bend)
     for one in directions:
         if one.path is not None:
             columns = {"arc (m)": one.path.arc, "pressure (Pa)": one.path.load}
             write_table(folder / f"path_{one.name}.csv", {**columns, "angle (rad)": path_angle(one.path)})
     if line:
-        write_table(folder / "line.csv", line)
-
-
-def _append(columns: dict[str, list[Any]], row: Mapping[str, Any]) -> None:
-    for name, value in row.items():
-        columns.setdefault(name, []).append(value)
+        write_rows(folder / "line.csv", line)
 
 
 def write_motion(path: Path, motions: Sequence[BendInTime]) -> None:
     """Write the bend over time of every direction of gravity."""
-    columns: dict[str, list[Any]] = {}
-    for one in motions:
-        for time, pressure, angle in zip(one.time, one.pressure, one.angle, strict=True):
-            row = {"gravity": one.name, "time (s)": float(time), "pressure (Pa)": float(pressure)}
-            _append(columns, {**row, "angle (rad)": float(angle)})
-    write_table(path, columns)
+    rows = [
+        {
+            "gravity": one.name,
+            "time (s)": float(time),
+            "pressure (Pa)": float(pressure),
+            "angle (rad)": float(angle),
+        }
+        for one in motions
+        for time, pressure, angle in zip(one.time, one.pressure, one.angle, strict=True)
+    ]
+    write_rows(path, rows)
 
 
 def bends_json(directions: Sequence[Direction], inputs: Mapping[str, str]) -> dict[str, Any]:
@@ -89,7 +89,9 @@ def bends_json(directions: Sequence[Direction], inputs: Mapping[str, str]) -> di
     return {key: jsonable(value, key) for key, value in {"bends": whole, "inputs": dict(inputs)}.items()}
 
 
-def inversions_json(found: Mapping[str, Sequence[Inversion]], inputs: Mapping[str, str]) -> dict[str, Any]:
+def inversions_json(
+    inversions: Mapping[str, Sequence[Inversion]], inputs: Mapping[str, str]
+) -> dict[str, Any]:
     """Inversions of every direction of gravity as JSON types, SI."""
     whole = {
         name: [
@@ -103,7 +105,7 @@ def inversions_json(found: Mapping[str, Sequence[Inversion]], inputs: Mapping[st
             }
             for one in each
         ]
-        for name, each in found.items()
+        for name, each in inversions.items()
     }
     return {key: jsonable(value, key) for key, value in {"found": whole, "inputs": dict(inputs)}.items()}
 
@@ -165,14 +167,20 @@ def markers_json(compared: Sequence[MarkerComparison], stiffness: StiffnessFit |
 
 def write_markers(path: Path, compared: Sequence[MarkerComparison]) -> None:
     """Write measured and simulated places of every marker."""
-    columns: dict[str, list[Any]] = {}
-    for one in compared:
-        for number, (seen, made) in enumerate(zip(one.measured, one.simulated, strict=True), start=1):
-            row = {"gravity": one.gravity, "pressure (Pa)": one.pressure, "marker": number}
-            row |= {"x measured (m)": float(seen[0]), "z measured (m)": float(seen[1])}
-            row |= {"x simulated (m)": float(made[0]), "z simulated (m)": float(made[1])}
-            _append(columns, row)
-    write_table(path, columns)
+    rows = [
+        {
+            "gravity": one.gravity,
+            "pressure (Pa)": one.pressure,
+            "marker": number,
+            "x measured (m)": float(measured[0]),
+            "z measured (m)": float(measured[1]),
+            "x simulated (m)": float(simulated[0]),
+            "z simulated (m)": float(simulated[1]),
+        }
+        for one in compared
+        for number, (measured, simulated) in enumerate(zip(one.measured, one.simulated, strict=True), start=1)
+    ]
+    write_rows(path, rows)
 
 
 def write_loop(path: Path, run: Closed) -> None:

@@ -287,13 +287,13 @@ def _pneunet_of(section: GeometrySection) -> Pneunet:
 
 def _contacts_of(mesh: Mesh, section: ContactSection | None) -> tuple[SelfContact, ...]:
     """The contacts of the walls at the gaps of a mesh; none without a section."""
-    found: list[SelfContact] = []
-    while section is not None and f"gap_{len(found) + 1}_left" in mesh.sets:
-        n = len(found) + 1
-        found.append(
+    contacts: list[SelfContact] = []
+    while section is not None and f"gap_{len(contacts) + 1}_left" in mesh.sets:
+        n = len(contacts) + 1
+        contacts.append(
             SelfContact(f"gap_{n}_left", f"gap_{n}_right", penalty=section.penalty, depth=section.depth)
         )
-    return tuple(found)
+    return tuple(contacts)
 
 
 def volume_reading(d1: Any) -> float:

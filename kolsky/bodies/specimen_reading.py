@@ -163,11 +163,11 @@ class Simulated:
     @property
     def columns(self) -> dict[str, FloatArray]:
         """Columns of its CSV file, which `[tests.NAME]` can name."""
-        found = {}
+        columns = {}
         for end in range(self.displacement.shape[1]):
-            found[f"displacement {AXES[end]} (mm)"] = 1e3 * self.displacement[:, end]
-            found[f"force {AXES[end]} (N)"] = self.force[:, end]
-        return found
+            columns[f"displacement {AXES[end]} (mm)"] = 1e3 * self.displacement[:, end]
+            columns[f"force {AXES[end]} (N)"] = self.force[:, end]
+        return columns
 
 
 def simulate_tests(spec: Specification, *, seed: int | None = None) -> dict[str, Simulated]:
