@@ -2,10 +2,11 @@
 
 import csv
 import hashlib
+import json
 import math
 import os
 import stat
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
 from functools import cache
@@ -18,6 +19,7 @@ from dic.files import HIDDEN, alone_in, regular, replacing, scratch, text_cell
 from kolsky.base.errors import InputError
 
 __all__ = [
+    "columns_of",
     "decode",
     "filling",
     "missing",
@@ -26,7 +28,9 @@ __all__ = [
     "remove_empty",
     "source_hash",
     "usable_folder",
+    "write_json",
     "write_table",
+    "write_tables",
 ]
 
 CURE = "give another place with --out FOLDER"
@@ -103,10 +107,23 @@ def write_table(path: Path, columns: Mapping[str, Iterable[Any]]) -> Path:
     return path
 
 
-def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> Path:
-    """Write rows with the same headings as `write_table` does columns; nothing without a row."""
-    columns: dict[str, list[Any]] = {name: [row[name] for row in rows] for name in (rows[0] if rows else ())}
-    return write_table(path, columns)
+def write_tables(folder: Path, tables: Mapping[str, Mapping[str, Iterable[Any]]]) -> list[Path]:
+    """Write tables by name, see `write_table`; returns their paths."""
+    return [write_table(Path(folder) / f"{name}.csv", columns) for name, columns in tables.items()]
+
+
+def columns_of(rows: Iterable[Mapping[str, Any]], headings: Iterable[str] = ()) -> dict[str, list[Any]]:
+    """A table of rows that name their own cells; ``headings``: those that it has without any row, too."""
+    columns: dict[str, list[Any]] = {heading: [] for heading in headings}
+    for row in rows:
+        for heading, cell in row.items():
+            columns.setdefault(heading, []).append(cell)
+    return columns
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write an object of JSON types."""
+    path.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _cell(value: Any) -> str:

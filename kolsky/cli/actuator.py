@@ -175,11 +175,10 @@ def _write_result(
     write_more: Callable[[Path], None] = lambda partial: None,
 ) -> None:
     """Write actuator.html, actuator.json, figures and further files, and print the result."""
-    from kolsky.base.files import filling
+    from kolsky.base.files import filling, write_json
     from kolsky.cli.terminal import print_result
     from kolsky.report.figures_alone import save_figures_alone
     from kolsky.report.pages.actuator import printed, write_page
-    from kolsky.report.specimen_folder import write_json
 
     with filling(folder) as partial:
         write_more(partial)

@@ -26,7 +26,7 @@ def waves(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
     from kolsky.bars.reduction.output import summary
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import print_result, progress_bars
-    from kolsky.report.result_folder import write_waves_results
+    from kolsky.report.result_folder import write_results
     from kolsky.schema.shot_file import folder_of
     from kolsky.shot.waves import waves as reduced
 
@@ -34,7 +34,7 @@ def waves(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
     with progress_bars() as progress:
         result = reduced(shot, results=usable_folder(place), progress=progress)
     folder = usable_folder(place)
-    write_waves_results(folder, result, formats=figures)
+    write_results(folder, result, formats=figures)
     print_result(
         _wave_rows(result),
         summary(result),
@@ -91,16 +91,16 @@ def wavespeed(shot: ShotPath, out: Out = None, figures: Figures = ()) -> None:
     Needs the tables bars, recorders and gauges in shot.toml, no specimen. Writes wavespeed.csv into
     SHOT/results.
     """
-    from kolsky.base.files import filling, usable_folder
+    from kolsky.base.files import filling, usable_folder, write_table
     from kolsky.cli.terminal import print_result
     from kolsky.report.figures_alone import save_figures_alone
     from kolsky.schema.shot_file import folder_of
-    from kolsky.shot.waves import wave_speed_of, wave_speed_summary, write_residual
+    from kolsky.shot.waves import residual_columns, wave_speed_of, wave_speed_summary
 
     shot_name, speed, notes = wave_speed_of(shot)
     folder = usable_folder(out or folder_of(shot) / "results")
     with filling(folder) as partial:
-        write_residual(partial / "wavespeed.csv", speed)
+        write_table(partial / "wavespeed.csv", residual_columns(speed))
         save_figures_alone(partial, speed, figures)
     print_result(
         {

@@ -78,7 +78,7 @@ def budget(
     from doe.ledger import LedgerError
     from kolsky.base.files import jsonable, usable_folder
     from kolsky.cli.terminal import print_result, sweep_progress
-    from kolsky.report.study_folder import write_budget_results
+    from kolsky.report.result_folder import write_budget_results
     from kolsky.studies.budget import budget as budgets
     from kolsky.studies.budget.factors import factors_of, usual_sizes
     from kolsky.studies.budget.records import facts, made_with, plan_campaign, printed, shot_sigma

@@ -75,8 +75,8 @@ def identify_shots(
     from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.inverse.parameters import with_relaxation
     from kolsky.inverse.slow_tests import read_slow_tests
-    from kolsky.report.study_folder import write_joint_results
-    from kolsky.results.joint import STEM, to_json
+    from kolsky.report.result_folder import write_results
+    from kolsky.results.joint import to_json
     from kolsky.shot.curve import with_pull
     from kolsky.shot.load import load_shot
 
@@ -88,15 +88,15 @@ def identify_shots(
             shot = with_relaxation(shot, *relaxation)
         shots.append(with_pull(shot, settings.pull))
     slow = () if options.slow_tests is None else read_slow_tests(options.slow_tests)
-    folder = usable_folder(out or Path(STEM))
+    folder = usable_folder(out or Path("joint"))
     folder.mkdir(parents=True, exist_ok=True)
     cure = "give shots of one material with one set of free parameters"
     refused = texts.refused(cure=cure, place=shots[0].folder, errors=(ValueError, LedgerError))
     with progress_bars() as progress, refused:
         result = joint_identification.identify_shots(
-            shots, chosen, slow=slow, ledger=folder / f"{STEM}.sqlite", progress=progress
+            shots, chosen, slow=slow, ledger=folder / "joint.sqlite", progress=progress
         )
-    write_joint_results(folder, result, formats=figures)
+    write_results(folder, result, formats=figures)
     print_result(
         _result_rows(result),
         to_json(result),

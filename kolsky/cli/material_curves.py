@@ -203,7 +203,7 @@ def reference_curve(
         raise InputError(
             texts.COMMAND_LINE, "is not a table", key="--out", value=str(out), allowed="FILE.csv"
         )
-    from kolsky.base.files import filling, usable_folder
+    from kolsky.base.files import filling, usable_folder, write_table
     from kolsky.cli.terminal import print_result
     from kolsky.material import reference_curve as curves
     from kolsky.material.end_friction.problem import CorrectionNumerics
@@ -257,7 +257,7 @@ def reference_curve(
     names = {"first": out.stem, "conditioned": f"{out.stem}_conditioned"}
     with filling(folder) as partial:
         for pull, curve in made.items():
-            curves.write_curve(partial / f"{names[pull]}.csv", curve)
+            write_table(partial / f"{names[pull]}.csv", curves.curve_columns(curve))
             curves.write_modulus(partial / f"{names[pull]}_modulus.csv", curve)
             if figures:
                 from kolsky.report.canvas import save_figures
@@ -319,12 +319,11 @@ def material_relaxation(
 
     Writes relaxation.html, relaxation.json and CSV tables.
     """
-    from kolsky.base.files import filling, usable_folder, write_table
+    from kolsky.base.files import filling, usable_folder, write_json, write_table
     from kolsky.cli.terminal import print_result
     from kolsky.inverse.slow_tests import read_slow_list
     from kolsky.report.figures_alone import save_figures_alone
     from kolsky.report.pages.relaxation import write_page
-    from kolsky.report.specimen_folder import write_json
     from kolsky.studies.rate_dependence import analyse_rate_dependence, summary, tables
     from kolsky.studies.rates.rate import collected_shot
 

@@ -77,7 +77,7 @@ def _fit_cylinder_with_friction(
     """
     import numpy as np
 
-    from kolsky.base.files import filling, write_table
+    from kolsky.base.files import filling, write_json, write_table
     from kolsky.cli.material_curves import ends_of
     from kolsky.cli.terminal import print_result
     from kolsky.material.end_friction.correct import fit_specimen
@@ -85,7 +85,6 @@ def _fit_cylinder_with_friction(
     from kolsky.material.fits.homogeneous import Mode
     from kolsky.material.reference_curve import Treatment, model_summary, reference_curve
     from kolsky.material.uniaxial import UniaxialTest
-    from kolsky.report.specimen_folder import write_json
 
     contact = ends_of(ends, 0.0)
     if contact is None or ends == "free":
@@ -307,7 +306,7 @@ def material_fit(
 
     Several tests are fitted at once. Writes material.html, material.json and CSV tables.
     """
-    from kolsky.base.files import filling, usable_folder, write_table
+    from kolsky.base.files import filling, usable_folder, write_json, write_table
     from kolsky.cli.terminal import print_result, progress_bars
     from kolsky.material.fits.compare import candidates, compare_laws
     from kolsky.material.fits.search import Weighting
@@ -315,7 +314,6 @@ def material_fit(
     from kolsky.material.fits.tables import remarks, tables
     from kolsky.report.figures_alone import save_figures_alone
     from kolsky.report.pages.material import write_page
-    from kolsky.report.specimen_folder import write_json
 
     with texts.refused("--laws: ", cure="`kolsky material fit --help` lists the laws"):
         chosen = candidates(texts.listed(laws))

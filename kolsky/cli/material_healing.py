@@ -35,10 +35,9 @@ def material_healing(
     Writes healing.json and healing.csv, and healing_specimens.csv with every specimen's properties.
     """
     from explicit.materials import LAWS
-    from kolsky.base.files import filling, usable_folder, write_table
+    from kolsky.base.files import filling, usable_folder, write_json, write_table
     from kolsky.cli.terminal import print_result
     from kolsky.material.fits.properties import healing
-    from kolsky.report.specimen_folder import write_json
 
     texts.one_of("--law", law, tuple(LAWS))
     texts.refuse({"--poisson free": poisson == "free"}, "needs a lateral strain", cure="give a number")

@@ -140,7 +140,7 @@ def plan(
     names = tuple(texts.ranges("--free", [_without_bounds(name) for name in free]))
     from kolsky.cli.options import load, usable
     from kolsky.cli.terminal import print_result, progress_bars
-    from kolsky.report.study_folder import write_plan_results
+    from kolsky.report.result_folder import write_results
     from kolsky.studies.planning import output
     from kolsky.studies.planning import plan as planning
     from kolsky.studies.planning.information import instruments_of
@@ -159,7 +159,7 @@ def plan(
             numerics=numerics,
             progress=progress,
         )
-    write_plan_results(folder, result, formats=figures)
+    write_results(folder, result, formats=figures)
     print_result(
         output.rows(result),
         output.to_json(result),

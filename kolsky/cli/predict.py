@@ -57,7 +57,7 @@ def predict(
     from kolsky.prediction import design
     from kolsky.prediction import predict as prediction
     from kolsky.prediction.output import to_json
-    from kolsky.report.study_folder import write_prediction_results
+    from kolsky.report.result_folder import write_prediction_results
 
     cure = "name a number of the test file with its range, e.g. striker.velocity=2:6"
     with texts.refused("--vary: ", cure=cure):

@@ -40,7 +40,7 @@ def rate(
     """
     from kolsky.base.files import usable_folder
     from kolsky.cli.terminal import print_result, progress_bars
-    from kolsky.report.study_folder import write_rate_results
+    from kolsky.report.result_folder import write_results
     from kolsky.studies.rates import rate as rates
     from kolsky.studies.rates.output import summary
 
@@ -55,7 +55,7 @@ def rate(
             keep_unexplained=keep_unexplained,
             progress=progress,
         )
-    write_rate_results(folder, report, formats=figures)
+    write_results(folder, report, formats=figures)
     several = len(report.groups) > 1
     print_result(
         {name: text for group in report.groups for name, text in _rows(group, several=several).items()},

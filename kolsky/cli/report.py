@@ -41,12 +41,12 @@ def _joint(folder: Path, out: Path | None, figures: Sequence[str]) -> None:
     from kolsky.base.files import usable_folder
     from kolsky.cli.identify_shots import answer_lines
     from kolsky.cli.terminal import print_result
-    from kolsky.report.study_folder import write_joint_results
+    from kolsky.report.result_folder import write_results
     from kolsky.results.joint import read_joint_hdf5
 
     result = read_joint_hdf5(folder / "joint.h5")
     place = usable_folder(out or folder)
-    write_joint_results(place, result, formats=figures)
+    write_results(place, result, formats=figures)
     rows = {"shots": ", ".join(part.name for part in result.shots), "report": str(place / "joint.html")}
     print_result(rows, rows, lines=answer_lines(result), warnings=result.warnings)
 

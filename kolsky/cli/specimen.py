@@ -261,12 +261,11 @@ def specimen_plan(
     of one SPEC. For a sheet, the field and the force are compared, single and combined; its points and the
     motion of its pad are those of the SPEC's files. Writes plan.csv and plan.json.
     """
-    from kolsky.base.files import filling, usable_folder
+    from kolsky.base.files import filling, usable_folder, write_json
     from kolsky.bodies import specimen_output
     from kolsky.bodies.sheet_reading import plan_sheet, read_field
     from kolsky.bodies.specimen_reading import read_specification
     from kolsky.cli.terminal import print_result
-    from kolsky.report.specimen_folder import write_json
     from kolsky.results import numbers
 
     read = read_specification(spec, device=device)
