@@ -113,7 +113,7 @@ SAID = {"convention": "tension-positive", "strain": "Strain", "stress": "Stress"
         (
             ["{f}"],
             {"stress": "Force"},
-            "column 'Force' is missing; the columns of numbers are 'Strain .%.' .1., 'Stress",
+            "column 'Force' .*is missing; the columns of numbers are 'Strain .%.' .1., 'Stress",
         ),
         (
             ["{f}"],
